@@ -186,16 +186,14 @@ class Source:
         self.next += 1
         self.way.send(value)
 
-    def finish(self, **more):
+    def finish(self):
         while len(self.seen) < len(self.due) and self.hear(SILENCE_S):
             pass
         self.hear(0.005)
         last = max(self.seen.values(), default=self.start)
-        report = {"sent": len(self.due), "refused": 0, "received": len(self.seen), "duplicates": self.duplicates,
+        return {"sent": len(self.due), "refused": 0, "received": len(self.seen), "duplicates": self.duplicates,
                   "latency_us": [(self.seen[seq] - self.due[seq]) / 1e3 for seq in sorted(self.seen)],
-                  "latest_us": self.late / 1e3, "awake_ns": self.awake, "span_ns": last - self.start, "opening_ns": 0}
-        report.update(more)
-        return report
+                  "latest_us": self.late / 1e3, "awake_ns": self.awake, "span_ns": last - self.start}
 
     def paced(self, payload, count, hz):
         self.begin()
@@ -223,10 +221,9 @@ class Source:
             self.hear(0.04)
             if time.monotonic_ns() - start > 20e9:
                 raise SystemExit("nothing arrived within 20 s")
-        opening = min(self.seen.values()) - start
         time.sleep(0.3)
         self.hear(0.001)
-        return dict(self.paced(payload, WARM, 10.0), opening_ns=opening)
+        return self.paced(payload, WARM, 10.0)
 
     def window(self, payload, count, inflight):
         self.begin()

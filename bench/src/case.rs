@@ -1,41 +1,40 @@
 //! Cases of the benchmark: the ways, and the payloads on each.
 
-use crate::payload::Kind::{self, Audio, F32Mib, FullHdRgb, Small, U8Rgb200, VgaJpeg, VgaRgb};
+use crate::payload::Kind::{
+    self, Audio, F32Mib, FileMib, FullHdRgb, Small, U8Rgb200, VgaJpeg, VgaRgb,
+};
 use crate::worker::Order;
 
 /// The way of a message.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, clap::ValueEnum)]
 pub(crate) enum Way {
     /// PUB, our broker, SUB; encoded beforehand.
     RawZmq,
+    /// Our publisher, our broker, SUB.
+    OurPublisher,
     /// CDR writer, CDR reader; encoded beforehand.
     RawDds,
     /// Raw PUB, our broker, bridge, CDR reader.
     ZmqToRos,
     /// CDR writer, bridge, our broker, raw SUB.
     RosToZmq,
-    /// Raw PUB, our broker, the least possible bridge, CDR reader.
-    RelayToRos,
-    /// CDR writer, the least possible bridge, our broker, raw SUB.
-    RelayToZmq,
-    /// Our publisher, our broker, our listener; coding included.
-    RustHop,
-    /// Our publisher, our broker, bridge, our broker, our listener; coded at every station.
-    RustForward,
     /// Python Wrapyfi: publisher, its broker, listener.
     PythonHop,
+    /// Our publisher, our broker, our listener; coding included.
+    RustHop,
     /// Python Wrapyfi: publisher, its broker, forwarding script, its broker, listener.
     PythonForward,
+    /// Our publisher, our broker, bridge, our broker, our listener; coded at every station.
+    RustForward,
 }
 
 impl Way {
-    /// All of them.
-    pub(crate) const ALL: [Self; 10] = [
+    /// All of them, those that are compared next to each other.
+    const ALL: [Self; 9] = [
         Self::RawZmq,
+        Self::OurPublisher,
         Self::RawDds,
-        Self::RelayToRos,
         Self::ZmqToRos,
-        Self::RelayToZmq,
         Self::RosToZmq,
         Self::PythonHop,
         Self::RustHop,
@@ -43,31 +42,14 @@ impl Way {
         Self::RustForward,
     ];
 
-    /// Name in files.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::RawZmq => "raw-zmq",
-            Self::RawDds => "raw-dds",
-            Self::ZmqToRos => "zmq-to-ros",
-            Self::RosToZmq => "ros-to-zmq",
-            Self::RelayToRos => "relay-to-ros",
-            Self::RelayToZmq => "relay-to-zmq",
-            Self::RustHop => "rust-hop",
-            Self::RustForward => "rust-forward",
-            Self::PythonHop => "python-hop",
-            Self::PythonForward => "python-forward",
-        }
-    }
-
     /// Title of the way, for people.
     pub(crate) fn title(self) -> &'static str {
         match self {
             Self::RawZmq => "raw ZeroMQ hop (PUB, broker, SUB)",
+            Self::OurPublisher => "our publisher, broker, SUB",
             Self::RawDds => "raw CycloneDDS hop (CDR)",
             Self::ZmqToRos => "bridge ZeroMQ to ROS 2",
             Self::RosToZmq => "bridge ROS 2 to ZeroMQ",
-            Self::RelayToRos => "minimal relay ZeroMQ to ROS 2",
-            Self::RelayToZmq => "minimal relay ROS 2 to ZeroMQ",
             Self::RustHop => "our library, one hop with coding",
             Self::RustForward => "our bridge, ZeroMQ to ZeroMQ, with coding",
             Self::PythonHop => "Python Wrapyfi, one hop with coding",
@@ -80,13 +62,19 @@ impl Way {
         matches!(self, Self::PythonHop | Self::PythonForward)
     }
 
+    /// True where the program `wrapyfi` has a bridge in it.
+    pub(crate) fn is_bridged(self) -> bool {
+        matches!(self, Self::ZmqToRos | Self::RosToZmq | Self::RustForward)
+    }
+
     /// Payloads that the way is measured with.
     fn payloads(self) -> &'static [Kind] {
         match self {
-            Self::RawZmq | Self::RawDds | Self::ZmqToRos | Self::RosToZmq => {
+            Self::RawZmq => &[Small, Audio, VgaJpeg, VgaRgb, FileMib, FullHdRgb],
+            Self::OurPublisher => &[Small, FileMib],
+            Self::RawDds | Self::ZmqToRos | Self::RosToZmq => {
                 &[Small, Audio, VgaJpeg, VgaRgb, FullHdRgb]
             }
-            Self::RelayToRos | Self::RelayToZmq => &[VgaJpeg, VgaRgb, FullHdRgb],
             _ => &[Small, Audio, U8Rgb200, VgaJpeg, F32Mib, VgaRgb, FullHdRgb],
         }
     }
@@ -100,53 +88,53 @@ impl Way {
 /// One payload on one way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Case {
-    pub(crate) way: Way,
     pub(crate) payload: Kind,
+    pub(crate) way: Way,
+    /// True where broker and bridge are of the other program, `--against`.
+    pub(crate) is_other: bool,
 }
 
 impl Case {
-    /// Every case, those with one payload next to each other: they are compared.
-    pub(crate) fn all() -> Vec<Self> {
-        let kinds = [Small, Audio, U8Rgb200, VgaJpeg, F32Mib, VgaRgb, FullHdRgb];
+    /// Every case, those that are compared next to each other; where there is another program, once more on that.
+    pub(crate) fn all(with_other: bool) -> Vec<Self> {
         let mut all = Vec::new();
-        for payload in kinds {
-            let ways = Way::ALL.into_iter().filter(|way| way.payloads().contains(&payload));
-            all.extend(ways.map(|way| Self { way, payload }));
+        for payload in Kind::ALL {
+            for way in Way::ALL.into_iter().filter(|way| way.payloads().contains(&payload)) {
+                all.push(Self { payload, way, is_other: false });
+                if with_other && (way.is_bridged() || way == Way::RawZmq) {
+                    all.push(Self { payload, way, is_other: true });
+                }
+            }
         }
         all
     }
 
-    /// `way/payload`.
+    /// `way/payload`, as `--only` has it.
     pub(crate) fn name(self) -> String {
-        format!("{}/{}", self.way.name(), self.payload.name())
-    }
-
-    /// True where a target is made of it. How the scheduler places the processes of a turn decides
-    /// more than how many messages the turn has, so these have many short turns.
-    pub(crate) fn is_judged(self) -> bool {
-        match self.payload {
-            VgaRgb | VgaJpeg => !self.way.is_coded(),
-            U8Rgb200 => matches!(self.way, Way::PythonHop | Way::RustHop),
-            _ => false,
-        }
+        let way = clap::ValueEnum::to_possible_value(&self.way);
+        let way = way.map_or_else(String::new, |way| way.get_name().to_owned());
+        format!("{way}/{}{}", self.payload.name(), if self.is_other { "@other" } else { "" })
     }
 
     /// Messages at a fixed rate, low enough that Python keeps up where both are measured.
     pub(crate) fn paced(self) -> Order {
-        let coded = self.way.is_coded();
-        match self.payload {
-            _ if self.is_judged() => Order::Paced { count: 25, hz: 50.0 },
-            FullHdRgb if coded => Order::Paced { count: 12, hz: 8.0 },
-            VgaRgb | VgaJpeg | F32Mib if coded => Order::Paced { count: 24, hz: 20.0 },
-            FullHdRgb => Order::Paced { count: 30, hz: 30.0 },
-            _ => Order::Paced { count: 50, hz: 50.0 },
-        }
+        let (count, hz) = match (self.payload, self.way.is_coded()) {
+            (FullHdRgb, true) => (12, 8.0),
+            (FullHdRgb, false) => (30, 30.0),
+            (VgaRgb | VgaJpeg | F32Mib, true) => (24, 20.0),
+            _ => (30, 50.0),
+        };
+        Order::Paced { count, hz }
     }
 
     /// Messages as fast as a few unacknowledged ones allow. Fewer than any queue on the way holds,
     /// so that nothing is dropped.
     pub(crate) fn window(self) -> Order {
+        if self.payload == Small && matches!(self.way, Way::RawZmq | Way::OurPublisher) {
+            return Order::Window { count: 10_000, inflight: 64 };
+        }
         let count = match (self.payload, self.way.is_python()) {
+            (FileMib, _) => 300,
             (Small | Audio, _) => 400,
             (VgaJpeg, _) if self.way.is_coded() => 30,
             (U8Rgb200 | VgaJpeg, false) => 200,
@@ -164,12 +152,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_the_targets_are_made_of_is_judged() {
-        let judged: Vec<String> =
-            Case::all().into_iter().filter(|case| case.is_judged()).map(Case::name).collect();
-        let named = |name: &str| judged.iter().filter(|judged| judged.ends_with(name)).count();
-        // Two raw hops, two relays, the bridge both ways; and the two hops of the array.
-        assert_eq!((named("/vga-rgb"), named("/vga-jpeg"), named("/u8-rgb200")), (6, 6, 2));
-        assert_eq!(judged.len(), 14);
+    fn cases_have_names_of_their_own_and_the_other_program_its_share_of_them() {
+        let (alone, both) = (Case::all(false), Case::all(true));
+        let names: std::collections::BTreeSet<String> = both.iter().map(|it| it.name()).collect();
+        assert_eq!(names.len(), both.len());
+        assert!(
+            names.contains("zmq-to-ros/vga-rgb@other") && names.contains("our-publisher/small")
+        );
+        let others = both.iter().filter(|it| it.is_other).count();
+        assert_eq!((both.len() - alone.len(), others), (23, 23));
     }
 }

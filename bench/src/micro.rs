@@ -1,221 +1,446 @@
-//! Speed of the machine, and cost of coding, in one thread of this process.
+//! Codecs against their bound, in one thread of this process, measured by criterion.
+//!
+//! | group | holds |
+//! | --- | --- |
+//! | `native` | a dict with 1 MiB of float32 to and from JSON, beside base64 alone on its text |
+//! | `base64` | base64 alone on pictures, which bridged ways are compared with |
+//! | `zeromq`, `cdr`, `pixels` | every payload to and from frames and CDR; a JPEG from pixels and back |
+//! | `ros1` | messages of ROS 1 to CDR and back, beside memcpy of their bytes |
+//! | `dynamic` | one decode of a `JointState` whose type is known at run time only |
+//! | `registered` | a registered method, beside the method itself and beside raw endpoints |
 
 use std::hint::black_box;
-use std::io::{Read as _, Write as _};
-use std::net::{TcpListener, TcpStream};
-use std::time::{Duration, Instant};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
 
-use anyhow::Result;
+use anyhow::{Context as _, Result};
 use base64_simd::STANDARD;
 use bytes::Bytes;
+use criterion::Criterion;
+use memchr::{memmem, memrchr};
 use wrapyfi_core::Limits;
-use wrapyfi_core::codec::{frames, ros};
-use wrapyfi_core::types::Payload;
+use wrapyfi_core::codec::{frames, json, ros};
+use wrapyfi_core::communicator::{CommunicatorContext, Mode, communicator};
+use wrapyfi_core::endpoint::{self, Middleware as _, TopicSpec};
+use wrapyfi_core::middleware::memory::Memory;
+use wrapyfi_core::types::{MessageType, Payload, Value};
+use wrapyfi_interfaces::parser::{Dialect, TypeName};
+use wrapyfi_interfaces::ros1::{Options, Rules, Types};
+use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
 
-use crate::coding::Native;
-use crate::dynamic::JointState;
 use crate::payload::{Kind, Maker, compress, decode_frames, decompress};
-use crate::ros1::Ros1;
-use crate::stats::median;
+use crate::python::Python;
+use crate::report::Limit::{AtLeast, AtMost, Shown};
+use crate::report::Target;
 
-/// One figure of a round, in microseconds unless its name says otherwise.
-pub(crate) type Figure = (String, f64);
-
-/// Time spent on each figure.
-const BUDGET: Duration = Duration::from_millis(40);
-/// Runs of each at least.
-const RUNS: usize = 7;
-
-/// Median time of `work`, in microseconds.
-pub(crate) fn time(mut work: impl FnMut()) -> f64 {
-    work();
-    let begin = Instant::now();
-    let mut times = Vec::new();
-    while times.len() < RUNS || begin.elapsed() < BUDGET {
-        let start = Instant::now();
-        work();
-        times.push(start.elapsed().as_secs_f64() * 1e6);
-    }
-    median(&times).unwrap_or_default()
+/// Estimates of criterion.
+pub(crate) struct Micro {
+    folder: PathBuf,
 }
 
-/// Payloads that are coded again and again.
-pub(crate) struct Bodies {
-    vga: Vec<u8>,
-    mib: Vec<u8>,
-    full_hd: Vec<u8>,
-    kinds: Vec<(Kind, Maker)>,
-    native: Native,
-    joint_state: JointState,
-    ros1: Ros1,
+/// A median and its interval of 95 %, in nanoseconds.
+#[derive(serde::Deserialize)]
+struct Median {
+    confidence_interval: Bounds,
+    point_estimate: f64,
 }
 
-impl Bodies {
-    /// Makes them once.
-    pub(crate) fn new() -> Result<Self> {
-        let text = |bytes: usize| STANDARD.encode_type::<Vec<u8>>(&vec![0x5A_u8; bytes]);
-        let kinds = [
-            Kind::Small,
-            Kind::Audio,
-            Kind::U8Rgb200,
-            Kind::VgaJpeg,
-            Kind::F32Mib,
-            Kind::VgaRgb,
-            Kind::FullHdRgb,
-        ];
-        let makers = kinds.into_iter().map(|kind| Ok((kind, Maker::new(kind)?)));
-        Ok(Self {
-            // With the 128 bytes of the array's header, as Wrapyfi sends them.
-            vga: text(640 * 480 * 3 + 128),
-            mib: text((1 << 20) + 128),
-            full_hd: text(1920 * 1080 * 3 + 128),
-            kinds: makers.collect::<Result<_>>()?,
-            native: Native::new()?,
-            joint_state: JointState::new()?,
-            ros1: Ros1::new()?,
-        })
-    }
+#[derive(serde::Deserialize)]
+struct Bounds {
+    lower_bound: f64,
+    upper_bound: f64,
+}
 
-    /// Messages of ROS 1 to CDR and back.
-    pub(crate) fn ros1(&self) -> Vec<Figure> {
-        self.ros1.round()
-    }
+#[derive(serde::Deserialize)]
+struct Estimates {
+    median: Median,
+}
 
-    /// memcpy and base64 alone, which bridged ways are compared with.
-    pub(crate) fn base64(&self) -> Result<Vec<Figure>> {
-        let mut figures = Vec::new();
-        for (name, size) in [("1 MiB", 1 << 20), ("640x480 RGB", 921_600), ("1080p RGB", 6_220_800)]
-        {
-            let from = vec![7_u8; size];
-            let mut to = vec![0_u8; size];
-            let took = time(|| black_box(&mut to).copy_from_slice(black_box(&from)));
-            figures.push((format!("memcpy {name}"), took));
+/// Messages of ROS 1, and how much longer than memcpy they may take.
+const ROS1: [(&str, f64); 4] = [
+    ("image 640x480", 1.5),
+    ("image 1080p", 1.5),
+    ("cloud of 64 Ki points", 1.5),
+    ("20 transforms", f64::NAN),
+];
+
+impl Micro {
+    /// Measures all of it, `only` where it is given; criterion writes below `folder`.
+    pub(crate) fn run(folder: &Path, only: Option<&str>) -> Result<Self> {
+        let mut criterion = Criterion::default()
+            .without_plots()
+            .output_directory(folder)
+            .sample_size(20)
+            .nresamples(5_000)
+            .warm_up_time(Duration::from_millis(200))
+            .measurement_time(Duration::from_millis(800));
+        if let Some(only) = only {
+            criterion = criterion.with_filter(only);
         }
-        for (name, text) in
-            [("640x480 RGB", &self.vga), ("1 MiB", &self.mib), ("1080p RGB", &self.full_hd)]
-        {
-            figures.push((
-                format!("base64-simd decode {name}"),
-                time(|| drop(black_box(STANDARD.decode_to_vec(black_box(text))))),
+        native(&mut criterion)?;
+        payloads(&mut criterion)?;
+        ros1(&mut criterion)?;
+        dynamic(&mut criterion)?;
+        registered(&mut criterion)?;
+        Ok(Self { folder: folder.to_owned() })
+    }
+
+    fn median(&self, name: &str) -> Option<Median> {
+        let file = self.folder.join(name).join("new/estimates.json");
+        let text = std::fs::read_to_string(file).ok()?;
+        Some(serde_json::from_str::<Estimates>(&text).ok()?.median)
+    }
+
+    /// Median of `group/benchmark` in microseconds; NaN where it was not measured.
+    pub(crate) fn us(&self, name: &str) -> f64 {
+        self.median(name).map_or(f64::NAN, |median| median.point_estimate / 1e3)
+    }
+
+    /// One figure over another.
+    fn ratio(&self, what: String, limit: f64, ours: &str, bound: &str) -> Option<Target> {
+        let (one, other) = (self.median(ours)?, self.median(bound)?);
+        let (low, high) = (&one.confidence_interval, &other.confidence_interval);
+        let interval = (low.lower_bound / high.upper_bound, low.upper_bound / high.lower_bound);
+        let limit = if limit.is_nan() { Shown } else { AtMost(limit) };
+        let parts =
+            format!("{:.2} / {:.2} us", one.point_estimate / 1e3, other.point_estimate / 1e3);
+        Some(Target::between(
+            what,
+            limit,
+            one.point_estimate / other.point_estimate,
+            interval,
+            parts,
+        ))
+    }
+
+    /// Promises that these figures decide.
+    pub(crate) fn targets(&self) -> Vec<Target> {
+        let mut targets = Vec::new();
+        for (code, limit) in [("encode", 1.3), ("decode", 1.5)] {
+            let what =
+                format!("{code} a dict with 1 MiB float32, against base64-simd alone on its text");
+            targets.extend(self.ratio(
+                what,
+                limit,
+                &format!("native/{code}"),
+                &format!("native/base64 {code}"),
             ));
-            let bytes = STANDARD.decode_to_vec(text)?;
-            figures.push((
-                format!("base64-simd encode {name}"),
-                time(|| drop(black_box(STANDARD.encode_type::<Vec<u8>>(black_box(&bytes))))),
+        }
+        for ((name, limit), way) in ROS1.iter().flat_map(|it| [(it, "to CDR"), (it, "from CDR")]) {
+            let what = format!("ROS 1, {name}, {way}, against memcpy of the same bytes");
+            targets.extend(self.ratio(
+                what,
+                *limit,
+                &format!("ros1/{name} {way}"),
+                &format!("ros1/{name} memcpy"),
             ));
         }
-        Ok(figures)
-    }
-
-    /// Our codecs, and TCP.
-    pub(crate) fn coding(&self) -> Result<Vec<Figure>> {
-        let mut figures = self.native.round();
-        for (kind, maker) in &self.kinds {
-            Self::codecs(*kind, maker, &mut figures)?;
+        let decode = self.us("dynamic/JointState");
+        if decode.is_finite() {
+            let what =
+                "10 000 dynamic decodes a second of a JointState (12 joints): percent of a core";
+            targets.push(Target::once(what, AtMost(5.0), decode, format!("{decode:.2} us each")));
         }
-        figures.push(self.joint_state.round());
-        figures.extend(self.ros1());
-        figures.extend(tcp()?);
-        Ok(figures)
+        let [method, unheard] =
+            ["method", "unheard"].map(|it| self.us(&format!("registered/{it}")));
+        if unheard.is_finite() {
+            let what = "a registered call that publishes a small value, nobody listens: us above the method";
+            targets.push(Target::once(
+                what,
+                AtMost(1.0),
+                unheard - method,
+                format!("{unheard:.3} - {method:.3} us"),
+            ));
+        }
+        let what =
+            "publish and listen of registered methods in memory, against raw endpoints".to_owned();
+        targets.extend(self.ratio(what, f64::NAN, "registered/listen", "registered/raw"));
+        targets
     }
 
-    /// Our codecs on one payload.
-    fn codecs(kind: Kind, maker: &Maker, figures: &mut Vec<Figure>) -> Result<()> {
-        let name = kind.name();
-        let spec = maker.spec("/t");
-        let payload = maker.payload(1);
+    /// Coding of every payload beside Python's, and what was promised of it.
+    pub(crate) fn coding(&self, python: Option<&mut Python>) -> Result<(String, Vec<Target>)> {
+        let (mut rows, mut targets, mut python) = (String::new(), Vec::new(), python);
+        for kind in Kind::ALL.into_iter().filter(|kind| *kind != Kind::FileMib) {
+            let form = if kind == Kind::VgaJpeg { "pixels" } else { "zeromq" };
+            let ours =
+                ["encode", "decode"].map(|code| self.us(&format!("{form}/{code} {}", kind.name())));
+            let cdr =
+                ["encode", "decode"].map(|code| self.us(&format!("cdr/{code} {}", kind.name())));
+            let repeats = if kind == Kind::FullHdRgb { 15 } else { 60 };
+            let theirs = match &mut python {
+                Some(python) => python.coding(kind, repeats)?,
+                None => crate::python::Coding { encode_us: f64::NAN, decode_us: f64::NAN },
+            };
+            let theirs = [theirs.encode_us, theirs.decode_us];
+            let cells = [ours[0], theirs[0], ours[1], theirs[1], cdr[0], cdr[1]]
+                .map(|us| format!("{us:.1}"));
+            rows += &format!("| {} | {} |\n", kind.title(), cells.join(" | "));
+            let promised = match kind {
+                Kind::F32Mib | Kind::U8Rgb200 => 10.0,
+                Kind::VgaJpeg => 1.0,
+                _ => continue,
+            };
+            for (code, (ours, python)) in
+                ["encode", "decode"].iter().zip(ours.into_iter().zip(theirs))
+            {
+                let what = format!("{code} a {}, Python against us", kind.title());
+                let parts = format!("{python:.0} / {ours:.0} us");
+                targets.push(Target::once(what, AtLeast(promised), python / ours, parts));
+            }
+        }
+        let head = "One thread, no transport, microseconds: a whole message of ZeroMQ frames (a JPEG from pixels and to \
+                    pixels), and CDR.\n\n\
+                    | payload | encode | Python | decode | Python | encode CDR | decode CDR |\n\
+                    | --- | --- | --- | --- | --- | --- | --- |\n";
+        Ok((format!("{head}{rows}"), targets))
+    }
+}
+
+/// Our coder and base64 alone on one and the same text.
+fn native(criterion: &mut Criterion) -> Result<()> {
+    let Payload::NativeObject(object) = Maker::new(Kind::F32Mib)?.payload(1) else {
+        anyhow::bail!("a dict is no native object");
+    };
+    let (value, limits) = (object.value, Limits::default());
+    let text = Bytes::from(json::encode(&value)?);
+    let tag = b"\"numpy.ndarray\", \"";
+    let from = memmem::find(&text, tag).context("no array in the text")? + tag.len();
+    let base64 = text.get(from..memrchr(b'"', &text).context("no end")?).context("no base64")?;
+    let file = STANDARD.decode_to_vec(base64)?;
+    anyhow::ensure!(file.len() > 1 << 20, "the array file has {} bytes only", file.len());
+    let mut group = criterion.benchmark_group("native");
+    group.bench_function("base64 decode", |it| {
+        it.iter(|| STANDARD.decode_to_vec(black_box(base64)));
+    });
+    group.bench_function("decode", |it| it.iter(|| json::decode(black_box(&text), &limits)));
+    group.bench_function("base64 encode", |it| {
+        it.iter(|| STANDARD.encode_type::<Vec<u8>>(black_box(&file)));
+    });
+    group.bench_function("encode", |it| it.iter(|| json::encode(black_box(&value))));
+    group.finish();
+    let mut group = criterion.benchmark_group("base64");
+    // With the 128 bytes of the array's header, as Wrapyfi sends them.
+    let bytes = vec![0x5A_u8; 640 * 480 * 3 + 128];
+    let text = STANDARD.encode_type::<Vec<u8>>(&bytes);
+    group.bench_function("decode vga-rgb", |it| {
+        it.iter(|| STANDARD.decode_to_vec(black_box(&text)));
+    });
+    group.bench_function("encode vga-rgb", |it| {
+        it.iter(|| STANDARD.encode_type::<Vec<u8>>(black_box(&bytes)));
+    });
+    group.finish();
+    Ok(())
+}
+
+fn payloads(criterion: &mut Criterion) -> Result<()> {
+    for kind in Kind::ALL.into_iter().filter(|kind| *kind != Kind::FileMib) {
+        let (maker, limits, name) = (Maker::new(kind)?, Limits::default(), kind.name());
+        let (spec, payload, message_type) =
+            (maker.spec("/t"), maker.payload(1), kind.message_type());
         let encoded: Vec<Bytes> =
             frames::encode(&payload, &spec)?.into_iter().map(Bytes::from).collect();
-        let cdr = cdr(&payload, kind)?;
-        let limits = Limits::default();
-        figures.push((
-            format!("encode ZeroMQ {name}"),
-            time(|| drop(black_box(frames::encode(black_box(&payload), &spec)))),
-        ));
-        figures.push((
-            format!("decode ZeroMQ {name}"),
-            time(|| drop(black_box(decode_frames(black_box(&encoded), &spec)))),
-        ));
-        figures.push((
-            format!("encode CDR {name}"),
-            time(|| drop(black_box(ros::encode(black_box(&payload), kind.message_type())))),
-        ));
-        figures.push((
-            format!("decode CDR {name}"),
-            time(|| drop(black_box(ros::decode(black_box(&cdr), kind.message_type(), &limits)))),
-        ));
+        let mut group = criterion.benchmark_group("zeromq");
+        group.bench_function(format!("encode {name}"), |it| {
+            it.iter(|| frames::encode(black_box(&payload), &spec));
+        });
+        group.bench_function(format!("decode {name}"), |it| {
+            it.iter(|| decode_frames(black_box(&encoded), &spec));
+        });
+        group.finish();
+        let cdr = Bytes::from(maker.cdr()?.body);
+        let mut group = criterion.benchmark_group("cdr");
+        group.bench_function(format!("encode {name}"), |it| {
+            // Its pieces share the payload's memory.
+            it.iter(|| drop(black_box(ros::encode(black_box(&payload), message_type))));
+        });
+        group.bench_function(format!("decode {name}"), |it| {
+            it.iter(|| ros::decode(black_box(&cdr), message_type, &limits));
+        });
+        group.finish();
         if kind == Kind::VgaJpeg {
             let pixels = maker.uncoded(1)?;
-            figures.push((
-                format!("encode pixels {name}"),
-                time(|| {
-                    let file = compress(black_box(pixels.clone()));
-                    drop(black_box(file.map(|file| frames::encode(&file, &spec))));
-                }),
-            ));
-            figures.push((
-                format!("decode pixels {name}"),
-                time(|| {
-                    let file = decode_frames(black_box(&encoded), &spec);
-                    drop(black_box(file.map(decompress)));
-                }),
-            ));
+            let mut group = criterion.benchmark_group("pixels");
+            group.bench_function(format!("encode {name}"), |it| {
+                it.iter(|| compress(pixels.clone()).map(|file| frames::encode(&file, &spec)));
+            });
+            group.bench_function(format!("decode {name}"), |it| {
+                it.iter(|| decode_frames(black_box(&encoded), &spec).map(decompress));
+            });
+            group.finish();
         }
-        Ok(())
+    }
+    Ok(())
+}
+
+/// Fields of a message of ROS 1, one behind the other: numbers, and texts with their length.
+fn fields(numbers: &[u32], text: &str) -> Vec<u8> {
+    let length = u32::try_from(text.len()).unwrap_or_default();
+    let head = numbers.iter().chain([&length]).flat_map(|number| number.to_le_bytes());
+    head.chain(text.bytes()).collect()
+}
+
+fn header() -> Vec<u8> {
+    fields(&[1, 1_700_000_000, 5], "camera_optical_frame")
+}
+
+fn image(width: u32, height: u32) -> Vec<u8> {
+    let size = width * height * 3;
+    let pixels = vec![0x5a; size as usize];
+    let rest = [(width * 3).to_le_bytes(), size.to_le_bytes()].concat();
+    [header(), fields(&[height, width], "bgr8"), vec![0], rest, pixels].concat()
+}
+
+fn cloud(points: u32) -> Vec<u8> {
+    let mut message = [header(), [1, points, 4].map(u32::to_le_bytes).concat()].concat();
+    for (offset, name) in (0_u32..).step_by(4).zip(["x", "y", "z", "intensity"]) {
+        let rest = [&offset.to_le_bytes()[..], &[7], &1_u32.to_le_bytes()].concat();
+        message.extend([fields(&[], name), rest].concat());
+    }
+    message.push(0);
+    message.extend([16, points * 16, points * 16].map(u32::to_le_bytes).concat());
+    message.resize(message.len() + points as usize * 16, 0x3f);
+    message.push(1);
+    message
+}
+
+fn transforms(count: u32) -> Vec<u8> {
+    let one = [header(), fields(&[], "left_arm_link_3"), vec![0; 7 * 8]].concat();
+    [count.to_le_bytes().to_vec(), one.repeat(count as usize)].concat()
+}
+
+fn ros1(criterion: &mut Criterion) -> Result<()> {
+    let (mut types, options) =
+        (Types::new(Rules::built_in(), TypeStore::empty()), Options::default());
+    let messages = [
+        ("sensor_msgs/Image", image(640, 480)),
+        ("sensor_msgs/Image", image(1920, 1080)),
+        ("sensor_msgs/PointCloud2", cloud(1 << 16)),
+        ("tf2_msgs/TFMessage", transforms(20)),
+    ];
+    let mut group = criterion.benchmark_group("ros1");
+    for ((name, _), (ros1_type, ros1)) in ROS1.into_iter().zip(messages) {
+        let definition = types.definition(ros1_type)?;
+        let plan = types.plan(&definition)?;
+        // Buffers are used again, as a route does.
+        let (mut copy, mut cdr, mut back) = (Vec::new(), Vec::new(), Vec::new());
+        plan.to_cdr(&ros1, &options, &mut cdr)?;
+        plan.to_ros1(&cdr, 1, &options, &mut back)?;
+        anyhow::ensure!(back.len() == ros1.len(), "{name} comes back with {} bytes", back.len());
+        group.bench_function(format!("{name} memcpy"), |it| {
+            it.iter(|| {
+                copy.clear();
+                copy.extend_from_slice(black_box(&ros1));
+            });
+        });
+        let mut forth = Vec::new();
+        group.bench_function(format!("{name} to CDR"), |it| {
+            it.iter(|| {
+                forth.clear();
+                plan.to_cdr(black_box(&ros1), &options, &mut forth)
+            });
+        });
+        group.bench_function(format!("{name} from CDR"), |it| {
+            it.iter(|| {
+                back.clear();
+                plan.to_ros1(black_box(&cdr), 1, &options, &mut back)
+            });
+        });
+    }
+    group.finish();
+    Ok(())
+}
+
+const JOINT_STATE: &str = "\
+std_msgs/Header header
+string[] name
+float64[] position
+float64[] velocity
+float64[] effort
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+";
+
+fn dynamic(criterion: &mut Criterion) -> Result<()> {
+    let name = TypeName::parse(Dialect::Ros2, "sensor_msgs/msg/JointState")?;
+    let plan = ResolvedType::from_text(Dialect::Ros2, &name, JOINT_STATE)?.plan()?;
+    let mut message = plan.default_message();
+    let names = (0..12).map(|joint| format!("left_arm_joint_{joint}"));
+    message.set("name", names.collect::<Vec<_>>())?;
+    for field in ["position", "velocity", "effort"] {
+        message.set(field, (0..12).map(f64::from).collect::<Vec<_>>())?;
+    }
+    let cdr = plan.encode(&message)?.to_bytes();
+    let mut group = criterion.benchmark_group("dynamic");
+    group.bench_function("JointState", |it| it.iter(|| plan.decode(black_box(&cdr), 1 << 20)));
+    group.finish();
+    Ok(())
+}
+
+struct Robot {
+    calls: i64,
+}
+
+#[communicator]
+impl Robot {
+    #[register(NativeObject, "memory", "/registered/object", should_wait = false)]
+    fn object(&mut self, step: i64) -> Value {
+        self.calls += step;
+        Value::Int(self.calls)
     }
 }
 
-fn cdr(payload: &Payload, kind: Kind) -> Result<Bytes> {
-    let parts = ros::encode(payload, kind.message_type())?;
-    Ok(parts.pieces().iter().flat_map(|piece| piece.as_ref().to_vec()).collect::<Vec<u8>>().into())
-}
-
-/// Loopback TCP: one way and there and back, between two threads.
-fn tcp() -> Result<Vec<Figure>> {
-    let mut figures = Vec::new();
-    for (name, size) in [("1 B", 1), ("640x480 RGB", 921_600), ("1080p RGB", 6_220_800)] {
-        let (mut near, mut far) = pair()?;
-        let echo = std::thread::spawn(move || -> std::io::Result<()> {
-            let mut buffer = vec![0; size];
-            while far.read_exact(&mut buffer).is_ok() {
-                far.write_all(&buffer)?;
-            }
-            Ok(())
-        });
-        let mut buffer = vec![1; size];
-        let took = time(|| {
-            // A failure shows as a time of nothing.
-            let _there_and_back =
-                near.write_all(&buffer).and_then(|()| near.read_exact(&mut buffer));
-        });
-        figures.push((format!("TCP half round trip {name}"), took / 2.0));
-        drop(near);
-        drop(echo.join());
+fn registered(criterion: &mut Criterion) -> Result<()> {
+    let bus = Arc::new(Memory::new("memory"));
+    let context = CommunicatorContext::builder().only(bus.clone()).build();
+    let robot = |mode| {
+        let mut robot = Robot { calls: 0 }.communicator_in(&context);
+        robot.activate(RobotMethod::Object, mode).map(|()| robot)
+    };
+    let mut group = criterion.benchmark_group("registered");
+    let mut bare = Robot { calls: 0 };
+    group.bench_function("method", |it| it.iter(|| bare.object(black_box(1))));
+    let mut alone = robot(Mode::Publish)?;
+    group.bench_function("unheard", |it| it.iter(|| alone.object(black_box(1))));
+    drop(alone);
+    let (mut here, mut there) = (robot(Mode::Publish)?, robot(Mode::Listen)?);
+    while there.object(0)?.is_none() {
+        here.object(1)?;
     }
-    let (mut near, mut far) = pair()?;
-    let total = 192 << 20;
-    let sink = std::thread::spawn(move || {
-        let mut buffer = vec![0; 1 << 20];
-        while far.read(&mut buffer).is_ok_and(|read| read > 0) {}
+    group.bench_function("listen", |it| {
+        it.iter(|| {
+            _ = black_box(here.object(1));
+            there.object(0)
+        });
     });
-    let piece = vec![1; 1 << 20];
-    let start = Instant::now();
-    for _ in 0..total / piece.len() {
-        near.write_all(&piece)?;
-    }
-    drop(near);
-    drop(sink.join());
-    #[allow(clippy::cast_precision_loss)]
-    let rate = total as f64 / start.elapsed().as_secs_f64() / 1e6;
-    figures.push(("TCP throughput in MB/s, 1 MiB writes".to_owned(), rate));
-    Ok(figures)
+    let (spec, ends) =
+        (TopicSpec::new("/raw", MessageType::NativeObject), endpoint::Context::default());
+    let mut listener = bus.open_listener(&spec, &ends)?;
+    let mut publisher = bus.open_publisher(&spec, &endpoint::Context::default())?;
+    group.bench_function("raw", |it| {
+        it.iter(|| {
+            _ = black_box(publisher.publish(&Payload::from(bare.object(1))));
+            listener.take()
+        });
+    });
+    group.finish();
+    Ok(())
 }
 
-fn pair() -> Result<(TcpStream, TcpStream)> {
-    let listener = TcpListener::bind(("127.0.0.1", 0))?;
-    let near = TcpStream::connect(listener.local_addr()?)?;
-    let (far, _) = listener.accept()?;
-    near.set_nodelay(true)?;
-    far.set_nodelay(true)?;
-    Ok((near, far))
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Each benchmark is run, and its estimate is found where criterion leaves it.
+    #[test]
+    fn estimates_are_read_and_compared() {
+        let folder = tempfile::tempdir().unwrap();
+        let micro = Micro::run(folder.path(), Some("ros1/20 transforms")).unwrap();
+        assert!(micro.us("ros1/20 transforms to CDR") > 0.0);
+        assert!(micro.us("native/encode").is_nan());
+        assert_eq!(micro.targets().len(), 2);
+    }
 }

@@ -41,11 +41,25 @@ pub(crate) enum Kind {
     F32Mib,
     /// 640 x 480 RGB.
     VgaRgb,
+    /// A file of 1 MiB that goes as it is: no coding.
+    FileMib,
     /// 1920 x 1080 RGB.
     FullHdRgb,
 }
 
 impl Kind {
+    /// All of them.
+    pub(crate) const ALL: [Self; 8] = [
+        Self::Small,
+        Self::Audio,
+        Self::U8Rgb200,
+        Self::VgaJpeg,
+        Self::F32Mib,
+        Self::VgaRgb,
+        Self::FileMib,
+        Self::FullHdRgb,
+    ];
+
     /// Name in tables and files.
     pub(crate) fn name(self) -> &'static str {
         match self {
@@ -55,6 +69,7 @@ impl Kind {
             Self::VgaJpeg => "vga-jpeg",
             Self::F32Mib => "f32-mib",
             Self::VgaRgb => "vga-rgb",
+            Self::FileMib => "file-mib",
             Self::FullHdRgb => "full-hd-rgb",
         }
     }
@@ -68,6 +83,7 @@ impl Kind {
             Self::VgaJpeg => "640x480 JPEG",
             Self::F32Mib => "dict with 1 MiB float32",
             Self::VgaRgb => "640x480 RGB",
+            Self::FileMib => "file of 1 MiB",
             Self::FullHdRgb => "1920x1080 RGB",
         }
     }
@@ -77,7 +93,7 @@ impl Kind {
         match self {
             Self::Small | Self::U8Rgb200 | Self::F32Mib => MessageType::NativeObject,
             Self::Audio => MessageType::AudioChunk,
-            Self::VgaJpeg => MessageType::CompressedImage,
+            Self::VgaJpeg | Self::FileMib => MessageType::CompressedImage,
             Self::VgaRgb | Self::FullHdRgb => MessageType::Image,
         }
     }
@@ -125,6 +141,9 @@ impl Maker {
             Ok(Value::from(Map::from([("seq", Value::from(0)), ("data", Value::from(tensor))]))
                 .into())
         };
+        let file = |data: Bytes| -> Payload {
+            Image::new(stamp, Pixels::Compressed { format: CompressedFormat::Jpeg, data }).into()
+        };
         let floats =
             |count: u32| (0..count).flat_map(|n| (n as f32 / 1e4).sin().to_le_bytes()).collect();
         let prototype = match kind {
@@ -142,11 +161,9 @@ impl Maker {
             }
             Kind::VgaRgb => Image::new(stamp, picture(640, 480)?).into(),
             Kind::FullHdRgb => Image::new(stamp, picture(1920, 1080)?).into(),
-            Kind::VgaJpeg => {
-                let data = jpeg::encode(&picture(640, 480)?, jpeg::WRAPYFI_QUALITY)?;
-                let format = CompressedFormat::Jpeg;
-                Image::new(stamp, Pixels::Compressed { format, data }).into()
-            }
+            Kind::VgaJpeg => file(jpeg::encode(&picture(640, 480)?, jpeg::WRAPYFI_QUALITY)?),
+            // The first bytes tell that it is a file.
+            Kind::FileMib => file([&[0xFF, 0xD8, 0xFF][..], &vec![7; 1 << 20]].concat().into()),
         };
         Ok(Self { kind, prototype })
     }
@@ -215,11 +232,6 @@ pub(crate) struct Numbered {
 }
 
 impl Numbered {
-    /// Bytes of the body.
-    pub(crate) fn len(&self) -> usize {
-        self.body.len()
-    }
-
     /// Numbers the CDR.
     pub(crate) fn number_cdr(&mut self, seq: u32) {
         let number = BASE + seq;
@@ -242,7 +254,7 @@ impl Numbered {
     }
 
     /// Header frame of message `seq`.
-    pub(crate) fn header(seq: u32) -> Vec<u8> {
+    fn header(seq: u32) -> Vec<u8> {
         format!("{{timestamp:{}.0}}", BASE + seq).into_bytes()
     }
 
@@ -324,13 +336,11 @@ fn convert(payload: Payload, to: MessageType) -> Result<Payload> {
 
 #[cfg(test)]
 mod tests {
-    use clap::ValueEnum as _;
-
     use super::*;
 
     #[test]
     fn every_form_carries_its_number() {
-        for &kind in Kind::value_variants() {
+        for kind in Kind::ALL {
             let maker = Maker::new(kind).unwrap();
             assert_eq!(number_in_payload(&maker.payload(7)).unwrap(), 7, "{kind:?}");
             let mut cdr = maker.cdr().unwrap();
@@ -364,7 +374,7 @@ mod tests {
 
     #[test]
     fn the_picture_is_as_long_as_wrapyfis() {
-        let body = Maker::new(Kind::VgaRgb).unwrap().frames("/t").unwrap().len();
+        let body = Maker::new(Kind::VgaRgb).unwrap().frames("/t").unwrap().body.len();
         assert!((1_228_900..1_229_100).contains(&body), "{body}");
     }
 }

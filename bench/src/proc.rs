@@ -1,7 +1,6 @@
 //! CPU time and memory of processes, from `/proc`.
 
 use std::fs;
-use std::path::Path;
 
 /// A process and everything it started, as it is now.
 fn tree(root: u32) -> Vec<u32> {
@@ -54,18 +53,6 @@ pub(crate) fn rss_mib(root: u32) -> f64 {
 
 /// The 1-minute load average.
 pub(crate) fn load() -> f64 {
-    first_number("/proc/loadavg")
-}
-
-/// The first number in a file; 0 where there is none.
-pub(crate) fn first_number(path: impl AsRef<Path>) -> f64 {
-    let text = fs::read_to_string(path).unwrap_or_default();
+    let text = fs::read_to_string("/proc/loadavg").unwrap_or_default();
     text.split_whitespace().next().and_then(|word| word.parse().ok()).unwrap_or_default()
-}
-
-/// Most resident memory this process ever had, in KiB; 0 where the kernel does not say.
-pub(crate) fn peak_kib() -> f64 {
-    let text = fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-    line.and_then(|line| line.split_whitespace().next()?.parse().ok()).unwrap_or_default()
 }

@@ -13,7 +13,7 @@ use crate::case::{Case, Way};
 use crate::child::Child;
 use crate::payload::Kind;
 use crate::proc;
-use crate::turn::{Phase, Turn};
+use crate::turn::{Cpu, Phase, Turn};
 use crate::worker::{Order, Report};
 
 /// Source with Wrapyfi's broker, forwarder, sink, and one that only codes.
@@ -32,7 +32,7 @@ pub(crate) struct Coding {
 }
 
 /// The interpreter: `WRAPYFI_PYTHON`, else the one `make test` installs.
-pub(crate) fn interpreter(repository: &Path) -> Result<PathBuf> {
+fn interpreter(repository: &Path) -> Result<PathBuf> {
     let path = std::env::var_os("WRAPYFI_PYTHON")
         .map_or_else(|| repository.join(".venv/bin/python"), PathBuf::from);
     let probe = "import importlib.util as u, sys; sys.exit(not all(u.find_spec(m) for m in ('wrapyfi', 'zmq')))";
@@ -84,13 +84,13 @@ impl Python {
     }
 
     fn measure(&mut self, case: Case, way: &str) -> Result<Turn> {
-        let warm = self.ask(&Order::Warm, case, way)?;
+        self.ask(&Order::Warm, case, way)?;
         let paced = self.phase(&case.paced(), case, way)?;
         let window = self.phase(&case.window(), case, way)?;
         let rss = |child: &Child| proc::rss_mib(child.id());
         let middle_rss_mib = if way == "hop" { 0.0 } else { rss(&self.forward) };
         let rss_mib = rss(&self.source) + rss(&self.sink) + middle_rss_mib;
-        Ok(Turn { warm, paced, window, rss_mib, middle_rss_mib })
+        Ok(Turn { paced, window, rss_mib, middle_rss_mib })
     }
 
     fn ask(&mut self, order: &Order, case: Case, way: &str) -> Result<Report> {
@@ -109,12 +109,13 @@ impl Python {
         Ok(Phase::new(report, before, self.cpu()))
     }
 
-    /// CPU of all, and of what is between the ends: broker and forwarder.
-    fn cpu(&self) -> (u64, u64) {
-        let with_broker = proc::cpu_ns(self.source.id());
+    /// Broker and forwarder are between the ends.
+    fn cpu(&self) -> Cpu {
+        let (source, with_broker) =
+            (proc::cpu_of(self.source.id()), proc::cpu_ns(self.source.id()));
         let forward = proc::cpu_ns(self.forward.id());
-        let broker = with_broker.saturating_sub(proc::cpu_of(self.source.id()));
-        (with_broker + forward + proc::cpu_ns(self.sink.id()), broker + forward)
+        let middle = with_broker.saturating_sub(source) + forward;
+        (with_broker + forward + proc::cpu_ns(self.sink.id()), middle, source)
     }
 
     /// Coding alone, without a transport.

@@ -1,405 +1,230 @@
-//! `RESULTS.md`.
+//! Promises, how sure a figure is, and the part of `RESULTS.md` that a run writes.
 
-use std::fmt::Write as _;
+use std::fmt::{self, Write as _};
+use std::fs;
+use std::path::Path;
 
-use anyhow::Result;
+use anyhow::{Context as _, Result};
+use chrono::{DateTime, Utc};
 
-use crate::asked::Asked;
-use crate::case::Way;
-use crate::crowd::Rest;
-use crate::estimate::Verdict;
-use crate::fast;
-use crate::machine;
-use crate::payload::Kind;
-use crate::results::{Results, Summary};
-use crate::soak::Soak;
-use crate::stats::{FEWEST, RESAMPLES, median, quantile};
-use crate::targets::{Outcome, Target, bridged, over_relay, relay_of};
-use crate::tcpros::{self, Hop};
-use crate::trip::{Leg, Trip};
-use crate::turn::sizes;
-use crate::worker::Report;
-use crate::yarp::{Ports, Ride};
+use crate::proc;
 
-const KINDS: [Kind; 7] = [
-    Kind::Small,
-    Kind::Audio,
-    Kind::U8Rgb200,
-    Kind::VgaJpeg,
-    Kind::F32Mib,
-    Kind::VgaRgb,
-    Kind::FullHdRgb,
-];
+/// Lines of `RESULTS.md` between which a run writes.
+const BEGIN: &str = "<!-- make bench writes from here -->";
+const END: &str = "<!-- to here -->";
 
-/// Text of the whole report.
-pub(crate) fn write(results: &Results, targets: &[Target]) -> Result<String> {
-    let mut text = String::from(
-        "# Results\n\n\
-         Written by `make bench`; how it measures: [README.md](README.md). Every figure of every round:\n\
-         [results.csv](results.csv). Times are microseconds. Compare ratios, and only within one run.\n\n\
-         ![Latency of raw hops, bridge and Python Wrapyfi](plot.svg)\n",
-    );
-    machine_table(&mut text, results);
-    _ = writeln!(
-        text,
-        "\n## Targets\n\n\
-         The interval is where the ratio lies with a probability of 95 %: percentile bootstrap, whole rounds\n\
-         drawn with replacement {RESAMPLES} times, from a fixed seed. The interval decides: met or missed where\n\
-         all of it is on one side of what was promised, undecided where the limit is inside, or where there\n\
-         are fewer than {FEWEST} rounds. What has no promise explains the line above it and decides nothing.\n\n\
-         {}",
-        target_table(targets)
-    );
-    bridge_table(&mut text, results);
-    library_tables(&mut text, results);
-    latency_table(&mut text, results);
-    cost_table(&mut text, results);
-    ends_table(&mut text, results);
-    streams(&mut text, results);
-    if let Some(found) = &results.rest {
-        rest(&mut text, found);
-    }
-    if let Some(found) = &results.ports {
-        ports(&mut text, found);
-    }
-    limits(&mut text, results);
-    size_table(&mut text)?;
-    if !results.failures.is_empty() {
-        text.push_str("\n## Turns that failed\n\n");
-        for failure in &results.failures {
-            _ = writeln!(text, "* {}", failure.replace('\n', " "));
+/// Bound that was promised for a figure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Limit {
+    AtMost(f64),
+    AtLeast(f64),
+    /// No promise: the figure explains the row above it.
+    Shown,
+}
+
+impl fmt::Display for Limit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::AtMost(limit) => write!(f, "at most {limit}"),
+            Self::AtLeast(limit) => write!(f, "at least {limit}"),
+            Self::Shown => Ok(()),
         }
     }
-    Ok(text)
 }
 
-fn machine_table(text: &mut String, results: &Results) {
-    text.push_str("\n## Machine\n\n| | |\n| --- | --- |\n");
-    for (name, value) in machine::describe() {
-        _ = writeln!(text, "| {name} | {value} |");
+/// A figure beside its limit.
+#[derive(Debug, Clone)]
+pub(crate) struct Target {
+    what: String,
+    limit: Limit,
+    value: f64,
+    /// Bounds that hold the figure with a probability of 95 %; `None` where there are too few rounds.
+    interval: Option<(f64, f64)>,
+    /// Parts of the figure, in words.
+    parts: String,
+}
+
+impl Target {
+    /// A figure measured in each round: its median counts.
+    pub(crate) fn of(
+        what: impl Into<String>,
+        limit: Limit,
+        rounds: &[f64],
+        parts: impl Into<String>,
+    ) -> Self {
+        let value = quantile(rounds, 0.5);
+        Self { what: what.into(), limit, value, interval: interval(rounds), parts: parts.into() }
     }
-    let loads: Vec<String> = results.loads.iter().map(|load| format!("{load:.1}")).collect();
-    _ = writeln!(text, "| Rounds | {} |", results.rounds);
-    _ = writeln!(
-        text,
-        "| Load average at their starts, this run's own included | {} |",
-        loads.join(", ")
-    );
+
+    /// A figure whose bounds somebody else knows.
+    pub(crate) fn between(
+        what: impl Into<String>,
+        limit: Limit,
+        value: f64,
+        interval: (f64, f64),
+        parts: impl Into<String>,
+    ) -> Self {
+        Self { what: what.into(), limit, value, interval: Some(interval), parts: parts.into() }
+    }
+
+    /// A figure of the whole run, or a count.
+    pub(crate) fn once(
+        what: impl Into<String>,
+        limit: Limit,
+        value: f64,
+        parts: impl Into<String>,
+    ) -> Self {
+        Self::between(what, limit, value, (value, value), parts)
+    }
+
+    /// Met or missed where all of the interval is on one side of the limit.
+    fn verdict(&self) -> &'static str {
+        let sides = |(low, high): (f64, f64)| match self.limit {
+            Limit::AtMost(limit) => Some((high <= limit, low > limit)),
+            Limit::AtLeast(limit) => Some((low >= limit, high < limit)),
+            Limit::Shown => None,
+        };
+        match (self.limit, self.interval.and_then(sides)) {
+            (Limit::Shown, _) => "",
+            (_, Some((true, _))) => "met",
+            (_, Some((_, true))) => "**missed**",
+            _ => "**undecided**",
+        }
+    }
 }
 
-/// The promises, as a table.
-pub(crate) fn target_table(targets: &[Target]) -> String {
+/// Interval of 95 % of the median of the figure of all possible rounds: it lies between the `k`-th lowest and the
+/// `k`-th highest of `n` rounds with a probability of `1 - 2 P(B < k)`, where `B` counts heads of `n` coins. Nothing
+/// is assumed of how the rounds are spread. `None` for fewer than six.
+fn interval(rounds: &[f64]) -> Option<(f64, f64)> {
+    let mut sorted = rounds.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let (n, mut k) = (sorted.len(), 0);
+    // P(B = k), and P(B < k + 1).
+    let mut exactly = 0.5_f64.powi(i32::try_from(n).ok()?);
+    let mut below = exactly;
+    while below <= 0.025 {
+        k += 1;
+        #[allow(clippy::cast_precision_loss)]
+        let ratio = (n - k + 1) as f64 / k as f64;
+        exactly *= ratio;
+        below += exactly;
+    }
+    Some((*sorted.get(k.checked_sub(1)?)?, *sorted.get(n - k)?))
+}
+
+/// Value below which `fraction` of `values` lie, by the nearest rank; NaN where there is none.
+pub(crate) fn quantile(values: &[f64], fraction: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    #[allow(clippy::cast_precision_loss, clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    let rank = (sorted.len() as f64 * fraction).ceil() as usize;
+    sorted.get(rank.saturating_sub(1)).copied().unwrap_or(f64::NAN)
+}
+
+/// Targets as a table.
+pub(crate) fn table(targets: &[Target]) -> String {
     let mut text = String::from(
         "| target | promised | found | 95 % interval | |\n| --- | --- | --- | --- | --- |\n",
     );
-    for Target { what, promised, found, interval, outcome } in targets {
-        let verdict = match outcome {
-            Outcome::Judged(Verdict::Met) => "met",
-            Outcome::Judged(Verdict::Missed) => "**missed**",
-            Outcome::Judged(Verdict::Undecided) => "**undecided**",
-            Outcome::Shown => "",
-            Outcome::NotMeasured => "not measured",
+    for target in targets {
+        let Target { what, limit, value, interval, parts } = target;
+        let interval = match interval {
+            Some((low, high)) if low < high => format!("{low:.2} to {high:.2}"),
+            _ => String::new(),
         };
-        let interval =
-            interval.map_or_else(String::new, |(low, high)| format!("{low:.2} to {high:.2}"));
-        _ = writeln!(text, "| {what} | {promised} | {found} | {interval} | {verdict} |");
+        let verdict = target.verdict();
+        _ = writeln!(text, "| {what} | {limit} | {value:.2}: {parts} | {interval} | {verdict} |");
     }
     text
 }
 
-fn bridge_table(text: &mut String, results: &Results) {
-    text.push_str(
-        "\n## What the bridge adds\n\n\
-         Median latency from source to sink process. Parts: the raw ZeroMQ hop through our broker, the\n\
-         raw CycloneDDS hop, and base64 where the payload needs it, all at the same size and measured in\n\
-         the same rounds. The parts count twice what a way has once (the source wakes up, the sink wakes\n\
-         up), so a ratio may be below 1; on the other hand two hops in one chain wake more threads than two\n\
-         hops apart, so it may be above 1 before anything of ours runs. The minimal relay shows how much: one\n\
-         thread between the same ends that does nothing but what must be done.\n\n\
-         | payload | direction | raw ZeroMQ | raw DDS | base64 | parts | bridge | bridge / parts | minimal relay | relay / parts | bridge / relay |\n\
-         | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
-    );
-    for kind in KINDS {
-        for way in [Way::ZmqToRos, Way::RosToZmq] {
-            let Some(whole) = bridged(results, way, kind) else { continue };
-            let [bridge, zmq, dds, base64] = whole.parts;
-            let relay = over_relay(results, way, kind);
-            let of_parts = bridged(results, relay_of(way), kind);
-            let direction = if way == Way::ZmqToRos { "to ROS 2" } else { "to ZeroMQ" };
-            _ = writeln!(
-                text,
-                "| {} | {direction} | {zmq:.0} | {dds:.0} | {base64:.0} | {:.0} | {bridge:.0} | {:.2} | {} |",
-                kind.title(),
-                zmq + dds + base64,
-                whole.value,
-                relay.zip(of_parts).map_or("- | - | -".to_owned(), |(ours, least)| {
-                    let [_, relay] = ours.parts;
-                    format!("{relay:.0} | {:.2} | {:.2}", least.value, ours.value)
-                })
-            );
-        }
-    }
-}
-
-fn library_tables(text: &mut String, results: &Results) {
-    text.push_str("\n## Against Python Wrapyfi\n\n");
-    if let Some(reason) = &results.no_python {
-        _ = writeln!(text, "Not measured: {reason}.\n");
-    }
-    text.push_str(
-        "Median latency from the call of publish to the decoded value, coding included. Python runs with\n\
-         its own broker, ours with ours. A JPEG is pixels at both ends; our forwarder passes the file on,\n\
-         where Python's, having no other way, decompresses and compresses it again.\n\n\
-         | payload | one hop: Python | ours | times | forwarded: Python | ours | times |\n\
-         | --- | --- | --- | --- | --- | --- | --- |\n",
-    );
-    let cell = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.0}"));
-    let times = |a: Option<f64>, b: Option<f64>| {
-        a.zip(b).map_or("-".to_owned(), |(a, b)| format!("{:.1} x", a / b))
+/// Machine of the run, in one line.
+fn machine() -> String {
+    let field = |path: &str, name: &str| {
+        let text = fs::read_to_string(path).unwrap_or_default();
+        let found =
+            text.lines().find_map(|line| line.split_once(':').filter(|it| it.0.trim() == name));
+        found.map_or_else(String::new, |(_, value)| value.trim().to_owned())
     };
-    for kind in KINDS {
-        let half = |way| results.summary(way, kind).map(|summary| summary.p50);
-        let [python, ours] = [half(Way::PythonHop), half(Way::RustHop)];
-        let [python_two, ours_two] = [half(Way::PythonForward), half(Way::RustForward)];
-        _ = writeln!(
-            text,
-            "| {} | {} | {} | {} | {} | {} | {} |",
-            kind.title(),
-            cell(python),
-            cell(ours),
-            times(python, ours),
-            cell(python_two),
-            cell(ours_two),
-            times(python_two, ours_two)
-        );
-    }
-    text.push_str(
-        "\nCoding alone, one thread, no transport (ours: a whole message of frames; JPEG from pixels and to pixels):\n\n\
-         | payload | encode: Python | ours | times | decode: Python | ours | times |\n\
-         | --- | --- | --- | --- | --- | --- | --- |\n",
-    );
-    for kind in KINDS {
-        let (python, ours) = (results.python_coding(kind), results.our_coding(kind));
-        let (encode, decode) = (python.map(|c| c.0), python.map(|c| c.1));
-        let (our_encode, our_decode) = (ours.map(|c| c.0), ours.map(|c| c.1));
-        if our_encode.is_none() {
-            continue;
-        }
-        let micros = |value: Option<f64>| value.map_or("-".to_owned(), |v| format!("{v:.1}"));
-        _ = writeln!(
-            text,
-            "| {} | {} | {} | {} | {} | {} | {} |",
-            kind.title(),
-            micros(encode),
-            micros(our_encode),
-            times(encode, our_encode),
-            micros(decode),
-            micros(our_decode),
-            times(decode, our_decode)
-        );
-    }
+    let date = DateTime::<Utc>::from(std::time::SystemTime::now()).format("%Y-%m-%d %H:%M UTC");
+    let cores = std::thread::available_parallelism().map_or(0, usize::from);
+    let (major, minor, patch) = zmq::version();
+    format!(
+        "{date}; {cores} cores, {}; {} of memory; Linux {}; libzmq {major}.{minor}.{patch}",
+        field("/proc/cpuinfo", "model name"),
+        field("/proc/meminfo", "MemTotal"),
+        fs::read_to_string("/proc/sys/kernel/osrelease").unwrap_or_default().trim()
+    )
 }
 
-/// Every case that was measured, with its summary.
-fn all(results: &Results) -> Vec<(Way, Kind, Summary)> {
-    results
-        .cases()
-        .filter_map(|case| Some((case.way, case.payload, results.summary(case.way, case.payload)?)))
-        .collect()
+/// What a run says of itself, and its targets.
+pub(crate) fn head(rounds: u32, loads: &[f64], targets: &[Target]) -> String {
+    let (least, most) = (quantile(loads, 0.0), quantile(loads, 1.0));
+    format!(
+        "{}. {rounds} rounds; load average at their starts, this run's own included: {least:.1} to {most:.1}, now {:.1}.\n\n{}",
+        machine(),
+        proc::load(),
+        table(targets)
+    )
 }
 
-fn latency_table(text: &mut String, results: &Results) {
-    text.push_str(
-        "\n## Latency and delivery\n\n\
-         Fixed rate, latency from the time a message was due. p50: median of the rounds' medians, with\n\
-         their range; p99: of all messages of all rounds. Lost and twice also count the messages sent at\n\
-         full rate. Warm-up, not counted elsewhere: time until something arrived, and the median of the\n\
-         first messages.\n\n\
-         | way | payload | p50 | range of rounds | p99 | rounds | messages | lost | twice | opening ms | warm-up p50 |\n\
-         | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
-    );
-    for (way, kind, s) in all(results) {
-        _ = writeln!(
-            text,
-            "| {} | {} | {:.0} | {:.0} to {:.0} | {:.0} | {} | {} | {} | {} | {:.0} | {:.0} |",
-            way.title(),
-            kind.title(),
-            s.p50,
-            s.p50_range.0,
-            s.p50_range.1,
-            s.p99,
-            s.rounds,
-            s.messages,
-            s.lost,
-            s.duplicates,
-            s.opening_ms,
-            s.warm
-        );
-    }
+/// Puts `text` between the two marks of the file; what stands around them stays.
+pub(crate) fn put(file: &Path, text: &str) -> Result<()> {
+    let before =
+        fs::read_to_string(file).unwrap_or_else(|_| format!("# Results\n\n{BEGIN}\n{END}\n"));
+    let marks = before.split_once(BEGIN).zip(before.split_once(END));
+    let ((head, _), (_, tail)) =
+        marks.with_context(|| format!("{} lacks the line {BEGIN} or {END}", file.display()))?;
+    Ok(fs::write(file, format!("{head}{BEGIN}\n\n{}\n\n{END}{tail}", text.trim()))?)
 }
 
-fn cost_table(text: &mut String, results: &Results) {
-    text.push_str(
-        "\n## Throughput, CPU, memory\n\n\
-         Rate with at most four messages under way. CPU microseconds a message at the fixed rate: all\n\
-         processes, and those between the ends (broker, bridge or forwarder). Python's listeners never\n\
-         sleep, which is in their CPU. Resident memory in MiB at the end of a turn.\n\n\
-         | way | payload | messages/s | CPU all | CPU between | RSS all | RSS between |\n\
-         | --- | --- | --- | --- | --- | --- | --- |\n",
-    );
-    for (way, kind, s) in all(results) {
-        _ = writeln!(
-            text,
-            "| {} | {} | {:.0} | {:.0} | {:.0} | {:.0} | {:.0} |",
-            way.title(),
-            kind.title(),
-            s.rate,
-            s.cpu_us,
-            s.middle_us,
-            s.rss_mib,
-            s.middle_rss_mib
-        );
-    }
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-/// Everything with two ends, one row each.
-fn ends_table(text: &mut String, results: &Results) {
-    text.push_str(
-        "\n## There and back, and streams\n\n\
-         Services and registered methods are called one at a time; who waits sleeps, and raw ways carry as many\n\
-         bytes as the service puts on the wire. A call of a registered method goes from arguments to an image\n\
-         that can be used: our peers exchange pixels as they are, Python's decimal text. Images go one way, a\n\
-         batch at a time. p50: median of the rounds' medians, with their range; p99: of all, of batches for\n\
-         images. CPU microseconds of both ends for a message, and of the end that answers where it was told\n\
-         apart, its broker included. Opening: start to first answer.\n\n\
-         | way | load | p50 | range of rounds | p99 | rounds | messages | lost | CPU | CPU of far | opening ms |\n\
-         | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
-    );
-    let trips = Trip::ALL.map(|trip| (trip.name(), (trip.way.title(), trip.load.title())));
-    let asked =
-        Asked::ALL.map(|ask| (ask.name().to_owned(), (ask.title(), "640x480 RGB, returned")));
-    let rides = Ride::ALL.map(|ride| (ride.name(), (ride.way.title(), ride.load.title())));
-    let hops = Hop::ALL.map(|hop| (hop.name(), hop.titles()));
-    for (name, (way, load)) in trips.into_iter().chain(asked).chain(rides).chain(hops) {
-        let Some(legs) = results.legs(&name) else { continue };
-        let over = |figure: &dyn Fn(&Leg) -> f64| legs.values().map(figure).collect::<Vec<_>>();
-        let of = |values: &[f64], fraction| quantile(values, fraction).unwrap_or(f64::NAN);
-        let middle = |values: &[f64]| median(values).unwrap_or(f64::NAN);
-        let halves = over(&|leg| of(&leg.calls.report.latency_us, 0.5));
-        let reports = || legs.values().map(|leg| &leg.calls.report);
-        let all: Vec<f64> = reports().flat_map(|one| one.latency_us.clone()).collect();
-        let sent: u32 = reports().map(|report| report.sent + report.refused).sum();
-        let received: u32 = reports().map(|report| report.received).sum();
-        let cpu = |figure: &dyn Fn(&Leg) -> f64| match middle(&over(figure)) {
-            told if told > 0.0 => format!("{told:.1}"),
-            _ => "-".to_owned(),
-        };
-        _ = writeln!(
-            text,
-            "| {way} | {load} | {:.1} | {:.1} to {:.1} | {:.1} | {} | {received} | {} | {} | {} | {:.0} |",
-            middle(&halves),
-            of(&halves, 0.0),
-            of(&halves, 1.0),
-            of(&all, 0.99),
-            halves.len(),
-            sent.saturating_sub(received),
-            cpu(&|leg| leg.calls.cpu_us),
-            cpu(&|leg| leg.calls.middle_us),
-            middle(&over(&Leg::opening_ms))
-        );
+    #[test]
+    fn ranks() {
+        let values: Vec<f64> = (1..=100).map(f64::from).collect();
+        assert_eq!([0.0, 0.5, 0.99, 1.0].map(|at| quantile(&values, at)), [1.0, 50.0, 99.0, 100.0]);
+        assert!(quantile(&[], 0.5).is_nan());
     }
-}
 
-/// Streams of a minute, and what became of them.
-fn streams(text: &mut String, results: &Results) {
-    let mut rows = Vec::new();
-    if let Some(Soak { seconds, report, .. }) = &results.soak {
-        rows.push(("ZeroMQ to ROS 2", "1080p RGB at 30 Hz", *seconds, report));
+    /// Ranks as tables of the sign test have them.
+    #[test]
+    fn an_interval_needs_six_rounds_and_leaves_out_what_is_far_from_the_median() {
+        let of = |n: u32| interval(&(1..=n).rev().map(f64::from).collect::<Vec<_>>());
+        assert_eq!(of(5), None);
+        assert_eq!(of(6), Some((1.0, 6.0)));
+        assert_eq!(of(9), Some((2.0, 8.0)));
+        assert_eq!(of(17), Some((5.0, 13.0)));
     }
-    if let Some(fast::Stream { seconds, report, .. }) = &results.fast {
-        rows.push(("ZeroMQ to a Fast DDS reader", "640x480 RGB at 30 Hz", *seconds, report));
-    }
-    for way in tcpros::Way::ALL {
-        for (load, report) in results.streams_of(way).iter().flat_map(|found| &found.reports) {
-            let seconds = results.streams_of(way).map_or(0, |found| found.seconds);
-            rows.push((way.title(), load.title(), seconds, report));
-        }
-    }
-    if rows.is_empty() {
-        return;
-    }
-    text.push_str(
-        "\n## Streams\n\n\
-         All reliable; those of ROS 1 run two together. The reader on Fast DDS is a C++ program with a history of 5.\n\n\
-         | way | stream | seconds | sent | refused | arrived | twice | p50 | p99 | highest |\n\
-         | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
-    );
-    for (way, load, seconds, report) in rows {
-        let q = |fraction| quantile(&report.latency_us, fraction).unwrap_or(f64::NAN);
-        let Report { sent, refused, received, duplicates, .. } = report;
-        let times = format!("{:.0} | {:.0} | {:.0}", q(0.5), q(0.99), q(1.0));
-        _ = writeln!(
-            text,
-            "| {way} | {load} | {seconds} | {sent} | {refused} | {received} | {duplicates} | {times} |"
-        );
-    }
-    if let Some(fast::Stream { dropped, rmem_default, .. }) = &results.fast {
-        _ = writeln!(
-            text,
-            "\nThe kernel's receive buffer of {rmem_default} bytes had no room for {dropped} datagrams to Fast DDS."
-        );
-    }
-    if let Some(Soak { settle, memory, .. }) = &results.soak {
-        _ = writeln!(
-            text,
-            "\nMemory during the first, growth by least squares from second {settle} on:\n\n\
-             | process | RSS MiB at the end | growth MiB a minute |\n| --- | --- | --- |"
-        );
-        for (name, last, growth) in memory {
-            _ = writeln!(text, "| {name} | {last:.1} | {growth:+.2} |");
-        }
-    }
-}
 
-fn rest(text: &mut String, rest: &Rest) {
-    let Rest { seconds, endpoints, alone, among, meeting_ms, grown_mib } = rest;
-    _ = writeln!(
-        text,
-        "\n## A bridge at rest among {endpoints} foreign endpoints\n\n\
-         One route, open and silent. Share of a core over {seconds} s: {alone:.2} % before they came, \
-         {among:.2} % with them there. Getting to know them took the bridge {meeting_ms:.0} ms of CPU and \
-         {grown_mib:.2} MiB of memory."
-    );
-}
-
-fn ports(text: &mut String, found: &Ports) {
-    let Ports { ports, share, seconds, opening_ms, rss_mib } = found;
-    _ = writeln!(
-        text,
-        "\n## YARP ports at rest\n\n{ports} ports of one process, connected in pairs over tcp and silent: {share:.2} % of a core over \
-         {seconds} s, {rss_mib:.1} MiB resident. Opening, registering and connecting all of them took \
-         {opening_ms:.0} ms."
-    );
-}
-
-fn limits(text: &mut String, results: &Results) {
-    text.push_str(
-        "\n## What the machine can do\n\nMedians over the rounds, microseconds unless said.\n\n\
-         | | |\n| --- | --- |\n",
-    );
-    for name in results.figures() {
-        let value = results.figure(name).unwrap_or(f64::NAN);
-        _ = writeln!(text, "| {name} | {value:.1} |");
+    #[test]
+    fn the_interval_decides() {
+        let verdict = |limit, rounds: &[f64]| Target::of("", limit, rounds, "").verdict();
+        let rounds = [1.0, 1.1, 1.2, 1.1, 1.0, 1.1];
+        assert_eq!(verdict(Limit::AtMost(1.2), &rounds), "met");
+        assert_eq!(verdict(Limit::AtMost(1.1), &rounds), "**undecided**");
+        assert_eq!(verdict(Limit::AtMost(0.9), &rounds), "**missed**");
+        assert_eq!(verdict(Limit::AtLeast(1.0), &rounds), "met");
+        assert_eq!(verdict(Limit::AtLeast(1.0), &rounds[..5]), "**undecided**");
+        assert_eq!(Target::once("", Limit::AtMost(2.0), 2.0, "").verdict(), "met");
+        assert_eq!(Target::once("", Limit::AtMost(2.0), f64::NAN, "").verdict(), "**undecided**");
     }
-}
 
-fn size_table(text: &mut String) -> Result<()> {
-    text.push_str(
-        "\n## Sizes\n\n| payload | ZeroMQ body, bytes | CDR, bytes |\n| --- | --- | --- |\n",
-    );
-    for kind in KINDS {
-        let (body, cdr) = sizes(kind)?;
-        _ = writeln!(text, "| {} | {body} | {cdr} |", kind.title());
+    #[test]
+    fn what_stands_around_a_run_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("RESULTS.md");
+        put(&file, "one").unwrap();
+        let text = fs::read_to_string(&file).unwrap();
+        fs::write(&file, format!("{text}\nbelow\n")).unwrap();
+        put(&file, "two").unwrap();
+        let text = fs::read_to_string(&file).unwrap();
+        assert!(text.starts_with("# Results\n") && text.ends_with("\nbelow\n"), "{text}");
+        assert!(text.contains("\ntwo\n") && !text.contains("one"), "{text}");
+        fs::write(&file, "no marks").unwrap();
+        assert!(put(&file, "two").is_err());
     }
-    Ok(())
 }

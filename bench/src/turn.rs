@@ -9,7 +9,6 @@ use serde::Deserialize;
 
 use crate::case::{Case, Way};
 use crate::child::Child;
-use crate::payload::Kind;
 use crate::proc;
 use crate::wire::Wire;
 use crate::worker::{Order, Report};
@@ -23,12 +22,16 @@ pub(crate) struct Phase {
     pub(crate) cpu_us: f64,
     /// CPU microseconds a message of what is between the ends: broker and bridge.
     pub(crate) middle_us: f64,
+    /// The same of the source alone.
+    pub(crate) source_us: f64,
 }
+
+/// CPU nanoseconds of processes: all, those between the ends, the source.
+pub(crate) type Cpu = (u64, u64, u64);
 
 /// Figures of one turn.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Turn {
-    pub(crate) warm: Report,
     pub(crate) paced: Phase,
     pub(crate) window: Phase,
     /// Resident memory at the end, in MiB: all processes, and what is between the ends.
@@ -40,12 +43,11 @@ pub(crate) struct Turn {
 pub(crate) struct Bench {
     /// Path of this program.
     pub(crate) own: PathBuf,
-    /// The `wrapyfi` program.
+    /// The `wrapyfi` program, and another one that is measured beside it.
     pub(crate) wrapyfi: PathBuf,
+    pub(crate) other: Option<PathBuf>,
     /// Logs and configurations.
     pub(crate) folder: PathBuf,
-    /// Settings of CycloneDDS, after those that the product makes.
-    pub(crate) cyclonedds_uri: Option<String>,
     /// DDS domain of the next turn.
     domain: std::cell::Cell<u32>,
 }
@@ -55,24 +57,11 @@ pub(crate) struct Line {
     pub(crate) source: Child,
     pub(crate) sink: Child,
     pub(crate) middle: Vec<Child>,
-    /// DDS domain of all of them.
-    pub(crate) domain: u32,
-    /// Port where the source is told of arrivals.
-    pub(crate) acks: u16,
 }
 
 #[derive(Deserialize)]
 struct Acks {
     acks: u16,
-}
-
-/// The measurements of a round, backwards in some: a drift of the machine meets all alike.
-pub(crate) fn in_turn<T: Copy>(all: &[T], is_backwards: bool) -> Vec<T> {
-    let mut all = all.to_vec();
-    if is_backwards {
-        all.reverse();
-    }
-    all
 }
 
 /// Two free ports.
@@ -84,7 +73,7 @@ pub(crate) fn ports() -> Result<(u16, u16)> {
 
 impl Bench {
     /// Finds the programs.
-    pub(crate) fn new(folder: &Path) -> Result<Self> {
+    pub(crate) fn new(folder: &Path, other: Option<PathBuf>) -> Result<Self> {
         let own = std::env::current_exe()?;
         let wrapyfi = own.with_file_name("wrapyfi");
         if !wrapyfi.is_file() {
@@ -92,7 +81,7 @@ impl Bench {
         }
         let domain = std::process::id() % 100;
         let folder = folder.to_owned();
-        Ok(Self { own, wrapyfi, folder, cyclonedds_uri: None, domain: domain.into() })
+        Ok(Self { own, wrapyfi, other, folder, domain: domain.into() })
     }
 
     /// A DDS domain from 1 to 100 that the last turns did not use.
@@ -109,16 +98,18 @@ impl Bench {
         for name in ["CYCLONEDDS_URI", "ROS_DOMAIN_ID", "ROS_DISTRO", "RMW_IMPLEMENTATION"] {
             command.env_remove(name);
         }
-        if let Some(uri) = &self.cyclonedds_uri {
-            command.env("CYCLONEDDS_URI", uri);
-        }
         command
     }
 
-    /// Starts our broker on free ports.
-    fn broker(&self) -> Result<(Child, (u16, u16))> {
+    /// The program that a case is about.
+    fn program(&self, case: Case) -> &Path {
+        self.other.as_deref().filter(|_| case.is_other).unwrap_or(&self.wrapyfi)
+    }
+
+    /// Starts the broker of `program` on free ports.
+    fn broker(&self, program: &Path) -> Result<(Child, (u16, u16))> {
         let (pub_port, sub_port) = ports()?;
-        let mut command = self.command(&self.wrapyfi);
+        let mut command = self.command(program);
         command.args(["--log-level", "warn", "broker", "--ip", "127.0.0.1"]);
         command.args(["--pub-port", &pub_port.to_string(), "--sub-port", &sub_port.to_string()]);
         let broker = Child::start("broker", command, &self.folder)?;
@@ -148,7 +139,7 @@ impl Bench {
         );
         let file = self.folder.join("bridge.yaml");
         std::fs::write(&file, text)?;
-        let mut command = self.command(&self.wrapyfi);
+        let mut command = self.command(self.program(case));
         command.args(["--log-level", "warn", "bridge", "--config"]).arg(file);
         Child::start("bridge", command, &self.folder)
     }
@@ -161,28 +152,19 @@ impl Bench {
 
     /// Starts the processes of a case on our programs.
     pub(crate) fn line(&self, case: Case) -> Result<Line> {
-        self.start(case, None)
-    }
-
-    /// The same with another sink: what `sink` makes of the domain. It tells the source nothing.
-    pub(crate) fn line_to(&self, case: Case, sink: impl Fn(u32) -> Command) -> Result<Line> {
-        self.start(case, Some(&sink))
-    }
-
-    fn start(&self, case: Case, other: Option<&dyn Fn(u32) -> Command>) -> Result<Line> {
         let domain = self.domain();
         let mut middle = Vec::new();
         let mut ports = (0, 0);
         if case.way != Way::RawDds {
-            let (broker, found) = self.broker()?;
+            let (broker, found) = self.broker(self.program(case))?;
             middle.push(broker);
             ports = found;
         }
-        let forwarded = !matches!(case.way, Way::RawZmq | Way::RawDds | Way::RustHop);
         let (from, to) = match case.way {
             Way::RawDds => (Wire::Dds, Wire::Dds),
-            Way::ZmqToRos | Way::RelayToRos => (Wire::Zmq, Wire::Dds),
-            Way::RosToZmq | Way::RelayToZmq => (Wire::Dds, Wire::Zmq),
+            Way::ZmqToRos => (Wire::Zmq, Wire::Dds),
+            Way::RosToZmq => (Wire::Dds, Wire::Zmq),
+            Way::OurPublisher => (Wire::Wrapyfi, Wire::Zmq),
             Way::RustHop | Way::RustForward => (Wire::Wrapyfi, Wire::Wrapyfi),
             _ => (Wire::Zmq, Wire::Zmq),
         };
@@ -198,38 +180,27 @@ impl Bench {
             .flat_map(|(key, value)| [key.to_owned(), value])
             .collect()
         };
-        match case.way {
-            Way::RelayToRos | Way::RelayToZmq => {
-                let mut command = self.command(&self.own);
-                command.arg(case.way.name()).args(place("/in"));
-                middle.push(Child::start("relay", command, &self.folder)?);
-            }
-            _ if forwarded => middle.push(self.bridge(case, ports, domain)?),
-            _ => {}
+        if case.way.is_bridged() {
+            middle.push(self.bridge(case, ports, domain)?);
         }
         let command = self.worker("source", from, &place("/in"));
         let mut source = Child::start("source", command, &self.folder)?;
         let Acks { acks } = source.answer()?;
-        let command = if let Some(other) = other {
-            other(domain)
-        } else {
-            let topic = if forwarded { "/out" } else { "/in" };
-            let mut command = self.worker("sink", to, &place(topic));
-            command.args(["--acks", &acks.to_string()]);
-            command
-        };
+        let topic = if case.way.is_bridged() { "/out" } else { "/in" };
+        let mut command = self.worker("sink", to, &place(topic));
+        command.args(["--acks", &acks.to_string()]);
         let sink = Child::start("sink", command, &self.folder)?;
-        Ok(Line { source, sink, middle, domain, acks })
+        Ok(Line { source, sink, middle })
     }
 
     /// Measures a case on our programs once.
     pub(crate) fn turn(&self, case: Case) -> Result<Turn> {
         let mut line = self.line(case)?;
-        let warm = line.ask(&Order::Warm).context("warming up")?;
+        line.ask(&Order::Warm).context("warming up")?;
         let paced = line.phase(&case.paced())?;
         let window = line.phase(&case.window())?;
         let (rss_mib, middle_rss_mib) = line.rss();
-        Ok(Turn { warm, paced, window, rss_mib, middle_rss_mib })
+        Ok(Turn { paced, window, rss_mib, middle_rss_mib })
     }
 }
 
@@ -248,12 +219,13 @@ impl Line {
         Ok(Phase::new(report, before, after))
     }
 
-    /// CPU of all processes, and of those between the ends.
-    fn cpu(&self) -> (u64, u64) {
-        let middle = self.middle.iter().map(|child| proc::cpu_ns(child.id())).sum();
-        (proc::cpu_ns(self.source.id()) + proc::cpu_ns(self.sink.id()) + middle, middle)
+    fn cpu(&self) -> Cpu {
+        let of = |child: &Child| proc::cpu_ns(child.id());
+        let (middle, source) = (self.middle.iter().map(of).sum(), of(&self.source));
+        (source + of(&self.sink) + middle, middle, source)
     }
 
+    /// Resident memory of all processes, and of those between the ends.
     fn rss(&self) -> (f64, f64) {
         let middle = self.middle.iter().map(|child| proc::rss_mib(child.id())).sum();
         (proc::rss_mib(self.source.id()) + proc::rss_mib(self.sink.id()) + middle, middle)
@@ -261,14 +233,19 @@ impl Line {
 }
 
 impl Phase {
-    /// Puts a report and CPU times before and after together: all processes, those in the middle.
+    /// Puts a report and CPU times before and after together.
     #[allow(clippy::cast_precision_loss)]
-    pub(crate) fn new(report: Report, before: (u64, u64), after: (u64, u64)) -> Self {
-        let messages = f64::from(report.sent.max(1));
-        let per_message = |nanos: u64| nanos as f64 / 1e3 / messages;
-        let all = after.0.saturating_sub(before.0).saturating_sub(report.awake_ns);
-        let middle = after.1.saturating_sub(before.1);
-        Self { report, cpu_us: per_message(all), middle_us: per_message(middle) }
+    pub(crate) fn new(report: Report, before: Cpu, after: Cpu) -> Self {
+        let per_message = |from: u64, to: u64, awake: u64| {
+            to.saturating_sub(from).saturating_sub(awake) as f64
+                / 1e3
+                / f64::from(report.sent.max(1))
+        };
+        let awake = report.awake_ns;
+        let cpu_us = per_message(before.0, after.0, awake);
+        let middle_us = per_message(before.1, after.1, 0);
+        let source_us = per_message(before.2, after.2, awake);
+        Self { report, cpu_us, middle_us, source_us }
     }
 
     /// Messages a second.
@@ -279,10 +256,4 @@ impl Phase {
         }
         f64::from(self.report.received) * 1e9 / self.report.span_ns as f64
     }
-}
-
-/// Bytes of a payload on each wire: ZeroMQ body, CDR.
-pub(crate) fn sizes(kind: Kind) -> Result<(usize, usize)> {
-    let maker = crate::payload::Maker::new(kind)?;
-    Ok((maker.frames("/in")?.len(), maker.cdr()?.len()))
 }

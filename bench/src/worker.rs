@@ -19,7 +19,7 @@ use anyhow::{Context as _, Result};
 use serde::{Deserialize, Serialize};
 
 use crate::clock;
-use crate::wire::{Incoming, Outgoing, Place, Wire, incoming, outgoing};
+use crate::wire::{Outgoing, Place, Wire, incoming, outgoing};
 
 /// Messages at the start of a process that are reported but not counted.
 const WARM: u32 = 8;
@@ -63,22 +63,15 @@ pub(crate) struct Report {
     pub(crate) awake_ns: u64,
     /// First message sent to last message arrived, in nanoseconds.
     pub(crate) span_ns: u64,
-    /// Start of the process's first message to first arrival, in nanoseconds.
-    pub(crate) opening_ns: u64,
 }
 
 /// Runs a source: prints the port where it wants to be told of arrivals, then obeys.
 pub(crate) fn source(wire: Wire, place: &Place) -> Result<()> {
-    source_on(|| outgoing(wire, place))
-}
-
-/// The same with what `open` opens.
-pub(crate) fn source_on(open: impl FnOnce() -> Result<Box<dyn Outgoing>>) -> Result<()> {
     let listener = TcpListener::bind(("127.0.0.1", 0))?;
     say(&serde_json::json!({ "acks": listener.local_addr()?.port() }))?;
     let (acks, _) = listener.accept()?;
     acks.set_nodelay(true)?;
-    let way = open()?;
+    let way = outgoing(wire, place)?;
     let mut source = Source { way, acks, partial: Vec::new(), next: 1 };
     for line in std::io::stdin().lock().lines() {
         let report = match serde_json::from_str(&line?)? {
@@ -92,7 +85,7 @@ pub(crate) fn source_on(open: impl FnOnce() -> Result<Box<dyn Outgoing>>) -> Res
 }
 
 /// Prints one JSON object.
-pub(crate) fn say(value: &serde_json::Value) -> Result<()> {
+fn say(value: &serde_json::Value) -> Result<()> {
     let mut out = std::io::stdout().lock();
     writeln!(out, "{value}")?;
     Ok(out.flush()?)
@@ -100,14 +93,9 @@ pub(crate) fn say(value: &serde_json::Value) -> Result<()> {
 
 /// Runs a sink until the source is gone.
 pub(crate) fn sink(wire: Wire, place: &Place, acks: u16) -> Result<()> {
-    sink_on(|| incoming(wire, place), acks)
-}
-
-/// The same with what `open` opens.
-pub(crate) fn sink_on(open: impl FnOnce() -> Result<Box<dyn Incoming>>, acks: u16) -> Result<()> {
     let mut acks = TcpStream::connect(("127.0.0.1", acks))?;
     acks.set_nodelay(true)?;
-    let mut way = open()?;
+    let mut way = incoming(wire, place)?;
     let mut gone = acks.try_clone()?;
     std::thread::spawn(move || {
         // The source never writes: this returns when it ends.
@@ -159,7 +147,7 @@ impl Ledger {
 
 /// Nanoseconds in microseconds.
 #[allow(clippy::cast_precision_loss)]
-pub(crate) fn micros(nanos: u64) -> f64 {
+fn micros(nanos: u64) -> f64 {
     nanos as f64 / 1e3
 }
 
@@ -172,13 +160,11 @@ impl Source {
             let _refused = self.send(&mut ledger, clock::now());
             self.hear(&mut ledger, Duration::from_millis(40))?;
         }
-        let opening_ns = ledger.last_arrival.saturating_sub(start);
         anyhow::ensure!(ledger.report.received > 0, "nothing arrived within 20 s");
         // Messages still under way must not be taken for those that come now.
         std::thread::sleep(Duration::from_millis(60));
         self.hear(&mut ledger, Duration::from_millis(1))?;
-        let warm = self.paced(WARM, 40.0)?;
-        Ok(Report { opening_ns, ..warm })
+        self.paced(WARM, 40.0)
     }
 
     fn paced(&mut self, count: u32, hz: f64) -> Result<Report> {

@@ -1,7 +1,7 @@
 //! Target of types that are known at run time only.
 
 use bytes::Bytes;
-use wrapyfi_interfaces::dynamic::{DynamicMessage, Plan, ValueError};
+use wrapyfi_interfaces::dynamic::{DynamicMessage, TypePlan, ValueError};
 use wrapyfi_interfaces::parser::{Dialect, TypeName};
 use wrapyfi_interfaces::store::ResolvedType;
 
@@ -41,7 +41,7 @@ pub fn dynamic(data: &[u8]) {
     if message.first() == Some(&b'{') { json(&plan, message) } else { cdr(&plan, message) }
 }
 
-fn cdr(plan: &Plan, message: &[u8]) {
+fn cdr(plan: &TypePlan, message: &[u8]) {
     let cdr = Bytes::copy_from_slice(message);
     let limit = LIMITS.message_bytes;
     let read = bounded(cdr.len(), VALUES, || plan.decode(&cdr, limit));
@@ -66,7 +66,7 @@ fn cdr(plan: &Plan, message: &[u8]) {
     }
 }
 
-fn json(plan: &Plan, message: &[u8]) {
+fn json(plan: &TypePlan, message: &[u8]) {
     let Ok(value) = serde_json::from_slice::<serde_json::Value>(message) else { return };
     // `{}` stands for all defaults.
     let input = message.len() + plan.min_size();
@@ -83,7 +83,7 @@ fn json(plan: &Plan, message: &[u8]) {
 }
 
 /// The message as CDR, which reads as the same message; a text that holds a NUL ends there.
-fn written_and_read(plan: &Plan, message: &DynamicMessage) -> Bytes {
+fn written_and_read(plan: &TypePlan, message: &DynamicMessage) -> Bytes {
     let written = plan.encode(message).expect("it is of this type").to_bytes();
     let again = plan.decode_exact(&written, usize::MAX).expect("what was written can be read");
     assert_eq!(again.encode().to_bytes(), written, "changed by writing and reading");

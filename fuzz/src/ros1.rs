@@ -1,7 +1,7 @@
 //! Targets of ROS 1 types: a definition as a peer shows it, and messages of a pair of types.
 
 use wrapyfi_interfaces::parser::{Dialect, TypeName};
-use wrapyfi_interfaces::ros1::{BadText, Definition, Options, Plan, Rules, Types};
+use wrapyfi_interfaces::ros1::{BadText, Definition, Options, PairPlan, Rules, Types};
 use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
 
 use crate::{bounded, measure};
@@ -102,7 +102,7 @@ pub fn ros1_messages(data: &[u8]) {
     assert_eq!(again, there, "there, back and there");
 }
 
-fn plan(ros1: &str, ros2: &str) -> Option<Plan> {
+fn plan(ros1: &str, ros2: &str) -> Option<PairPlan> {
     let definition = Definition::from_header("fuzz_msgs/Fuzzed", ros1).ok()?;
     if ros2.is_empty() {
         let mut types = Types::new(Rules::built_in(), TypeStore::empty());
@@ -110,5 +110,5 @@ fn plan(ros1: &str, ros2: &str) -> Option<Plan> {
     }
     let name = TypeName::new("fuzz_msgs", "Fuzzed").expect("a valid name");
     let ros2 = ResolvedType::from_text(Dialect::Ros2, &name, ros2).ok()?;
-    Plan::compile(definition.resolved(), &ros2, &Rules::built_in()).ok()
+    PairPlan::compile(definition.resolved(), &ros2, &Rules::built_in()).ok()
 }

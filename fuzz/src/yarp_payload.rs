@@ -5,12 +5,12 @@
 use bytes::Bytes;
 use wrapyfi_core::codec::EncodeError;
 use wrapyfi_core::endpoint::{ServiceSpec, TopicSpec};
-use wrapyfi_core::middleware::yarp::options::{Form, YarpOptions};
+use wrapyfi_core::middleware::yarp::options::{BottleFormat, YarpOptions};
 use wrapyfi_core::middleware::yarp::payload;
 use wrapyfi_core::types::{MessageType, RosType, ServiceKind, Stamp};
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_yarp::Dialect;
-use wrapyfi_yarp::port::Payload;
+use wrapyfi_yarp::port::PortPayload;
 
 use crate::{LIMITS, bounded};
 
@@ -45,7 +45,8 @@ const TURNED: [&str; 4] = [
 pub fn yarp_payload(data: &[u8]) {
     let [choice, form, body @ ..] = data else { return };
     let dialect = if form & 1 == 0 { Dialect::V3 } else { Dialect::V4 };
-    let bottle = [None, Some(Form::Json), Some(Form::Bottle), Some(Form::Property)];
+    let bottle =
+        [None, Some(BottleFormat::Json), Some(BottleFormat::Bottle), Some(BottleFormat::Property)];
     let options = YarpOptions {
         bottle: bottle[usize::from(form >> 1 & 3)],
         packed_rows: form & 8 != 0,
@@ -66,10 +67,12 @@ fn topic(bytes: &Bytes, choice: usize, raw: bool, options: &YarpOptions, dialect
     let types = ROS.iter().filter_map(ros).map(MessageType::Ros);
     let types: Vec<_> = MessageType::ALL.into_iter().chain(types).collect();
     let spec = TopicSpec { limits: LIMITS, ..TopicSpec::new("/t", types[choice % types.len()]) };
-    let sent = if raw { Payload::raw(bytes.clone()) } else { Payload::object(bytes.clone()) };
+    let sent =
+        if raw { PortPayload::raw(bytes.clone()) } else { PortPayload::object(bytes.clone()) };
     let size = bytes.len() + UNPACKED / ELEMENT;
-    let read =
-        |sent: &Payload, spec: &TopicSpec| payload::decode(sent, None, spec, options, dialect, NOW);
+    let read = |sent: &PortPayload, spec: &TopicSpec| {
+        payload::decode(sent, None, spec, options, dialect, NOW)
+    };
     let Ok(first) = bounded(size, ELEMENT, || read(&sent, &spec)) else { return };
     // A message that was read may be longer when written.
     let mut wide = spec.clone();

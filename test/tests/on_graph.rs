@@ -5,6 +5,7 @@ use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros2, run, until_route,
 
 const NEEDS: &[Need] = &[Need::Program, Need::Python];
 const NODE: &str = "/wrapyfi_bridge";
+const FILE: &str = "on_graph.yaml";
 
 /// A bridge with a route that carries, one that waits for a publisher, and a topic with a publisher.
 fn bridge(env: &TestEnv) -> Result<Process> {
@@ -12,7 +13,8 @@ fn bridge(env: &TestEnv) -> Result<Process> {
         let topic = env.topic(name);
         Route::new(&ros2(&topic), &zeromq(&topic), "Text").with("name", name)
     };
-    let bridge = env.bridge(&env.embedded().route(route("talk")).route(route("waits")))?;
+    let config = env.embedded().route(route("talk")).route(route("waits"));
+    let bridge = env.bridge_named(FILE, &config)?;
     until_route(&bridge, "talk", |route| route.is_some())?;
     Ok(bridge)
 }
@@ -146,6 +148,9 @@ fn a_bridge_elsewhere_says_why_nothing_flows() -> Result {
             };
             assert!(says("a bridge runs the route") && says("has 1 publisher"), "{talk}");
         }
+        // It explains what runs, whatever the file has become.
+        env.write(FILE, "routes: [")?;
+        ask("talk", 0)?;
         let mut unknown = env.wrapyfi(["why", "nonsense", "--node", NODE])?;
         unknown.exits_with(2)?;
         assert!(unknown.stderr().contains("has no route \"nonsense\""), "{}", unknown.stderr());

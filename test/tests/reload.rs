@@ -169,6 +169,54 @@ fn a_reload_by_the_service_tells_the_difference() -> Result {
     })
 }
 
+/// A route that is added or taken away by the services holds beside what the file says, also when that is read again.
+#[test]
+fn routes_are_added_and_removed_by_the_services() -> Result {
+    run("reload_edits", &[Need::Program], |env| {
+        let config =
+            ["stays", "goes"].iter().fold(env.embedded(), |it, name| it.route(named(env, name)));
+        let bridge = env.bridge_named(FILE, &config)?;
+        there(&bridge, "goes")?;
+        let call = |service: &str, kind: &str, field: &str, text: &str| {
+            let service = ros2(&format!("/wrapyfi_bridge/{service}"));
+            let value = serde_json::json!({ field: text }).to_string();
+            let mut call =
+                env.wrapyfi(["call", &service, "--type", kind, "--value", &value, "--json"])?;
+            call.exits_with(0)?;
+            Result::Ok(call.stdout())
+        };
+        let add = |text: &str| call("add_route", "wrapyfi_msgs/srv/AddRoute", "route", text);
+        let remove =
+            |name: &str| call("remove_route", "wrapyfi_msgs/srv/RemoveRoute", "name", name);
+        let topic = env.topic("added");
+        let entry =
+            format!("name: added\nfrom: '{}'\nto: '{}'\ntype: Text", zeromq(&topic), ros2(&topic));
+        let told = add(&entry)?;
+        assert!(told.contains("true") && told.contains("1 added, 0 removed"), "{told}");
+        there(&bridge, "added")?;
+        // A second time it would be there twice; and what is no route is none.
+        for (wrong, why) in
+            [(entry.as_str(), "stands already"), ("{form: a}", "form"), ("x", "the added route")]
+        {
+            let told = add(wrong)?;
+            assert!(told.contains("false") && told.contains(why), "{told}");
+        }
+        let told = remove("goes")?;
+        assert!(told.contains("true") && told.contains("0 added, 1 removed"), "{told}");
+        until_route(&bridge, "goes", |route| route.is_none())?;
+        let told = remove("nobody")?;
+        assert!(told.contains("false") && told.contains("stays, added"), "{told}");
+        // The file is another: both changes hold.
+        env.write(FILE, text(env, &["stays", "goes", "comes"]))?;
+        there(&bridge, "comes")?;
+        there(&bridge, "added")?;
+        until_route(&bridge, "goes", |route| route.is_none())?;
+        let told = remove("added")?;
+        assert!(told.contains("0 added, 1 removed"), "{told}");
+        until_route(&bridge, "added", |route| route.is_none())
+    })
+}
+
 /// Settings that a middleware cannot start with leave its own routes waiting, with the reason; the rest of the plan
 /// holds, and so do the others' routes. It starts once it can.
 #[test]

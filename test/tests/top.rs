@@ -17,7 +17,7 @@ fn bridge(env: &TestEnv) -> Result<[Process; 3]> {
     let listener = env.wrapyfi(["echo", &zeromq(&topic), "--type", "NativeObject"])?;
     let talker = env.dds_publisher(&topic, "std_msgs/msg/String", "--text hello --rate 20")?;
     until_route(&bridge, "talk", |route| {
-        route.is_some_and(|route| route["counters"]["sent"].as_u64() > Some(10))
+        route.is_some_and(|route| route["messages_per_s"].as_f64() > Some(10.0))
     })?;
     Ok([bridge, listener, talker])
 }

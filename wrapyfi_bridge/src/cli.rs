@@ -7,6 +7,7 @@ use clap::{Args, Parser, Subcommand};
 use wrapyfi_core::endpoint::EndpointAddress;
 use wrapyfi_core::types::MessageType;
 
+use crate::middlewares::ServicePorts;
 use crate::options::EndpointOptions;
 use crate::own_address::OwnAddress;
 use crate::top::routes::Sort;
@@ -90,6 +91,10 @@ pub struct BridgeArgs {
     /// Print the routes' status as one JSON object a second on stdout; the parameter status_json.
     #[arg(long)]
     pub json: bool,
+    /// Port of 127.0.0.1 at which the live page is served, in place of the file's page.port; the parameter
+    /// page_port.
+    #[arg(long, value_name = "PORT", value_parser = clap::value_parser!(u16).range(1..))]
+    pub page: Option<u16>,
     /// Address at which others reach the endpoints of the routes.
     #[command(flatten)]
     pub own: OwnAddress,
@@ -167,7 +172,7 @@ pub struct WhyArgs {
 pub struct TopArgs {
     /// Node of the bridge, for instance /wrapyfi_bridge; without it the only bridge on the graph.
     pub node: Option<String>,
-    /// Print one table, with rates over `--every` seconds, and end.
+    /// Print one table and end.
     #[arg(long)]
     pub once: bool,
     /// Time between two questions to the bridge, in seconds.
@@ -290,27 +295,6 @@ pub struct CallArgs {
     /// Ports of the ZeroMQ broker.
     #[command(flatten)]
     pub ports: ServicePorts,
-}
-
-/// Ports of the ZeroMQ broker of requests and replies.
-#[derive(Debug, Clone, Copy, Default, Args)]
-pub struct ServicePorts {
-    /// On ZeroMQ, port that clients connect to; default from WRAPYFI_ZEROMQ_SOCKET_REP_PORT for call,
-    /// …_REQ_PORT for serve and broker, else 5558.
-    #[arg(long, value_name = "PORT")]
-    pub rep_port: Option<u16>,
-    /// On ZeroMQ, port that servers connect to; default from WRAPYFI_ZEROMQ_SOCKET_REP_PORT for serve
-    /// and broker, else 5559.
-    #[arg(long, value_name = "PORT")]
-    pub req_port: Option<u16>,
-}
-
-impl ServicePorts {
-    /// True where one was given.
-    #[must_use]
-    pub fn any(&self) -> bool {
-        self.rep_port.is_some() || self.req_port.is_some()
-    }
 }
 
 /// Arguments of `wrapyfi serve`.

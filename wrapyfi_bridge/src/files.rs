@@ -1,6 +1,11 @@
-//! Limit of files and connections that this process may have open.
+//! Configuration files, and the limit of files and connections that this process may have open.
+
+use std::fs::File;
+use std::io::Read as _;
+use std::path::Path;
 
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+use wrapyfi_core::engine::MAX_CONFIG_BYTES;
 
 /// Raises the limit of open files to what the system allows this user.
 ///
@@ -14,4 +19,14 @@ pub fn raise_limit() {
     {
         tracing::debug!(%error, "the limit of open files stays as it is");
     }
+}
+
+/// Reads a configuration file of at most [`MAX_CONFIG_BYTES`].
+///
+/// # Errors
+/// When it cannot be read, is longer, or is no UTF-8 text.
+pub fn read_file(file: &Path) -> std::io::Result<String> {
+    let mut text = String::new();
+    File::open(file)?.take(MAX_CONFIG_BYTES as u64 + 1).read_to_string(&mut text)?;
+    Ok(text)
 }

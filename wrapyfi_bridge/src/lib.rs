@@ -16,6 +16,7 @@
 //!   why       the first thing that is missing on a way, from facts
 //!   top       the routes of a bridge on a terminal
 //!   on_graph  diagnostics and services of a bridge that runs
+//!   page      the live page of a bridge that runs
 //!   reload    a configuration that changes while its bridge runs
 //!   files     how many may be open
 //!   lines     lines that a thread of their own writes
@@ -30,19 +31,24 @@ pub mod canonical;
 pub mod cli;
 pub mod command;
 pub mod describe;
+pub mod discovery_watch;
+pub mod edits;
 pub mod exit;
 pub mod files;
+pub mod in_force;
 pub mod input;
 pub mod lines;
 pub mod logging;
 pub mod middleware_bridge;
 pub mod middlewares;
 pub mod node;
+pub mod node_main;
 pub mod on_graph;
 pub mod options;
 pub mod output;
 pub mod overrides;
 pub mod own_address;
+pub mod page;
 pub mod reload;
 pub mod shutdown;
 pub mod table;

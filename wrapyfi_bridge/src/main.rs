@@ -8,11 +8,11 @@ use clap::Parser as _;
 use wrapyfi_bridge::cli::{Cli, Command};
 use wrapyfi_bridge::exit::{Failure, finish};
 use wrapyfi_bridge::shutdown::Shutdown;
-use wrapyfi_bridge::{command, logging, node};
+use wrapyfi_bridge::{command, logging, node_main};
 
 fn main() -> ExitCode {
     wrapyfi_bridge::files::raise_limit();
-    let (words, ros) = node::split(std::env::args_os());
+    let (words, ros) = node_main::split(std::env::args_os());
     finish(run(&Cli::parse_from(words), ros))
 }
 
@@ -20,7 +20,7 @@ fn run(cli: &Cli, ros: Vec<OsString>) -> Result<(), Failure> {
     if let Command::Bridge(args) = &cli.command {
         let level = logging::level(cli.log_level.as_deref().unwrap_or("info"));
         let level = level.map_err(Failure::usage)?;
-        return node::run(args, node::parse(ros.into_iter())?, None, level);
+        return node_main::run(args, node_main::parse(ros.into_iter())?, None, level);
     }
     if !ros.is_empty() {
         return Err(Failure::usage("--ros-args is for the nodes: `wrapyfi bridge --ros-args …`"));

@@ -4,10 +4,8 @@ use std::net::IpAddr;
 
 use clap::Args;
 use wrapyfi_core::middleware::{ros1, yarp};
-use wrapyfi_core::network::Place;
 
 use crate::exit::Failure;
-use crate::middlewares::Endpoints;
 
 /// The address that others are told of this program's ports on YARP and of its node on ROS 1.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Args)]
@@ -40,18 +38,6 @@ impl OwnAddress {
             ros1::NAME
         )))
     }
-
-    /// Goes before what the sections say.
-    pub fn enter(&self, endpoints: &mut Endpoints) {
-        let Endpoints { yarp, ros, .. } = endpoints;
-        for insecure in [&mut yarp.insecure.0, &mut ros.insecure.0] {
-            insecure.said(Place::Argument, self.ip.is_some(), self.insecure);
-        }
-        if let Some(ip) = self.ip {
-            yarp.say_ip(ip.to_string());
-            ros.hostname = Some(ip.to_string());
-        }
-    }
 }
 
 fn address(text: &str) -> Result<IpAddr, String> {
@@ -61,20 +47,6 @@ fn address(text: &str) -> Result<IpAddr, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn an_argument_goes_before_the_file_and_needs_its_own_word() {
-        let mut endpoints = Endpoints::default();
-        endpoints.yarp.insecure.0.is_allowed = true;
-        let own = OwnAddress { ip: Some([192, 0, 2, 7].into()), insecure: false };
-        own.enter(&mut endpoints);
-        assert_eq!(endpoints.yarp.ip.as_ref().unwrap().value, "192.0.2.7");
-        assert_eq!(endpoints.ros.hostname.as_deref(), Some("192.0.2.7"));
-        let refused = endpoints.yarp.check().unwrap_err().message;
-        assert!(refused.contains("192.0.2.7") && refused.contains("give --insecure"), "{refused}");
-        OwnAddress { insecure: true, ..own }.enter(&mut endpoints);
-        endpoints.yarp.check().unwrap();
-    }
 
     #[test]
     fn only_middlewares_with_such_an_address_take_it() {

@@ -3,23 +3,24 @@
 //! ```text
 //!   the file is another ─┐
 //!   SIGHUP ──────────────┼─▶ read, check, compare ─▶ Applier::apply ─▶ what is the same goes on
-//!   ~/reload ────────────┘     └ anything wrong: the routes stay as they are, and the reason is told
+//!   ~/reload ────────────┤     └ anything wrong: the routes stay as they are, and the reason is told
+//!   ~/add_route ─────────┤
+//!   ~/remove_route ──────┘
 //! ```
 
-use std::fs::File;
-use std::io::{IsTerminal as _, Read as _};
+use std::io::IsTerminal as _;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use signal_hook::consts::SIGHUP;
 use signal_hook::iterator::{Handle, Signals};
 use wrapyfi_core::endpoint::{BridgeMark, Context, Registry, Server, ServiceSpec, WAITING};
-use wrapyfi_core::engine::{Applier, MAX_CONFIG_BYTES, PlanDiff};
+use wrapyfi_core::engine::{Applier, PlanDiff};
 use wrapyfi_core::middleware::ros2::NodeHandle;
 use wrapyfi_core::node::parameters::ParameterStore;
 use wrapyfi_core::types::{Map, Payload, ServiceKind, Value};
@@ -27,12 +28,12 @@ use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_retry::contained;
 use wrapyfi_retry::thread::restarted;
 
-use crate::command::bridge::{ros2_types, warn_of_unheard};
+use crate::edits::Edits;
 use crate::exit::Failure;
+use crate::files::read_file;
+use crate::in_force::{InForce, Options, change_by, ros2_types, warn_of_unheard};
 use crate::middlewares::{self, Loaded, Middlewares, Settings};
 use crate::node::Node;
-use crate::overrides;
-use crate::own_address::OwnAddress;
 
 /// Time between two looks at the file. It is read once it has been the same for so long.
 const LOOK_EVERY: Duration = Duration::from_millis(250);
@@ -43,49 +44,48 @@ const STOP_WITHIN: Duration = Duration::from_millis(500);
 /// Most changes that get a line each in the log.
 const FEW: usize = 10;
 
-/// Reads a configuration file of at most [`MAX_CONFIG_BYTES`].
-///
-/// # Errors
-/// When it cannot be read, is longer, or is no UTF-8 text.
-pub fn read_file(file: &Path) -> std::io::Result<String> {
-    let mut text = String::new();
-    File::open(file)?.take(MAX_CONFIG_BYTES as u64 + 1).read_to_string(&mut text)?;
-    Ok(text)
-}
-
 /// Turns a bridge to the configuration that its file has now.
 pub struct Reload {
     /// File of the configuration.
     pub file: PathBuf,
     /// Middlewares that the routes run on.
     pub middlewares: Middlewares,
-    /// Address at which others reach the endpoints of the routes.
-    pub own: OwnAddress,
+    /// Arguments of the bridge.
+    pub options: Options,
+    /// Settings of now.
+    pub in_force: Arc<Mutex<InForce>>,
     /// The bridge's node.
     pub node: Node,
     /// Handle of the node on the graph; `None` where it is on none.
     pub handle: Option<NodeHandle>,
     /// The routes.
     pub routes: Applier,
+    /// Changes to the routes of the file.
+    pub edits: Edits,
+    /// Port of the live page since the start.
+    pub page_port: Option<u16>,
 }
 
 impl Reload {
-    /// Reads the file and applies it; text and difference. Everything that may be refused is tried
-    /// before anything changes.
-    fn apply(&mut self) -> Result<(String, PlanDiff), Failure> {
+    /// Reads the file and applies it with `edits`, of which one may leave out a `wanted` route; text and difference.
+    /// Everything that may be refused is tried before anything changes.
+    fn apply(
+        &mut self,
+        mut edits: Edits,
+        wanted: Option<&str>,
+    ) -> Result<(String, PlanDiff), Failure> {
         let name = self.file.display().to_string();
         let meta = std::fs::metadata(&self.file);
         let meta = meta.map_err(|error| Failure::usage(format!("{name}: {error}")))?;
         if !meta.is_file() {
             return Err(Failure::Usage(format!("{name} is no file: only a file is read again")));
         }
-        let Loaded { mut plan, mut endpoints, mut types, waiting_bytes, text, lines, .. } =
-            middlewares::load_and_learn(&self.file)?;
+        let mut loaded = middlewares::load_and_learn(&self.file, edits.added())?;
+        edits.leave_out(wanted, &mut loaded)?;
         // The node has its parameters once nothing can be refused any more.
         let mut parameters = self.node.parameters().map_err(Failure::usage)?;
-        middlewares::take_parameters(&mut endpoints, &mut parameters)?;
-        overrides::apply(&mut plan, &self.node, &mut parameters).map_err(Failure::usage)?;
-        self.own.enter(&mut endpoints);
+        change_by(&mut loaded, &self.node, &mut parameters, &self.options)?;
+        let Loaded { plan, endpoints, mut types, definitions, lines, text, .. } = loaded;
         let before = self.middlewares.settings();
         let settings = Settings::of(&endpoints, &plan, before)?;
         let refusals = before.refusals(&settings);
@@ -99,7 +99,7 @@ impl Reload {
         if let Some(handle) = &self.handle {
             registry.set_clock(handle.clock());
         }
-        warn_of_unheard(&plan, &lines, &self.node);
+        warn_of_unheard(&plan.index(|address| self.node.resolve(address)), &lines);
         if let Some(handle) = &self.handle {
             handle.types(|described| {
                 for name in ros2_types(&plan) {
@@ -114,17 +114,44 @@ impl Reload {
             tracing::info!("{change}");
         }
         self.middlewares.replace_by(next);
-        WAITING.set_limit(waiting_bytes);
+        self.edits = edits;
+        WAITING.set_limit(loaded.waiting_bytes);
+        if loaded.page_port.is_some() && loaded.page_port != self.page_port {
+            tracing::warn!("{name}: page.port is another: start the program anew for that");
+        }
+        *self.in_force.lock().unwrap_or_else(PoisonError::into_inner) =
+            InForce { file: name, endpoints, definitions };
         if let Some(handle) = &self.handle {
             handle.parameters(|store| declare_new(&parameters, store));
         }
         Ok((text, diff))
     }
 
-    /// As [`Reload::apply`], and logs what came of it.
+    /// As [`Reload::apply`] for the file as it is now, and logs the outcome.
     fn apply_and_tell(&mut self, known: &mut String) -> Result<PlanDiff, String> {
         let file = self.file.display().to_string();
-        told(&file, known, || self.apply())
+        told(&file, known, || self.apply(self.edits.clone(), None))
+    }
+
+    /// Does what a service asks for, and logs the outcome.
+    fn serve(
+        &mut self,
+        service: Asked,
+        text: &str,
+        known: &mut String,
+    ) -> Result<PlanDiff, String> {
+        let (file, mut edits) = (self.file.display().to_string(), self.edits.clone());
+        match service {
+            Asked::Reload => self.apply_and_tell(known),
+            Asked::AddRoute => told(&file, known, || {
+                edits.add(text)?;
+                self.apply(edits, None)
+            }),
+            Asked::RemoveRoute => told(&file, known, || {
+                edits.remove(text);
+                self.apply(edits, Some(text))
+            }),
+        }
     }
 }
 
@@ -217,11 +244,12 @@ impl Watch {
             });
             thread.context("cannot catch SIGHUP")?;
         }
-        let service = reload
-            .handle
-            .is_some()
-            .then(|| offer(&reload.node, reload.middlewares.registry(), &context));
-        let mut service = service.flatten();
+        let is_on_ros2 = reload.handle.is_some();
+        let offered = Asked::ALL.into_iter().filter(|_| is_on_ros2).filter_map(|service| {
+            let server = offer(service, &reload.node, reload.middlewares.registry(), &context)?;
+            Some((service, server))
+        });
+        let mut services: Vec<_> = offered.collect();
         let known = read_file(&reload.file).unwrap_or_default();
         let (told, wake) = (Arc::clone(&stop), context.wake.clone());
         let (alive, ended) = channel::<()>();
@@ -239,8 +267,8 @@ impl Watch {
                         // It is told in the log.
                         _ = reload.apply_and_tell(&mut looked.text);
                     }
-                    if let Some(server) = &mut service {
-                        answer(server.as_mut(), &mut reload, &mut looked.text);
+                    for (service, server) in &mut services {
+                        answer(*service, server.as_mut(), &mut reload, &mut looked.text);
                     }
                     wake.wait(LOOK_EVERY);
                 }
@@ -302,32 +330,62 @@ impl Looked {
     }
 }
 
-/// Offers `~/reload`, a `std_srvs/srv/Trigger`.
-fn offer(node: &Node, registry: &Registry, context: &Context) -> Option<Box<dyn Server>> {
+/// Service that changes the routes.
+#[derive(Debug, Clone, Copy)]
+enum Asked {
+    Reload,
+    AddRoute,
+    RemoveRoute,
+}
+
+impl Asked {
+    const ALL: [Self; 3] = [Self::Reload, Self::AddRoute, Self::RemoveRoute];
+
+    /// Name, type, and the field of a request that counts.
+    const fn described(self) -> (&'static str, &'static str, &'static str) {
+        match self {
+            Self::Reload => ("~/reload", "std_srvs/srv/Trigger", ""),
+            Self::AddRoute => ("~/add_route", "wrapyfi_msgs/srv/AddRoute", "route"),
+            Self::RemoveRoute => ("~/remove_route", "wrapyfi_msgs/srv/RemoveRoute", "name"),
+        }
+    }
+}
+
+/// Offers a service.
+fn offer(
+    service: Asked,
+    node: &Node,
+    registry: &Registry,
+    context: &Context,
+) -> Option<Box<dyn Server>> {
+    let (name, kind, _) = service.described();
     let mut types = TypeStore::generated();
-    let offered = ServiceKind::resolve("std_srvs/srv/Trigger", &mut types)
+    let offered = ServiceKind::resolve(kind, &mut types)
         .map_err(|error| error.to_string())
         .and_then(|kind| {
             let ros2 = registry.get("ros2").map_err(|error| error.to_string())?;
-            let name = node.resolve_service("~/reload").map_err(|error| error.to_string())?;
+            let name = node.resolve_service(name).map_err(|error| error.to_string())?;
             // No bridge by pattern carries it anywhere: what it calls has been everywhere.
-            let path = Middlewares::names().into_iter().map(str::to_owned).collect();
+            let path = middlewares::names().into_iter().map(str::to_owned).collect();
             let mark = Some(BridgeMark { bridge: BridgeMark::number(), path });
             ros2.open_server(&ServiceSpec { mark, ..ServiceSpec::new(name, kind) }, context)
                 .map_err(|error| error.to_string())
         });
-    offered.inspect_err(|error| tracing::warn!("~/reload is not offered: {error}")).ok()
+    offered.inspect_err(|error| tracing::warn!("{name} is not offered: {error}")).ok()
 }
 
-/// Answers those who asked by the service.
-fn answer(server: &mut dyn Server, reload: &mut Reload, known: &mut String) {
+/// Answers those who asked by a service.
+fn answer(service: Asked, server: &mut dyn Server, reload: &mut Reload, known: &mut String) {
+    let (name, _, field) = service.described();
     while let Ok(Some(asked)) = server.take() {
-        let told = reload.apply_and_tell(known);
+        let call = asked.request.into_call().unwrap_or_default();
+        let text = call.kwargs.get(field).and_then(Value::as_str).unwrap_or_default();
+        let told = reload.serve(service, text, known);
         let success = told.is_ok();
         let message = told.map_or_else(|why| why, |diff| diff.to_string());
         let fields: Map = [("success", Value::from(success)), ("message", message.into())].into();
         if let Err(error) = server.reply(asked.id, Ok(Payload::from(Value::Map(fields)))) {
-            tracing::warn!("~/reload was not answered: {error}");
+            tracing::warn!("{name} was not answered: {error}");
         }
     }
 }
@@ -335,6 +393,7 @@ fn answer(server: &mut dyn Server, reload: &mut Reload, known: &mut String) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use wrapyfi_core::engine::MAX_CONFIG_BYTES;
     use wrapyfi_core::node::NodeName;
     use wrapyfi_core::node::parameters::ParameterDescriptor;
 

@@ -1,13 +1,60 @@
-//! One builder for each middleware: the settings of the environment, changed where a program says otherwise.
+//! The one place where middlewares are made from their settings, whoever gives these.
 //!
 //! ```text
-//!   zeromq()  ros1(node)  ros2(node)  yarp()  ─ with(|settings| …) ─▶ start() ─▶ Middleware
-//!        └── WRAPYFI_ZEROMQ_*, ROS_MASTER_URI, ROS_DOMAIN_ID, yarp.conf
+//!   a program: zeromq() ros1(node) ros2(node) yarp(), changed by with(|settings| …)  ─┐
+//!   options of a method: communicator                                                 ├─▶ MiddlewareSettings::start ─▶ Middleware
+//!   a configuration: wrapyfi_bridge                                                  ─┘
+//!     └── each begins with the environment: WRAPYFI_ZEROMQ_*, ROS_MASTER_URI, ROS_DOMAIN_ID, yarp.conf
 //! ```
 
-use crate::communicator::StartError;
+use crate::communicator::OptionError;
+use crate::endpoint::Middleware;
+#[cfg(feature = "ros1")]
+use crate::middleware::ros1::{Ros1, Ros1Config, Ros1Error};
+#[cfg(feature = "yarp")]
+use crate::middleware::yarp::{Yarp, YarpConfig, YarpError};
+#[cfg(feature = "zeromq")]
+use crate::middleware::zeromq::{ZeroMq, ZeroMqConfig};
 
-/// A middleware of type `M` that is not started yet, with its settings `S`.
+/// Settings of a middleware that is not started yet.
+pub trait MiddlewareSettings {
+    /// The middleware that they are for.
+    type Middleware: Middleware + 'static;
+
+    /// Starts the middleware. A broker, master or name server elsewhere that is not there yet is no error: it is
+    /// waited for.
+    ///
+    /// # Errors
+    /// When the middleware refuses.
+    fn start(&self) -> Result<Self::Middleware, StartError>;
+}
+
+/// Error of starting a middleware.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StartError {
+    /// An option has a value that it cannot have.
+    #[error(transparent)]
+    Option(#[from] OptionError),
+    /// The settings can never work, in the words of the middleware.
+    #[error("{0}")]
+    Refused(String),
+    /// A machine or server that the settings name is not there.
+    #[error("{0}")]
+    Absent(String),
+    /// The system or a library refuses; a later try may succeed.
+    #[error("{0}")]
+    Failed(String),
+}
+
+impl StartError {
+    /// Makes [`StartError::Refused`] of the middleware's own error.
+    pub fn refused(reason: impl std::fmt::Display) -> Self {
+        Self::Refused(reason.to_string())
+    }
+}
+
+/// Settings as the environment has them, changed where a program says otherwise.
 ///
 /// ```no_run
 /// use wrapyfi_core::middleware::zeromq::BrokerMode;
@@ -18,19 +65,16 @@ use crate::communicator::StartError;
 ///         settings.pub_port = 5560;
 ///     })
 ///     .start()?;
-/// # Ok::<(), wrapyfi_core::communicator::StartError>(())
+/// # Ok::<(), wrapyfi_core::start::StartError>(())
 /// ```
 #[derive(Debug)]
 #[must_use = "nothing runs until it is started"]
-pub struct Builder<S, M> {
-    settings: Result<S, StartError>,
-    start: fn(S) -> Result<M, StartError>,
-}
+pub struct Builder<S>(Result<S, StartError>);
 
-impl<S, M> Builder<S, M> {
+impl<S: MiddlewareSettings> Builder<S> {
     /// Changes settings.
     pub fn with(mut self, change: impl FnOnce(&mut S)) -> Self {
-        if let Ok(settings) = &mut self.settings {
+        if let Ok(settings) = &mut self.0 {
             change(settings);
         }
         self
@@ -39,80 +83,154 @@ impl<S, M> Builder<S, M> {
     /// Starts the middleware.
     ///
     /// # Errors
-    /// When a variable of the environment has a value that it cannot have, or the middleware refuses. A broker, master
-    /// or name server elsewhere that is not there yet is no error: it is waited for.
-    pub fn start(self) -> Result<M, StartError> {
-        (self.start)(self.settings?)
+    /// When a variable of the environment has a value that it cannot have, or the middleware refuses.
+    pub fn start(self) -> Result<S::Middleware, StartError> {
+        self.0?.start()
+    }
+}
+
+/// Error of a middleware as one of three kinds.
+#[cfg(any(feature = "zeromq", feature = "ros1", feature = "ros2", feature = "yarp"))]
+fn failed(error: &dyn std::fmt::Display, is_hopeless: bool, is_absent: bool) -> StartError {
+    match (is_hopeless, is_absent) {
+        (true, _) => StartError::refused(error),
+        (false, true) => StartError::Absent(error.to_string()),
+        (false, false) => StartError::Failed(error.to_string()),
     }
 }
 
 /// ZeroMQ, as the variables `WRAPYFI_ZEROMQ_*` say; it runs the broker where there is none.
 #[cfg(feature = "zeromq")]
-pub fn zeromq()
--> Builder<crate::middleware::zeromq::ZeroMqConfig, crate::middleware::zeromq::ZeroMq> {
-    use crate::middleware::zeromq::{ZeroMq, ZeroMqConfig};
-    Builder {
-        settings: ZeroMqConfig::from_env().map_err(StartError::refused),
-        start: |settings| ZeroMq::start(&settings).map_err(StartError::refused),
+pub fn zeromq() -> Builder<ZeroMqConfig> {
+    Builder(ZeroMqConfig::from_env().map_err(StartError::refused))
+}
+
+#[cfg(feature = "zeromq")]
+impl MiddlewareSettings for ZeroMqConfig {
+    type Middleware = ZeroMq;
+
+    fn start(&self) -> Result<ZeroMq, StartError> {
+        ZeroMq::start(self).map_err(|error| failed(&error, error.is_hopeless(), false))
     }
 }
 
 /// ROS 1 as the node `node`, at the master that `ROS_MASTER_URI` names.
 #[cfg(feature = "ros1")]
-pub fn ros1(
-    node: &str,
-) -> Builder<crate::middleware::ros1::Ros1Config, crate::middleware::ros1::Ros1> {
-    use crate::middleware::ros1::{Ros1, Ros1Config};
+pub fn ros1(node: &str) -> Builder<Ros1Config> {
     let settings = Ros1Config::from_env().map_err(StartError::refused);
-    let start = |settings| Ros1::start(&settings).map_err(StartError::refused);
-    Builder { settings, start }.with(|settings| settings.node = Some(node.to_owned()))
+    Builder(settings).with(|settings| settings.node = Some(node.to_owned()))
 }
 
-/// Settings of a node on ROS 2.
-#[cfg(feature = "ros2")]
-#[derive(Debug)]
-#[non_exhaustive]
-pub struct Ros2Settings {
-    /// Name of the node, its domain, and what CycloneDDS needs beside them.
-    pub cyclone: crate::middleware::ros2::CycloneConfig,
-    /// What carries the graph; `None`: as the environment says.
-    pub adapter: Option<crate::middleware::ros2::Adapter>,
-    /// Variables of ROS 2 as they were read.
-    environment: crate::middleware::ros2::environment::Environment,
-}
+#[cfg(feature = "ros1")]
+impl MiddlewareSettings for Ros1Config {
+    type Middleware = Ros1;
 
-/// ROS 2 as the node `node`, such as `camera` or `/lab/camera`, in the domain and on the middleware that the variables
-/// of ROS 2 name. Topics are not remapped.
-#[cfg(feature = "ros2")]
-pub fn ros2(node: &str) -> Builder<Ros2Settings, crate::middleware::ros2::Ros2> {
-    use crate::middleware::ros2::{CycloneConfig, Ros2, environment, join};
-    use crate::node::NodeName;
-    let settings = || {
-        let (namespace, name) = node.rsplit_once('/').unwrap_or(("/", node));
-        let name = NodeName::new(name, namespace)
-            .map_err(|error| StartError::refused(format_args!("node {node:?}: {error}")))?;
-        let environment =
-            environment::read(|name| std::env::var(name).ok()).map_err(StartError::refused)?;
-        let cyclone = CycloneConfig::from_environment(name, &environment);
-        Ok(Ros2Settings { cyclone, adapter: None, environment })
-    };
-    let start = |settings: Ros2Settings| {
-        let Ros2Settings { cyclone, adapter, environment } = settings;
-        environment.log();
-        let own = cyclone.node.clone();
-        let joined = join(&cyclone, &environment, adapter, "/").map_err(StartError::refused)?;
-        Ok(Ros2::joined(joined, move |topic| own.expand(topic).map_err(|error| error.to_string())))
-    };
-    Builder { settings: settings(), start }
+    fn start(&self) -> Result<Ros1, StartError> {
+        let is_absent = |error: &Ros1Error| matches!(error, Ros1Error::Config(_));
+        Ros1::start(self).map_err(|error| failed(&error, error.is_hopeless(), is_absent(&error)))
+    }
 }
 
 /// YARP, at the name server that `yarp.conf` names.
 #[cfg(feature = "yarp")]
-pub fn yarp() -> Builder<crate::middleware::yarp::YarpConfig, crate::middleware::yarp::Yarp> {
-    use crate::middleware::yarp::{Yarp, YarpConfig};
-    Builder {
-        settings: YarpConfig::from_env().map_err(StartError::refused),
-        start: |settings| Yarp::start(&settings).map_err(StartError::refused),
+pub fn yarp() -> Builder<YarpConfig> {
+    Builder(YarpConfig::from_env().map_err(StartError::refused))
+}
+
+#[cfg(feature = "yarp")]
+impl MiddlewareSettings for YarpConfig {
+    type Middleware = Yarp;
+
+    fn start(&self) -> Result<Yarp, StartError> {
+        let is_absent =
+            |error: &YarpError| matches!(error, YarpError::NameServer(_) | YarpError::Host { .. });
+        Yarp::start(self).map_err(|error| failed(&error, error.is_hopeless(), is_absent(&error)))
+    }
+}
+
+#[cfg(feature = "ros2")]
+pub use ros2::{Ros2Settings, ros2};
+#[cfg(feature = "ros2")]
+mod ros2 {
+    use std::sync::Arc;
+
+    use super::{Builder, MiddlewareSettings, StartError, failed};
+    use crate::middleware::ros2::environment::{self, Environment};
+    use crate::middleware::ros2::{Adapter, CycloneConfig, JoinError, Ros2, join};
+    use crate::node::NodeName;
+
+    /// Rule that gives a topic the name that it has for the node, or says what is wrong with it.
+    type Remap = dyn Fn(&str) -> Result<String, String> + Send + Sync;
+
+    /// Settings of a node on ROS 2.
+    #[derive(Clone)]
+    #[non_exhaustive]
+    pub struct Ros2Settings {
+        /// Name of the node, its domain, and what CycloneDDS needs beside them.
+        pub cyclone: CycloneConfig,
+        /// What carries the graph; `None`: as the environment says.
+        pub adapter: Option<Adapter>,
+        /// Name of the node for security, `/` where it has none.
+        pub enclave: String,
+        /// Variables of ROS 2 as they were read.
+        environment: Environment,
+        remap: Arc<Remap>,
+    }
+
+    impl Ros2Settings {
+        /// Settings of a node, as the variables of ROS 2 say that `lookup` gives. Topics are expanded in the node's
+        /// namespace, and not remapped.
+        ///
+        /// # Errors
+        /// When a variable has a value that it cannot have.
+        pub fn of_node(
+            node: NodeName,
+            lookup: impl Fn(&str) -> Option<String>,
+        ) -> Result<Self, StartError> {
+            let environment = environment::read(lookup).map_err(StartError::refused)?;
+            let cyclone = CycloneConfig::from_environment(node.clone(), &environment);
+            let expand = move |topic: &str| node.expand(topic).map_err(|error| error.to_string());
+            let (adapter, enclave) = (None, "/".to_owned());
+            Ok(Self { cyclone, adapter, enclave, environment, remap: Arc::new(expand) })
+        }
+
+        /// Sets the rule that gives topics their names.
+        #[must_use]
+        pub fn remapped(
+            self,
+            remap: impl Fn(&str) -> Result<String, String> + Send + Sync + 'static,
+        ) -> Self {
+            Self { remap: Arc::new(remap), ..self }
+        }
+    }
+
+    impl std::fmt::Debug for Ros2Settings {
+        fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+            f.debug_tuple("Ros2Settings").field(&self.cyclone).finish_non_exhaustive()
+        }
+    }
+
+    /// ROS 2 as the node `node`, such as `camera` or `/lab/camera`, in the domain and on the middleware that the
+    /// variables of ROS 2 name.
+    pub fn ros2(node: &str) -> Builder<Ros2Settings> {
+        let (namespace, name) = node.rsplit_once('/').unwrap_or(("/", node));
+        let name = NodeName::new(name, namespace)
+            .map_err(|error| StartError::refused(format_args!("node {node:?}: {error}")));
+        Builder(name.and_then(|name| Ros2Settings::of_node(name, |name| std::env::var(name).ok())))
+    }
+
+    impl MiddlewareSettings for Ros2Settings {
+        type Middleware = Ros2;
+
+        fn start(&self) -> Result<Ros2, StartError> {
+            let Self { cyclone, adapter, enclave, environment, remap } = self.clone();
+            environment.log();
+            let joined = join(&cyclone, &environment, adapter, &enclave);
+            let is_refused =
+                |error: &JoinError| matches!(error, JoinError::NotBuilt(_) | JoinError::Rmw(_));
+            let joined = joined.map_err(|error| failed(&error, is_refused(&error), false))?;
+            Ok(Ros2::joined(joined, move |topic| remap(topic)))
+        }
     }
 }
 

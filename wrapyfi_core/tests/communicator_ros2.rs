@@ -5,16 +5,16 @@ use crate::ros2_common;
 use std::sync::Arc;
 
 use crate::communicator_common as common;
-use wrapyfi_core::communicator::{Context, Mode, communicator};
+use wrapyfi_core::communicator::{CommunicatorContext, Mode, communicator};
 use wrapyfi_core::middleware::ros2::{CycloneGraph, Ros2};
 
 const MWARE: &str = "ros2";
 
 /// Two nodes of a test, numbered from 0, that hear each other.
-fn contexts() -> (Context, Context) {
+fn contexts() -> (CommunicatorContext, CommunicatorContext) {
     let context = |graph: CycloneGraph| {
         let ros2 = Ros2::new(Arc::new(graph), |topic| Ok(topic.to_owned()));
-        Context::builder().only(Arc::new(ros2)).build()
+        CommunicatorContext::builder().only(Arc::new(ros2)).build()
     };
     (context(ros2_common::near("here")), context(ros2_common::far("there")))
 }

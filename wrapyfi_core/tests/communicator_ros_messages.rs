@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use wrapyfi_core::communicator::{Context, MethodError, Mode, communicator};
+use wrapyfi_core::communicator::{CommunicatorContext, MethodError, Mode, communicator};
 use wrapyfi_core::middleware::memory::Memory;
 use wrapyfi_core::types::{RosMessage, RosType, Value};
 use wrapyfi_interfaces::geometry_msgs::msg::{Twist, Vector3};
@@ -68,7 +68,7 @@ fn definitions() -> TypeStore {
 
 fn pair_of_robots() -> [RobotCommunicator; 2] {
     let memory = Arc::new(Memory::new("memory"));
-    let context = Context::builder().only(memory).types(definitions()).build();
+    let context = CommunicatorContext::builder().only(memory).types(definitions()).build();
     let mut robots = [0, 1].map(|_| Robot { x: 0.0 }.communicator_in(&context));
     for method in [RobotMethod::Drive, RobotMethod::Pair, RobotMethod::Named] {
         robots[0].activate(method, Mode::Publish).unwrap();

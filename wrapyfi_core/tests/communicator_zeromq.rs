@@ -6,13 +6,13 @@ use crate::zeromq_common;
 use std::sync::Arc;
 
 use crate::communicator_common as common;
-use wrapyfi_core::communicator::{Context, MethodError, Mode, communicator};
+use wrapyfi_core::communicator::{CommunicatorContext, MethodError, Mode, communicator};
 use wrapyfi_core::middleware::zeromq::{BrokerMode, ServiceBroker, ServiceBrokerConfig, ZeroMq};
 
 const MWARE: &str = "zeromq";
 
 /// A side with the broker, and one that uses it.
-fn contexts() -> (Context, Context) {
+fn contexts() -> (CommunicatorContext, CommunicatorContext) {
     let services = ServiceBroker::start(&ServiceBrokerConfig {
         rep_port: 0,
         req_port: 0,
@@ -29,7 +29,7 @@ fn contexts() -> (Context, Context) {
     let other = with_services(zeromq_common::foreign(one.pub_port(), one.sub_port()));
     // Runs until the process ends: each test has a process of its own.
     std::mem::forget(services);
-    let context = |zeromq| Context::builder().only(Arc::new(zeromq)).build();
+    let context = |zeromq| CommunicatorContext::builder().only(Arc::new(zeromq)).build();
     (context(one), context(other))
 }
 
@@ -102,7 +102,7 @@ fn free_ports() -> (u16, u16) {
 #[test]
 fn the_standard_context_needs_nothing_else() {
     let (pub_port, sub_port) = free_ports();
-    let context = Context::builder().build();
+    let context = CommunicatorContext::builder().build();
     let mut instances = [Speaker.communicator_in(&context), Speaker.communicator_in(&context)];
     for instance in &mut instances {
         instance.activate(SpeakerMethod::Say, ["publish", "listen"]).unwrap();
@@ -131,7 +131,7 @@ fn the_standard_context_needs_nothing_else() {
 fn a_port_that_is_no_brokers_is_named() {
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let port = taken.local_addr().unwrap().port();
-    let mut speaker = Speaker.communicator_in(&Context::builder().build());
+    let mut speaker = Speaker.communicator_in(&CommunicatorContext::builder().build());
     speaker.activate(SpeakerMethod::Say, Mode::Publish).unwrap();
     let error = speaker.say(port, free_ports().0).unwrap_err();
     assert!(matches!(error, MethodError::Start { .. }), "{error:?}");

@@ -21,8 +21,8 @@ use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 use wrapyfi_yarp::port::names::NameRequest;
 use wrapyfi_yarp::port::{
-    InputOptions, InputPort, Message, Network, OutputOptions, OutputPort, Payload, PortOptions,
-    RpcServer,
+    Answer, InputOptions, InputPort, Message, Network, OutputOptions, OutputPort, PortOptions,
+    PortPayload, RpcServer,
 };
 use wrapyfi_yarp::server::{NameServer, NameServerOptions};
 use wrapyfi_yarp::sig::{Sound, Vector};
@@ -84,7 +84,7 @@ impl YarpNetwork {
             }
             Kind::Rpc => {
                 let options = unregistered();
-                let opened = network.open_rpc_server(name, &options);
+                let opened = network.serve(name, &options, async |_, _| Answer::Nothing);
                 let opened = self.runtime.block_on(opened).unwrap();
                 let address = opened.address();
                 (Port::Rpc { _port: opened }, address)
@@ -255,7 +255,7 @@ fn the_first_message_shows_the_type() {
         ("/words", words.encode(Dialect::V3).unwrap(), "wrapyfi_msgs/msg/NativeObject"),
     ];
     let sends = sends.map(|(name, bytes, wanted)| {
-        (name, net.output(name, &counts), Message::new(Payload::object(bytes)), wanted)
+        (name, net.output(name, &counts), Message::new(PortPayload::object(bytes)), wanted)
     });
     let silent = net.output("/silent", &counts);
     let yarp = Arc::new(net.yarp());
@@ -329,7 +329,7 @@ fn a_port_under_carrier_mjpeg_has_files() {
         let spec = TopicSpec::new(name, MessageType::CompressedImage);
         let mut sink = yarp.open_listener(&spec, &context).unwrap();
         until("a file", || {
-            send(&cam, &Message::new(Payload::raw(jpeg.clone())));
+            send(&cam, &Message::new(PortPayload::raw(jpeg.clone())));
             let Some(sample) = sink.take().unwrap() else { return false };
             let types::Payload::Image(image) = sample.payload else { panic!("no picture") };
             matches!(image.pixels, types::Pixels::Compressed { data, .. } if *data == jpeg[..])

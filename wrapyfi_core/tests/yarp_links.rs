@@ -17,8 +17,8 @@ use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_yarp::bottle::Vocab;
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 use wrapyfi_yarp::port::{
-    Acknowledge, Answer, InputOptions, Message, Network, OutputOptions, Payload as PortPayload,
-    PortOptions, Reading, Received,
+    Acknowledge, Answer, InputOptions, Message, Network, OutputOptions, PortOptions, PortPayload,
+    Reading, Received,
 };
 use wrapyfi_yarp::server::{NameServer, NameServerOptions};
 use wrapyfi_yarp::sig::{Image, PixelCode, Stamp};
@@ -57,9 +57,12 @@ impl YarpNetwork {
 
     /// Network of ports of another program.
     fn network(&self) -> Network {
+        Network::builder().names(self.names()).listen(self.address.ip()).build()
+    }
+
+    fn names(&self) -> NameClient {
         let host = self.address.ip().to_string();
-        let conf = NameServerConf { host, port: self.address.port() };
-        Network::builder().names(NameClient::new(conf)).listen(self.address.ip()).build()
+        NameClient::new(NameServerConf { host, port: self.address.port() })
     }
 }
 
@@ -151,7 +154,7 @@ fn a_name_server_may_end_and_come_back() {
         flows(&mut *source, (&mut *sink, &here), 5..10);
         net.begin();
         // Known again, without anybody asking them to.
-        let names = net.network();
+        let names = net.names();
         let registered = || {
             let found = net.runtime.block_on(names.list("")).unwrap();
             let of_topic = found.iter().filter(|port| port.name.starts_with(&spec.topic));

@@ -12,7 +12,7 @@ use crate::zeromq_common::{
 };
 use wrapyfi_core::Limits;
 use wrapyfi_core::middleware::zeromq::{
-    Answer, Broker, BrokerConfig, BrokerError, StartError, ZeroMq, ZeroMqConfig,
+    Answer, Broker, BrokerConfig, BrokerError, ZeroMq, ZeroMqConfig, ZeroMqError,
 };
 
 #[test]
@@ -129,7 +129,7 @@ fn addresses_others_can_reach_are_refused() {
     assert!(matches!(Broker::start(&elsewhere), Err(BrokerError::NotHere { .. })));
 }
 
-fn start_on(pub_port: u16, sub_port: u16) -> Result<ZeroMq, StartError> {
+fn start_on(pub_port: u16, sub_port: u16) -> Result<ZeroMq, ZeroMqError> {
     ZeroMq::start(&ZeroMqConfig { pub_port, sub_port, ..ZeroMqConfig::default() })
 }
 
@@ -138,7 +138,7 @@ fn a_silent_program_on_the_port_is_named() {
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
     let port = taken.local_addr().unwrap().port();
     let error = start_on(port, 0).unwrap_err();
-    let StartError::PortTaken { port: named, answer, .. } = &error else { panic!("{error}") };
+    let ZeroMqError::PortTaken { port: named, answer, .. } = &error else { panic!("{error}") };
     assert_eq!((*named, answer), (port, &Answer::Silent));
     assert!(error.to_string().contains(&port.to_string()), "{error}");
 }
@@ -148,7 +148,7 @@ fn another_zeromq_program_on_the_port_is_named() {
     let context = zmq::Context::new();
     let (_rep, port) = bound(&context, zmq::REP);
     let error = start_on(0, port).unwrap_err();
-    let StartError::PortTaken { port: named, answer, .. } = &error else { panic!("{error}") };
+    let ZeroMqError::PortTaken { port: named, answer, .. } = &error else { panic!("{error}") };
     assert_eq!((*named, answer), (port, &Answer::Socket("REP".into())));
     assert!(error.to_string().contains("REP"), "{error}");
 }

@@ -11,7 +11,7 @@ use wrapyfi_core::endpoint::{
     Context, DropReason, Link, Listener, Middleware, OpenError, Overflow, PublishError, Publisher,
     QueueSpec, Sample, TopicSpec,
 };
-use wrapyfi_core::middleware::zeromq::{Broker, BrokerConfig, StartError, ZeroMq, ZeroMqConfig};
+use wrapyfi_core::middleware::zeromq::{Broker, BrokerConfig, ZeroMq, ZeroMqConfig, ZeroMqError};
 use wrapyfi_core::types::{MessageType, Payload, Value};
 
 fn spec(topic: &str) -> TopicSpec {
@@ -314,7 +314,7 @@ fn names_that_cannot_work_are_refused() {
         }
     }
     let empty = ZeroMqConfig { monitor_topic: String::new(), ..embedded() };
-    assert!(matches!(ZeroMq::start(&empty), Err(StartError::MonitorTopic { .. })));
+    assert!(matches!(ZeroMq::start(&empty), Err(ZeroMqError::MonitorTopic { .. })));
 }
 
 #[test]
@@ -341,6 +341,25 @@ fn there_is_room_for_more_endpoints_than_a_context_has_sockets() {
         raw.send_multipart([topic.as_str(), "3"], 0).unwrap();
         assert_eq!(next(&mut **listener).payload, number(3), "{topic}");
     }
+}
+
+#[test]
+fn a_publisher_without_files_says_so_and_connects_when_there_are_some() {
+    use rustix::process::{Resource, getrlimit, setrlimit};
+    let limit = getrlimit(Resource::Nofile);
+    setrlimit(Resource::Nofile, rustix::process::Rlimit { current: Some(256), ..limit }).unwrap();
+    let broker = Broker::start(&any_ports()).unwrap();
+    let zeromq = ZeroMq::start(&foreign(broker.pub_port(), broker.sub_port())).unwrap();
+    let files: Vec<_> =
+        std::iter::from_fn(|| std::fs::File::open("/dev/null").ok()).take(256).collect();
+    assert!(files.len() < 256);
+    let publisher = zeromq.open_publisher(&spec("/a"), &Context::default()).unwrap();
+    let said = || publisher.link().waiting_for.unwrap_or_default();
+    wait_until("the reason", || {
+        said().contains("limit of open files") && said().contains("ulimit -n")
+    });
+    drop(files);
+    wait_until("the connection", || publisher.link().waiting_for.is_none());
 }
 
 #[test]

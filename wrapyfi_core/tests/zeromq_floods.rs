@@ -189,6 +189,39 @@ fn what_waits_when_its_publisher_ends_is_counted() {
     drop((zeromq, broker));
 }
 
+/// A message that never reached the broker cannot come back: an equal one is somebody else's.
+#[test]
+fn a_message_like_one_that_was_lost_is_received() {
+    let (sub_side, sub_port) = stalled_broker();
+    let (pub_side, pub_port) = bound(&zmq::Context::new(), zmq::XPUB);
+    let config = ZeroMqConfig { send_hwm: HWM, ..foreign(pub_port, sub_port) };
+    let zeromq = ZeroMq::start(&config).unwrap();
+    let (spec, context) = (TopicSpec::new("/a", MessageType::NativeObject), Context::default());
+    let mut listener = zeromq.open_listener(&spec, &context).unwrap();
+    let mut publisher = zeromq.open_publisher(&spec, &context).unwrap();
+    assert_eq!(pub_side.recv_bytes(0).unwrap(), b"\x01/a");
+    introduce(&sub_side, &*publisher);
+    let text = |number: u32| format!("{number} {}", "x".repeat(Limits::MIB));
+    let mut next = 0;
+    wait_until("a full queue", || {
+        let accepted = pass_on(&mut *publisher, &context, &Payload::from(Value::Str(text(next))));
+        next += u32::from(accepted);
+        !accepted
+    });
+    drop(sub_side);
+    Stuck::lost(&context, DropReason::ConnectionLost, u64::from(HWM));
+    // The last that was accepted is one of those that waited.
+    let lost = text(next - 1);
+    pub_side.send_multipart(["/a", &format!("\"{lost}\"")], 0).unwrap();
+    let mut received = None;
+    wait_until("the message", || {
+        received = received.take().or_else(|| listener.take().unwrap());
+        received.is_some()
+            || context.counters.snapshot().dropped_for(DropReason::OwnPublication) > 0
+    });
+    assert_eq!(received.map(|sample| sample.payload), Some(Payload::from(Value::Str(lost))));
+}
+
 #[test]
 fn an_instance_that_ends_sends_what_its_broker_takes() {
     let Stuck { broker, zeromq, publisher, context } = Stuck::new(HWM, DropReason::SendQueueFull);

@@ -289,6 +289,42 @@ fn replies_that_nobody_waits_for_are_counted() {
     wait_for(&broker, "the lost one", |status| status.unheard == 1);
 }
 
+/// Replies that a broker has no room for are still sent when their server ends.
+#[test]
+fn a_server_that_ends_sends_the_replies_that_wait() {
+    const REPLIES: u64 = 12;
+    let broker = zmq::Context::new().socket(zmq::DEALER).unwrap();
+    broker.set_linger(0).unwrap();
+    broker.set_rcvtimeo(2_000).unwrap();
+    // It holds little, and TCP on the way to it.
+    broker.set_rcvhwm(1).unwrap();
+    broker.set_rcvbuf(64 * 1024).unwrap();
+    broker.bind("tcp://127.0.0.1:*").unwrap();
+    let endpoint = broker.get_last_endpoint().unwrap().unwrap();
+    let port = endpoint.rsplit(':').next().unwrap().parse().unwrap();
+    let foreign = BrokerMode::Foreign;
+    let (rep_port, req_port) = (port, port);
+    let config = ZeroMqConfig { rep_port, req_port, ..ZeroMqConfig::default() };
+    let zeromq =
+        ZeroMq::start(&ZeroMqConfig { broker: foreign, service_broker: foreign, ..config });
+    let zeromq = zeromq.unwrap();
+    let (mut server, context) = server(&zeromq, &native());
+    for _ in 0..REPLIES {
+        broker.send_multipart([&b"client"[..], b"", b"[[], {}]"], 0).unwrap();
+        let asked = until("a request", || server.take().unwrap());
+        let reply = Value::Str("x".repeat(1 << 20));
+        server.reply(asked.id, Ok(reply.into())).unwrap();
+    }
+    drop(server);
+    let read = std::iter::from_fn(|| broker.recv_multipart(0).ok()).count();
+    let counted = context.counters.snapshot();
+    assert_eq!(
+        (read as u64, counted.sent, counted.dropped()),
+        (REPLIES, REPLIES, 0),
+        "{counted:?}"
+    );
+}
+
 #[test]
 fn the_first_server_brings_the_broker_and_the_next_process_uses_it() {
     let start = |rep_port, req_port| {

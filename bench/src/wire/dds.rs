@@ -7,7 +7,7 @@ use anyhow::Result;
 use wrapyfi_core::codec::ros;
 use wrapyfi_core::endpoint::{Qos, Wake};
 use wrapyfi_core::middleware::ros2::graph::{
-    CdrReader, CdrWriter, Graph, Notify, ServiceMapping, TopicDescription,
+    CdrReader, CdrWriter, Graph, Notify, TopicDescription,
 };
 use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneGraph};
 use wrapyfi_core::node::NodeName;
@@ -17,38 +17,20 @@ use crate::clock;
 use crate::payload::{Kind, Maker, Numbered, number_in_cdr};
 
 /// A node of its own on this host.
-pub(crate) fn graph(name: &str, domain: u32, services: ServiceMapping) -> Result<CycloneGraph> {
+fn graph(name: &str, domain: u32) -> Result<CycloneGraph> {
     let node = NodeName::new(name, "/bench")?;
-    let mut config = CycloneConfig { services, ..CycloneConfig::loopback(node, domain) };
-    // Set by `--cyclonedds-uri`, for the bridge and the bare ends alike.
-    config.extra_uri = std::env::var("CYCLONEDDS_URI").ok();
-    Ok(CycloneGraph::new(&config)?)
+    Ok(CycloneGraph::new(&CycloneConfig::loopback(node, domain))?)
 }
 
-fn topic(name: &str, place: &Place) -> TopicDescription {
+fn topic(place: &Place) -> TopicDescription {
     let message_type = place.payload.message_type();
     TopicDescription {
-        name: name.to_owned(),
+        name: place.topic.clone(),
         type_name: message_type.ros_type().to_owned(),
         type_hash: Some(ros::type_hash(message_type).to_owned()),
         qos: Qos::default(),
         max_bytes: 64 << 20,
     }
-}
-
-/// A writer of a node of its own.
-pub(crate) fn writer(name: &str, place: &Place) -> Result<Box<dyn CdrWriter>> {
-    Ok(graph("source", place.domain, ServiceMapping::Cyclone)?
-        .advertise(&topic(name, place), Arc::new(|| {}))?)
-}
-
-/// A reader of a node of its own, and what rings when there is something to take.
-pub(crate) fn reader(name: &str, place: &Place) -> Result<(Box<dyn CdrReader>, Wake)> {
-    let wake = Wake::new();
-    let bell = wake.clone();
-    let notify: Notify = Arc::new(move || bell.ring());
-    let graph = graph("sink", place.domain, ServiceMapping::Cyclone)?;
-    Ok((graph.subscribe(&topic(name, place), notify)?, wake))
 }
 
 pub(super) struct Out {
@@ -58,7 +40,8 @@ pub(super) struct Out {
 
 impl Out {
     pub(super) fn new(maker: &Maker, place: &Place) -> Result<Self> {
-        Ok(Self { writer: writer(&place.topic, place)?, message: maker.cdr()? })
+        let writer = graph("source", place.domain)?.advertise(&topic(place), Arc::new(|| {}))?;
+        Ok(Self { writer, message: maker.cdr()? })
     }
 }
 
@@ -81,7 +64,10 @@ pub(super) struct In {
 
 impl In {
     pub(super) fn new(place: &Place) -> Result<Self> {
-        let (reader, wake) = reader(&place.topic, place)?;
+        let wake = Wake::new();
+        let bell = wake.clone();
+        let notify: Notify = Arc::new(move || bell.ring());
+        let reader = graph("sink", place.domain)?.subscribe(&topic(place), notify)?;
         Ok(Self { reader, wake, kind: place.payload })
     }
 }

@@ -6,7 +6,7 @@
 //! | `dds` | plain CDR writer and reader on CycloneDDS, messages encoded beforehand |
 //! | `wrapyfi` | publisher and listener of our library over ZeroMQ, coding included |
 
-pub(crate) mod dds;
+mod dds;
 mod wrapyfi;
 pub(crate) mod zmq;
 

@@ -17,7 +17,7 @@ pub(crate) fn connect_publisher(sub_port: u16) -> Result<zmq::Socket> {
 }
 
 /// A SUB at the broker's port for listeners.
-pub(crate) fn subscribe(topic: &str, pub_port: u16) -> Result<zmq::Socket> {
+fn subscribe(topic: &str, pub_port: u16) -> Result<zmq::Socket> {
     let socket = zmq::Context::new().socket(zmq::SUB)?;
     socket.set_linger(0)?;
     socket.set_subscribe(topic.as_bytes())?;
@@ -26,7 +26,7 @@ pub(crate) fn subscribe(topic: &str, pub_port: u16) -> Result<zmq::Socket> {
 }
 
 /// The frames of the next message.
-pub(crate) fn receive(socket: &zmq::Socket) -> Result<Vec<zmq::Message>> {
+fn receive(socket: &zmq::Socket) -> Result<Vec<zmq::Message>> {
     let mut frames = vec![socket.recv_msg(0)?];
     while socket.get_rcvmore()? {
         frames.push(socket.recv_msg(0)?);

@@ -299,6 +299,44 @@ fn a_slow_subscriber_stalls_nobody() {
     assert!(dropped(DropReason::ConnectionLost) > 0);
 }
 
+/// A server of `/big`, and its address.
+fn big_service(master: &Master, node: &Ros1) -> (ServerEnd, String) {
+    let server = ServerEnd::open(node, &ServiceSpec::new("/big", ServiceKind::NativeObject));
+    let mut address = String::new();
+    wait_until(&Wake::new(), "the service", || {
+        let found = master.ask("lookupService", vec![text("/raw"), text("/big")]).value;
+        let Value::String(uri) = found else { return false };
+        address = uri.trim_start_matches("rosrpc://").trim_end_matches('/').to_owned();
+        !address.is_empty()
+    });
+    (server, address)
+}
+
+/// A client that does not read its reply, which is more than TCP takes.
+fn ask_big(server: &mut ServerEnd, address: &str) -> TcpStream {
+    let own = Header::new().with("callerid", "/raw").with("service", "/big").with("md5sum", "*");
+    let (mut client, _header) = greet(address, &own);
+    client.write_all(&message("[[], {}]")).unwrap();
+    let request = server.receive();
+    server.answer(request.id, said(&"x".repeat(12 * Limits::MIB)));
+    client
+}
+
+#[test]
+fn a_reply_that_its_node_ends_in_the_middle_of_is_counted() {
+    let master = Master::start();
+    let near = node(&master, "near");
+    let (mut server, address) = big_service(&master, &near);
+    let mut client = ask_big(&mut server, &address);
+    client.read_exact(&mut [0; 5]).unwrap();
+    assert_eq!(server.counters().sent, 1, "it is on its way");
+    drop(near);
+    let counted = server.counters();
+    assert_eq!((counted.sent, counted.dropped_for(DropReason::Closed)), (0, 1), "{counted:?}");
+    drop(server);
+    assert_eq!(WAITING.used(), 0);
+}
+
 /// Clients that never read their replies cost their server a quarter of what may wait; the others are told.
 #[test]
 fn replies_that_nobody_reads_are_bounded_in_bytes() {
@@ -306,24 +344,8 @@ fn replies_that_nobody_reads_are_bounded_in_bytes() {
     WAITING.set_limit(128 * Limits::MIB);
     let (master, bell) = (Master::start(), Wake::new());
     let near = node(&master, "near");
-    let mut server = ServerEnd::open(&near, &ServiceSpec::new("/big", ServiceKind::NativeObject));
-    let mut address = String::new();
-    wait_until(&bell, "the service", || {
-        let found = master.ask("lookupService", vec![text("/raw"), text("/big")]).value;
-        let Value::String(uri) = found else { return false };
-        address = uri.trim_start_matches("rosrpc://").trim_end_matches('/').to_owned();
-        !address.is_empty()
-    });
-    let own = Header::new().with("callerid", "/raw").with("service", "/big").with("md5sum", "*");
-    // More than TCP takes.
-    let big = said(&"x".repeat(12 * Limits::MIB));
-    let ask = |server: &mut ServerEnd| {
-        let (mut client, _header) = greet(&address, &own);
-        client.write_all(&message("[[], {}]")).unwrap();
-        let request = server.receive();
-        server.answer(request.id, big.clone());
-        client
-    };
+    let (mut server, address) = big_service(&master, &near);
+    let ask = |server: &mut ServerEnd| ask_big(server, &address);
     let silent: Vec<TcpStream> = (0..6).map(|_| ask(&mut server)).collect();
     wait_until(&bell, "replies without room", || server.dropped_for(DropReason::OverBudget) == 4);
     assert!(WAITING.used() <= 32 * Limits::MIB, "{} bytes wait", WAITING.used());

@@ -10,7 +10,7 @@ use wrapyfi_core::endpoint::{Middleware, ServiceSpec, TopicSpec};
 use wrapyfi_core::middleware::yarp::{Yarp, YarpConfig};
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 use wrapyfi_yarp::port::{
-    Message, Network, OutputOptions, OutputPort, Payload, PortOptions, RpcClient,
+    Message, Network, OutputOptions, OutputPort, PortOptions, PortPayload, RpcClient,
 };
 
 struct Named {
@@ -24,6 +24,7 @@ struct Named {
 /// Ports that send what nobody should.
 struct Raw {
     runtime: Runtime,
+    names: NameClient,
     network: Network,
     ports: BTreeMap<String, OutputPort>,
     asking: Vec<RpcClient>,
@@ -50,11 +51,12 @@ impl Testbed for Named {
         let near = side((Ipv4Addr::LOCALHOST, 0).into(), true);
         let address = near.embedded().unwrap();
         let server = NameServerConf { host: address.ip().to_string(), port: address.port() };
-        let network = Network::builder().names(NameClient::new(server)).listen(address.ip());
+        let names = NameClient::new(server);
+        let network = Network::builder().names(names.clone()).listen(address.ip());
         let mut threads = tokio::runtime::Builder::new_multi_thread();
         let runtime = threads.worker_threads(1).enable_all().build().unwrap();
         let (ports, asking) = (BTreeMap::new(), Vec::new());
-        let raw = Raw { runtime, network: network.build(), ports, asking };
+        let raw = Raw { runtime, names, network: network.build(), ports, asking };
         Self { raw, far: Some(side(address, false)), near: Some(near), address }
     }
 
@@ -79,13 +81,13 @@ impl Testbed for Named {
     }
 
     fn inject(&mut self, spec: &TopicSpec, body: &[u8]) {
-        let Raw { runtime, network, ports, .. } = &mut self.raw;
+        let Raw { runtime, names, network, ports, .. } = &mut self.raw;
         let port = ports.entry(spec.topic.clone()).or_insert_with(|| {
             runtime.block_on(async {
                 let name = format!("/raw{}", spec.topic);
                 let port = network.open_output(&name, &OutputOptions::default()).await.unwrap();
                 let (reader, mut readers) = (format!("{}:in", spec.topic), 0);
-                let all = network.list("").await.unwrap();
+                let all = names.list("").await.unwrap();
                 for found in all.iter().filter(|found| found.name.starts_with(&reader)) {
                     port.connect(&found.name).await.unwrap();
                     readers += 1;
@@ -94,7 +96,7 @@ impl Testbed for Named {
                 port
             })
         });
-        port.write(Message::new(Payload::object(body.to_vec())));
+        port.write(Message::new(PortPayload::object(body.to_vec())));
         runtime.block_on(port.flush());
     }
 

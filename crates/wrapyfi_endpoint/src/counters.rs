@@ -8,16 +8,15 @@ use serde::Serialize;
 use super::latency::{Latency, LatencySummary};
 use crate::codec::{ConvertError, DecodeError, EncodeError};
 
-macro_rules! drop_reasons {
-    ($($(#[$doc:meta])* $name:ident => $key:literal,)*) => {
-        /// Reason that a message was not delivered. Every lost message is counted under one of
-        /// these.
+/// An enum of things that are counted, each with its name in logs, tables and JSON.
+macro_rules! counted {
+    ($(#[$head:meta])* $counted:ident { $($(#[$doc:meta])* $name:ident => $key:literal,)* }) => {
+        $(#[$head])*
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-        #[non_exhaustive]
-        pub enum DropReason { $($(#[$doc])* $name,)* }
+        pub enum $counted { $($(#[$doc])* $name,)* }
 
-        impl DropReason {
-            /// All reasons, in the order in which tables show them.
+        impl $counted {
+            /// All of them, in the order in which tables show them.
             pub const ALL: &'static [Self] = &[$(Self::$name,)*];
 
             /// Name in logs, tables and JSON.
@@ -26,58 +25,74 @@ macro_rules! drop_reasons {
                 match self { $(Self::$name => $key,)* }
             }
         }
+
+        impl std::fmt::Display for $counted {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str(self.as_str())
+            }
+        }
+
+        impl Serialize for $counted {
+            fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+                serializer.serialize_str(self.as_str())
+            }
+        }
     };
 }
 
-drop_reasons! {
-    /// The route's queue was full: its policy chose this message.
-    QueueFull => "queue_full",
-    /// The route's queue stayed full for the whole deadline of policy `block`.
-    BlockDeadline => "block_deadline",
-    /// The message was larger than `max_message_mib`.
-    Oversize => "oversize",
-    /// The bytes were no valid message of the route's type.
-    Malformed => "malformed",
-    /// Values, bottles or types were nested deeper than the limit.
-    Nesting => "nesting",
-    /// The message was valid, but the route does not carry its kind, channels or encoding.
-    Mismatch => "mismatch",
-    /// The message was for another topic, and came by ZeroMQ's match of prefixes.
-    WrongTopic => "wrong_topic",
-    /// The message was our own publication, which came back from a broker.
-    OwnPublication => "own_publication",
-    /// The value has no form in the destination's encoding.
-    Unencodable => "unencodable",
-    /// The destination's send queue was full.
-    SendQueueFull => "send_queue_full",
-    /// The destination failed to send.
-    SendFailed => "send_failed",
-    /// The destination did not accept the message: a node refused to set a parameter.
-    Refused => "refused",
-    /// Nobody listens at the destination.
-    NoConsumer => "no_consumer",
-    /// The middleware reported that it lost the message before we saw it.
-    LostUpstream => "lost_upstream",
-    /// The message exceeded the route's `max_rate_hz`.
-    RateLimit => "rate_limit",
-    /// The message was delivered before, and came again because the listener was opened with
-    /// another quality of service.
-    Duplicate => "duplicate",
-    /// The reply came after its call had ended.
-    Late => "late",
-    /// The request exceeded the number that may be under way at once.
-    Overloaded => "overloaded",
-    /// The request was not answered in time.
-    Expired => "expired",
-    /// The message waited in the route, or was on its way through it, when the route closed.
-    Closed => "closed",
-    /// The queue of a peer was full, because the peer read more slowly than it was sent to.
-    Stalled => "stalled",
-    /// The connection was lost with the message in its queue.
-    ConnectionLost => "connection_lost",
-    /// The budget of waiting bytes (`limits: { waiting_mib }`) was full, and this peer or queue
-    /// held most.
-    OverBudget => "over_budget",
+counted! {
+    /// Reason that a message was not delivered. Every lost message is counted under one of these.
+    #[non_exhaustive]
+    DropReason {
+        /// The route's queue was full: its policy chose this message.
+        QueueFull => "queue_full",
+        /// The route's queue stayed full for the whole deadline of policy `block`.
+        BlockDeadline => "block_deadline",
+        /// The message was larger than `max_message_mib`.
+        Oversize => "oversize",
+        /// The bytes were no valid message of the route's type.
+        Malformed => "malformed",
+        /// Values, bottles or types were nested deeper than the limit.
+        Nesting => "nesting",
+        /// The message was valid, but the route does not carry its kind, channels or encoding.
+        Mismatch => "mismatch",
+        /// The message was for another topic, and came by ZeroMQ's match of prefixes.
+        WrongTopic => "wrong_topic",
+        /// The message was our own publication, which came back from a broker.
+        OwnPublication => "own_publication",
+        /// The value has no form in the destination's encoding.
+        Unencodable => "unencodable",
+        /// The destination's send queue was full.
+        SendQueueFull => "send_queue_full",
+        /// The destination failed to send.
+        SendFailed => "send_failed",
+        /// The destination did not accept the message: a node refused to set a parameter.
+        Refused => "refused",
+        /// Nobody listens at the destination.
+        NoConsumer => "no_consumer",
+        /// The middleware reported that it lost the message before we saw it.
+        LostUpstream => "lost_upstream",
+        /// The message exceeded the route's `max_rate_hz`.
+        RateLimit => "rate_limit",
+        /// The message was delivered before, and came again because the listener was opened with
+        /// another quality of service.
+        Duplicate => "duplicate",
+        /// The reply came after its call had ended.
+        Late => "late",
+        /// The request exceeded the number that may be under way at once.
+        Overloaded => "overloaded",
+        /// The request was not answered in time.
+        Expired => "expired",
+        /// The message waited in the route, or was on its way through it, when the route closed.
+        Closed => "closed",
+        /// The queue of a peer was full, because the peer read more slowly than it was sent to.
+        Stalled => "stalled",
+        /// The connection was lost with the message in its queue.
+        ConnectionLost => "connection_lost",
+        /// The budget of waiting bytes (`limits: { waiting_mib }`) was full, and this peer or queue
+        /// held most.
+        OverBudget => "over_budget",
+    }
 }
 
 impl From<&DecodeError> for DropReason {
@@ -101,54 +116,20 @@ impl From<&ConvertError> for DropReason {
     }
 }
 
-/// Event of an endpoint's quality of service, such as a missed deadline. No message is lost by it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum QosEvent {
-    /// A publisher let its deadline pass: the next message did not come in time.
-    DeadlineMissed,
-    /// Our publisher let the deadline pass that it promises.
-    OwnDeadlineMissed,
-    /// A publisher of the listener did not assert within its lease that it is alive. A publisher
-    /// that leaves in good order is not counted.
-    PublisherNotAlive,
-    /// Our publisher did not assert in time that it is alive.
-    OwnLivelinessLost,
-    /// An endpoint was opened again with another quality of service, to fit its peers.
-    Changed,
-}
-
-impl QosEvent {
-    /// All events, in the order in which tables show them.
-    pub const ALL: &'static [Self] = &[
-        Self::DeadlineMissed,
-        Self::OwnDeadlineMissed,
-        Self::PublisherNotAlive,
-        Self::OwnLivelinessLost,
-        Self::Changed,
-    ];
-
-    /// Name in logs, tables and JSON.
-    #[must_use]
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::DeadlineMissed => "deadline_missed",
-            Self::OwnDeadlineMissed => "own_deadline_missed",
-            Self::PublisherNotAlive => "publisher_not_alive",
-            Self::OwnLivelinessLost => "own_liveliness_lost",
-            Self::Changed => "qos_changed",
-        }
-    }
-}
-
-impl std::fmt::Display for QosEvent {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.as_str())
-    }
-}
-
-impl std::fmt::Display for DropReason {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.as_str())
+counted! {
+    /// Event of an endpoint's quality of service, such as a missed deadline. No message is lost by it.
+    QosEvent {
+        /// A publisher let its deadline pass: the next message did not come in time.
+        DeadlineMissed => "deadline_missed",
+        /// Our publisher let the deadline pass that it promises.
+        OwnDeadlineMissed => "own_deadline_missed",
+        /// A publisher of the listener did not assert within its lease that it is alive. A publisher
+        /// that leaves in good order is not counted.
+        PublisherNotAlive => "publisher_not_alive",
+        /// Our publisher did not assert in time that it is alive.
+        OwnLivelinessLost => "own_liveliness_lost",
+        /// An endpoint was opened again with another quality of service, to fit its peers.
+        Changed => "qos_changed",
     }
 }
 
@@ -237,18 +218,8 @@ impl Counters {
             sent: at_least_none(self.sent.load(Relaxed)),
             sent_bytes: at_least_none(self.sent_bytes.load(Relaxed)),
             unread: self.unread.load(Relaxed),
-            drops: DropReason::ALL
-                .iter()
-                .zip(&self.drops)
-                .map(|(&reason, count)| (reason, count.load(Relaxed)))
-                .filter(|&(_, count)| count > 0)
-                .collect(),
-            qos_events: QosEvent::ALL
-                .iter()
-                .zip(&self.qos_events)
-                .map(|(&event, count)| (event, count.load(Relaxed)))
-                .filter(|&(_, count)| count > 0)
-                .collect(),
+            drops: happened(DropReason::ALL, &self.drops),
+            qos_events: happened(QosEvent::ALL, &self.qos_events),
             latency: self.latency.summary(),
         }
     }
@@ -270,10 +241,10 @@ pub struct CountersSnapshot {
     /// read them: a pickle that names a function, a frame that no table holds.
     pub unread: u64,
     /// Number of dropped messages by reason; reasons that never happened are left out.
-    #[serde(serialize_with = "drops_as_map")]
+    #[serde(serialize_with = "as_map")]
     pub drops: Vec<(DropReason, u64)>,
     /// Number of each event of the quality of service; events that never happened are left out.
-    #[serde(serialize_with = "events_as_map")]
+    #[serde(serialize_with = "as_map")]
     pub qos_events: Vec<(QosEvent, u64)>,
     /// Time from arrival here to hand-over.
     pub latency: LatencySummary,
@@ -295,28 +266,32 @@ impl CountersSnapshot {
     /// Number of messages dropped for `reason`.
     #[must_use]
     pub fn dropped_for(&self, reason: DropReason) -> u64 {
-        self.drops.iter().filter(|&&(r, _)| r == reason).map(|&(_, count)| count).sum()
+        count_of(&self.drops, &reason)
     }
 
     /// Number of times that `event` happened.
     #[must_use]
     pub fn qos_events_of(&self, event: QosEvent) -> u64 {
-        self.qos_events.iter().filter(|&&(e, _)| e == event).map(|&(_, count)| count).sum()
+        count_of(&self.qos_events, &event)
     }
 }
 
-fn drops_as_map<S: serde::Serializer>(
-    drops: &[(DropReason, u64)],
-    serializer: S,
-) -> Result<S::Ok, S::Error> {
-    serializer.collect_map(drops.iter().map(|(reason, count)| (reason.as_str(), count)))
+/// Those that happened, with their numbers.
+fn happened<T: Copy>(all: &[T], counters: &[AtomicU64]) -> Vec<(T, u64)> {
+    let counts = all.iter().zip(counters).map(|(it, count)| (*it, count.load(Relaxed)));
+    counts.filter(|(_, count)| *count > 0).collect()
 }
 
-fn events_as_map<S: serde::Serializer>(
-    events: &[(QosEvent, u64)],
+/// Number of times that one happened.
+fn count_of<T: PartialEq>(counts: &[(T, u64)], wanted: &T) -> u64 {
+    counts.iter().find(|(it, _)| it == wanted).map_or(0, |(_, count)| *count)
+}
+
+fn as_map<T: Serialize, S: serde::Serializer>(
+    counts: &[(T, u64)],
     serializer: S,
 ) -> Result<S::Ok, S::Error> {
-    serializer.collect_map(events.iter().map(|(event, count)| (event.as_str(), count)))
+    serializer.collect_map(counts.iter().map(|(it, count)| (it, count)))
 }
 
 #[cfg(test)]

@@ -16,6 +16,7 @@ use super::{
 };
 use crate::backoff::Backoff;
 use wrapyfi_data::types::ServiceKind;
+use wrapyfi_retry::contained;
 
 /// Fault of a try to start a middleware.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -99,7 +100,8 @@ fn keep_trying(
         if shared.over.load(Relaxed) {
             return;
         }
-        let fault = match start() {
+        let panicked = |panic| Err(StartFault::Absent(format!("its start panicked: {panic}")));
+        let fault = match contained(&mut start).unwrap_or_else(panicked) {
             Ok(middleware) => {
                 tracing::info!("{name} has started");
                 // Only this thread sets it, so that it is not set yet.
@@ -131,6 +133,12 @@ impl Drop for Late {
 impl Middleware for Late {
     fn name(&self) -> &str {
         self.name
+    }
+
+    fn follow_conventions(&self, spec: &mut TopicSpec, at_source: bool) {
+        if let Ok(started) = self.started() {
+            started.follow_conventions(spec, at_source);
+        }
     }
 
     fn open_listener(
@@ -253,6 +261,27 @@ mod tests {
             std::thread::sleep(Duration::from_millis(5));
         }
         assert_eq!(late.waiting_for(), None);
+    }
+
+    #[test]
+    fn a_start_that_panics_is_told_and_tried_again() {
+        let (let_go, held) = std::sync::mpsc::channel::<()>();
+        let mut starts = 0;
+        let late = Late::new("memory", "nobody is there".to_owned(), move || {
+            starts += 1;
+            assert!(starts > 1, "on purpose");
+            held.recv().map_err(|_closed| StartFault::Absent("closed".to_owned()))?;
+            Ok(Arc::new(Memory::new("memory")))
+        });
+        let late = late.unwrap();
+        let told = "memory to start: its start panicked: on purpose";
+        while late.waiting_for().as_deref() != Some(told) {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        let_go.send(()).unwrap();
+        while opened(&late).is_err() {
+            std::thread::sleep(Duration::from_millis(5));
+        }
     }
 
     #[test]

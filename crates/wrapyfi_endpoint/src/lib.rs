@@ -50,6 +50,7 @@ pub mod wire_server;
 use std::sync::Arc;
 use std::time::Instant;
 
+pub use wrapyfi_retry::Mutex;
 pub use wrapyfi_retry::backoff;
 #[cfg(feature = "tokio")]
 pub use wrapyfi_retry::restart;
@@ -114,6 +115,12 @@ pub trait Middleware: Send + Sync {
         spec: &TopicSpec,
         context: &Context,
     ) -> Result<Box<dyn Publisher>, OpenError>;
+
+    /// Gives an endpoint that a route opens, a listener where it is `at_source`, what is usual for its topic here.
+    /// Not called for a route that says it itself.
+    fn follow_conventions(&self, spec: &mut TopicSpec, at_source: bool) {
+        _ = (spec, at_source);
+    }
 
     /// Prepares calling a service. Returns at once: a server that is not there yet is waited for.
     ///

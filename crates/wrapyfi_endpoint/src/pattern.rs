@@ -53,21 +53,22 @@ impl NamePattern {
             let length = written.len();
             return Err(format!("it is {length} bytes long, the limit is {MAX_PATTERN}"));
         }
-        // Compiled as written first, so that an error shows the pattern as the user wrote it.
-        let in_words = |error: regex::Error| match error {
+        let last_line = |text: String| {
+            let last = text.lines().last().unwrap_or_default();
+            last.trim().trim_start_matches("error: ").to_owned()
+        };
+        let bare = bare(written);
+        // Parsed as written first, so that an error shows the pattern as the user wrote it; to compile it costs
+        // a hundred times as much.
+        regex_syntax::parse(bare).map_err(|error| last_line(error.to_string()))?;
+        let whole = format!("^(?:{bare})$");
+        let regex = RegexBuilder::new(&whole).size_limit(MAX_COMPILED).build();
+        let regex = regex.map_err(|error| match error {
             regex::Error::CompiledTooBig(limit) => {
                 format!("it takes more than {limit} bytes; write a simpler one")
             }
-            other => {
-                let text = other.to_string();
-                let last = text.lines().last().unwrap_or_default();
-                last.trim().trim_start_matches("error: ").to_owned()
-            }
-        };
-        let bare = bare(written);
-        let build = |text: &str| RegexBuilder::new(text).size_limit(MAX_COMPILED).build();
-        build(bare).map_err(in_words)?;
-        let regex = build(&format!("^(?:{bare})$")).map_err(in_words)?;
+            other => last_line(other.to_string()),
+        })?;
         Ok(Self { written: written.to_owned(), regex })
     }
 

@@ -3,12 +3,12 @@
 use std::fmt;
 use std::time::Duration;
 
-use serde::{Serialize, Serializer};
+use serde::{Deserialize, Serialize, Serializer};
 
 use super::discovery::{AnnouncedDurability, AnnouncedQos};
 
 /// Effort of delivery: reliable sends lost messages again.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 #[allow(missing_docs)]
 pub enum Reliability {
@@ -17,7 +17,7 @@ pub enum Reliability {
 }
 
 /// Treatment of a listener that comes late: transient local sends it the last messages.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 #[allow(missing_docs)]
 pub enum Durability {
@@ -36,13 +36,14 @@ pub enum History {
 }
 
 /// Way in which a publisher asserts that it is alive.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Liveliness {
     /// Asserted by the publisher's process for as long as it runs.
     Automatic,
     /// Asserted by a call in the publisher's process. ROS 2 has given it up; other DDS programs
     /// announce it.
+    #[serde(skip_deserializing)]
     ManualByParticipant,
     /// Asserted by each message that the publisher sends.
     ManualByTopic,

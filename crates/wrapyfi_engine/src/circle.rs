@@ -9,9 +9,7 @@ use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fmt;
 
-use super::plan::Plan;
-use super::route::{Kind, Route, Types};
-use wrapyfi_data::types::MessageType;
+use super::route_index::{RouteIndex, has_parameters};
 use wrapyfi_endpoint::{EndpointAddress, Role};
 
 /// Routes of a plan of which each goes on where the one before ends, and the last ends where the first
@@ -49,93 +47,55 @@ impl fmt::Display for Circle {
     }
 }
 
-impl Plan {
-    /// Circles of written routes, each once, with the fewest routes that close it. `resolve` gives an
-    /// address the name that it has on its middleware.
+impl RouteIndex<'_> {
+    /// Circles of written routes, each once, with the fewest routes that close it.
     #[must_use]
-    pub fn circles(&self, resolve: impl Fn(&EndpointAddress) -> EndpointAddress) -> Vec<Circle> {
-        let ends: Vec<_> =
-            self.routes.iter().map(|it| [resolve(&it.from), resolve(&it.to)]).collect();
-        let mut leaving: BTreeMap<(Role, &EndpointAddress), Vec<usize>> = BTreeMap::new();
-        for (place, (route, [from, _])) in self.routes.iter().zip(&ends).enumerate() {
-            if may_go_round(route) {
-                leaving.entry((route.role(), from)).or_default().push(place);
-            }
-        }
-        let next = |place: usize| {
-            let (route, [_, to]) = (self.routes.get(place)?, ends.get(place)?);
-            leaving.get(&(route.role(), to))
-        };
-        let single = self.routes.iter().enumerate().filter(|(_, route)| may_go_round(route));
+    pub fn circles(&self) -> Vec<Circle> {
+        let goes_on = self.all.iter().filter(|it| !it.route.is_many() && !has_parameters(it.route));
         let mut seen = BTreeSet::new();
-        let ways = single.filter_map(|(first, _)| way_back(first, next));
+        let ways = goes_on.filter_map(|it| self.way_back(it.place));
         let new = ways.filter(|way| seen.insert(way.iter().copied().collect::<BTreeSet<_>>()));
         let circle = |places: Vec<usize>| {
-            let routes: Vec<&Route> = places.iter().filter_map(|it| self.routes.get(*it)).collect();
-            let is_of_services = routes.iter().any(|route| route.role() != Role::Publisher);
-            let ends = routes.iter().map(|route| route.from.clone()).collect();
-            Circle { places, ends, is_of_services }
+            let routes = || places.iter().filter_map(|place| self.at(*place));
+            let is_of_services = routes().any(|route| route.role() != Role::Publisher);
+            let ends = routes().map(|route| route.from.clone()).collect();
+            Circle { ends, is_of_services, places }
         };
         new.map(circle).collect()
     }
-}
 
-/// True for a written route of messages or calls. Parameters of two nodes may follow each other: what is
-/// the same already is not set again.
-fn may_go_round(route: &Route) -> bool {
-    let has_parameters = match route.kind {
-        Kind::Topic(Types { from, to }) => [from, to].contains(&MessageType::Properties),
-        Kind::Service(_) => false,
-    };
-    !route.is_many() && !has_parameters
-}
-
-/// Shortest way from a route back to its own beginning, where there is one.
-fn way_back<'n>(
-    first: usize,
-    next: impl Fn(usize) -> Option<&'n Vec<usize>>,
-) -> Option<Vec<usize>> {
-    let mut before: BTreeMap<usize, usize> = BTreeMap::new();
-    let mut queue = VecDeque::from([first]);
-    while let Some(place) = queue.pop_front() {
-        for &then in next(place).into_iter().flatten() {
-            if then == first {
-                let mut way = vec![place];
-                while let Some(earlier) = way.last().and_then(|it| before.get(it)) {
-                    way.push(*earlier);
+    /// Shortest way from a route back to its own beginning, where there is one.
+    fn way_back(&self, first: usize) -> Option<Vec<usize>> {
+        let mut before: BTreeMap<usize, usize> = BTreeMap::new();
+        let mut queue = VecDeque::from([first]);
+        while let Some(place) = queue.pop_front() {
+            let here = self.all.get(place)?;
+            for then in self.taking_from(here.route.role(), &here.to).map(|it| it.place) {
+                if then == first {
+                    let mut way = vec![place];
+                    while let Some(earlier) = way.last().and_then(|it| before.get(it)) {
+                        way.push(*earlier);
+                    }
+                    way.reverse();
+                    return Some(way);
                 }
-                way.reverse();
-                return Some(way);
-            }
-            if let Entry::Vacant(unseen) = before.entry(then) {
-                unseen.insert(place);
-                queue.push_back(then);
+                if let Entry::Vacant(unseen) = before.entry(then) {
+                    unseen.insert(place);
+                    queue.push_back(then);
+                }
             }
         }
+        None
     }
-    None
 }
 
 #[cfg(test)]
 mod tests {
-    use wrapyfi_interfaces::store::TypeStore;
-
-    use super::super::config::Config;
-    use super::super::plan::Available;
+    use super::super::route_index::testing::{index, plan};
     use super::*;
 
     fn found(routes: &[&str]) -> Vec<Circle> {
-        let lines = routes.iter().map(|route| format!("  - {{ {route} }}\n")).collect::<String>();
-        let config: Config<()> = Config::from_yaml(&format!("routes:\n{lines}"), "x.yaml").unwrap();
-        let available =
-            ["a", "b", "c"].map(|name| Available { name, check_topic: &|_| Ok(()), options: &[] });
-        let plan = Plan::new(&config, &available, &mut TypeStore::generated(), "x.yaml").unwrap();
-        // As a node does with relative names.
-        let resolve = |address: &EndpointAddress| {
-            let name = format!("/{}", address.name.trim_start_matches('/'));
-            EndpointAddress { name, ..address.clone() }
-        };
-        plan.circles(resolve)
+        index(&plan(routes)).circles()
     }
 
     #[test]

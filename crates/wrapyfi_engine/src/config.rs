@@ -10,15 +10,18 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
+use std::time::Duration;
 
-use serde::de::{self, DeserializeOwned, IntoDeserializer, MapAccess, SeqAccess, Visitor};
+use serde::de::{self, DeserializeOwned, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 pub use serde_saphyr::Spanned;
 
 use super::config_devices::DevicesConfig;
 use super::config_error::ConfigError;
 use super::config_qos::QosConfig;
+use super::config_words::word_or_map;
 use super::stamping::StampSource;
+use wrapyfi_endpoint::Overflow;
 
 /// Largest configuration file, in bytes.
 pub const MAX_CONFIG_BYTES: usize = 1 << 20;
@@ -43,6 +46,9 @@ pub struct Config<E> {
     /// Limits on the whole process.
     #[serde(default)]
     pub limits: ProcessLimits,
+    /// The live page of the bridge.
+    #[serde(default)]
+    pub page: PageConfig,
     /// Folders with definitions of ROS types that are installed nowhere: `package/msg/Type.msg` below.
     #[serde(default)]
     pub definitions: Vec<Spanned<String>>,
@@ -57,6 +63,14 @@ pub struct Config<E> {
 pub struct ProcessLimits {
     /// MiB that may wait in all queues together (default 1024).
     pub waiting_mib: Option<Spanned<usize>>,
+}
+
+/// The live page of a bridge.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PageConfig {
+    /// Port of 127.0.0.1 at which it is served; 0 for any that is free (default: no page).
+    pub port: Option<u16>,
 }
 
 /// Values for routes that do not set their own.
@@ -77,7 +91,7 @@ impl Default for Defaults {
     fn default() -> Self {
         Self {
             queue_depth: 10,
-            overflow: OverflowConfig::DropOldest,
+            overflow: OverflowConfig(Overflow::DropOldest),
             max_message_mib: 64,
             devices: None,
         }
@@ -85,99 +99,71 @@ impl Default for Defaults {
 }
 
 /// One entry of `routes`.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct RouteConfig {
     /// Source, as `middleware:/name`.
-    #[serde(default)]
     pub from: Option<Spanned<String>>,
     /// Destination, as `middleware:/name`.
-    #[serde(default)]
     pub to: Option<Spanned<String>>,
     /// Address at which a service has its server, in place of `from` and `to`.
-    #[serde(default)]
     pub service: Option<Spanned<String>>,
     /// Address at which the bridge offers that service.
-    #[serde(default, rename = "as")]
+    #[serde(rename = "as")]
     pub offered: Option<Spanned<String>>,
     /// Time that a call of the service has, in milliseconds.
-    #[serde(default)]
     pub timeout_ms: Option<Spanned<u64>>,
     /// Message type: see [`wrapyfi_data::types::MessageType`]; of a service [`wrapyfi_data::types::ServiceKind`].
     /// If left out, it is learned from the endpoints that exist.
-    #[serde(default, rename = "type")]
+    #[serde(rename = "type")]
     pub message_type: Option<Spanned<String>>,
     /// Type where none is given and no endpoint announces one.
-    #[serde(default)]
     pub type_if_unknown: Option<Spanned<String>>,
     /// Names that a pattern takes, as regular expressions (default: all).
-    #[serde(default)]
     pub allow: Option<Spanned<Vec<Spanned<String>>>>,
     /// Names that a pattern leaves out, also where they are allowed.
-    #[serde(default)]
     pub deny: Option<Spanned<Vec<Spanned<String>>>>,
     /// True where a pattern leaves out hidden names and those that every node has (default: true).
-    #[serde(default)]
     pub default_deny: Option<Spanned<bool>>,
     /// Largest number of routes that a pattern makes (default: 1000).
-    #[serde(default)]
     pub max_routes: Option<Spanned<usize>>,
     /// True where the source is open only while somebody listens (default: true for patterns, else
     /// false).
-    #[serde(default)]
     pub lazy: Option<Spanned<bool>>,
     /// Message type at the source, where it is another than at the destination (default: `type`).
-    #[serde(default)]
     pub from_type: Option<Spanned<String>>,
     /// Name in tables and logs (default `from -> to`).
-    #[serde(default)]
     pub name: Option<String>,
     /// Quality of service where a middleware has one (default: fitted to the peers, and ROS 2's
     /// default profile while there are none).
-    #[serde(default)]
     pub qos: Option<QosConfig>,
     /// Channel order of three-channel frames on Wrapyfi's side: `bgr8` (default) or `rgb8`.
-    #[serde(default)]
     pub encoding: Option<Spanned<String>>,
     /// Coordinate frame in the header of every message (default: the source's).
-    #[serde(default)]
     pub frame_id: Option<Spanned<String>>,
     /// Source of the time in the header (default: [`StampSource::Source`], with `use_sim_time`
     /// [`StampSource::RosTime`] for sources outside ROS).
-    #[serde(default)]
     pub stamp: Option<Spanned<StampSource>>,
     /// Number of messages that the route's queue holds.
-    #[serde(default)]
     pub queue_depth: Option<Spanned<usize>>,
     /// Policy of a full queue.
-    #[serde(default)]
     pub overflow: Option<OverflowConfig>,
     /// Highest rate passed on, in messages per second; others are dropped and counted.
-    #[serde(default)]
     pub max_rate_hz: Option<Spanned<f64>>,
     /// Largest message in MiB.
-    #[serde(default)]
     pub max_message_mib: Option<Spanned<usize>>,
     /// Devices that received tensors are labelled with; a library that stands here is not looked up
     /// in the defaults.
-    #[serde(default)]
     pub devices: Option<Spanned<DevicesConfig>>,
     /// Settings that only some middlewares have, by name: `carrier`, `joints`, …
-    #[serde(default)]
     pub options: BTreeMap<String, Spanned<serde_json::Value>>,
     /// True where another route may have the same destination.
-    #[serde(default)]
     pub merge: bool,
 }
 
 /// Policy of a full queue: `drop_oldest`, `drop_newest` or `{ block_ms: N }`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[allow(missing_docs)]
-pub enum OverflowConfig {
-    DropOldest,
-    DropNewest,
-    Block { block_ms: u64 },
-}
+pub struct OverflowConfig(pub Overflow);
 
 impl<E: DeserializeOwned + Default> Config<E> {
     /// Reads a configuration; `file` is its name in errors.
@@ -240,55 +226,14 @@ impl<'de> Deserialize<'de> for OverflowConfig {
             deserializer,
             "drop_oldest, drop_newest or { block_ms: N }",
             |word: Word| {
-                Ok(match word {
-                    Word::DropOldest => Self::DropOldest,
-                    Word::DropNewest => Self::DropNewest,
-                })
+                Ok(Self(match word {
+                    Word::DropOldest => Overflow::DropOldest,
+                    Word::DropNewest => Overflow::DropNewest,
+                }))
             },
-            |Block { block_ms }| Ok(Self::Block { block_ms }),
+            |Block { block_ms }| Ok(Self(Overflow::Block(Duration::from_millis(block_ms)))),
         )
     }
-}
-
-/// Reads a value that is either a word of enum `W` or a mapping `M`, with errors that point into
-/// the one that was written (an untagged enum would only say that nothing matched).
-pub(super) fn word_or_map<'de, D, W, M, T>(
-    deserializer: D,
-    expected: &'static str,
-    from_word: impl FnOnce(W) -> Result<T, String>,
-    from_map: impl FnOnce(M) -> Result<T, String>,
-) -> Result<T, D::Error>
-where
-    D: Deserializer<'de>,
-    W: Deserialize<'de>,
-    M: Deserialize<'de>,
-{
-    struct Either<W, M, F, G>(&'static str, F, G, std::marker::PhantomData<(W, M)>);
-
-    impl<'de, W, M, T, F, G> Visitor<'de> for Either<W, M, F, G>
-    where
-        W: Deserialize<'de>,
-        M: Deserialize<'de>,
-        F: FnOnce(W) -> Result<T, String>,
-        G: FnOnce(M) -> Result<T, String>,
-    {
-        type Value = T;
-
-        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-            f.write_str(self.0)
-        }
-
-        fn visit_str<Er: de::Error>(self, word: &str) -> Result<T, Er> {
-            (self.1)(W::deserialize(word.into_deserializer())?).map_err(de::Error::custom)
-        }
-
-        fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<T, A::Error> {
-            let read = M::deserialize(de::value::MapAccessDeserializer::new(map))?;
-            (self.2)(read).map_err(de::Error::custom)
-        }
-    }
-
-    deserializer.deserialize_any(Either(expected, from_word, from_map, std::marker::PhantomData))
 }
 
 #[cfg(test)]
@@ -324,7 +269,10 @@ mod tests {
         let text = "routes:\n  - from: 'a:/x'\n    to: 'b:/y'\n    type: Image\n    overflow: { block_ms: 50 }\n    qos: { durability: transient_local, depth: 3 }\n";
         let config = parse(text).unwrap();
         let route = &config.routes[0].value;
-        assert_eq!(route.overflow, Some(OverflowConfig::Block { block_ms: 50 }));
+        assert_eq!(
+            route.overflow,
+            Some(OverflowConfig(Overflow::Block(Duration::from_millis(50))))
+        );
         let qos = route.qos.unwrap().qos();
         assert_eq!(qos.durability, Durability::TransientLocal);
         assert_eq!(qos.history, History::KeepLast(3));

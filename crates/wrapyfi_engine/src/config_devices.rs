@@ -9,9 +9,8 @@ use std::fmt;
 
 use serde::de::{self, Visitor};
 use serde::{Deserialize, Deserializer};
-use serde_saphyr::Location;
+use serde_saphyr::{Location, Spanned};
 
-use super::config::Spanned;
 use super::config_error::Problem;
 use wrapyfi_data::plugin::{DeviceMaps, DeviceOption};
 

@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Deserializer, de};
 
-use super::config::word_or_map;
+use super::config_words::word_or_map;
 use wrapyfi_endpoint::{Durability, History, Liveliness, PinnedQos, Qos, QosPreset, Reliability};
 
 /// Quality of service of a route's ends, where their middleware has one.
@@ -64,28 +64,14 @@ enum Word {
 struct Policies {
     #[serde(rename = "match")]
     matched: bool,
-    reliability: Option<ReliabilityWord>,
-    durability: Option<DurabilityWord>,
+    reliability: Option<Reliability>,
+    durability: Option<Durability>,
     history: Option<HistoryWord>,
     depth: Option<u32>,
     deadline_ms: Option<Milliseconds>,
     lifespan_ms: Option<Milliseconds>,
-    liveliness: Option<LivelinessWord>,
+    liveliness: Option<Liveliness>,
     lease_ms: Option<Milliseconds>,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "snake_case")]
-enum ReliabilityWord {
-    Reliable,
-    BestEffort,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "snake_case")]
-enum DurabilityWord {
-    Volatile,
-    TransientLocal,
 }
 
 #[derive(Deserialize)]
@@ -93,13 +79,6 @@ enum DurabilityWord {
 enum HistoryWord {
     KeepLast,
     KeepAll,
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "snake_case")]
-enum LivelinessWord {
-    Automatic,
-    ManualByTopic,
 }
 
 /// A time of at least one millisecond; 49 days at most.
@@ -150,14 +129,8 @@ impl Policies {
         }
         let base = Qos::default();
         let qos = Qos {
-            reliability: match self.reliability {
-                Some(ReliabilityWord::BestEffort) => Reliability::BestEffort,
-                Some(ReliabilityWord::Reliable) | None => base.reliability,
-            },
-            durability: match self.durability {
-                Some(DurabilityWord::TransientLocal) => Durability::TransientLocal,
-                Some(DurabilityWord::Volatile) | None => base.durability,
-            },
+            reliability: self.reliability.unwrap_or(base.reliability),
+            durability: self.durability.unwrap_or(base.durability),
             history: match (self.history, self.depth) {
                 (Some(HistoryWord::KeepAll), _) => History::KeepAll,
                 (_, Some(depth)) => History::KeepLast(depth.max(1)),
@@ -165,10 +138,7 @@ impl Policies {
             },
             deadline: self.deadline_ms.map(|Milliseconds(time)| time),
             lifespan: self.lifespan_ms.map(|Milliseconds(time)| time),
-            liveliness: match self.liveliness {
-                Some(LivelinessWord::ManualByTopic) => Liveliness::ManualByTopic,
-                Some(LivelinessWord::Automatic) | None => base.liveliness,
-            },
+            liveliness: self.liveliness.unwrap_or(base.liveliness),
             lease: self.lease_ms.map(|Milliseconds(time)| time),
         };
         Ok(if self.matched { QosConfig::Match(qos) } else { QosConfig::Fixed(qos) })

@@ -18,6 +18,7 @@ use super::plan_diff::{ApplyError, PlanDiff};
 use super::pool::Pool;
 use super::reconciler::{Change, Reconciler};
 use super::route_status::RouteStatus;
+use super::tap::Tap;
 use wrapyfi_endpoint::{Registry, Wake};
 use wrapyfi_retry::contained;
 
@@ -168,6 +169,16 @@ impl Driver {
         let running: Vec<_> = lock(&self.members).running.values().cloned().collect();
         let found = lock(&self.found).clone();
         running.iter().map(|member| member.status()).chain(found).collect()
+    }
+
+    /// The latest plan.
+    pub(super) fn plan(&self) -> Plan {
+        lock(&self.latest).plan.clone()
+    }
+
+    /// Window on the messages of the route with this name and these ends.
+    pub(super) fn tap(&self, route: [&str; 3]) -> Option<Arc<Tap>> {
+        lock(&self.members).running.values().find_map(|member| member.tap_of(route))
     }
 
     /// The middlewares of the latest plan.

@@ -35,10 +35,10 @@ impl Engine {
         self
     }
 
-    /// As [`Running::apply`]; the next step turns to the plan.
+    /// As [`Applier::apply`](super::Applier::apply); the next step turns to the plan.
     ///
     /// # Errors
-    /// As [`Running::apply`].
+    /// As there.
     pub fn apply(
         &mut self,
         plan: Plan,

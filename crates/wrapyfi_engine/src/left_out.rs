@@ -42,7 +42,8 @@ mod tests {
     use wrapyfi_interfaces::store::TypeStore;
 
     use super::super::config::Config;
-    use super::super::plan::{Available, Plan};
+    use super::super::plan::Plan;
+    use super::super::plan_address::Available;
     use super::*;
 
     #[test]

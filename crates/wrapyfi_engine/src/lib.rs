@@ -7,7 +7,7 @@
 //! ```
 //!
 //! One driver steps all routes: in turn where a test gives the time, on a pool of threads in
-//! production. A plan may be replaced while they run ([`Running::apply`]).
+//! production. A plan may be replaced while they run ([`Applier::apply`]).
 //!
 //! A route is data: [`Route`] is the one that is wanted, [`RouteStatus`] its state. A pattern
 //! matches many topics or services: its routes are made as these come, with the types that they
@@ -43,7 +43,7 @@ mod config;
 mod config_devices;
 mod config_error;
 mod config_qos;
-mod conventions;
+mod config_words;
 mod denied;
 mod discovered_graph;
 mod driver;
@@ -64,33 +64,38 @@ mod reconciler_status;
 mod relay;
 mod replacement;
 mod route;
+mod route_index;
 mod route_status;
 mod running;
 mod service_relay;
 mod stamping;
+mod tap;
 mod unheard;
 mod work;
 
 pub use circle::Circle;
 pub use config::{
-    Config, Defaults, MAX_CONFIG_BYTES, MAX_ROUTES, OverflowConfig, ProcessLimits, RouteConfig,
-    Spanned,
+    Config, Defaults, MAX_CONFIG_BYTES, MAX_ROUTES, OverflowConfig, PageConfig, ProcessLimits,
+    RouteConfig, Spanned,
 };
 pub use config_devices::{DeviceWord, DevicesConfig};
 pub use config_error::{ConfigError, Problem};
 pub use config_qos::{QosConfig, QosOverride};
 pub use engine::Engine;
 pub use left_out::LeftOut;
-pub use plan::{Available, Plan};
+pub use plan::Plan;
+pub use plan_address::Available;
 pub use plan_diff::{ApplyError, PlanDiff};
 pub use plan_entry::MAX_PATTERN_ROUTES;
 pub use plan_options::known_option;
 pub use reconciler::{GONE_AFTER, LOOK_EVERY};
 pub use relay::{Relay, Step};
 pub use route::{Kind, Names, Policy, Route, RouteKey, Types, Typing};
+pub use route_index::RouteIndex;
 pub use route_status::{PatternCounts, Rate, RouteState, RouteStatus};
 pub use running::{Applier, Running};
 pub use service_relay::ServiceRelay;
 pub use stamping::StampSource;
+pub use tap::Tap;
 pub use unheard::Unheard;
 pub use wrapyfi_endpoint::pattern::NamePattern;

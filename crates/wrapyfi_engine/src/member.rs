@@ -17,6 +17,7 @@ use super::relay::{Relay, Step};
 use super::route::{Kind, Route, RouteKey};
 use super::route_status::{RouteState, RouteStatus};
 use super::service_relay::ServiceRelay;
+use super::tap::Tap;
 use super::work::Work;
 use wrapyfi_endpoint::Throttle;
 use wrapyfi_endpoint::backoff::Backoff;
@@ -43,6 +44,8 @@ pub(super) struct Member {
     is_one_of_many: bool,
     wake: Wake,
     counters: Arc<Counters>,
+    /// Window on its messages; services have none.
+    tap: Option<Arc<Tap>>,
     slot: Mutex<Slot>,
     orders: Mutex<Orders>,
     is_ordered: AtomicBool,
@@ -121,16 +124,17 @@ impl Member {
         pool: Weak<Pool>,
     ) -> Arc<Self> {
         let (key, is_one_of_many) = (route.key(), route.mark.is_some());
-        let (work, wake, identity): (Box<dyn Work>, _, _) = match route.kind {
+        let (work, wake, identity, tap): (Box<dyn Work>, _, _, _) = match route.kind {
             Kind::Topic(_) => {
                 let relay = Relay::new(route, registry, id).counting(Arc::clone(&counters));
                 let (wake, status) = (relay.wake().clone(), relay.status());
-                (Box::new(relay), wake, status)
+                let tap = Some(Arc::clone(relay.tap()));
+                (Box::new(relay), wake, status, tap)
             }
             Kind::Service(_) => {
                 let relay = ServiceRelay::new(route, registry, id).counting(Arc::clone(&counters));
                 let (wake, status) = (relay.wake().clone(), relay.status());
-                (Box::new(relay), wake, status)
+                (Box::new(relay), wake, status, None)
             }
         };
         let shown = Arc::new(Published { state: identity.state.clone(), qos: [None, None] });
@@ -141,6 +145,7 @@ impl Member {
             is_one_of_many,
             wake,
             counters,
+            tap,
             slot: Mutex::new(Slot {
                 work: Some(work),
                 shown: Arc::clone(&shown),
@@ -165,6 +170,12 @@ impl Member {
             rate: Mutex::default(),
             pool,
         })
+    }
+
+    /// Window on the messages, where the member is the route with this name and these ends.
+    pub(super) fn tap_of(&self, [name, from, to]: [&str; 3]) -> Option<Arc<Tap>> {
+        let RouteStatus { name: own, from: source, to: target, .. } = &self.identity;
+        ([own, source, target] == [name, from, to]).then(|| self.tap.clone()).flatten()
     }
 
     /// Opens the source at the next step, and keeps it open whether somebody listens or not.

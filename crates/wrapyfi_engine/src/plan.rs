@@ -4,21 +4,11 @@ use std::collections::BTreeMap;
 
 use super::config::Config;
 use super::config_error::{ConfigError, Problem};
+use super::plan_address::Available;
 use super::plan_entry::Reader;
 use super::route::{Kind, Route, RouteKey};
 use wrapyfi_endpoint::{EndpointAddress, Role};
 use wrapyfi_interfaces::store::TypeStore;
-
-/// A middleware that routes may name.
-#[derive(Clone, Copy)]
-pub struct Available<'a> {
-    /// Name in addresses.
-    pub name: &'a str,
-    /// Rule of the middleware for topic names; the error names the fault.
-    pub check_topic: &'a dyn Fn(&str) -> Result<(), String>,
-    /// Settings that only this middleware and few others have, as `options` of a route names them.
-    pub options: &'a [&'a str],
-}
 
 /// The routes of a configuration, checked.
 #[derive(Debug, Clone, PartialEq, Default)]

@@ -1,12 +1,22 @@
 //! Addresses in a configuration, checked against the middlewares that exist.
 
-use super::config::Spanned;
+use serde_saphyr::Spanned;
 use wrapyfi_data::did_you_mean;
 
 use super::config_error::Problem;
-use super::plan::Available;
 use wrapyfi_endpoint::pattern::is_pattern;
 use wrapyfi_endpoint::{EndpointAddress, ParseAddressError};
+
+/// A middleware that routes may name.
+#[derive(Clone, Copy)]
+pub struct Available<'a> {
+    /// Name in addresses.
+    pub name: &'a str,
+    /// Rule of the middleware for topic names; the error names the fault.
+    pub check_topic: &'a dyn Fn(&str) -> Result<(), String>,
+    /// Settings that only this middleware and few others have, as `options` of a route names them.
+    pub options: &'a [&'a str],
+}
 
 /// Reads the address of one topic or service.
 pub(super) fn address(

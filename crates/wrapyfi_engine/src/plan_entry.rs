@@ -7,8 +7,7 @@ use wrapyfi_interfaces::store::TypeStore;
 use super::config::{Defaults, OverflowConfig, RouteConfig, Spanned};
 use super::config_devices::DevicesConfig;
 use super::config_error::Problem;
-use super::plan::Available;
-use super::plan_address::{address, middleware_of};
+use super::plan_address::{Available, address, middleware_of};
 use super::plan_options;
 use super::route::{Kind, Names, Policy, Route, Types, Typing};
 use wrapyfi_data::Limits;
@@ -16,7 +15,7 @@ use wrapyfi_data::codec::is_convertible;
 use wrapyfi_data::plugin::DeviceMaps;
 use wrapyfi_data::types::{DataType, Encoding, MessageType, ServiceKind};
 use wrapyfi_endpoint::pattern::{NamePattern, is_pattern};
-use wrapyfi_endpoint::{EndpointAddress, Overflow, QueueSpec, ServiceSpec};
+use wrapyfi_endpoint::{EndpointAddress, QueueSpec, ServiceSpec};
 
 /// Most routes that one pattern makes, unless `max_routes` says otherwise.
 pub const MAX_PATTERN_ROUTES: usize = 1000;
@@ -313,11 +312,7 @@ impl<'r> Reader<'r> {
         };
         let depth = within("queue_depth", &config.queue_depth, *queue_depth, 100_000);
         let mib = within("max_message_mib", &config.max_message_mib, *max_message_mib, 2047);
-        let overflow = match config.overflow.unwrap_or(*overflow) {
-            OverflowConfig::DropOldest => Overflow::DropOldest,
-            OverflowConfig::DropNewest => Overflow::DropNewest,
-            OverflowConfig::Block { block_ms } => Overflow::Block(Duration::from_millis(block_ms)),
-        };
+        let OverflowConfig(overflow) = config.overflow.unwrap_or(*overflow);
         if let Some(rate) = &config.max_rate_hz
             && !(rate.value.is_finite() && rate.value > 0.0)
         {

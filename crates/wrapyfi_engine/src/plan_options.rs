@@ -8,11 +8,11 @@
 
 use std::collections::BTreeMap;
 
-use super::config::Spanned;
+use serde_saphyr::Spanned;
 use wrapyfi_data::did_you_mean;
 
 use super::config_error::Problem;
-use super::plan::Available;
+use super::plan_address::Available;
 use wrapyfi_data::types::{Map, Value, to_value};
 use wrapyfi_endpoint::EndpointAddress;
 

@@ -2,10 +2,12 @@
 
 use serde::Deserialize;
 
+use super::super::config_qos::QosConfig;
 use super::super::route::Types;
 use super::*;
 use wrapyfi_data::Limits;
 use wrapyfi_data::types::{Encoding, MessageType};
+use wrapyfi_endpoint::{QosPreset, TopicSpec};
 
 #[derive(Debug, Default, Deserialize)]
 struct NoEndpoints {}
@@ -199,4 +201,17 @@ fn text_between_two_ros_stays_as_it_is() {
     let read =
         types("from: 'ros2:/a', to: 'ros2:/b', from_type: std_msgs/msg/String, type: NativeObject");
     assert_eq!(read, Types { from: MessageType::StringJson, to: MessageType::NativeObject });
+}
+
+#[test]
+fn many_lines_of_a_log_wait_and_what_is_written_goes_before_conventions() {
+    let log = "rcl_interfaces/msg/Log";
+    let resolved = TypeStore::generated().resolve_name(log).unwrap();
+    let message_type = MessageType::Ros(wrapyfi_data::types::RosType::new(&resolved).unwrap());
+    let mut route = Route::topic("a:/x".parse().unwrap(), "b:/x".parse().unwrap(), message_type);
+    assert_eq!(route.topic_spec(&route.from).queue.depth, 1000);
+    let depth = |spec: &mut TopicSpec, _| spec.queue.depth = 7;
+    assert_eq!(route.topic_spec_by(&route.to, depth).queue.depth, 7);
+    route.policy.qos = QosConfig::Fixed(QosPreset::SensorData.into());
+    assert_eq!(route.topic_spec_by(&route.to, depth).queue.depth, 1000);
 }

@@ -3,8 +3,8 @@
 use super::candidate::State;
 use super::reconciler::{Pattern, Reconciler};
 use super::route::{Kind, Route};
-use super::route_status::{PatternCounts, Rate, RouteState, RouteStatus};
-use wrapyfi_endpoint::{CountersSnapshot, EndpointAddress};
+use super::route_status::{PatternCounts, RouteState, RouteStatus};
+use wrapyfi_endpoint::EndpointAddress;
 
 impl Reconciler {
     /// Statuses of the patterns, and of the names that wait.
@@ -17,11 +17,9 @@ impl Reconciler {
             }
             for candidate in self.of_pattern(index) {
                 let State::Waits(state) = &candidate.state else { continue };
-                all.push(RouteStatus {
-                    name: candidate.name(spec.role()),
-                    message_type: "unknown",
-                    ..idle(spec, &candidate.from, &candidate.to, state.clone())
-                });
+                let ends = shown(spec, [&candidate.from, &candidate.to]);
+                let name = candidate.name(spec.role());
+                all.push(RouteStatus::idle(&name, ends, "unknown", state.clone()));
             }
         }
         all
@@ -51,8 +49,8 @@ impl Reconciler {
                 )),
             }
         });
+        let ends = shown(spec, [&spec.from, &spec.to]);
         RouteStatus {
-            name: spec.name.clone(),
             pattern: Some(PatternCounts {
                 routes,
                 waiting,
@@ -61,34 +59,15 @@ impl Reconciler {
                 ended: pattern.ended,
             }),
             panics: pattern.panics + self.panics + of_discovery,
-            ..idle(spec, &spec.from, &spec.to, state)
+            ..RouteStatus::idle(&spec.name, ends, "by pattern", state)
         }
     }
 }
 
-/// Status of a pattern or a name, which carries no messages itself.
-fn idle(
-    route: &Route,
-    from: &EndpointAddress,
-    to: &EndpointAddress,
-    state: RouteState,
-) -> RouteStatus {
-    // A service shows its offered end first, as its route does.
-    let (from, to) = match route.kind {
-        Kind::Topic(_) => (from, to),
-        Kind::Service(_) => (to, from),
-    };
-    RouteStatus {
-        name: String::new(),
-        from: from.to_string(),
-        to: to.to_string(),
-        message_type: "by pattern",
-        state,
-        from_qos: None,
-        to_qos: None,
-        counters: CountersSnapshot::default(),
-        rate: Rate::default(),
-        panics: 0,
-        pattern: None,
+/// Ends as they are shown: a service shows its offered end first, as its route does.
+fn shown<'e>(route: &Route, [from, to]: [&'e EndpointAddress; 2]) -> [&'e EndpointAddress; 2] {
+    match route.kind {
+        Kind::Topic(_) => [from, to],
+        Kind::Service(_) => [to, from],
     }
 }

@@ -15,8 +15,9 @@ use std::time::{Duration, Instant};
 
 use super::end::End;
 use super::route::Route;
-use super::route_status::{Rate, RouteState, RouteStatus};
+use super::route_status::{RouteState, RouteStatus};
 use super::stamping;
+use super::tap::Tap;
 use super::work::Work;
 use wrapyfi_data::codec::convert_payload;
 use wrapyfi_data::types::Payload;
@@ -66,6 +67,7 @@ pub struct Relay {
     /// Throttle for losses and for objects passed on as they came: all are counted, few are logged.
     losses: Throttle,
     unread: Throttle,
+    tap: Arc<Tap>,
 }
 
 /// Messages that a step moved, and the time of the next one.
@@ -97,6 +99,7 @@ impl Relay {
             undelivered: 0,
             losses: Throttle::default(),
             unread: Throttle::default(),
+            tap: Arc::default(),
             source,
             sink,
             spec,
@@ -108,6 +111,11 @@ impl Relay {
     pub(super) fn counting(mut self, counters: Arc<Counters>) -> Self {
         self.context.counters = counters;
         self
+    }
+
+    /// Window on the messages that come.
+    pub(super) fn tap(&self) -> &Arc<Tap> {
+        &self.tap
     }
 
     /// True while its source is closed because nobody listens at the destination.
@@ -133,18 +141,12 @@ impl Relay {
     /// Status of the route.
     #[must_use]
     pub fn status(&self) -> RouteStatus {
+        let (spec, state) = (&self.spec, self.state.clone());
         RouteStatus {
-            name: self.spec.name.clone(),
-            from: self.spec.from.to_string(),
-            to: self.spec.to.to_string(),
-            message_type: self.spec.label(),
-            state: self.state.clone(),
             from_qos: self.source.qos,
             to_qos: self.sink.qos,
             counters: self.context.counters.snapshot(),
-            rate: Rate::default(),
-            panics: 0,
-            pattern: None,
+            ..RouteStatus::idle(&spec.name, [&spec.from, &spec.to], spec.label(), state)
         }
     }
 
@@ -184,7 +186,8 @@ impl Relay {
     fn reconcile(&mut self, now: Instant) {
         let Self { spec, context, source, sink, backoff, .. } = self;
         sink.open_with(now, backoff, |middleware| {
-            middleware.open_publisher(&spec.topic_spec(&spec.to), context)
+            let conventions = |to: &mut _, at| middleware.follow_conventions(to, at);
+            middleware.open_publisher(&spec.topic_spec_by(&spec.to, conventions), context)
         });
         if let Some(publisher) = &sink.open
             && spec.policy.lazy
@@ -210,7 +213,8 @@ impl Relay {
         }
         if sink.open.is_some() {
             source.open_with(now, backoff, |middleware| {
-                middleware.open_listener(&spec.topic_spec(&spec.from), context)
+                let conventions = |from: &mut _, at| middleware.follow_conventions(from, at);
+                middleware.open_listener(&spec.topic_spec_by(&spec.from, conventions), context)
             });
         }
         if sink.open.is_some() && source.open.is_some() {
@@ -276,6 +280,7 @@ impl Relay {
                             }
                         }
                     }
+                    self.tap.show(&sample.payload);
                     forward(&self.spec, sample, publisher.as_mut(), ends, &self.context.clock)
                 }
                 Err(error) => Err((error.drop_reason(), error.to_string())),

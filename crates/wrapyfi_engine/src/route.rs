@@ -13,7 +13,6 @@ use std::time::Duration;
 use serde::ser::{Serialize, SerializeMap as _, Serializer};
 
 use super::config_qos::{QosConfig, QosOverride};
-use super::conventions;
 use super::denied::{is_denied_service, is_denied_topic};
 use super::stamping::StampSource;
 use wrapyfi_data::Limits;
@@ -24,6 +23,8 @@ use wrapyfi_endpoint::{
     BridgeMark, EndpointAddress, Overflow, QueueSpec, Role, ServiceSpec, TopicSpec,
 };
 
+/// Type of the lines of logs, and number of those that wait in a route.
+const LOG: (&str, usize) = ("rcl_interfaces/msg/Log", 1000);
 /// Time by which a request outlives the call that the route makes for it.
 const ANSWER_MARGIN: Duration = Duration::from_secs(2);
 
@@ -294,22 +295,37 @@ impl Route {
         let (policy, types) = (&self.policy, self.types());
         let at_source = *address == self.from;
         let changed = if at_source { policy.from_override } else { policy.to_override };
-        let mut spec = TopicSpec {
+        let mut queue = policy.queue;
+        // Programs log many lines at once when they start.
+        if types.to.ros_type() == LOG.0 && queue == QueueSpec::default() {
+            queue.depth = LOG.1;
+        }
+        TopicSpec {
             topic: address.name.clone(),
             message_type: if at_source { types.from } else { types.to },
             qos: policy.qos.qos(),
             match_peers: changed.follows || matches!(policy.qos, QosConfig::Match(_)),
             pinned: changed.pinned,
-            queue: policy.queue,
+            queue,
             color_order: policy.color_order,
             limits: policy.limits,
             plugins: policy.plugins.clone(),
             options: policy.options.clone(),
             mark: self.mark.clone().filter(|_| !at_source),
             shun: self.mark.as_ref().filter(|_| at_source).map(|_| self.to.middleware.clone()),
-        };
-        if policy.qos == QosConfig::default() {
-            conventions::apply(&mut spec, address, at_source);
+        }
+    }
+
+    /// As [`Route::topic_spec`]; where the route says nothing, the middleware at `address` has its conventions.
+    #[must_use]
+    pub fn topic_spec_by(
+        &self,
+        address: &EndpointAddress,
+        follow_conventions: impl FnOnce(&mut TopicSpec, bool),
+    ) -> TopicSpec {
+        let mut spec = self.topic_spec(address);
+        if self.policy.qos == QosConfig::default() {
+            follow_conventions(&mut spec, *address == self.from);
         }
         spec
     }

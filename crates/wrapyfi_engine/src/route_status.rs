@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use wrapyfi_endpoint::{CountersSnapshot, Qos};
+use wrapyfi_endpoint::{CountersSnapshot, EndpointAddress, Qos};
 
 /// State of a route. Every state but [`RouteState::Active`] says why.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -96,6 +96,30 @@ pub struct RouteStatus {
     /// Numbers of routes and names, of a pattern.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pattern: Option<PatternCounts>,
+}
+
+impl RouteStatus {
+    /// Status of a route that carries nothing yet.
+    pub(super) fn idle(
+        name: &str,
+        [from, to]: [&EndpointAddress; 2],
+        message_type: &'static str,
+        state: RouteState,
+    ) -> Self {
+        Self {
+            name: name.to_owned(),
+            from: from.to_string(),
+            to: to.to_string(),
+            message_type,
+            state,
+            from_qos: None,
+            to_qos: None,
+            counters: CountersSnapshot::default(),
+            rate: Rate::default(),
+            panics: 0,
+            pattern: None,
+        }
+    }
 }
 
 fn is_zero(number: &u64) -> bool {

@@ -17,6 +17,7 @@ use super::member::Member;
 use super::plan::Plan;
 use super::plan_diff::{ApplyError, PlanDiff};
 use super::route_status::RouteStatus;
+use super::tap::Tap;
 use wrapyfi_endpoint::Registry;
 
 /// Longest time that a stop waits for steps that block, and for a look at discovery.
@@ -28,58 +29,23 @@ const IDLE: Duration = Duration::from_secs(3600);
 
 /// Routes at work. Dropping it stops them.
 pub struct Running {
-    driver: Arc<Driver>,
+    applier: Applier,
     stop: Arc<AtomicBool>,
 }
 
-/// Handle that turns running routes to another plan, as long as they run.
+impl std::ops::Deref for Running {
+    type Target = Applier;
+
+    fn deref(&self) -> &Applier {
+        &self.applier
+    }
+}
+
+/// Handle of routes that turns them to another plan, as long as they run.
 #[derive(Clone)]
 pub struct Applier(Arc<Driver>);
 
 impl Applier {
-    /// As [`Running::apply`].
-    ///
-    /// # Errors
-    /// As [`Running::apply`].
-    pub fn apply(
-        &self,
-        plan: Plan,
-        types: TypeStore,
-        registry: Registry,
-    ) -> Result<PlanDiff, ApplyError> {
-        self.0.apply(plan, types, registry)
-    }
-
-    /// As [`Running::status`].
-    #[must_use]
-    pub fn status(&self) -> Vec<RouteStatus> {
-        self.0.status()
-    }
-
-    /// As [`Running::registry`].
-    #[must_use]
-    pub fn registry(&self) -> Registry {
-        self.0.registry()
-    }
-}
-
-impl Running {
-    pub(super) fn start(driver: Arc<Driver>) -> std::io::Result<Self> {
-        let running = Self { driver, stop: Arc::default() };
-        let driver = Arc::clone(&running.driver);
-        running.driver.pool.start(move |now| driver.look_at_members(now))?;
-        let (driver, stop) = (Arc::clone(&running.driver), Arc::clone(&running.stop));
-        running.driver.pool.spawn("reconciler", move || {
-            while !stop.load(Ordering::Relaxed) {
-                let pause = driver
-                    .look(driver.pool.clock.now())
-                    .map_or(IDLE, |next| next.saturating_duration_since(driver.pool.clock.now()));
-                driver.wake.wait(pause);
-            }
-        })?;
-        Ok(running)
-    }
-
     /// Turns to another plan, as a whole or not at all. Routes that are the same in both go on
     /// untouched, also those that a pattern made where the new one makes them the same. Routes on a
     /// middleware that `registry` has replaced begin anew. `types` has the definitions that
@@ -93,19 +59,19 @@ impl Running {
         types: TypeStore,
         registry: Registry,
     ) -> Result<PlanDiff, ApplyError> {
-        self.driver.apply(plan, types, registry)
+        self.0.apply(plan, types, registry)
+    }
+
+    /// The latest plan.
+    #[must_use]
+    pub fn plan(&self) -> Plan {
+        self.0.plan()
     }
 
     /// Middlewares of the latest plan.
     #[must_use]
     pub fn registry(&self) -> Registry {
-        self.driver.registry()
-    }
-
-    /// Handle that applies plans from another thread, as [`Running::apply`].
-    #[must_use]
-    pub fn applier(&self) -> Applier {
-        Applier(Arc::clone(&self.driver))
+        self.0.registry()
     }
 
     /// Statuses of the routes, then of the patterns and of the names they match that have no route
@@ -113,7 +79,38 @@ impl Running {
     /// it is blocked once the step takes over a second.
     #[must_use]
     pub fn status(&self) -> Vec<RouteStatus> {
-        self.driver.status()
+        self.0.status()
+    }
+
+    /// Window on the messages of a route that carries a topic, by its name and its ends as its status has
+    /// them.
+    #[must_use]
+    pub fn tap(&self, name: &str, from: &str, to: &str) -> Option<Arc<Tap>> {
+        self.0.tap([name, from, to])
+    }
+}
+
+impl Running {
+    pub(super) fn start(driver: Arc<Driver>) -> std::io::Result<Self> {
+        let running = Self { applier: Applier(Arc::clone(&driver)), stop: Arc::default() };
+        let looks = Arc::clone(&driver);
+        driver.pool.start(move |now| looks.look_at_members(now))?;
+        let (looks, stop) = (Arc::clone(&driver), Arc::clone(&running.stop));
+        driver.pool.spawn("reconciler", move || {
+            while !stop.load(Ordering::Relaxed) {
+                let pause = looks
+                    .look(looks.pool.clock.now())
+                    .map_or(IDLE, |next| next.saturating_duration_since(looks.pool.clock.now()));
+                looks.wake.wait(pause);
+            }
+        })?;
+        Ok(running)
+    }
+
+    /// Handle for another thread.
+    #[must_use]
+    pub fn applier(&self) -> Applier {
+        self.applier.clone()
     }
 
     /// Stops every route, closes its ends, and returns the final statuses. It waits at most
@@ -125,12 +122,13 @@ impl Running {
     }
 
     fn halt(&mut self) {
+        let driver = &self.applier.0;
         self.stop.store(true, Ordering::Relaxed);
-        self.driver.wake.ring();
-        self.driver.pool.stop();
+        driver.wake.ring();
+        driver.pool.stop();
         // A thread whose step or look takes too long is not waited for.
-        self.driver.pool.wait(STOP_WITHIN);
-        let members = self.driver.members();
+        driver.pool.wait(STOP_WITHIN);
+        let members = driver.members();
         let close = |members: &[Arc<Member>]| {
             for member in members {
                 if !member.close() {

@@ -18,7 +18,7 @@ use std::time::Instant;
 use super::end::End;
 use super::relay::{DEGRADED_FOR, REST_REVIEW_EVERY, REVIEW_EVERY, Step, UNWANTED_FOR};
 use super::route::Route;
-use super::route_status::{Rate, RouteState, RouteStatus};
+use super::route_status::{RouteState, RouteStatus};
 use super::work::Work;
 use wrapyfi_data::types::Payload;
 use wrapyfi_endpoint::Throttle;
@@ -93,18 +93,10 @@ impl ServiceRelay {
     /// Status of the route: received are requests, sent are replies.
     #[must_use]
     pub fn status(&self) -> RouteStatus {
+        let (spec, state) = (&self.spec, self.state.clone());
         RouteStatus {
-            name: self.spec.name.clone(),
-            from: self.spec.to.to_string(),
-            to: self.spec.from.to_string(),
-            message_type: self.spec.label(),
-            state: self.state.clone(),
-            from_qos: None,
-            to_qos: None,
             counters: self.front.counters.snapshot(),
-            rate: Rate::default(),
-            panics: 0,
-            pattern: None,
+            ..RouteStatus::idle(&spec.name, [&spec.to, &spec.from], spec.label(), state)
         }
     }
 

@@ -5,17 +5,12 @@
 //!                                                 what comes from A never reaches C
 //! ```
 
-use std::collections::BTreeMap;
 use std::fmt;
 
-use super::plan::Plan;
-use super::route::{Kind, Route, Types};
-use wrapyfi_data::types::MessageType;
-use wrapyfi_endpoint::EndpointAddress;
+use super::route::Kind;
+use super::route_index::{Placed, RouteIndex, has_parameters};
 use wrapyfi_endpoint::pattern::{filled_template, fits_template};
-
-/// A route, and its place in the plan.
-type Placed<'p> = (usize, &'p Route);
+use wrapyfi_endpoint::{EndpointAddress, Role};
 
 /// Two routes of one bridge, of which the second does not hear what the first publishes.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -46,62 +41,46 @@ impl fmt::Display for Unheard {
     }
 }
 
-impl Plan {
+impl RouteIndex<'_> {
     /// Pairs of routes of which the second listens where the first publishes, and hears nothing of it.
-    /// The way back, from B to A, is not among them, because it is not meant to hear. `resolve`
-    /// gives an address the name that it has on its middleware.
+    /// The way back, from B to A, is not among them, because it is not meant to hear.
     #[must_use]
-    pub fn unheard(&self, resolve: impl Fn(&EndpointAddress) -> EndpointAddress) -> Vec<Unheard> {
-        // Parameters are their node's, whoever set them.
-        let has_messages = |route: &&Route| match (route.kind, route.is_whole()) {
-            (Kind::Topic(Types { from, to }), true) => {
-                ![from, to].contains(&MessageType::Properties)
-            }
-            (kind, _) => matches!(kind, Kind::Topic(_)),
-        };
-        let routes: Vec<Placed<'_>> =
-            self.routes.iter().enumerate().filter(|(_, route)| has_messages(route)).collect();
-        let (many, single): (Vec<Placed<'_>>, Vec<Placed<'_>>) =
-            routes.iter().copied().partition(|(_, route)| route.is_many());
-        let mut listening: BTreeMap<EndpointAddress, Vec<Placed<'_>>> = BTreeMap::new();
-        for (place, route) in single {
-            listening.entry(resolve(&route.from)).or_default().push((place, route));
-        }
+    pub fn unheard(&self) -> Vec<Unheard> {
+        let has_messages =
+            |it: &&Placed<'_>| matches!(it.route.kind, Kind::Topic(_)) && !has_parameters(it.route);
+        let many: Vec<_> =
+            self.all.iter().filter(has_messages).filter(|it| it.route.is_many()).collect();
         let mut found = Vec::new();
-        let mut note = |publishing: Placed<'_>, listener: Placed<'_>, at: &EndpointAddress| {
-            let places = [publishing.0, listener.0];
-            let (publishing, listener) = (publishing.1, listener.1);
+        let mut note = |publishing: &Placed<'_>, listening: &Placed<'_>, at: &EndpointAddress| {
             found.push(Unheard {
-                publishing: publishing.name.clone(),
-                listening: listener.name.clone(),
+                publishing: publishing.route.name.clone(),
+                listening: listening.route.name.clone(),
                 at: at.clone(),
-                from: publishing.from.to_string(),
-                to: listener.to.clone(),
-                places,
+                from: publishing.route.from.to_string(),
+                to: listening.route.to.clone(),
+                places: [publishing.place, listening.place],
             });
         };
-        for placed @ (_, publishing) in routes {
-            let to = resolve(&publishing.to);
-            let source = &publishing.from.middleware;
-            if publishing.is_many() {
-                let others = listening.iter().filter(|(address, _)| {
+        for publishing @ Placed { route, from, to, .. } in self.all.iter().filter(has_messages) {
+            if route.is_many() {
+                let met = self.taking.keys().filter(|address| {
                     address.middleware == to.middleware && fits_template(&to.name, &address.name)
                 });
-                for (address, others) in others {
-                    let others = others.iter().filter(|(_, it)| it.to.middleware != *source);
-                    others.for_each(|other| note(placed, *other, address));
+                for address in met {
+                    let others = self.taking_from(Role::Publisher, address);
+                    let others = others.filter(|it| it.to.middleware != from.middleware);
+                    others.for_each(|other| note(publishing, other, address));
                 }
             } else {
-                let back = resolve(&publishing.from);
-                let others = listening.get(&to).into_iter().flatten();
-                let others = others.filter(|(_, other)| resolve(&other.to) != back);
-                others.for_each(|other| note(placed, *other, &to));
+                let others = self.taking_from(Role::Publisher, to).filter(|it| it.to != *from);
+                others.for_each(|other| note(publishing, other, to));
             }
             // What a pattern publishes has many names: one stands for all.
             let name = filled_template(&to.name);
-            for other in many.iter().filter(|(_, it)| it.from.middleware == to.middleware) {
-                if other.1.target(&name).is_some_and(|target| target.middleware != *source) {
-                    note(placed, *other, &to);
+            for other in many.iter().filter(|it| it.route.from.middleware == to.middleware) {
+                let target = other.route.target(&name);
+                if target.is_some_and(|target| target.middleware != from.middleware) {
+                    note(publishing, other, to);
                 }
             }
         }
@@ -111,24 +90,11 @@ impl Plan {
 
 #[cfg(test)]
 mod tests {
-    use wrapyfi_interfaces::store::TypeStore;
-
-    use super::super::config::Config;
-    use super::super::plan::Available;
+    use super::super::route_index::testing::{index, plan};
     use super::*;
 
     fn found(routes: &[&str]) -> Vec<String> {
-        let lines = routes.iter().map(|route| format!("  - {{ {route} }}\n")).collect::<String>();
-        let config: Config<()> = Config::from_yaml(&format!("routes:\n{lines}"), "x.yaml").unwrap();
-        let available =
-            ["a", "b", "c"].map(|name| Available { name, check_topic: &|_| Ok(()), options: &[] });
-        let plan = Plan::new(&config, &available, &mut TypeStore::generated(), "x.yaml").unwrap();
-        // As a node does with relative names.
-        let resolve = |address: &EndpointAddress| {
-            let name = format!("/{}", address.name.trim_start_matches('/'));
-            EndpointAddress { name, ..address.clone() }
-        };
-        let unheard = plan.unheard(resolve);
+        let unheard = index(&plan(routes)).unheard();
         unheard.into_iter().map(|one| format!("{} ~ {}", one.publishing, one.listening)).collect()
     }
 

@@ -5,7 +5,7 @@
 //!   wrapyfi_msgs/, interfaces/*/  {msg,srv}              ament index, folder, full text
 //!          │ build script: parser ─▶ description ─▶ hash        │ store ─▶ the same
 //!          ▼                                                    ▼
-//!   sensor_msgs::msg::Image { … }  : Message            dynamic::Plan, DynamicMessage ◀─▶ JSON
+//!   sensor_msgs::msg::Image { … }  : Message            dynamic::TypePlan, DynamicMessage ◀─▶ JSON
 //!          └─────────────────── cdr ───▶ bytes on DDS ◀─── cdr ─┘
 //! ```
 //!

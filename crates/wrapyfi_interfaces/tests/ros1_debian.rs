@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::Value;
-use wrapyfi_interfaces::ros1::{Definition, Options, Plan, Rules, Types};
+use wrapyfi_interfaces::ros1::{Definition, Options, PairPlan, Rules, Types};
 use wrapyfi_interfaces::store::TypeStore;
 
 /// Packages without which the test would show little. Their types are built in.
@@ -99,7 +99,7 @@ fn written(prefix: &Path, python: &Path, seed: u32) -> Vec<Value> {
 
 /// Asserts that a publisher's definition of the type is the one that is known without it, and
 /// returns the plan.
-fn checks_of_a_message(types: &mut Types, vector: &Value) -> Plan {
+fn checks_of_a_message(types: &mut Types, vector: &Value) -> PairPlan {
     let (name, shown) = (text(vector, "type"), text(vector, "text"));
     // Found in the folder: the text is that of the files.
     let found = types.definition(name).unwrap();

@@ -81,11 +81,11 @@ pub(crate) fn emit(block: &Block) -> TokenStream {
             /// This instance with registered methods, all in mode `none` until they are activated or
             /// the configuration says otherwise, in the context of the process.
             #visibility fn communicator(self) -> #communicator {
-                self.communicator_in(&#api::Context::global())
+                self.communicator_in(&#api::CommunicatorContext::global())
             }
 
             /// The same in a context of its own.
-            #visibility fn communicator_in(self, context: &#api::Context) -> #communicator {
+            #visibility fn communicator_in(self, context: &#api::CommunicatorContext) -> #communicator {
                 #communicator { inner: self, instance: #api::Instance::new(context) }
             }
         }

@@ -14,6 +14,9 @@
 //! None of these has a socket or a clock: bytes, messages and the time come from the code that
 //! serves the node.
 
+#[macro_use]
+mod node_service;
+
 pub mod args;
 mod log;
 mod log_level;

@@ -30,48 +30,17 @@ pub trait Loggers: Send + Sync {
     fn set_level(&self, name: &str, level: LogLevel) -> Result<(), String>;
 }
 
-/// One of the services.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum LoggerService {
-    /// `~/get_logger_levels`
-    Get,
-    /// `~/set_logger_levels`
-    Set,
+node_services! {
+    /// One of the services.
+    LoggerService {
+        Get: GetLoggerLevels = "get_logger_levels",
+        Set: SetLoggerLevels = "set_logger_levels",
+    }
 }
 
 impl LoggerService {
-    /// Both services, in the order in which rclcpp offers them.
-    pub const ALL: [Self; 2] = [Self::Get, Self::Set];
-
     /// Number of requests and replies that nodes keep of each service.
     pub const DEPTH: u32 = 10;
-
-    /// Name behind that of the node, for instance `get_logger_levels`.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Get => "get_logger_levels",
-            Self::Set => "set_logger_levels",
-        }
-    }
-
-    /// ROS name of the service's type, for instance `rcl_interfaces/srv/GetLoggerLevels`.
-    #[must_use]
-    pub fn type_name(self) -> &'static str {
-        match self {
-            Self::Get => GetLoggerLevels::ROS_TYPE,
-            Self::Set => SetLoggerLevels::ROS_TYPE,
-        }
-    }
-
-    /// Type hashes of the service's request and response.
-    #[must_use]
-    pub fn hashes(self) -> ServiceHashes {
-        match self {
-            Self::Get => ServiceHashes::of::<GetLoggerLevels>(),
-            Self::Set => ServiceHashes::of::<SetLoggerLevels>(),
-        }
-    }
 
     /// Answers a request as it came from the wire.
     ///

@@ -38,8 +38,6 @@ pub struct RosTime {
     simulated: bool,
     /// Time of the last message of `/clock`, in nanoseconds.
     clock_ns: Option<i64>,
-    backward: u64,
-    refused: u64,
 }
 
 /// Jump of a node's time, which otherwise goes on like a clock.
@@ -105,11 +103,10 @@ impl RosTime {
     /// where the clock stands still, or the system's time is used.
     ///
     /// # Errors
-    /// When the time of the message is negative. The node's time stays; such messages are counted.
+    /// When the time of the message is negative. The node's time stays.
     pub fn on_clock(&mut self, message: &Clock) -> Result<Option<TimeJump>, ClockError> {
         let clock = &message.clock;
         if clock.sec < 0 {
-            self.refused = self.refused.saturating_add(1);
             return Err(ClockError::Negative { sec: clock.sec });
         }
         // Both are 32 bits: their sum fits. Nanoseconds beyond a second are carried.
@@ -119,12 +116,7 @@ impl RosTime {
             return Ok(None);
         }
         let by = Duration::from_nanos(now.abs_diff(before));
-        Ok(Some(if now > before {
-            TimeJump::Forward { by }
-        } else {
-            self.backward = self.backward.saturating_add(1);
-            TimeJump::Backward { by }
-        }))
+        Ok(Some(if now > before { TimeJump::Forward { by } } else { TimeJump::Backward { by } }))
     }
 
     /// Time of the node, given the `system` time.
@@ -137,24 +129,6 @@ impl RosTime {
         // Carried nanoseconds can lead beyond the last second that a stamp can hold.
         let (sec, nanosec) = (i32::try_from(ns / SECOND), u32::try_from(ns % SECOND));
         Stamp { sec: sec.unwrap_or(i32::MAX), nanosec: nanosec.unwrap_or(0) }
-    }
-
-    /// True once a message of `/clock` has come.
-    #[must_use]
-    pub fn has_clock(&self) -> bool {
-        self.clock_ns.is_some()
-    }
-
-    /// Number of times that simulated time went back.
-    #[must_use]
-    pub fn backward_jumps(&self) -> u64 {
-        self.backward
-    }
-
-    /// Number of messages of `/clock` that were refused because their time was negative.
-    #[must_use]
-    pub fn refused(&self) -> u64 {
-        self.refused
     }
 }
 
@@ -173,7 +147,6 @@ mod tests {
     #[test]
     fn simulated_time_is_zero_until_the_first_clock() {
         let mut time = RosTime::new(true);
-        assert!(!time.has_clock());
         assert_eq!(time.now(SYSTEM), Stamp::default());
         let by = Duration::new(7, 9);
         assert_eq!(time.on_clock(&clock(7, 9)), Ok(Some(TimeJump::Forward { by })));
@@ -181,7 +154,6 @@ mod tests {
         assert_eq!(time.now(SYSTEM), Stamp { sec: 7, nanosec: 9 });
         let by = Duration::from_nanos(1);
         assert_eq!(time.on_clock(&clock(7, 8)), Ok(Some(TimeJump::Backward { by })));
-        assert_eq!(time.backward_jumps(), 1);
     }
 
     #[test]
@@ -207,7 +179,7 @@ mod tests {
         time.on_clock(&clock(1, 0)).unwrap();
         let error = time.on_clock(&clock(-1, 0)).unwrap_err();
         assert!(error.to_string().starts_with("/clock says -1 s"));
-        assert_eq!((time.refused(), time.now(SYSTEM).sec), (1, 1));
+        assert_eq!(time.now(SYSTEM).sec, 1);
         // Nanoseconds beyond a second are carried.
         time.on_clock(&clock(1, 2_500_000_000)).unwrap();
         assert_eq!(time.now(SYSTEM), Stamp { sec: 3, nanosec: 500_000_000 });

@@ -9,7 +9,7 @@
 //! once take several. A connection that has answered is kept for the next call.
 
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
@@ -23,18 +23,18 @@ use super::body::{Bodies, Body};
 use super::config::NodeUri;
 use super::core::Core;
 use super::header::Header;
-use super::services::{self, MAX_ERROR_BYTES, ServiceForm, ServiceType};
+use super::probe::{greeted, probe_of};
+use super::services::{self, MAX_ERROR_BYTES, ServiceCodec, ServiceType};
 use super::splitter;
 use super::tcpros;
-use wrapyfi_data::DecodeError;
-use wrapyfi_data::EncodeError;
 use wrapyfi_data::types::Payload;
+use wrapyfi_data::{DecodeError, EncodeError};
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::calls::{Calls, Stage};
 use wrapyfi_endpoint::restart::restarted;
 use wrapyfi_endpoint::wire_client::{ClientWire, WireClient};
 use wrapyfi_endpoint::{
-    CallError, Context, Link, OpenError, PROGRESS, Request, ServiceSpec, Share,
+    CallError, Context, Link, Mutex, OpenError, PROGRESS, Request, ServiceSpec, Share,
 };
 
 /// Longest time between two looks for a server that is not there.
@@ -68,7 +68,7 @@ struct Ended {
 }
 
 /// State that a client shares with the tasks of its calls.
-struct Line {
+struct ClientShared {
     core: Weak<Core>,
     service: String,
     wire_type: ServiceType,
@@ -84,15 +84,11 @@ struct Line {
     seek: Notify,
 }
 
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 /// Calls one service.
 pub(super) struct Ros1Client {
     core: Arc<Core>,
-    form: ServiceForm,
-    line: Arc<Line>,
+    codec: ServiceCodec,
+    shared: Arc<ClientShared>,
     seeker: AbortHandle,
     /// Tasks whose calls may have ended without them.
     tasks: VecDeque<AbortHandle>,
@@ -106,11 +102,11 @@ impl Ros1Client {
         spec: &ServiceSpec,
         context: &Context,
     ) -> Result<WireClient<Self>, OpenError> {
-        let form = ServiceForm::new(core, spec)?;
-        let line = Arc::new(Line {
+        let codec = ServiceCodec::new(core, spec)?;
+        let shared = Arc::new(ClientShared {
             core: Arc::downgrade(core),
             service: service.to_owned(),
-            wire_type: form.wire_type.clone(),
+            wire_type: codec.wire_type.clone(),
             limit_bytes: spec.limits.message_bytes,
             context: context.clone(),
             ended: Mutex::default(),
@@ -119,7 +115,7 @@ impl Ros1Client {
             why: Mutex::default(),
             seek: Notify::new(),
         });
-        let (kept, told, seed) = (Arc::clone(&line), Arc::clone(&line), core.next_id());
+        let (kept, told, seed) = (Arc::clone(&shared), Arc::clone(&shared), core.next_id());
         let seeker = restarted(
             format!("the search for service {service}"),
             move |what| told.found(None, Some(what)),
@@ -127,33 +123,33 @@ impl Ros1Client {
         );
         let seeker = core.handle.spawn(seeker).abort_handle();
         let tasks = VecDeque::new();
-        let wire = Self { core: Arc::clone(core), form, line, seeker, tasks, sequence: 0 };
+        let wire = Self { core: Arc::clone(core), codec, shared, seeker, tasks, sequence: 0 };
         Ok(WireClient::new(wire, &spec.service, spec.pending, context))
     }
 }
 
 /// Turns the result of a call into the payload of its reply, or into the caller's error.
-fn read(outcome: Outcome, form: &ServiceForm) -> Result<Payload, CallError> {
-    let service = form.spec.service.clone();
+fn read(outcome: Outcome, codec: &ServiceCodec) -> Result<Payload, CallError> {
+    let service = codec.spec.service.clone();
     match outcome {
         Outcome::Reply(body) => {
-            form.decode_reply(&body).map_err(|fault| CallError::Reply { service, fault })
+            codec.decode_reply(&body).map_err(|fault| CallError::Reply { service, fault })
         }
         Outcome::Refused(reason) => Err(CallError::Refused { service, reason }),
         Outcome::Failed(reason) => Err(CallError::Transport { service, reason }),
         Outcome::TooLarge(size) => {
             let (what, path) = ("message", "$".to_owned());
-            let (actual, limit) = (size as u64, form.spec.limits.message_bytes as u64);
+            let (actual, limit) = (size as u64, codec.spec.limits.message_bytes as u64);
             let fault = DecodeError::TooLarge { what, path, actual, limit };
             Err(CallError::Reply { service, fault })
         }
     }
 }
 
-impl Line {
+impl ClientShared {
     fn end(&self, sequence: i64, outcome: Outcome, bytes: usize) {
         let at = self.context.clock.now();
-        locked(&self.ended).push_back(Ended { sequence, outcome, bytes, at });
+        self.ended.lock().push_back(Ended { sequence, outcome, bytes, at });
         self.context.wake.ring();
     }
 
@@ -161,20 +157,20 @@ impl Line {
     fn missing(&self) -> String {
         let fault = self.core.upgrade().and_then(|core| core.fault());
         fault
-            .or_else(|| locked(&self.why).clone())
+            .or_else(|| self.why.lock().clone())
             .unwrap_or_else(|| format!("a ROS 1 node that offers {}", self.service))
     }
 
     /// Notes where the server is, or why nowhere.
     fn found(&self, place: Option<NodeUri>, why: Option<String>) {
-        *locked(&self.why) = why;
+        *self.why.lock() = why;
         let changed = self.place.send_if_modified(|now| {
             let changes = *now != place;
             *now = place;
             changes
         });
         if changed {
-            locked(&self.idle).clear();
+            self.idle.lock().clear();
             self.context.wake.ring();
         }
     }
@@ -187,17 +183,10 @@ impl Line {
         }
     }
 
-    fn header(&self, caller: &str) -> Header {
-        Header::new()
-            .with("callerid", caller)
-            .with("service", &self.service)
-            .with("tcp_nodelay", "1")
-    }
-
     /// A kept connection that still stands.
     fn kept(&self) -> Option<TcpStream> {
         loop {
-            let stream = locked(&self.idle).pop()?;
+            let stream = self.idle.lock().pop()?;
             // One that has something to say was closed, or is out of step.
             if matches!(stream.try_read(&mut [0]), Err(e) if e.kind() == std::io::ErrorKind::WouldBlock)
             {
@@ -207,7 +196,7 @@ impl Line {
     }
 
     fn keep(&self, stream: TcpStream) {
-        let mut idle = locked(&self.idle);
+        let mut idle = self.idle.lock();
         if idle.len() < IDLE {
             idle.push(stream);
         }
@@ -228,8 +217,10 @@ impl Line {
             let Some(core) = self.core.upgrade() else {
                 return Err("the node has ended".to_owned());
             };
-            let own = self
-                .header(core.name.full())
+            let own = Header::new()
+                .with("callerid", core.name.full())
+                .with("service", &self.service)
+                .with("tcp_nodelay", "1")
                 .with("type", &self.wire_type.name)
                 .with("md5sum", &self.wire_type.md5)
                 .with("persistent", "1");
@@ -253,32 +244,32 @@ impl Line {
 }
 
 /// One call, from its connection to its reply.
-async fn call(line: Arc<Line>, sequence: i64, Outgoing { frame, deadline }: Outgoing) {
+async fn call(shared: Arc<ClientShared>, sequence: i64, Outgoing { frame, deadline }: Outgoing) {
     let deadline = tokio::time::Instant::from_std(deadline);
-    let mut stream = match timeout_at(deadline, line.connect()).await {
+    let mut stream = match timeout_at(deadline, shared.connect()).await {
         // The caller has given up: no request goes out.
         Err(_elapsed) => return,
-        Ok(Err(refusal)) => return line.end(sequence, Outcome::Refused(refusal), 0),
+        Ok(Err(refusal)) => return shared.end(sequence, Outcome::Refused(refusal), 0),
         Ok(Ok(stream)) => stream,
     };
     if let Err(error) = stream.write_all(&frame).await {
         let text = format!("the connection broke while it asked: {error}");
-        return line.end(sequence, Outcome::Failed(text), 0);
+        return shared.end(sequence, Outcome::Failed(text), 0);
     }
     let late = deadline.checked_add(LATE).unwrap_or(deadline);
-    match timeout_at(late, hear(&mut stream, line.limit_bytes)).await {
+    match timeout_at(late, hear(&mut stream, shared.limit_bytes)).await {
         // Nobody counts on it any more.
         Err(_elapsed) => {}
         Ok(Err(ended)) => {
             let text = format!("no answer came: {ended}");
-            line.end(sequence, Outcome::Failed(text), 0);
+            shared.end(sequence, Outcome::Failed(text), 0);
         }
         Ok(Ok((outcome, bytes))) => {
             // The rest of a reply that is too large is still to come.
             if !matches!(outcome, Outcome::TooLarge(_)) {
-                line.keep(stream);
+                shared.keep(stream);
             }
-            line.end(sequence, outcome, bytes);
+            shared.end(sequence, outcome, bytes);
         }
     }
 }
@@ -301,23 +292,23 @@ async fn hear(stream: &mut TcpStream, limit: usize) -> Result<(Outcome, usize), 
 }
 
 /// Knows where the server is, for as long as the client lives.
-async fn seek(line: Arc<Line>, seed: u64) {
+async fn seek(shared: Arc<ClientShared>, seed: u64) {
     let mut backoff = Backoff::of_process(seed).up_to(SEEK);
     loop {
-        let known = line.place.borrow().clone();
-        let wait = match look(&line, known.as_ref()).await {
+        let known = shared.place.borrow().clone();
+        let wait = match look(&shared, known.as_ref()).await {
             Some(Ok(place)) => {
                 backoff.reset();
-                line.found(Some(place), None);
+                shared.found(Some(place), None);
                 RESEEK
             }
             Some(Err(why)) => {
-                line.found(None, why);
+                shared.found(None, why);
                 backoff.wait()
             }
             None => return,
         };
-        if timeout(wait, line.seek.notified()).await.is_ok() {
+        if timeout(wait, shared.seek.notified()).await.is_ok() {
             // It was just found to be gone: the master may still name it.
             backoff.pause().await;
         }
@@ -326,9 +317,12 @@ async fn seek(line: Arc<Line>, seed: u64) {
 
 /// Asks the master for the node that offers the service. A master that was restarted knows no node,
 /// so the address `known` stays then; `None` when this node has ended.
-async fn look(line: &Line, known: Option<&NodeUri>) -> Option<Result<NodeUri, Option<String>>> {
-    let core = line.core.upgrade()?;
-    let (place, is_listed) = match core.master.lookup_service(&line.service).await {
+async fn look(
+    shared: &ClientShared,
+    known: Option<&NodeUri>,
+) -> Option<Result<NodeUri, Option<String>>> {
+    let core = shared.core.upgrade()?;
+    let (place, is_listed) = match core.master.lookup_service(&shared.service).await {
         Ok(Some(place)) => (place, true),
         // One that was restarted knows nobody: the server may still be there.
         Ok(None) => match known {
@@ -342,25 +336,19 @@ async fn look(line: &Line, known: Option<&NodeUri>) -> Option<Result<NodeUri, Op
         return Some(Ok(place));
     }
     // The master also names servers that were killed.
-    let probe = line.header(core.name.full()).with("md5sum", "*").with("probe", "1");
+    let probe = probe_of(&core, &shared.service);
     drop(core);
-    let answer = match tcpros::connect(&place.host, place.port).await {
-        Ok(mut stream) => {
-            tcpros::greet(&mut stream, &probe).await.map_err(|error| error.to_string())
-        }
-        Err(why) => Err(why),
-    };
-    Some(match answer {
+    Some(match greeted(&place, &probe).await {
         Ok(header) => match header.get("error") {
             Some(_) if !is_listed => Err(None),
             Some(error) => {
                 let refusal = services::shortened(error);
-                Err(Some(format!("the server of {}, which refuses: {refusal}", line.service)))
+                Err(Some(format!("the server of {}, which refuses: {refusal}", shared.service)))
             }
             None => Ok(place),
         },
         Err(_) if !is_listed => Err(None),
-        Err(why) => Err(Some(format!("the server of {}: {why}", line.service))),
+        Err(why) => Err(Some(format!("the server of {}: {why}", shared.service))),
     })
 }
 
@@ -372,43 +360,43 @@ impl ClientWire for Ros1Client {
         request: &Request,
         deadline: Instant,
     ) -> Result<(Outgoing, usize), EncodeError> {
-        let frame = self.form.encode_request(request)?;
+        let frame = self.codec.encode_request(request)?;
         let bytes = frame.len();
         Ok((Outgoing { frame, deadline }, bytes))
     }
 
     fn turn(&mut self, calls: &mut Calls<Outgoing>) {
         self.tasks.retain(|task| !task.is_finished());
-        while self.line.place.borrow().is_some() && calls.next_to_send().is_some() {
+        while self.shared.place.borrow().is_some() && calls.next_to_send().is_some() {
             self.sequence += 1;
             let Some(outgoing) = calls.send(self.sequence) else { break };
-            let line = Arc::clone(&self.line);
-            let task = self.core.handle.spawn(call(line, self.sequence, outgoing));
+            let shared = Arc::clone(&self.shared);
+            let task = self.core.handle.spawn(call(shared, self.sequence, outgoing));
             self.tasks.push_back(task.abort_handle());
             // Those that wait for late replies are given up first.
-            if self.tasks.len() > self.form.spec.pending.saturating_mul(2)
+            if self.tasks.len() > self.codec.spec.pending.saturating_mul(2)
                 && let Some(oldest) = self.tasks.pop_front()
             {
                 oldest.abort();
             }
         }
-        let ended = std::mem::take(&mut *locked(&self.line.ended));
+        let ended = std::mem::take(&mut *self.shared.ended.lock());
         for Ended { sequence, outcome, bytes, at } in ended {
-            let form = &self.form;
-            calls.answered(sequence, bytes, at, || read(outcome, form));
+            let codec = &self.codec;
+            calls.answered(sequence, bytes, at, || read(outcome, codec));
         }
     }
 
     fn missing(&self, stage: Stage) -> String {
         match stage {
-            Stage::Waiting => self.line.missing(),
+            Stage::Waiting => self.shared.missing(),
             Stage::Sent => "its server has not answered".to_owned(),
         }
     }
 
     fn link(&self) -> Link {
-        let found = self.line.place.borrow().is_some();
-        let waiting_for = (!found).then(|| self.line.missing());
+        let found = self.shared.place.borrow().is_some();
+        let waiting_for = (!found).then(|| self.shared.missing());
         Link { peers: Some(usize::from(found)), waiting_for, keeps_last: false }
     }
 }

@@ -11,7 +11,8 @@ use wrapyfi_interfaces::ros1::Rules;
 
 use super::names::{NameError, NodeName};
 use wrapyfi_endpoint::network::{
-    Hosts, Insecure, Place, ReachedByOthers, facing, is_of_this_machine, is_on,
+    Hosts, Insecure, Place, ReachedByOthers, VariableError, Variables, facing, is_of_this_machine,
+    variable,
 };
 
 /// Port of a master whose address names none.
@@ -88,26 +89,9 @@ pub enum ConfigError {
     /// Other machines would reach the sockets.
     #[error(transparent)]
     Open(#[from] ReachedByOthers),
-    /// A switch that is neither on nor off.
-    #[error("{name}={value:?} is neither True nor False")]
-    Switch {
-        /// Variable.
-        name: &'static str,
-        /// Value of the variable.
-        value: String,
-    },
-    /// Set, but to nothing.
-    #[error("{name} is set to nothing: give it a value or unset it")]
-    Empty {
-        /// Variable.
-        name: &'static str,
-    },
-    /// The value of a variable is not text.
-    #[error("{name} is not UTF-8 text")]
-    NotText {
-        /// Variable.
-        name: &'static str,
-    },
+    /// A variable has a value that means nothing.
+    #[error(transparent)]
+    Variable(#[from] VariableError),
 }
 
 /// An address on the net as ROS 1 writes it: `http://host:port/`.
@@ -186,36 +170,24 @@ impl Ros1Config {
     /// # Errors
     /// When a variable has a value that means nothing; the error names it.
     pub fn from_env() -> Result<Self, ConfigError> {
-        Self::from_lookup(|name| match std::env::var(name) {
-            Ok(value) => Ok(Some(value)),
-            Err(std::env::VarError::NotPresent) => Ok(None),
-            Err(std::env::VarError::NotUnicode(_)) => Err(ConfigError::NotText { name }),
-        })
+        Ok(Self::from_lookup(variable)?)
     }
 
     fn from_lookup(
-        lookup: impl Fn(&'static str) -> Result<Option<String>, ConfigError>,
-    ) -> Result<Self, ConfigError> {
-        let text = |name| match lookup(name)? {
-            Some(value) if value.trim().is_empty() => Err(ConfigError::Empty { name }),
-            Some(value) => Ok(Some(value.trim().to_owned())),
-            None => Ok(None),
-        };
-        let name = "WRAPYFI_ROS_INSECURE";
-        let is_insecure = match text(name)? {
-            None => false,
-            Some(value) => is_on(&value).ok_or(ConfigError::Switch { name, value })?,
-        };
+        lookup: impl Fn(&'static str) -> Result<Option<String>, VariableError>,
+    ) -> Result<Self, VariableError> {
+        let of = Variables(lookup);
+        let is_insecure = of.switch("WRAPYFI_ROS_INSECURE", false)?;
         let default = Self::default();
-        let hostname = match text("ROS_HOSTNAME")? {
+        let hostname = match of.text("ROS_HOSTNAME")? {
             Some(hostname) => Some(hostname),
-            None => text("ROS_IP")?,
+            None => of.text("ROS_IP")?,
         };
         let mut insecure = Insecure::default();
         insecure.said(Place::Environment, hostname.is_some(), is_insecure);
         // An empty namespace is the root, also in ROS 1's own tools.
-        let namespace = lookup("ROS_NAMESPACE")?.unwrap_or(default.namespace);
-        let master_uri = text("ROS_MASTER_URI")?.unwrap_or(default.master_uri);
+        let namespace = (of.0)("ROS_NAMESPACE")?.unwrap_or(default.namespace);
+        let master_uri = of.text("ROS_MASTER_URI")?.unwrap_or(default.master_uri);
         Ok(Self { master_uri, hostname, namespace, insecure, ..Self::default() })
     }
 
@@ -224,16 +196,18 @@ impl Ros1Config {
     /// # Errors
     /// When `master_uri` is no address.
     pub fn master(&self) -> Result<(String, u16), ConfigError> {
-        let read = NodeUri::parse(&self.master_uri);
-        read.map(|at| (at.host, at.port))
+        self.master_at().map(|at| (at.host, at.port))
+    }
+
+    fn master_at(&self) -> Result<NodeUri, ConfigError> {
+        NodeUri::parse(&self.master_uri)
             .map_err(|reason| ConfigError::MasterUri { uri: self.master_uri.clone(), reason })
     }
 
     /// Checks everything that can be known before anything starts. May ask the system for the address
     /// of a host name.
     pub(super) fn resolve(&self) -> Result<Resolved, ConfigError> {
-        let master = NodeUri::parse(&self.master_uri)
-            .map_err(|reason| ConfigError::MasterUri { uri: self.master_uri.clone(), reason })?;
+        let master = self.master_at()?;
         let name = self.node.clone().unwrap_or_else(anonymous);
         let mut node = NodeName::new(&name, &self.namespace)?;
         for (from, to) in &self.remaps {
@@ -289,7 +263,7 @@ fn anonymous() -> String {
 mod tests {
     use super::*;
 
-    fn from(pairs: &[(&str, &str)]) -> Result<Ros1Config, ConfigError> {
+    fn from(pairs: &[(&str, &str)]) -> Result<Ros1Config, VariableError> {
         Ros1Config::from_lookup(|name| {
             Ok(pairs.iter().find(|(n, _)| *n == name).map(|(_, v)| (*v).to_owned()))
         })

@@ -8,14 +8,14 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, MutexGuard, OnceLock};
 
 use tokio::runtime::Handle;
-use tokio::sync::Notify;
+use tokio::sync::{Notify, watch};
 use wrapyfi_interfaces::ros1::{Rules, Types};
 
 use super::config::NodeUri;
-use super::intake::Intake;
+use super::listener_connections::ListenerConnections;
 use super::marks::Marked;
 use super::master::Master;
 use super::names::NodeName;
@@ -24,7 +24,7 @@ use super::probe::Probes;
 use super::publication::Publication;
 use super::registrations::{Key, Kind, Registrations};
 use super::service_host::ServiceHost;
-use wrapyfi_endpoint::Wake;
+use wrapyfi_endpoint::{BridgeMark, Mutex, Role, Wake};
 
 /// State that all endpoints of a node share.
 pub(super) struct Core {
@@ -37,11 +37,13 @@ pub(super) struct Core {
     pub(super) handle: Handle,
     /// Signal that there is something to register.
     pub(super) work: Notify,
-    /// Connections whose last bytes are still on their way.
-    pub(super) lingering: Lingering,
+    /// Sender whose receivers are held by what must end before the node may, such as connections whose last bytes are
+    /// still on their way.
+    pub(super) lingering: watch::Sender<()>,
     next: AtomicU64,
     state: Mutex<State>,
     types: OnceLock<Mutex<Types>>,
+    rules: Rules,
     /// Answers of other nodes about the types of their topics and services.
     pub(super) probes: Probes,
 }
@@ -68,7 +70,7 @@ pub(super) struct Subscription {
     publishers: Vec<NodeUri>,
     /// Number of lists of publishers that the master sent without being asked.
     updates: u64,
-    listeners: Vec<Arc<Intake>>,
+    pub(super) listeners: Vec<Arc<ListenerConnections>>,
 }
 
 impl Core {
@@ -78,6 +80,7 @@ impl Core {
         api: NodeUri,
         tcpros: NodeUri,
         handle: Handle,
+        rules: Rules,
     ) -> Arc<Self> {
         Arc::new(Self {
             name,
@@ -86,28 +89,24 @@ impl Core {
             tcpros,
             handle,
             work: Notify::new(),
-            lingering: Lingering::default(),
+            lingering: watch::channel(()).0,
             next: AtomicU64::new(0),
             state: Mutex::default(),
             types: OnceLock::new(),
+            rules,
             probes: Probes::default(),
         })
-    }
-
-    /// Rules about pairs of types, for a node that has not used any definition yet.
-    pub(super) fn use_rules(&self, rules: Rules) {
-        self.types.get_or_init(|| Mutex::new(Types::from_environment(rules)));
     }
 
     /// Definitions of ROS 1: what peers showed, what is installed or built in. Read at first use.
     pub(super) fn types(&self) -> MutexGuard<'_, Types> {
         let types =
-            self.types.get_or_init(|| Mutex::new(Types::from_environment(Rules::built_in())));
-        types.lock().unwrap_or_else(PoisonError::into_inner)
+            self.types.get_or_init(|| Mutex::new(Types::from_environment(self.rules.clone())));
+        types.lock()
     }
 
     pub(super) fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        self.state.lock()
     }
 
     /// A number that nothing else in this node has.
@@ -143,20 +142,20 @@ impl Core {
 
     /// Ends the node's part in the graph for good.
     pub(super) fn end(&self, reason: String) {
-        let (wakes, intakes, publications, hosts) = {
+        let (wakes, listeners, publications, hosts) = {
             let mut state = self.state();
             if state.ended.is_some() {
                 return;
             }
             state.ended = Some(reason);
             state.registrations.unwant_all();
-            let intakes: Vec<_> =
+            let listeners: Vec<_> =
                 state.subscriptions.values().flat_map(|one| one.listeners.clone()).collect();
             let publications: Vec<_> = state.topics.values().flatten().cloned().collect();
             let hosts: Vec<_> = state.services.values().cloned().collect();
-            (state.bells(), intakes, publications, hosts)
+            (state.bells(), listeners, publications, hosts)
         };
-        intakes.iter().for_each(|intake| intake.close());
+        listeners.iter().for_each(|connections| connections.close());
         publications.iter().for_each(|publication| publication.close());
         hosts.iter().for_each(|host| host.close());
         self.work.notify_one();
@@ -177,45 +176,42 @@ impl Core {
     }
 
     /// Enters a listener.
-    pub(super) fn listen(&self, topic: &str, type_name: &str, intake: &Arc<Intake>) {
+    pub(super) fn listen(
+        &self,
+        topic: &str,
+        type_name: &str,
+        connections: &Arc<ListenerConnections>,
+    ) {
         let mut state = self.state();
         let State { subscriptions, orphans, .. } = &mut *state;
         let subscription = subscriptions.entry(topic.to_owned()).or_default();
-        subscription.listeners.push(Arc::clone(intake));
+        subscription.listeners.push(Arc::clone(connections));
         // Under the lock, so that nothing older comes after what the master says next.
-        intake.update(&with_orphans(&subscription.publishers, orphans.get(topic)));
+        connections.update(&with_orphans(&subscription.publishers, orphans.get(topic)));
         self.want(&mut state, Kind::Subscriber, topic, type_name);
     }
 
     /// Takes a listener out; the registration goes with the last one.
-    pub(super) fn unlisten(&self, topic: &str, intake: &Arc<Intake>) {
-        intake.close();
+    pub(super) fn unlisten(&self, topic: &str, connections: &Arc<ListenerConnections>) {
+        connections.close();
         let mut state = self.state();
         let Some(subscription) = state.subscriptions.get_mut(topic) else { return };
-        subscription.listeners.retain(|listener| !Arc::ptr_eq(listener, intake));
+        subscription.listeners.retain(|listener| !Arc::ptr_eq(listener, connections));
         if subscription.listeners.is_empty() {
             state.subscriptions.remove(topic);
             self.unwant(&mut state, Kind::Subscriber, topic);
         }
     }
 
-    /// The master's update number of a topic: for [`Core::answered`].
+    /// The master's update number of a topic: for [`Core::set_publishers`].
     pub(super) fn updates(&self, topic: &str) -> u64 {
         self.state().subscriptions.get(topic).map_or(0, |subscription| subscription.updates)
     }
 
-    /// Takes what the master says by itself about who publishes a topic.
-    pub(super) fn updated(&self, topic: &str, uris: &[String]) {
-        self.set_publishers(topic, uris, None);
-    }
-
-    /// Takes what the master answered to a registration. Where it has said something by itself since
-    /// the question, that may be newer: then its answer only adds.
-    pub(super) fn answered(&self, topic: &str, uris: &[String], since: u64) {
-        self.set_publishers(topic, uris, Some(since));
-    }
-
-    fn set_publishers(&self, topic: &str, uris: &[String], since: Option<u64>) {
+    /// Takes what the master says about who publishes a topic: by itself, or as the answer to a registration that was
+    /// sent at update number `since`. Where it has said something by itself since then, that may be newer, and its
+    /// answer only adds.
+    pub(super) fn set_publishers(&self, topic: &str, uris: &[String], since: Option<u64>) {
         let mut publishers = Vec::with_capacity(uris.len());
         for uri in uris {
             match NodeUri::parse(uri) {
@@ -266,7 +262,7 @@ impl Core {
     ) -> Arc<Publication> {
         let mut state = self.state();
         let all = state.topics.entry(topic.to_owned()).or_default();
-        let known = all.iter().find(|one| one.wire_type().md5 == md5).cloned();
+        let known = all.iter().find(|one| one.wire_type.md5 == md5).cloned();
         let publication = known.unwrap_or_else(|| {
             let made = Arc::new(make());
             all.push(Arc::clone(&made));
@@ -274,7 +270,7 @@ impl Core {
         });
         // Under the lock: a publication without publishers may be taken out.
         enter(&publication);
-        let type_name = publication.wire_type().name.clone();
+        let type_name = publication.wire_type.name.clone();
         self.want(&mut state, Kind::Publisher, topic, &type_name);
         publication
     }
@@ -312,17 +308,19 @@ impl Core {
         self.unwant(&mut state, Kind::Service, service);
     }
 
-    /// Tells other bridges that a topic or service of this node was made by pattern.
-    pub(super) fn mark(&self, marked: &Marked) {
+    /// Tells other bridges that a topic or service of this node was made by pattern, until the mark is dropped.
+    pub(super) fn mark(
+        self: &Arc<Self>,
+        role: Role,
+        name: &str,
+        mark: &Option<BridgeMark>,
+    ) -> Option<Mark> {
+        let (name, node) = (name.to_owned(), self.name.full().to_owned());
+        let marked = Marked { role, name, node, mark: mark.clone()? };
         let key = Key::new(Kind::Mark, &marked.parameter());
-        let mut state = self.state();
-        state.registrations.want(key, &marked.to_string());
+        self.state().registrations.want(key.clone(), &marked.to_string());
         self.work.notify_one();
-    }
-
-    pub(super) fn unmark(&self, marked: &Marked) {
-        let mut state = self.state();
-        self.unwant(&mut state, Kind::Mark, &marked.parameter());
+        Some(Mark(Arc::clone(self), key))
     }
 
     /// Enters a watch on a parameter.
@@ -359,11 +357,21 @@ impl State {
         let publications = self.topics.values().flatten();
         let watched = self.parameters.values().flatten();
         listeners
-            .map(|intake| intake.wake().clone())
+            .map(|connections| connections.wake().clone())
             .chain(publications.flat_map(|publication| publication.wakes()))
             .chain(self.services.values().map(|host| host.wake().clone()))
             .chain(watched.map(|watched| watched.wake().clone()))
             .collect()
+    }
+}
+
+/// Mark of an endpoint that was made by pattern, at the master while this lives.
+pub(super) struct Mark(Arc<Core>, Key);
+
+impl Drop for Mark {
+    fn drop(&mut self) {
+        self.0.state().registrations.unwant(&self.1);
+        self.0.work.notify_one();
     }
 }
 
@@ -376,45 +384,6 @@ impl Subscription {
     /// Tells the listeners who publishes.
     fn tell(&self, orphans: Option<&BTreeSet<NodeUri>>) {
         let publishers = with_orphans(&self.publishers, orphans);
-        self.listeners.iter().for_each(|intake| intake.update(&publishers));
-    }
-
-    pub(super) fn listeners(&self) -> &[Arc<Intake>] {
-        &self.listeners
-    }
-}
-
-/// Counts what must end before the node may.
-#[derive(Default)]
-pub(super) struct Lingering {
-    count: Arc<AtomicU64>,
-    changed: Arc<Notify>,
-}
-
-impl Lingering {
-    pub(super) fn begin(&self) -> Lingers {
-        self.count.fetch_add(1, Relaxed);
-        Lingers(Arc::clone(&self.count), Arc::clone(&self.changed))
-    }
-
-    /// Waits until nothing lingers.
-    pub(super) async fn over(&self) {
-        loop {
-            let changed = self.changed.notified();
-            if self.count.load(Relaxed) == 0 {
-                return;
-            }
-            changed.await;
-        }
-    }
-}
-
-/// Something that must end first.
-pub(super) struct Lingers(Arc<AtomicU64>, Arc<Notify>);
-
-impl Drop for Lingers {
-    fn drop(&mut self) {
-        self.0.fetch_sub(1, Relaxed);
-        self.1.notify_waiters();
+        self.listeners.iter().for_each(|connections| connections.update(&publishers));
     }
 }

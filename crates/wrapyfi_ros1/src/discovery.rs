@@ -2,10 +2,10 @@
 //! master lists them.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::{Arc, Weak};
 use std::time::Duration;
 
-use tokio::task::AbortHandle;
+use tokio::task::JoinSet;
 
 use super::core::Core;
 use super::marks::{self, Marks};
@@ -13,7 +13,7 @@ use super::master::{MasterError, Owners, SystemState};
 use super::presence::Presence;
 use super::probe;
 use wrapyfi_endpoint::restart::restarted;
-use wrapyfi_endpoint::{DiscoverError, Discovered, Discovery, Role};
+use wrapyfi_endpoint::{DiscoverError, Discovered, Discovery, Mutex, Role};
 
 /// Time between two looks: the master tells nobody by itself.
 pub(super) const LOOK: Duration = Duration::from_millis(250);
@@ -21,7 +21,8 @@ pub(super) const LOOK: Duration = Duration::from_millis(250);
 /// Looks until it is dropped.
 pub(super) struct Ros1Discovery {
     seen: Arc<Mutex<Seen>>,
-    task: AbortHandle,
+    /// The task that looks.
+    _task: JoinSet<()>,
 }
 
 #[derive(Default)]
@@ -35,15 +36,17 @@ struct Seen {
 
 impl Ros1Discovery {
     pub(super) fn new(core: &Arc<Core>) -> Self {
-        let waiting = format!("master {}", core.master.uri());
+        let waiting = format!("master {}", core.master.uri);
         let seen = Arc::new(Mutex::new(Seen { fault: Some(waiting), ..Seen::default() }));
         let (weak, kept, told) = (Arc::downgrade(core), Arc::clone(&seen), Arc::clone(&seen));
-        let task = core.handle.spawn(restarted(
+        let mut task = JoinSet::new();
+        let looks = restarted(
             "the discovery of ROS 1".to_owned(),
-            move |what| told.lock().unwrap_or_else(PoisonError::into_inner).fault = Some(what),
+            move |what| told.lock().fault = Some(what),
             move || watch(weak.clone(), Arc::clone(&kept)),
-        ));
-        Self { seen, task: task.abort_handle() }
+        );
+        task.spawn_on(looks, &core.handle);
+        Self { seen, _task: task }
     }
 }
 
@@ -56,7 +59,7 @@ async fn watch(core: Weak<Core>, seen: Arc<Mutex<Seen>>) {
             Err(error) => Seen { asked: true, endpoints: Vec::new(), fault: Some(error.awaited()) },
         };
         drop(core);
-        *seen.lock().unwrap_or_else(PoisonError::into_inner) = now;
+        *seen.lock() = now;
         tokio::time::sleep(LOOK).await;
     }
 }
@@ -105,21 +108,15 @@ fn endpoints(
 
 impl Discovery for Ros1Discovery {
     fn endpoints(&mut self) -> Result<Vec<Discovered>, DiscoverError> {
-        Ok(self.seen.lock().unwrap_or_else(PoisonError::into_inner).endpoints.clone())
+        Ok(self.seen.lock().endpoints.clone())
     }
 
     fn waiting_for(&self) -> Option<String> {
-        self.seen.lock().unwrap_or_else(PoisonError::into_inner).fault.clone()
+        self.seen.lock().fault.clone()
     }
 
     fn is_complete(&self) -> Option<bool> {
-        Some(self.seen.lock().unwrap_or_else(PoisonError::into_inner).asked)
-    }
-}
-
-impl Drop for Ros1Discovery {
-    fn drop(&mut self) {
-        self.task.abort();
+        Some(self.seen.lock().asked)
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   call ─▶ connect ─▶ POST ─▶ body ─▶ Reply        each step within one time limit
-//!   Answers::answer(Call) ─▶ Reply ◀─ POST ◀─ accept    so many connections at once
+//!   Answers: Call ─▶ Reply ◀─ POST ◀─ accept    so many connections at once
 //! ```
 
 use std::convert::Infallible;
@@ -18,6 +18,7 @@ use hyper::service::service_fn;
 use hyper::{Method, Request, Response, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use tokio::net::TcpStream;
+use tokio::task::JoinSet;
 use tokio::time::timeout;
 
 use super::config::NodeUri;
@@ -33,27 +34,14 @@ const HEAD_BYTES: usize = 64 * 1024;
 
 /// Error of a call to another node.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub(super) enum HttpError {
-    /// The address refused the connection: nobody listens there.
-    #[error("{uri} does not answer: {reason}")]
-    Refused { uri: String, reason: String },
-    /// The node was not reached, or did not answer in time.
-    #[error("{uri} {reason}")]
-    Unreachable { uri: String, reason: String },
-    /// The node answered with something else than XML-RPC.
-    #[error("{uri} answered: {fault}")]
-    Answer { uri: String, fault: XmlRpcError },
-}
-
-impl HttpError {
-    /// Address of the node that was called, and the failure in words that follow `it`.
-    pub(super) fn parts(&self) -> (&str, String) {
-        match self {
-            Self::Refused { uri, reason } => (uri, format!("does not answer: {reason}")),
-            Self::Unreachable { uri, reason } => (uri, reason.clone()),
-            Self::Answer { uri, fault } => (uri, format!("answered: {fault}")),
-        }
-    }
+#[error("{uri} {what}")]
+pub(super) struct HttpError {
+    /// Address of the node.
+    pub(super) uri: String,
+    /// The failure, in words that follow `it`.
+    pub(super) what: String,
+    /// True where the address refused the connection: nobody listens there.
+    pub(super) is_refused: bool,
 }
 
 /// Calls a method of the node at `uri`.
@@ -62,49 +50,30 @@ pub(super) async fn call(
     method: &str,
     params: Vec<Value>,
 ) -> Result<Reply, HttpError> {
-    let answer = |fault| HttpError::Answer { uri: uri.to_string(), fault };
-    let unreachable = |reason: String| HttpError::Unreachable { uri: uri.to_string(), reason };
-    let body = xmlrpc::encode_call(method, params).map_err(answer)?;
-    let bytes = match timeout(CALL, post(uri, body)).await {
-        Err(_elapsed) => {
-            let text = format!("did not answer {method} within {} s", CALL.as_secs());
-            return Err(unreachable(text));
-        }
-        Ok(Err(Failed::Refused(reason))) => {
-            return Err(HttpError::Refused { uri: uri.to_string(), reason });
-        }
-        Ok(Err(Failed::Other(reason))) => return Err(unreachable(reason)),
-        Ok(Ok(bytes)) => bytes,
-    };
-    xmlrpc::decode_reply(&bytes).map_err(answer)
+    let failed = |what, is_refused| HttpError { uri: uri.to_string(), what, is_refused };
+    let answered = |fault: XmlRpcError| failed(format!("answered: {fault}"), false);
+    let body = xmlrpc::encode_call(method, params).map_err(answered)?;
+    let posted = timeout(CALL, async {
+        let stream = tcpros::reach(&uri.host, uri.port).await.map_err(|error| {
+            let is_refused = error.kind() == std::io::ErrorKind::ConnectionRefused;
+            failed(format!("does not answer: {error}"), is_refused)
+        })?;
+        post(stream, uri, body).await.map_err(|what| failed(what, false))
+    });
+    let late = || format!("did not answer {method} within {} s", CALL.as_secs());
+    let bytes = posted.await.map_err(|_elapsed| failed(late(), false))??;
+    xmlrpc::decode_reply(&bytes).map_err(answered)
 }
 
-/// Error of an HTTP request.
-enum Failed {
-    Refused(String),
-    Other(String),
-}
-
-impl From<String> for Failed {
-    fn from(reason: String) -> Self {
-        Self::Other(reason)
-    }
-}
-
-async fn post(uri: &NodeUri, body: String) -> Result<Bytes, Failed> {
-    let stream = tcpros::reach(&uri.host, uri.port).await.map_err(|error| {
-        if error.kind() == std::io::ErrorKind::ConnectionRefused {
-            Failed::Refused(error.to_string())
-        } else {
-            Failed::Other(format!("does not answer: {error}"))
-        }
-    })?;
+async fn post(stream: TcpStream, uri: &NodeUri, body: String) -> Result<Bytes, String> {
     // A second write that waits for the first one's acknowledgement takes 40 ms.
     stream.set_nodelay(true).map_err(|error| error.to_string())?;
     let failed = |error: hyper::Error| format!("did not answer as HTTP: {error}");
     let (mut sender, connection) =
         hyper::client::conn::http1::handshake(TokioIo::new(stream)).await.map_err(failed)?;
-    let connection = Aborted(tokio::spawn(connection));
+    // It ends with this function.
+    let mut task = JoinSet::new();
+    task.spawn(connection);
     let request = Request::builder()
         .method(Method::POST)
         .uri("/")
@@ -116,32 +85,19 @@ async fn post(uri: &NodeUri, body: String) -> Result<Bytes, Failed> {
         .map_err(|error| error.to_string())?;
     let response = sender.send_request(request).await.map_err(failed)?;
     if response.status() != StatusCode::OK {
-        return Err(format!("answered with HTTP status {}", response.status()).into());
+        return Err(format!("answered with HTTP status {}", response.status()));
     }
     let body = Limited::new(response.into_body(), xmlrpc::MAX_BYTES).collect().await;
-    drop(connection);
     let body = body.map_err(|error| format!("broke off: {error}"))?;
     Ok(body.to_bytes())
 }
 
-/// A task that ends with its owner.
-struct Aborted<T>(tokio::task::JoinHandle<T>);
-
-impl<T> Drop for Aborted<T> {
-    fn drop(&mut self) {
-        self.0.abort();
-    }
-}
-
-/// Source of the answers to calls on the XML-RPC server. Its function must not wait: it runs on the
-/// server's task.
-pub(super) trait Answers: Send + Sync + 'static {
-    /// The answer; `None` where there is no such method.
-    fn answer(&self, call: Call) -> Option<Reply>;
-}
+/// Function that answers calls on the XML-RPC server, `None` where there is no such method. It must not wait: it runs
+/// on the server's task.
+pub(super) type Answers = dyn Fn(Call) -> Option<Reply> + Send + Sync;
 
 /// Answers whoever connects, until it is aborted.
-pub(super) async fn serve(port: Arc<Port>, answers: Arc<dyn Answers>) {
+pub(super) async fn serve(port: Arc<Port>, answers: Arc<Answers>) {
     let Port { listener, places, .. } = &*port;
     let mut backoff = accepting();
     loop {
@@ -149,13 +105,13 @@ pub(super) async fn serve(port: Arc<Port>, answers: Arc<dyn Answers>) {
         let (stream, peer) = accepted(listener, &mut backoff).await;
         let answers = Arc::clone(&answers);
         tokio::spawn(async move {
-            serve_one(stream, peer, &answers).await;
+            serve_one(stream, peer, &*answers).await;
             drop(place);
         });
     }
 }
 
-async fn serve_one(stream: TcpStream, peer: SocketAddr, answers: &Arc<dyn Answers>) {
+async fn serve_one(stream: TcpStream, peer: SocketAddr, answers: &Answers) {
     if stream.set_nodelay(true).is_err() {
         return;
     }
@@ -174,7 +130,7 @@ async fn serve_one(stream: TcpStream, peer: SocketAddr, answers: &Arc<dyn Answer
 async fn respond(
     request: Request<Incoming>,
     peer: SocketAddr,
-    answers: &Arc<dyn Answers>,
+    answers: &Answers,
 ) -> Result<Response<Full<Bytes>>, Infallible> {
     if request.method() != Method::POST {
         return Ok(status(StatusCode::METHOD_NOT_ALLOWED));
@@ -189,7 +145,7 @@ async fn respond(
         Ok(call) => {
             let method = call.method.clone();
             tracing::trace!(%peer, method, "ROS 1: called");
-            match answers.answer(call) {
+            match answers(call) {
                 Some(reply) => xmlrpc::encode_reply(reply),
                 None => xmlrpc::encode_fault(&format!("there is no method {method:?} here")),
             }

@@ -12,7 +12,7 @@ use wrapyfi_interfaces::store::TypeStore;
 
 use super::NAME;
 use super::core::Core;
-use super::probe::{Answer, Told, ask};
+use super::probe::{Answer, TypeInfo, ask};
 use wrapyfi_data::types::{RosService, RosType, ServiceKind};
 use wrapyfi_endpoint::{Discovered, LearnError, Learned, Role};
 
@@ -21,7 +21,7 @@ fn undefined(type_name: &str, reason: &dyn std::fmt::Display) -> LearnError {
 }
 
 /// Type and latching that the node at the other end has told of this topic or service.
-fn told(core: &Arc<Core>, found: &Discovered) -> Result<Told, LearnError> {
+fn told(core: &Arc<Core>, found: &Discovered) -> Result<TypeInfo, LearnError> {
     let name = found.name.clone();
     let Some(node) = &found.node else {
         return Err(LearnError::Untold { middleware: NAME.to_owned() });

@@ -18,46 +18,44 @@
 //! | --- | --- |
 //! | `config`, `names` | environment and settings; what names mean |
 //! | `header`, `xmlrpc`, `splitter` | bytes of connections, without sockets |
-//! | `http`, `master`, `slave`, `slave_info` | XML-RPC: calls, the master's API, ours |
+//! | `http`, `master`, `slave` | XML-RPC: calls, the master's API, ours |
 //! | `core`, `registrations`, `registrar` | the node; what the master should know, and that it does |
 //! | `tcpros` | connections: opened, accepted, refused |
 //! | `whereabouts` | which machines the addresses of other nodes mean |
-//! | `request`, `intake`, `listener` | a topic received |
-//! | `publication`, `kept`, `outlet` | a topic sent, what is kept of it, one subscriber |
+//! | `listener_connections`, `listener` | a topic received |
+//! | `publication`, `kept`, `subscriber` | a topic sent, what is kept of it, one subscriber |
 //! | `services`, `service_host`, `server`, `client` | services |
 //! | `parameters` | properties |
-//! | `form` | messages of any type as payloads |
+//! | `conversion` | messages of any type as payloads |
 //! | `discovery`, `presence`, `marks` | what other nodes have, whether they live, what bridges made |
 //! | `learn`, `probe` | the types of it; nodes asked for what the master does not tell |
 
 mod body;
 mod client;
 mod config;
+mod conversion;
 mod core;
 mod discovery;
-mod form;
 pub mod header;
 mod http;
-mod intake;
 mod learn;
 mod listener;
+mod listener_connections;
 mod marks;
 mod master;
 mod names;
-mod outlet;
 mod parameters;
 mod presence;
 mod probe;
 mod publication;
 mod registrar;
 mod registrations;
-mod request;
 mod server;
 mod service_host;
 mod services;
 mod slave;
-mod slave_info;
 mod splitter;
+mod subscriber;
 mod tcpros;
 mod whereabouts;
 pub mod xmlrpc;
@@ -68,7 +66,7 @@ use std::time::Duration;
 use tokio::runtime::{Builder, Runtime};
 use tokio::time::timeout;
 use wrapyfi_interfaces::parser::TypeName;
-use wrapyfi_interfaces::ros1::{PairError, Rules};
+use wrapyfi_interfaces::ros1::PairError;
 use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
 
 pub use config::{ConfigError, Ros1Config};
@@ -118,7 +116,7 @@ pub struct Registered {
 /// Error of starting ROS 1.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum StartError {
+pub enum Ros1Error {
     /// The settings cannot work.
     #[error(transparent)]
     Config(#[from] ConfigError),
@@ -127,7 +125,7 @@ pub enum StartError {
     System(#[from] std::io::Error),
 }
 
-impl StartError {
+impl Ros1Error {
     /// True when no later try can succeed, because the settings are wrong.
     #[must_use]
     pub fn is_hopeless(&self) -> bool {
@@ -140,7 +138,7 @@ impl Ros1 {
     ///
     /// # Errors
     /// When the settings cannot work, or the system gives no sockets.
-    pub fn start(config: &Ros1Config) -> Result<Self, StartError> {
+    pub fn start(config: &Ros1Config) -> Result<Self, Ros1Error> {
         let Resolved { master, node, advertised, bind, afar } = config.resolve()?;
         let whereabouts = whereabouts::Whereabouts::new(config.hosts.clone(), afar);
         let runtime = Builder::new_multi_thread()
@@ -153,15 +151,17 @@ impl Ros1 {
         let api = NodeUri { host: advertised.clone(), port: api_port };
         let data = NodeUri { host: advertised, port: data_port };
         let master = master::Master::new(master, node.full(), &api.to_string(), whereabouts);
-        let core = Core::new(node, master, api, data, runtime.handle().clone());
-        if config.mapping_rules != Rules::built_in() {
-            core.use_rules(config.mapping_rules.clone());
-        }
+        let (handle, rules) = (runtime.handle().clone(), config.mapping_rules.clone());
+        let core = Core::new(node, master, api, data, handle, rules);
         let (answers, accepting) = (Arc::downgrade(&core), Arc::downgrade(&core));
         runtime.spawn(restarted(
             "the XML-RPC port of this ROS 1 node".to_owned(),
             |_| {},
-            move || http::serve(Arc::clone(&api_socket), Arc::new(slave::Slave(answers.clone()))),
+            move || {
+                let core = answers.clone();
+                let answer = move |call| slave::answer(&core, call);
+                http::serve(Arc::clone(&api_socket), Arc::new(answer))
+            },
         ));
         runtime.spawn(restarted(
             "the TCPROS port of this ROS 1 node".to_owned(),
@@ -174,7 +174,7 @@ impl Ros1 {
             move |what| told.set_fault(Some(what)),
             move || registrar::keep(Arc::clone(&registering)),
         ));
-        tracing::info!(node = core.name.full(), master = %core.master.uri(), "ROS 1: node started");
+        tracing::info!(node = core.name.full(), master = %core.master.uri, "ROS 1: node started");
         Ok(Self { core, runtime: Some(runtime) })
     }
 
@@ -252,7 +252,7 @@ impl Middleware for Ros1 {
         context: &Context,
     ) -> Result<Box<dyn Listener>, OpenError> {
         let topic = self.resolve(&spec.topic)?;
-        Ok(match form::wanted(&self.core, spec.message_type) {
+        Ok(match conversion::wanted(&self.core, spec.message_type) {
             Some(wire_type) => {
                 let core = &self.core;
                 Box::new(listener::Ros1Listener::open(core, &topic, wire_type, spec, context))
@@ -269,7 +269,7 @@ impl Middleware for Ros1 {
         context: &Context,
     ) -> Result<Box<dyn Publisher>, OpenError> {
         let topic = self.resolve(&spec.topic)?;
-        Ok(match form::offered(&self.core, spec)? {
+        Ok(match conversion::offered(&self.core, spec)? {
             Some(offer) => {
                 let core = &self.core;
                 Box::new(publication::Ros1Publisher::open(core, &topic, offer, spec, context))
@@ -352,7 +352,7 @@ impl Drop for Ros1 {
             std::thread::Builder::new().name("wrapyfi-ros1-end".to_owned()).spawn(move || {
                 runtime.block_on(async {
                     let goodbye = async {
-                        core.lingering.over().await;
+                        core.lingering.closed().await;
                         registrar::leave(&core).await;
                     };
                     if timeout(GOODBYE, goodbye).await.is_err() {
@@ -371,7 +371,7 @@ impl std::fmt::Debug for Ros1 {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Ros1")
             .field("node", &self.core.name.full())
-            .field("master", &self.core.master.uri().to_string())
+            .field("master", &self.core.master.uri.to_string())
             .finish_non_exhaustive()
     }
 }

@@ -1,15 +1,15 @@
 //! Receives a topic: takes from the inbox and decodes.
 //!
 //! ```text
-//!   Intake ─▶ inbox ─▶ take ─▶ ROS 1 bytes ─▶ payload
+//!   ListenerConnections ─▶ inbox ─▶ take ─▶ ROS 1 bytes ─▶ payload
 //!                └─ set_aside ─▶ the newest of each publisher that latches ─┘
 //! ```
 
 use std::sync::Arc;
 
+use super::conversion;
 use super::core::Core;
-use super::form;
-use super::intake::{Arrival, Intake, Wanted};
+use super::listener_connections::{Arrival, ListenerConnections, Wanted};
 use wrapyfi_endpoint::codec::ros1::Ros1Type;
 use wrapyfi_endpoint::{
     Context, DropReason, ForwardingListener, Keeping, Latched, Link, Listener, Origin, Receiver,
@@ -20,11 +20,11 @@ use wrapyfi_endpoint::{
 pub(super) struct Ros1Listener {
     core: Arc<Core>,
     topic: String,
-    intake: Arc<Intake>,
+    connections: Arc<ListenerConnections>,
     inbox: Receiver<Arrival>,
     spec: TopicSpec,
     /// Latched messages that came while nobody wanted them, by publisher.
-    aside: Latched<u64, Arrival>,
+    latched: Latched<u64, Arrival>,
 }
 
 impl Ros1Listener {
@@ -40,20 +40,20 @@ impl Ros1Listener {
         let type_name = wire_type.name.clone();
         let shun = spec.shun.clone();
         let wanted = Wanted { wire_type, message_type: spec.message_type, limit, shun };
-        let intake = Intake::new(core, topic, wanted, sender);
-        core.listen(topic, &type_name, &intake);
+        let connections = ListenerConnections::new(core, topic, wanted, sender);
+        core.listen(topic, &type_name, &connections);
         Self {
             core: Arc::clone(core),
             topic: topic.to_owned(),
-            intake,
+            connections,
             inbox: receiver,
             spec: spec.clone(),
-            aside: Latched::new(spec.limits.message_bytes),
+            latched: Latched::new(spec.limits.message_bytes),
         }
     }
 
     fn next(&mut self) -> Option<Arrival> {
-        self.aside.pop().or_else(|| self.inbox.pop())
+        self.latched.pop().or_else(|| self.inbox.pop())
     }
 }
 
@@ -61,7 +61,7 @@ impl Listener for Ros1Listener {
     fn take(&mut self) -> Result<Option<Sample>, TakeError> {
         let Some(arrival) = self.next() else { return Ok(None) };
         let Arrival { message, received_at, plan, source, latched } = arrival;
-        let payload = form::decode(&message, plan.as_ref(), &self.spec)?;
+        let payload = conversion::decode(&message, plan.as_ref(), &self.spec)?;
         let origin = Some(Origin { publisher: source, keeps: u32::from(latched) });
         Ok(Some(Sample { payload, wire_bytes: message.len() + 4, received_at, origin }))
     }
@@ -75,7 +75,7 @@ impl Listener for Ros1Listener {
     }
 
     fn link(&self) -> Link {
-        let (peers, why) = self.intake.connected();
+        let (peers, why) = self.connections.connected();
         let waiting_for = (peers == 0).then(|| {
             self.core
                 .fault()
@@ -92,7 +92,7 @@ impl ForwardingListener for Ros1Listener {
         if !arrival.latched {
             return Some(1);
         }
-        Some(self.aside.keep(arrival.source, arrival))
+        Some(self.latched.keep(arrival.source, arrival))
     }
 
     fn departed(&mut self) -> Option<u64> {
@@ -100,22 +100,22 @@ impl ForwardingListener for Ros1Listener {
         if !self.inbox.is_empty() {
             return None;
         }
-        let gone = self.intake.departed()?;
-        if self.aside.forget(&gone) {
-            self.intake.counters().dropped(DropReason::NoConsumer);
+        let gone = self.connections.departed()?;
+        if self.latched.forget(&gone) {
+            self.connections.counters().dropped(DropReason::NoConsumer);
         }
         Some(gone)
     }
 
     fn keeping(&self) -> Keeping {
-        self.intake.keeping()
+        self.connections.keeping()
     }
 }
 
 impl Drop for Ros1Listener {
     fn drop(&mut self) {
-        let aside = self.aside.messages().len() as u64;
-        self.intake.counters().dropped_many(DropReason::NoConsumer, aside);
-        self.core.unlisten(&self.topic, &self.intake);
+        let latched = self.latched.messages().len() as u64;
+        self.connections.counters().dropped_many(DropReason::NoConsumer, latched);
+        self.core.unlisten(&self.topic, &self.connections);
     }
 }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use super::config::NodeUri;
 use super::http::{self, HttpError};
 use super::whereabouts::Whereabouts;
-use super::xmlrpc::{Reply, SUCCESS, Value, text};
+use super::xmlrpc::{Reply, SUCCESS, Value, shortened, text};
 
 /// Error of a call to the master.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -43,15 +43,10 @@ impl MasterError {
             other => format!("the master to answer otherwise: {other}"),
         }
     }
-
-    pub(super) fn is_unreachable(&self) -> bool {
-        matches!(self, Self::Unreachable(_))
-    }
 }
 
 impl From<HttpError> for MasterError {
-    fn from(error: HttpError) -> Self {
-        let (uri, what) = error.parts();
+    fn from(HttpError { uri, what, .. }: HttpError) -> Self {
         Self::Unreachable(format!("{uri} (it {what})"))
     }
 }
@@ -70,11 +65,11 @@ pub(super) struct SystemState {
 /// The master, as one node sees it.
 #[derive(Debug, Clone)]
 pub(super) struct Master {
-    uri: NodeUri,
+    pub(super) uri: NodeUri,
     /// Name of the node.
     caller: String,
     /// Address of the node's own XML-RPC server.
-    api: String,
+    pub(super) api: String,
     /// Machines that the addresses mean which the master tells.
     pub(super) whereabouts: Arc<Whereabouts>,
 }
@@ -85,11 +80,8 @@ impl Master {
         Self { uri, caller: caller.to_owned(), api: api.to_owned(), whereabouts }
     }
 
-    pub(super) fn uri(&self) -> &NodeUri {
-        &self.uri
-    }
-
-    async fn ask(
+    /// Calls a method of the master with this node's name and `params`.
+    pub(super) async fn ask(
         &self,
         method: &'static str,
         params: impl IntoIterator<Item = Value>,
@@ -105,54 +97,6 @@ impl Master {
     ) -> Result<Reply, HttpError> {
         let params = [text(&self.caller)].into_iter().chain(params).collect();
         http::call(&self.uri, method, params).await
-    }
-
-    /// Enters a subscription; the addresses of the nodes that publish.
-    pub(super) async fn register_subscriber(
-        &self,
-        topic: &str,
-        type_name: &str,
-    ) -> Result<Vec<String>, MasterError> {
-        let method = "registerSubscriber";
-        let params = [text(topic), text(type_name), text(&self.api)];
-        let value = self.ask(method, params).await?;
-        string_list(&value).ok_or_else(|| odd(method, &value))
-    }
-
-    pub(super) async fn unregister_subscriber(&self, topic: &str) -> Result<(), MasterError> {
-        self.ask("unregisterSubscriber", [text(topic), text(&self.api)]).await.map(drop)
-    }
-
-    /// Enters a publication. The master tells the subscribers.
-    pub(super) async fn register_publisher(
-        &self,
-        topic: &str,
-        type_name: &str,
-    ) -> Result<(), MasterError> {
-        let params = [text(topic), text(type_name), text(&self.api)];
-        self.ask("registerPublisher", params).await.map(drop)
-    }
-
-    pub(super) async fn unregister_publisher(&self, topic: &str) -> Result<(), MasterError> {
-        self.ask("unregisterPublisher", [text(topic), text(&self.api)]).await.map(drop)
-    }
-
-    /// Enters a service at `address` (`rosrpc://host:port`). One that had the name loses it.
-    pub(super) async fn register_service(
-        &self,
-        service: &str,
-        address: &str,
-    ) -> Result<(), MasterError> {
-        let params = [text(service), text(address), text(&self.api)];
-        self.ask("registerService", params).await.map(drop)
-    }
-
-    pub(super) async fn unregister_service(
-        &self,
-        service: &str,
-        address: &str,
-    ) -> Result<(), MasterError> {
-        self.ask("unregisterService", [text(service), text(address)]).await.map(drop)
     }
 
     /// Address of the node that offers a service; `None` where nobody does.
@@ -183,11 +127,6 @@ impl Master {
             }
             other => Err(odd(method, other)),
         }
-    }
-
-    /// The master's address in its own words.
-    pub(super) async fn own_uri(&self) -> Result<Value, MasterError> {
-        self.ask("getUri", []).await
     }
 
     /// The master's process: another one after a restart.
@@ -229,24 +168,6 @@ impl Master {
         let Reply { status, value, .. } = self.raw("getParam", [text(key)]).await?;
         Ok((status == SUCCESS).then_some(value))
     }
-
-    pub(super) async fn set_param(&self, key: &str, value: Value) -> Result<(), MasterError> {
-        self.ask("setParam", [text(key), value]).await.map(drop)
-    }
-
-    pub(super) async fn delete_param(&self, key: &str) -> Result<(), MasterError> {
-        self.ask("deleteParam", [text(key)]).await.map(drop)
-    }
-
-    /// Has the master tell this node when a parameter changes; its value now, an empty struct where
-    /// there is none.
-    pub(super) async fn subscribe_param(&self, key: &str) -> Result<Value, MasterError> {
-        self.ask("subscribeParam", [text(&self.api), text(key)]).await
-    }
-
-    pub(super) async fn unsubscribe_param(&self, key: &str) -> Result<(), MasterError> {
-        self.ask("unsubscribeParam", [text(&self.api), text(key)]).await.map(drop)
-    }
 }
 
 fn array(value: &Value) -> Option<&[Value]> {
@@ -273,13 +194,8 @@ fn owners(value: &Value) -> Option<Owners> {
     array(value)?.iter().map(pair).collect()
 }
 
-fn odd(method: &'static str, value: &Value) -> MasterError {
-    const SHOWN: usize = 200;
-    let mut actual = format!("{value:?}");
-    if let Some((end, _)) = actual.char_indices().nth(SHOWN) {
-        actual.truncate(end);
-    }
-    MasterError::Odd { method, actual }
+pub(super) fn odd(method: &'static str, value: &Value) -> MasterError {
+    MasterError::Odd { method, actual: shortened(&format!("{value:?}")) }
 }
 
 #[cfg(test)]
@@ -289,10 +205,12 @@ mod tests {
     #[test]
     fn what_is_waited_for_is_named_first() {
         let uri = "http://127.0.0.1:11311".to_owned();
-        let gone = HttpError::Refused { uri: uri.clone(), reason: "refused".to_owned() };
+        let what = "does not answer: refused".to_owned();
+        let gone = HttpError { uri: uri.clone(), what, is_refused: true };
         let text = "master http://127.0.0.1:11311 (it does not answer: refused)";
         assert_eq!(MasterError::from(gone).awaited(), text);
-        let slow = HttpError::Unreachable { uri, reason: "did not answer x within 5 s".to_owned() };
+        let what = "did not answer x within 5 s".to_owned();
+        let slow = HttpError { uri, what, is_refused: false };
         let text = "master http://127.0.0.1:11311 (it did not answer x within 5 s)";
         assert_eq!(MasterError::from(slow).awaited(), text);
         let no = MasterError::Refused { method: "x", reason: "no".to_owned() };

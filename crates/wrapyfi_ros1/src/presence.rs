@@ -12,7 +12,7 @@
 //! reached again.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::config::NodeUri;
@@ -20,7 +20,7 @@ use super::core::Core;
 use super::http::{self, HttpError};
 use super::probe;
 use super::xmlrpc::{SUCCESS, Value, text};
-use wrapyfi_endpoint::{Discovered, Role};
+use wrapyfi_endpoint::{Discovered, Mutex, Role};
 
 /// Time between two questions to one node.
 const ASK_EVERY: Duration = Duration::from_secs(2);
@@ -94,7 +94,7 @@ impl Presence {
             core.handle.spawn(async move {
                 let Some(core) = core_of_task.upgrade() else { return };
                 let (uri, said) = question(&core, &node, known, services).await;
-                answered(&mut lock(&nodes), &node, uri, said, now);
+                answered(&mut nodes.lock(), &node, uri, said, now);
             });
         }
         let (all, orphans) = self.sorted(listed, missing);
@@ -117,7 +117,7 @@ impl Presence {
 
     /// Questions to the nodes whose turn it is; they count as asked from now on.
     fn due(&self, listed: &[Discovered], missing: &[Discovered], now: Instant) -> Vec<Question> {
-        let mut nodes = lock(&self.nodes);
+        let mut nodes = self.nodes.lock();
         let named = listed.iter().chain(missing).filter_map(|one| one.node.as_ref());
         let named: BTreeSet<&String> = named.collect();
         nodes.retain(|name, node| node.is_asked || named.contains(name));
@@ -157,7 +157,7 @@ impl Presence {
         listed: Vec<Discovered>,
         missing: Vec<Discovered>,
     ) -> (Vec<Discovered>, Orphans) {
-        let nodes = lock(&self.nodes);
+        let nodes = self.nodes.lock();
         let of = |one: &Discovered| one.node.as_ref().and_then(|node| nodes.get(node));
         let mut all: Vec<Discovered> = listed
             .into_iter()
@@ -192,10 +192,6 @@ impl Presence {
     }
 }
 
-fn lock(nodes: &Mutex<Nodes>) -> MutexGuard<'_, Nodes> {
-    nodes.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 /// Notes what came of a question that was asked at `asked_at`.
 fn answered(nodes: &mut Nodes, name: &str, uri: Option<NodeUri>, said: Said, asked_at: Instant) {
     if let Some(node) = nodes.get_mut(name) {
@@ -220,7 +216,7 @@ async fn question(
     };
     let reply = http::call(&uri, "getPublications", vec![text(core.name.full())]).await;
     let said = match reply {
-        Err(HttpError::Refused { .. }) => Said::Refused,
+        Err(HttpError { is_refused: true, .. }) => Said::Refused,
         Ok(reply) if reply.status == SUCCESS => {
             let mut has: BTreeSet<(Role, String)> =
                 topics(&reply.value).map(|topic| (Role::Publisher, topic)).collect();
@@ -293,7 +289,7 @@ mod tests {
             for Question { node, .. } in &self.asked {
                 let said = self.answers.get(node).cloned().map_or(Said::Refused, Said::Has);
                 let uri = Some(NodeUri { host: node.clone(), port: 1 });
-                answered(&mut lock(&self.presence.nodes), node, uri, said, self.now);
+                answered(&mut self.presence.nodes.lock(), node, uri, said, self.now);
             }
             all.into_iter().map(|one| one.name).collect()
         }
@@ -399,7 +395,7 @@ mod tests {
         // A machine that is not reached may be reached again: nothing said leaves it there.
         let (all, _) = presence.sorted(listed.to_vec(), Vec::new());
         assert_eq!(all.len(), 1);
-        answered(&mut lock(&presence.nodes), "/slow", None, Said::Nothing, now);
+        answered(&mut presence.nodes.lock(), "/slow", None, Said::Nothing, now);
         assert_eq!(presence.sorted(listed.to_vec(), Vec::new()).0.len(), 1);
         assert_eq!(presence.due(&listed, &[], now + ASK_EVERY).len(), 1);
     }

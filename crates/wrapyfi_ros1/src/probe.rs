@@ -9,7 +9,7 @@
 //! has to know. The definition that it shows is remembered with all others.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use tokio::time::timeout;
@@ -17,9 +17,10 @@ use tokio::time::timeout;
 use super::config::NodeUri;
 use super::core::Core;
 use super::header::Header;
-use super::request::{request_topic, shortened};
+use super::http;
 use super::tcpros;
-use wrapyfi_endpoint::Role;
+use super::xmlrpc::{Reply, SUCCESS, Value, shortened, text};
+use wrapyfi_endpoint::{Mutex, Role};
 
 /// Longest time that one of them has to answer.
 const ANSWER: Duration = Duration::from_secs(3);
@@ -31,25 +32,24 @@ const MAX_ANSWERS: usize = 20_000;
 const MAX_ASKED: usize = 64;
 
 /// Key of a question: role, topic or service, and the node that is asked.
-type Whom = (Role, String, String);
+pub(super) type Whom = (Role, String, String);
 
 /// Questions and answers.
-#[derive(Default)]
-pub(super) struct Probes(Mutex<BTreeMap<Whom, Answer>>);
+pub(super) type Probes = Mutex<BTreeMap<Whom, Answer>>;
 
 /// State of a question.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Answer {
     /// Question that was asked and has no answer yet.
     Asked,
-    Told(Told),
+    Told(TypeInfo),
     /// Failed question: the reason and the time.
     Failed(String, Instant),
 }
 
 /// Type that a publisher or a server has told of its topic or service.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Told {
+pub(super) struct TypeInfo {
     /// ROS 1 name of the type.
     pub(super) type_name: String,
     /// A publisher sends its last message to whoever comes.
@@ -58,17 +58,11 @@ pub(super) struct Told {
     place: NodeUri,
 }
 
-impl Probes {
-    fn answers(&self) -> MutexGuard<'_, BTreeMap<Whom, Answer>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
 /// Returns the answer of `node` about the type of its topic or service, and asks the node where
 /// none is known.
 pub(super) fn ask(core: &Arc<Core>, role: Role, name: &str, node: &str) -> Answer {
     let whom = (role, name.to_owned(), node.to_owned());
-    let mut answers = core.probes.answers();
+    let mut answers = core.probes.lock();
     match answers.get(&whom) {
         Some(Answer::Failed(_, at)) if at.elapsed() >= AGAIN => {}
         Some(answer) => return answer.clone(),
@@ -98,7 +92,7 @@ pub(super) fn ask(core: &Arc<Core>, role: Role, name: &str, node: &str) -> Answe
             Ok(told) => Answer::Told(told),
             Err(reason) => Answer::Failed(shortened(&reason), Instant::now()),
         };
-        core.probes.answers().insert(whom, answer);
+        core.probes.lock().insert(whom, answer);
     });
     // The failure before stands until a better answer is known.
     before.unwrap_or(Answer::Asked)
@@ -107,11 +101,11 @@ pub(super) fn ask(core: &Arc<Core>, role: Role, name: &str, node: &str) -> Answe
 /// Forgets whoever is not named: a node that comes back may have another type.
 pub(super) fn keep_only(core: &Core, there: impl Fn(Role, &str, &str) -> bool) {
     core.probes
-        .answers()
+        .lock()
         .retain(|(role, name, node), answer| *answer == Answer::Asked || there(*role, name, node));
 }
 
-async fn topic(core: &Core, name: &str, node: &str) -> Result<Told, String> {
+async fn topic(core: &Core, name: &str, node: &str) -> Result<TypeInfo, String> {
     let uri = core.master.lookup_node(node).await.map_err(|error| error.to_string())?;
     let uri = uri.ok_or_else(|| format!("the master knows no node {node}"))?;
     let (host, port) = request_topic(core, &uri, name).await?;
@@ -130,20 +124,47 @@ async fn topic(core: &Core, name: &str, node: &str) -> Result<Told, String> {
         let shown = core.types().show(&type_name, md5sum, text);
         shown.map_err(|error| error.to_string())?;
     }
-    Ok(Told { type_name, latches: header.is_set("latching"), place })
+    Ok(TypeInfo { type_name, latches: header.is_set("latching"), place })
 }
 
-async fn service(core: &Core, name: &str) -> Result<Told, String> {
+/// Asks the node at `uri` for the host and port at which it sends `topic` by TCPROS.
+pub(super) async fn request_topic(
+    core: &Core,
+    uri: &NodeUri,
+    topic: &str,
+) -> Result<(String, u16), String> {
+    let protocols = Value::Array(vec![Value::Array(vec![text("TCPROS")])]);
+    let params = vec![text(core.name.full()), text(topic), protocols];
+    let reply = http::call(uri, "requestTopic", params).await;
+    let Reply { status, text: words, value } =
+        reply.map_err(|error| format!("it {}", error.what))?;
+    if status != SUCCESS {
+        return Err(format!("it does not send the topic: {}", shortened(&words)));
+    }
+    match &value {
+        Value::Array(parts) => match parts.as_slice() {
+            [Value::String(_), Value::String(host), Value::Integer(port), ..] => {
+                let port = u16::try_from(*port).map_err(|_e| format!("port {port} is none"))?;
+                Ok((core.master.whereabouts.of_host(host), port))
+            }
+            [] => Err("it does not speak TCPROS".to_owned()),
+            _ => Err("it names no way to the topic".to_owned()),
+        },
+        _ => Err("it names no way to the topic".to_owned()),
+    }
+}
+
+async fn service(core: &Core, name: &str) -> Result<TypeInfo, String> {
     let place = core.master.lookup_service(name).await.map_err(|error| error.to_string())?;
     let place = place.ok_or("the master knows it no more")?;
     let header = greeted(&place, &probe_of(core, name)).await?;
-    Ok(Told { type_name: type_in(&header)?, latches: false, place })
+    Ok(TypeInfo { type_name: type_in(&header)?, latches: false, place })
 }
 
 /// True when a server that has told its type still answers for the service at the same address.
 pub(super) async fn still_serves(core: &Core, service: &str, node: &str) -> bool {
     let whom = (Role::Server, service.to_owned(), node.to_owned());
-    let told = match core.probes.answers().get(&whom) {
+    let told = match core.probes.lock().get(&whom) {
         Some(Answer::Told(told)) => told.clone(),
         _ => return false,
     };
@@ -153,7 +174,7 @@ pub(super) async fn still_serves(core: &Core, service: &str, node: &str) -> bool
 }
 
 /// Header with which a server is asked for its type, without a call.
-fn probe_of(core: &Core, service: &str) -> Header {
+pub(super) fn probe_of(core: &Core, service: &str) -> Header {
     Header::new()
         .with("callerid", core.name.full())
         .with("service", service)
@@ -162,7 +183,7 @@ fn probe_of(core: &Core, service: &str) -> Header {
 }
 
 /// The header of who is at `place`; the connection ends with it.
-async fn greeted(place: &NodeUri, own: &Header) -> Result<Header, String> {
+pub(super) async fn greeted(place: &NodeUri, own: &Header) -> Result<Header, String> {
     let mut stream = tcpros::connect(&place.host, place.port).await?;
     tcpros::greet(&mut stream, own).await.map_err(|error| error.to_string())
 }

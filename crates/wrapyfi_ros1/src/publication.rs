@@ -1,42 +1,39 @@
 //! A topic that this node publishes, of one type: its publishers here, its subscribers elsewhere.
 //!
 //! ```text
-//!   Ros1Publisher ┐                        ┌▶ Outlet ─▶ subscriber
-//!   Ros1Publisher ┴─▶ Publication ─────────┴▶ Outlet ─▶ subscriber
+//!   Ros1Publisher ┐                        ┌▶ Subscriber ─▶ subscriber
+//!   Ros1Publisher ┴─▶ Publication ─────────┴▶ Subscriber ─▶ subscriber
 //!                       └ Latched: for who comes later
 //! ```
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 use tokio::io::AsyncWriteExt as _;
-use wrapyfi_interfaces::ros1::Plan;
+use wrapyfi_interfaces::ros1::PairPlan;
 
-use super::core::Core;
-use super::form;
+use super::conversion;
+use super::core::{Core, Mark};
 use super::header::Header;
-use super::intake::MARK;
-use super::marks::Marked;
-use super::outlet::{Frame, Outlet};
-use super::slave_info::BusLink;
+use super::listener_connections::MARK;
+use super::subscriber::{BusLink, Frame, Subscriber};
 use super::tcpros::Accepted;
-use wrapyfi_data::EncodeError;
-use wrapyfi_data::Limits;
 use wrapyfi_data::types::{Encoding, Image, MessageType, Payload, Pixels};
+use wrapyfi_data::{EncodeError, Limits};
 use wrapyfi_endpoint::codec;
 use wrapyfi_endpoint::codec::ros1::Ros1Type;
 use wrapyfi_endpoint::{
     BridgeMark, Context, Counters, Durability, ForwardingPublisher, History, Keeping, Latched,
-    Link, MAX_ORIGINS, Origin, PublishError, Publisher, Role, TopicSpec, Wake,
+    Link, MAX_ORIGINS, Mutex, Origin, PublishError, Publisher, Role, TopicSpec, Wake,
 };
 
 /// Messages that a publisher without a depth keeps for a slow subscriber.
 const KEEP_ALL: usize = 1000;
 
 pub(super) struct Publication {
-    topic: String,
-    wire_type: Ros1Type,
+    pub(super) topic: String,
+    pub(super) wire_type: Ros1Type,
     /// Mark of the bridge that made the publication by pattern.
     mark: Option<BridgeMark>,
     state: Mutex<State>,
@@ -45,7 +42,7 @@ pub(super) struct Publication {
 #[derive(Default)]
 struct State {
     publishers: BTreeMap<u64, Entry>,
-    outlets: Vec<Arc<Outlet>>,
+    subscribers: Vec<Arc<Subscriber>>,
     closed: bool,
 }
 
@@ -67,26 +64,14 @@ impl Publication {
         Self { topic: topic.to_owned(), wire_type, mark, state: Mutex::default() }
     }
 
-    pub(super) fn topic(&self) -> &str {
-        &self.topic
-    }
-
-    pub(super) fn wire_type(&self) -> &Ros1Type {
-        &self.wire_type
-    }
-
-    fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// True while somebody here publishes.
     pub(super) fn in_use(&self) -> bool {
-        !self.state().publishers.is_empty()
+        !self.state.lock().publishers.is_empty()
     }
 
     /// The bells of its publishers.
     pub(super) fn wakes(&self) -> Vec<Wake> {
-        self.state().publishers.values().map(|entry| entry.wake.clone()).collect()
+        self.state.lock().publishers.values().map(|entry| entry.wake.clone()).collect()
     }
 
     fn ring(&self) {
@@ -95,24 +80,24 @@ impl Publication {
 
     /// Connections of the publication, for the slave API.
     pub(super) fn links(&self) -> Vec<BusLink> {
-        self.state().outlets.iter().map(|outlet| outlet.link()).collect()
+        self.state.lock().subscribers.iter().map(|subscriber| subscriber.link()).collect()
     }
 
     /// Ends its connections when what is queued is sent.
     pub(super) fn close(&self) {
-        let mut state = self.state();
+        let mut state = self.state.lock();
         state.closed = true;
-        state.outlets.iter().for_each(|outlet| outlet.finish());
+        state.subscribers.iter().for_each(|subscriber| subscriber.finish());
     }
 
     fn subscribers(&self) -> usize {
-        self.state().outlets.len()
+        self.state.lock().subscribers.len()
     }
 
     /// Sends to all subscribers; how many there are.
     fn send(&self, publisher: u64, frame: &Frame, keep: Keep) -> usize {
-        let mut state = self.state();
-        let State { publishers, outlets, .. } = &mut *state;
+        let mut state = self.state.lock();
+        let State { publishers, subscribers, .. } = &mut *state;
         let Some(entry) = publishers.get_mut(&publisher) else { return 0 };
         if let Keep::LastOf(origin) = keep {
             entry.kept.forget(&origin);
@@ -125,10 +110,10 @@ impl Publication {
                 );
             }
         }
-        for outlet in outlets.iter() {
-            outlet.push(frame, entry.depth, &entry.counters);
+        for subscriber in subscribers.iter() {
+            subscriber.push(frame, entry.depth, &entry.counters);
         }
-        outlets.len()
+        subscribers.len()
     }
 
     /// Serves a subscriber until either end closes.
@@ -144,7 +129,7 @@ impl Publication {
                 self.wire_type.name
             );
         }
-        let latches = self.state().publishers.values().any(|entry| entry.latches);
+        let latches = self.state.lock().publishers.values().any(|entry| entry.latches);
         let own = Header::new()
             .with("callerid", core.name.full())
             .with("topic", &self.topic)
@@ -160,31 +145,32 @@ impl Publication {
         if stream.write_all(&own).await.is_err() {
             return;
         }
-        let lingers = core.lingering.begin();
-        let outlet = Arc::new(Outlet::new(core.next_id(), &caller, peer.to_string(), stream));
-        if !self.enter(&outlet) {
+        let lingers = core.lingering.subscribe();
+        let subscriber =
+            Arc::new(Subscriber::new(core.next_id(), &caller, peer.to_string(), stream));
+        if !self.enter(&subscriber) {
             return;
         }
         tracing::debug!(topic = self.topic, "ROS 1: {caller} subscribes");
         self.ring();
-        outlet.run().await;
-        self.state().outlets.retain(|one| !Arc::ptr_eq(one, &outlet));
+        subscriber.run().await;
+        self.state.lock().subscribers.retain(|one| !Arc::ptr_eq(one, &subscriber));
         self.ring();
         drop((place, lingers));
     }
 
     /// Lets a subscriber in: it gets what is kept first, and then every message.
-    fn enter(&self, outlet: &Arc<Outlet>) -> bool {
-        let mut state = self.state();
+    fn enter(&self, subscriber: &Arc<Subscriber>) -> bool {
+        let mut state = self.state.lock();
         if state.closed {
             return false;
         }
         for entry in state.publishers.values() {
             for kept in entry.kept.messages() {
-                outlet.push(kept, KEEP_ALL, &entry.counters);
+                subscriber.push(kept, KEEP_ALL, &entry.counters);
             }
         }
-        state.outlets.push(Arc::clone(outlet));
+        state.subscribers.push(Arc::clone(subscriber));
         true
     }
 }
@@ -203,20 +189,21 @@ pub(super) struct Ros1Publisher {
     core: Arc<Core>,
     publication: Arc<Publication>,
     spec: TopicSpec,
-    plan: Option<Plan>,
+    plan: Option<PairPlan>,
     sequence: u32,
     /// True when the publisher was opened as one that latches, whatever it publishes.
     latches: bool,
     /// All that its source publishes is kept there.
     source_latches: bool,
-    marked: Option<Marked>,
+    /// Told to other bridges while the publisher lives.
+    _mark: Option<Mark>,
 }
 
 impl Ros1Publisher {
     pub(super) fn open(
         core: &Arc<Core>,
         topic: &str,
-        (wire_type, plan): (Ros1Type, Option<Plan>),
+        (wire_type, plan): (Ros1Type, Option<PairPlan>),
         spec: &TopicSpec,
         context: &Context,
     ) -> Self {
@@ -240,24 +227,33 @@ impl Ros1Publisher {
             &md5,
             || Publication::new(topic, wire_type, spec.mark.clone()),
             |publication| {
-                publication.state().publishers.insert(id, entry);
+                publication.state.lock().publishers.insert(id, entry);
             },
         );
-        let marked = spec.mark.clone().map(|mark| Marked {
-            role: Role::Publisher,
-            name: topic.to_owned(),
-            node: core.name.full().to_owned(),
-            mark,
-        });
-        if let Some(marked) = &marked {
-            core.mark(marked);
-        }
+        let mark = core.mark(Role::Publisher, topic, &spec.mark);
         let (core, spec, sequence) = (Arc::clone(core), spec.clone(), 0);
-        Self { id, core, publication, spec, plan, sequence, latches, source_latches: false, marked }
+        Self {
+            id,
+            core,
+            publication,
+            spec,
+            plan,
+            sequence,
+            latches,
+            source_latches: false,
+            _mark: mark,
+        }
+    }
+
+    /// Changes what the publication knows of this publisher.
+    fn change(&self, change: impl FnOnce(&mut Entry)) {
+        if let Some(entry) = self.publication.state.lock().publishers.get_mut(&self.id) {
+            change(entry);
+        }
     }
 
     fn encode(&mut self, payload: &Payload) -> Result<Frame, EncodeError> {
-        let pieces = form::encode(payload, self.plan.as_ref(), self.sequence, &self.spec)?;
+        let pieces = conversion::encode(payload, self.plan.as_ref(), self.sequence, &self.spec)?;
         self.sequence = self.sequence.wrapping_add(1);
         let size: usize = pieces.iter().map(bytes::Bytes::len).sum();
         let (actual, limit) = (size as u64, u64::from(u32::MAX));
@@ -280,7 +276,7 @@ impl Ros1Publisher {
 
 /// The payload in the form that the type carries: pixels, or a file. Wrapyfi's listeners take colour
 /// as `bgr8` only, so pixels in the other order are turned, unless `color_order` asks for that order.
-pub(super) fn formed<'p>(
+pub(super) fn fitted<'p>(
     payload: &'p Payload,
     message_type: MessageType,
     color_order: Encoding,
@@ -334,15 +330,11 @@ impl ForwardingPublisher for Ros1Publisher {
     }
 
     fn forget(&mut self, publisher: u64) {
-        if let Some(entry) = self.publication.state().publishers.get_mut(&self.id) {
-            entry.kept.forget(&Some(publisher));
-        }
+        self.change(|entry| _ = entry.kept.forget(&Some(publisher)));
     }
 
     fn forget_all(&mut self) {
-        if let Some(entry) = self.publication.state().publishers.get_mut(&self.id) {
-            entry.kept.retain(Option::is_none);
-        }
+        self.change(|entry| entry.kept.retain(Option::is_none));
     }
 
     fn follow_source(&mut self, source: Keeping) {
@@ -356,18 +348,13 @@ impl ForwardingPublisher for Ros1Publisher {
             return;
         }
         self.source_latches = keeps_last;
-        if let Some(entry) = self.publication.state().publishers.get_mut(&self.id) {
-            entry.latches = self.latches || keeps_last;
-        }
+        self.change(|entry| entry.latches = self.latches || keeps_last);
     }
 }
 
 impl Drop for Ros1Publisher {
     fn drop(&mut self) {
-        self.publication.state().publishers.remove(&self.id);
-        if let Some(marked) = &self.marked {
-            self.core.unmark(marked);
-        }
+        self.publication.state.lock().publishers.remove(&self.id);
         self.core.unadvertise(&self.publication.topic, &self.publication);
     }
 }
@@ -379,8 +366,9 @@ mod tests {
 
     fn encoding_of(pixels: RawPixels, color_order: Encoding) -> (Encoding, Vec<u8>) {
         let payload = Payload::Image(Image::new(wrapyfi_data::types::Stamp::default(), pixels));
-        let formed = formed(&payload, MessageType::Image, color_order, &Limits::default()).unwrap();
-        let Payload::Image(Image { pixels: Pixels::Raw(raw), .. }) = formed.into_owned() else {
+        let payload =
+            fitted(&payload, MessageType::Image, color_order, &Limits::default()).unwrap();
+        let Payload::Image(Image { pixels: Pixels::Raw(raw), .. }) = payload.into_owned() else {
             panic!("pixels stay pixels");
         };
         (raw.encoding, raw.data.to_vec())

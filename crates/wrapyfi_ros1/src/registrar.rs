@@ -12,8 +12,8 @@ use std::time::{Duration, Instant};
 use tokio::time::timeout;
 
 use super::core::Core;
-use super::master::MasterError;
-use super::registrations::{Kind, Step};
+use super::master::{MasterError, odd, string_list};
+use super::registrations::{Key, Kind, Step};
 use super::whereabouts::meet_master;
 use super::xmlrpc::text;
 use wrapyfi_endpoint::backoff::Backoff;
@@ -82,39 +82,41 @@ async fn take_steps(core: &Arc<Core>) -> Result<(), MasterError> {
 
 async fn take(core: &Arc<Core>, step: &Step) -> Result<(), MasterError> {
     let master = &core.master;
-    let address = || format!("rosrpc://{}", host_and_port(core));
-    match step {
-        Step::Enter(key, type_name) => match key.kind {
-            Kind::Publisher => master.register_publisher(&key.name, type_name).await,
+    let own = text(&master.api);
+    // The address of this node with another scheme.
+    let address = || core.tcpros.to_string().replacen("http", "rosrpc", 1);
+    let address = || text(address().trim_end_matches('/'));
+    let (method, params) = match step {
+        Step::Enter(Key { kind, name }, type_name) => match kind {
+            Kind::Publisher => ("registerPublisher", vec![text(name), text(type_name), own]),
             Kind::Subscriber => {
-                let since = core.updates(&key.name);
-                let publishers = master.register_subscriber(&key.name, type_name).await?;
-                core.answered(&key.name, &publishers, since);
-                Ok(())
+                let since = core.updates(name);
+                let method = "registerSubscriber";
+                let value = master.ask(method, [text(name), text(type_name), own]).await?;
+                let publishers = string_list(&value).ok_or_else(|| odd(method, &value))?;
+                core.set_publishers(name, &publishers, Some(since));
+                return Ok(());
             }
-            Kind::Service => master.register_service(&key.name, &address()).await,
-            Kind::Mark => master.set_param(&key.name, text(type_name)).await,
+            Kind::Service => ("registerService", vec![text(name), address(), own]),
+            Kind::Mark => ("setParam", vec![text(name), text(type_name)]),
             Kind::Parameter => {
                 let asked = Instant::now();
-                // An empty struct where there is no such parameter.
-                let value = master.subscribe_param(&key.name).await?;
-                super::parameters::arrived(core, &key.name, &value, asked);
-                Ok(())
+                // The master tells this node of changes from then on, and the value now: an empty struct where there
+                // is no such parameter.
+                let value = master.ask("subscribeParam", [own, text(name)]).await?;
+                super::parameters::arrived(core, name, &value, asked);
+                return Ok(());
             }
         },
-        Step::Remove(key) => match key.kind {
-            Kind::Publisher => master.unregister_publisher(&key.name).await,
-            Kind::Subscriber => master.unregister_subscriber(&key.name).await,
-            Kind::Service => master.unregister_service(&key.name, &address()).await,
-            Kind::Parameter => master.unsubscribe_param(&key.name).await,
-            Kind::Mark => master.delete_param(&key.name).await,
+        Step::Remove(Key { kind, name }) => match kind {
+            Kind::Publisher => ("unregisterPublisher", vec![text(name), own]),
+            Kind::Subscriber => ("unregisterSubscriber", vec![text(name), own]),
+            Kind::Service => ("unregisterService", vec![text(name), address()]),
+            Kind::Parameter => ("unsubscribeParam", vec![own, text(name)]),
+            Kind::Mark => ("deleteParam", vec![text(name)]),
         },
-    }
-}
-
-fn host_and_port(core: &Core) -> String {
-    // The same address with another scheme.
-    core.tcpros.to_string().trim_start_matches("http://").trim_end_matches('/').to_owned()
+    };
+    master.ask(method, params).await.map(drop)
 }
 
 /// Tells the master that nothing is here any more. It may not answer.

@@ -5,13 +5,11 @@ use std::sync::Arc;
 use bytes::Bytes;
 
 use super::NAME;
-use super::core::Core;
-use super::marks::Marked;
-use super::service_host::{Ask, HEAD, ServiceHost};
-use super::services::ServiceForm;
-use wrapyfi_data::DecodeError;
-use wrapyfi_data::EncodeError;
+use super::core::{Core, Mark};
+use super::service_host::{Ask, HEAD, Reply, ServiceHost};
+use super::services::ServiceCodec;
 use wrapyfi_data::types::Payload;
+use wrapyfi_data::{DecodeError, EncodeError};
 use wrapyfi_endpoint::requests::{Asked, Requests};
 use wrapyfi_endpoint::wire_server::{ServerWire, WireServer};
 use wrapyfi_endpoint::{Context, Link, OpenError, Request, Role, ServeError, ServiceSpec};
@@ -20,8 +18,9 @@ use wrapyfi_endpoint::{Context, Link, OpenError, Request, Role, ServeError, Serv
 pub(super) struct Ros1Server {
     core: Arc<Core>,
     service: String,
-    marked: Option<Marked>,
-    form: ServiceForm,
+    /// Told to other bridges while the server lives.
+    _mark: Option<Mark>,
+    codec: ServiceCodec,
     host: Arc<ServiceHost>,
 }
 
@@ -32,9 +31,9 @@ impl Ros1Server {
         spec: &ServiceSpec,
         context: &Context,
     ) -> Result<WireServer<Self>, OpenError> {
-        let form = ServiceForm::new(core, spec)?;
+        let codec = ServiceCodec::new(core, spec)?;
         let requests = Arc::new(Requests::new(spec, context));
-        let host = Arc::new(ServiceHost::new(service, &form, Arc::clone(&requests)));
+        let host = Arc::new(ServiceHost::new(service, &codec, Arc::clone(&requests)));
         if !core.offer(service, &host) {
             return Err(OpenError::Transport {
                 middleware: NAME,
@@ -42,17 +41,9 @@ impl Ros1Server {
                 reason: format!("this node offers {service} already; a name has one server"),
             });
         }
-        let marked = spec.mark.clone().map(|mark| Marked {
-            role: Role::Server,
-            name: service.to_owned(),
-            node: core.name.full().to_owned(),
-            mark,
-        });
-        if let Some(marked) = &marked {
-            core.mark(marked);
-        }
+        let mark = core.mark(Role::Server, service, &spec.mark);
         let (core, service) = (Arc::clone(core), service.to_owned());
-        Ok(WireServer::new(Self { core, service, marked, form, host }, requests, spec))
+        Ok(WireServer::new(Self { core, service, _mark: mark, codec, host }, requests, spec))
     }
 }
 
@@ -66,11 +57,11 @@ impl ServerWire for Ros1Server {
     }
 
     fn read(&self, ask: &Ask) -> Result<Request, DecodeError> {
-        self.form.decode_request(&ask.body)
+        self.codec.decode_request(&ask.body)
     }
 
     fn write(&self, _ask: &Ask, payload: &Payload) -> Result<Vec<Bytes>, EncodeError> {
-        self.form.encode_reply(payload)
+        self.codec.encode_reply(payload)
     }
 
     fn send(
@@ -78,12 +69,17 @@ impl ServerWire for Ros1Server {
         ask: Ask,
         answer: Result<Vec<Bytes>, &str>,
     ) -> Result<Option<usize>, ServeError> {
-        let bytes = HEAD
-            + match &answer {
-                Ok(pieces) => pieces.iter().map(Bytes::len).sum(),
-                Err(why) => why.len(),
-            };
-        Ok(ask.answer.send(answer.map_err(str::to_owned)).is_ok().then_some(bytes))
+        let answer = answer.map_err(str::to_owned);
+        let answer = answer.map(|pieces| Reply::new(pieces, self.host.context()));
+        let bytes = answer.as_ref().map_or_else(|why| why.len() + HEAD, Reply::size);
+        Ok(match ask.answer.send(answer) {
+            Ok(()) => Some(bytes),
+            Err(answer) => {
+                // It does not count as sent.
+                answer.into_iter().for_each(|reply| reply.end(None));
+                None
+            }
+        })
     }
 
     fn link(&self) -> Link {
@@ -94,9 +90,6 @@ impl ServerWire for Ros1Server {
 
 impl Drop for Ros1Server {
     fn drop(&mut self) {
-        if let Some(marked) = &self.marked {
-            self.core.unmark(marked);
-        }
         self.host.close();
         self.core.withdraw(&self.service);
     }

@@ -20,16 +20,49 @@ use tokio::time::timeout;
 use super::body::{Bodies, Body};
 use super::core::Core;
 use super::header::Header;
-use super::services::{ServiceForm, ServiceType, shortened};
+use super::services::{ServiceCodec, ServiceType, shortened};
 use super::tcpros::{self, Accepted};
 use wrapyfi_endpoint::requests::Requests;
-use wrapyfi_endpoint::{Context, DropReason, PROGRESS, Share, Wake};
+use wrapyfi_endpoint::{Context, Counters, DropReason, PROGRESS, Share, Wake};
 
 /// Bytes in front of a reply: success, and its size.
 pub(super) const HEAD: usize = 5;
 
-/// Answer to a request: the pieces of the reply, or the reason why there is none.
-pub(super) type Answer = Result<Vec<Bytes>, String>;
+/// Answer to a request: the reply, or the reason why there is none.
+pub(super) type Answer = Result<Reply, String>;
+
+/// A reply that its server counts as sent. One that is dropped before it is written counts as lost.
+pub(super) struct Reply {
+    pieces: Vec<Bytes>,
+    counters: Arc<Counters>,
+    /// Reason as which it counts when it is dropped; `None` once it is written.
+    unwritten: Option<DropReason>,
+}
+
+impl Reply {
+    pub(super) fn new(pieces: Vec<Bytes>, context: &Context) -> Self {
+        let counters = Arc::clone(&context.counters);
+        Self { pieces, counters, unwritten: Some(DropReason::Closed) }
+    }
+
+    /// Size in bytes on the wire.
+    pub(super) fn size(&self) -> usize {
+        self.pieces.iter().map(Bytes::len).sum::<usize>() + HEAD
+    }
+
+    /// Ends a reply that is not counted as lost, or for `reason`.
+    pub(super) fn end(mut self, reason: Option<DropReason>) {
+        self.unwritten = reason;
+    }
+}
+
+impl Drop for Reply {
+    fn drop(&mut self) {
+        if let Some(reason) = self.unwritten {
+            self.counters.undelivered(reason, self.size());
+        }
+    }
+}
 
 /// A request, and the way back.
 pub(super) struct Ask {
@@ -50,11 +83,11 @@ pub(super) struct ServiceHost {
 }
 
 impl ServiceHost {
-    pub(super) fn new(service: &str, form: &ServiceForm, requests: Arc<Requests<Ask>>) -> Self {
+    pub(super) fn new(service: &str, codec: &ServiceCodec, requests: Arc<Requests<Ask>>) -> Self {
         Self {
             service: service.to_owned(),
-            wire_type: form.wire_type.clone(),
-            limit_bytes: form.spec.limits.message_bytes,
+            wire_type: codec.wire_type.clone(),
+            limit_bytes: codec.spec.limits.message_bytes,
             requests,
             replies: Share::default(),
             clients: AtomicUsize::new(0),
@@ -62,7 +95,7 @@ impl ServiceHost {
         }
     }
 
-    fn context(&self) -> &Context {
+    pub(super) fn context(&self) -> &Context {
         self.requests.context()
     }
 
@@ -112,7 +145,7 @@ impl ServiceHost {
         if stream.write_all(&own).await.is_err() || header.is_set("probe") {
             return;
         }
-        let lingers = core.lingering.begin();
+        let lingers = core.lingering.subscribe();
         if self.requests.is_closed() {
             return;
         }
@@ -162,24 +195,24 @@ impl ServiceHost {
     /// Writes an answer. A reply waits here until its client has read it, and counts as waiting in this process:
     /// without room its client is told. One that is not read is not sent.
     async fn reply(&self, stream: &mut TcpStream, answer: Answer) -> std::io::Result<()> {
-        let Ok(pieces) = &answer else { return write(stream, answer).await };
-        let bytes = pieces.iter().map(Bytes::len).sum::<usize>() + HEAD;
-        let counters = &self.context().counters;
+        let reply = match answer {
+            Ok(reply) => reply,
+            Err(why) => return refuse(stream, &why).await,
+        };
+        let bytes = reply.size();
         if !self.replies.take(bytes) {
-            counters.undelivered(DropReason::OverBudget, bytes);
+            reply.end(Some(DropReason::OverBudget));
             let why = format!(
                 "the reply of {bytes} bytes finds no room: others that are not read hold the share of {} of \
                  `limits: {{ waiting_mib }}`",
                 self.service
             );
-            return write(stream, Err(why)).await;
+            return refuse(stream, &why).await;
         }
-        let held = Held(&self.replies, bytes);
-        let written = write(stream, answer).await;
-        drop(held);
-        if written.is_err() {
-            counters.undelivered(DropReason::ConnectionLost, bytes);
-        }
+        // Where this task is aborted here, the service ends, and gives back its share as a whole.
+        let written = write(stream, 1, &reply.pieces).await;
+        self.replies.give(bytes);
+        reply.end(written.is_err().then_some(DropReason::ConnectionLost));
         written
     }
 
@@ -204,15 +237,6 @@ impl ServiceHost {
     }
 }
 
-/// Room for a reply until it is read, or its connection is given up.
-struct Held<'a>(&'a Share, usize);
-
-impl Drop for Held<'_> {
-    fn drop(&mut self) {
-        self.0.give(self.1);
-    }
-}
-
 /// Waits for the answer; `None` where the client goes first.
 async fn wait(stream: &TcpStream, mut answer: oneshot::Receiver<Answer>) -> Option<Answer> {
     let ended = || "the server ended before it answered".to_owned();
@@ -220,10 +244,13 @@ async fn wait(stream: &TcpStream, mut answer: oneshot::Receiver<Answer>) -> Opti
     tokio::select! {
         answer = &mut answer => return Some(answer.unwrap_or_else(|_e| Err(ended()))),
         peeked = stream.peek(&mut next) => match peeked {
-            // A reply that was given at the same time counts as sent, and is lost with the connection.
+            // A reply that was given at the same time counts as lost with the connection.
             Ok(0) | Err(_) => {
                 answer.close();
-                return answer.try_recv().ok();
+                if let Ok(Ok(reply)) = answer.try_recv() {
+                    reply.end(Some(DropReason::ConnectionLost));
+                }
+                return None;
             }
             // It asks already for what comes next.
             Ok(_) => {}
@@ -232,28 +259,24 @@ async fn wait(stream: &TcpStream, mut answer: oneshot::Receiver<Answer>) -> Opti
     Some(answer.await.unwrap_or_else(|_e| Err(ended())))
 }
 
-async fn write(stream: &mut TcpStream, answer: Answer) -> std::io::Result<()> {
-    let (success, pieces) = match answer {
-        Ok(pieces) => (1, pieces),
-        Err(text) => (0, vec![Bytes::copy_from_slice(shortened(&text).as_bytes())]),
-    };
+/// Tells a client why it gets no reply.
+async fn refuse(stream: &mut TcpStream, why: &str) -> std::io::Result<()> {
+    write(stream, 0, &[Bytes::copy_from_slice(shortened(why).as_bytes())]).await
+}
+
+async fn write(stream: &mut TcpStream, success: u8, pieces: &[Bytes]) -> std::io::Result<()> {
     let size: usize = pieces.iter().map(Bytes::len).sum();
     let size = u32::try_from(size).map_err(std::io::Error::other)?;
     let mut start = Vec::with_capacity(HEAD);
     start.put_u8(success);
     start.put_u32_le(size);
-    let mut all = std::collections::VecDeque::from(pieces);
     // Small pieces in one packet.
-    while let Some(piece) = all.front() {
-        if piece.len() > 16 * 1024 {
-            break;
-        }
-        start.extend_from_slice(piece);
-        all.pop_front();
-    }
+    let small = pieces.iter().take_while(|piece| piece.len() <= 16 * 1024);
+    let large = pieces.iter().skip(small.clone().count());
+    small.for_each(|piece| start.extend_from_slice(piece));
     write_all(stream, &start).await?;
-    for piece in all {
-        write_all(stream, &piece).await?;
+    for piece in large {
+        write_all(stream, piece).await?;
     }
     stream.flush().await
 }

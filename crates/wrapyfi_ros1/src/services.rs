@@ -11,15 +11,13 @@
 //! by a plan compiled from both definitions.
 
 use bytes::{BufMut as _, Bytes};
-use wrapyfi_interfaces::ros1::{Options, Plan};
+use wrapyfi_interfaces::ros1::PairPlan;
 
 use super::NAME;
+use super::conversion::{from_ros1, to_ros1};
 use super::core::Core;
-use wrapyfi_data::DecodeError;
-use wrapyfi_data::EncodeError;
-use wrapyfi_data::types::{
-    DataType, MessageType, Payload, RosMessage, RosService, RosType, ServiceKind, Stamp,
-};
+use wrapyfi_data::types::{DataType, MessageType, Payload, RosService, ServiceKind, Stamp};
+use wrapyfi_data::{DecodeError, EncodeError};
 use wrapyfi_endpoint::codec::requests;
 use wrapyfi_endpoint::codec::ros1;
 use wrapyfi_endpoint::{OpenError, Request, ServiceSpec};
@@ -40,7 +38,7 @@ pub(super) struct ServiceType {
 }
 
 /// A service, and how its messages are read and written.
-pub(super) struct ServiceForm {
+pub(super) struct ServiceCodec {
     pub(super) spec: ServiceSpec,
     pub(super) wire_type: ServiceType,
     /// Definition and plans of a service that is no function of Wrapyfi's.
@@ -50,12 +48,12 @@ pub(super) struct ServiceForm {
 /// A service whose definition is known while running.
 struct AnyService {
     service: RosService,
-    request: Plan,
-    response: Plan,
+    request: PairPlan,
+    response: PairPlan,
 }
 
-impl ServiceForm {
-    /// The form of a function, or of any service whose ROS 1 definition can be had.
+impl ServiceCodec {
+    /// The codec of a function, or of any service whose ROS 1 definition can be had.
     pub(super) fn new(core: &Core, spec: &ServiceSpec) -> Result<Self, OpenError> {
         let ServiceKind::Ros(service) = spec.kind else {
             return Ok(Self { spec: spec.clone(), wire_type: known(spec.kind), any: None });
@@ -66,8 +64,8 @@ impl ServiceForm {
         let found = types.service_towards_ros1(service.resolved().name()).and_then(|found| {
             let (definition, rules) = (found.definition, types.rules());
             let (asked, answered) = (service.request(), service.response());
-            let request = Plan::compile(definition.request(), asked.resolved(), rules)?;
-            let response = Plan::compile(definition.response(), answered.resolved(), rules)?;
+            let request = PairPlan::compile(definition.request(), asked.resolved(), rules)?;
+            let response = PairPlan::compile(definition.response(), answered.resolved(), rules)?;
             Ok((definition, AnyService { service, request, response }))
         });
         let (definition, any) = found.map_err(|error| OpenError::Transport {
@@ -84,14 +82,6 @@ impl ServiceForm {
         Ok(Self { spec: spec.clone(), wire_type, any: Some(any) })
     }
 
-    fn limit(&self) -> usize {
-        self.spec.limits.message_bytes
-    }
-
-    fn options(&self) -> Options {
-        Options { message_bytes: self.limit(), ..Options::default() }
-    }
-
     /// Writes a request with its size.
     pub(super) fn encode_request(&self, request: &Request) -> Result<Bytes, EncodeError> {
         let body = match &self.any {
@@ -103,8 +93,9 @@ impl ServiceForm {
                 body
             }
             Some(AnyService { service, request: plan, .. }) => {
-                let message = requests::asked_message(request, *service, self.limit())?;
-                self.write(&message, plan)?
+                let limits = &self.spec.limits;
+                let message = requests::asked_message(request, *service, limits.message_bytes)?;
+                to_ros1(&message, plan, 0, limits)?
             }
         };
         let mut bytes = Vec::with_capacity(body.len() + 4);
@@ -116,7 +107,8 @@ impl ServiceForm {
     /// Reads a request without its size.
     pub(super) fn decode_request(&self, body: &Bytes) -> Result<Request, DecodeError> {
         if let Some(AnyService { service, request: plan, .. }) = &self.any {
-            return self.read(service.request(), plan, body).map(Request::Message);
+            let read = from_ros1(body, plan, service.request(), &self.spec.limits);
+            return read.map(Request::Message);
         }
         let malformed = |reason: String| DecodeError::Malformed {
             format: FORMAT,
@@ -137,8 +129,9 @@ impl ServiceForm {
     pub(super) fn encode_reply(&self, payload: &Payload) -> Result<Vec<Bytes>, EncodeError> {
         let spec = &self.spec;
         if let Some(AnyService { service, response: plan, .. }) = &self.any {
-            let message = requests::returned_message(payload, *service, self.limit())?;
-            return Ok(vec![self.write(&message, plan)?.into()]);
+            let limit = spec.limits.message_bytes;
+            let message = requests::returned_message(payload, *service, limit)?;
+            return Ok(vec![to_ros1(&message, plan, 0, &spec.limits)?.into()]);
         }
         let payload = &*requests::without_messages(payload)?;
         if payload.data_type() != spec.kind.data_type() {
@@ -148,7 +141,7 @@ impl ServiceForm {
             });
         }
         let kind = message_type(spec.kind);
-        let payload = super::publication::formed(payload, kind, spec.color_order, &spec.limits)?;
+        let payload = super::publication::fitted(payload, kind, spec.color_order, &spec.limits)?;
         ros1::encode(&payload, kind, 0, &spec.limits, &spec.plugins)
     }
 
@@ -156,31 +149,10 @@ impl ServiceForm {
     pub(super) fn decode_reply(&self, body: &Bytes) -> Result<Payload, DecodeError> {
         let spec = &self.spec;
         if let Some(AnyService { service, response: plan, .. }) = &self.any {
-            return self.read(service.response(), plan, body).map(Payload::from);
+            return from_ros1(body, plan, service.response(), &spec.limits).map(Payload::from);
         }
         let payload = ros1::decode(body, message_type(spec.kind), &spec.limits, &spec.plugins)?;
         requests::received(payload, spec, Stamp::default())
-    }
-
-    fn write(&self, message: &RosMessage, plan: &Plan) -> Result<Vec<u8>, EncodeError> {
-        let mut bytes = Vec::new();
-        let done = plan.to_ros1(&message.cdr, 0, &self.options(), &mut bytes);
-        done.map_err(|error| super::form::unwritable(message.ros_type, error))?;
-        Ok(bytes)
-    }
-
-    /// Converts a body by `plan` into a message of `ros_type`, whose size may differ from that of
-    /// ROS 1.
-    fn read(
-        &self,
-        ros_type: RosType,
-        plan: &Plan,
-        body: &Bytes,
-    ) -> Result<RosMessage, DecodeError> {
-        let mut cdr = Vec::new();
-        let done = plan.to_cdr(body, &self.options(), &mut cdr);
-        done.map_err(|error| super::form::fault(&error))?;
-        Ok(RosMessage::new(ros_type, cdr))
     }
 }
 
@@ -237,6 +209,7 @@ mod tests {
     use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
 
     use super::*;
+    use wrapyfi_data::types::{RosMessage, RosType};
 
     /// Bytes of ROS 1 become those of ROS 2, and back, without a look at the values.
     #[test]
@@ -246,33 +219,36 @@ mod tests {
         let plan = |name: &str, text: &str, ros2: RosType| {
             let name = TypeName::parse(Dialect::Ros1, name).unwrap();
             let ros1 = ResolvedType::from_text(Dialect::Ros1, &name, text).unwrap();
-            Plan::compile(&ros1, ros2.resolved(), &Rules::built_in()).unwrap()
+            PairPlan::compile(&ros1, ros2.resolved(), &Rules::built_in()).unwrap()
         };
         let request = plan("std_srvs/SetBoolRequest", "bool data\n", service.request());
         let text = "bool success\nstring message\n";
         let response = plan("std_srvs/SetBoolResponse", text, service.response());
-        let form = ServiceForm {
+        let codec = ServiceCodec {
             spec: ServiceSpec::new("/light", ServiceKind::Ros(service)),
             wire_type: known(ServiceKind::NativeObject),
             any: Some(AnyService { service, request, response }),
         };
 
-        let asked = form.decode_request(&Bytes::from_static(&[1])).unwrap();
+        let asked = codec.decode_request(&Bytes::from_static(&[1])).unwrap();
         let cdr: &[u8] = &[0, 1, 0, 0, 1];
         let Request::Message(message) = &asked else { panic!("{asked:?}") };
         assert_eq!(message.cdr[..cdr.len()], *cdr);
-        assert_eq!(form.encode_request(&asked).unwrap(), [1, 0, 0, 0, 1][..]);
-        assert_eq!(form.encode_request(&Request::new([true.into()])).unwrap(), [1, 0, 0, 0, 1][..]);
+        assert_eq!(codec.encode_request(&asked).unwrap(), [1, 0, 0, 0, 1][..]);
+        assert_eq!(
+            codec.encode_request(&Request::new([true.into()])).unwrap(),
+            [1, 0, 0, 0, 1][..]
+        );
 
         let ros1 = Bytes::from_static(&[1, 2, 0, 0, 0, b'o', b'k']);
-        let returned = form.decode_reply(&ros1).unwrap();
+        let returned = codec.decode_reply(&ros1).unwrap();
         let cdr: &[u8] = &[0, 1, 0, 0, 1, 0, 0, 0, 3, 0, 0, 0, b'o', b'k', 0];
         let Payload::RosMessage(message) = &returned else { panic!("{returned:?}") };
         assert_eq!(message.cdr[..cdr.len()], *cdr);
-        assert_eq!(form.encode_reply(&returned).unwrap(), [ros1]);
+        assert_eq!(codec.encode_reply(&returned).unwrap(), [ros1]);
 
         let broken = RosMessage::new(service.request(), &[0, 1, 0, 0][..]);
-        let error = form.encode_request(&Request::Message(broken)).unwrap_err().to_string();
+        let error = codec.encode_request(&Request::Message(broken)).unwrap_err().to_string();
         assert!(error.contains("std_srvs/srv/SetBool_Request"), "{error}");
     }
 }

@@ -6,63 +6,56 @@
 use std::sync::{Arc, Weak};
 
 use super::core::Core;
-use super::http::Answers;
 use super::master::string_list;
-use super::xmlrpc::{Call, ERROR, Reply, Value, text, texts};
+use super::subscriber::BusLink;
+use super::xmlrpc::{Call, Reply, Value, text, texts};
 
-pub(super) struct Slave(pub(super) Weak<Core>);
-
-impl Answers for Slave {
-    fn answer(&self, Call { method, params }: Call) -> Option<Reply> {
-        let Some(core) = self.0.upgrade() else { return Some(Reply::error("the node has ended")) };
-        Some(match (method.as_str(), params.as_slice()) {
-            ("publisherUpdate", [_caller, Value::String(topic), publishers]) => {
-                match string_list(publishers) {
-                    Some(publishers) => {
-                        core.updated(topic, &publishers);
-                        Reply::success("", Value::Integer(0))
-                    }
-                    None => Reply::error("publishers must be a list of addresses"),
+/// Answer of the node `core` to a call; `None` where there is no such method.
+pub(super) fn answer(core: &Weak<Core>, Call { method, params }: Call) -> Option<Reply> {
+    let Some(core) = core.upgrade() else { return Some(Reply::error("the node has ended")) };
+    Some(match (method.as_str(), params.as_slice()) {
+        ("publisherUpdate", [_caller, Value::String(topic), publishers]) => {
+            match string_list(publishers) {
+                Some(publishers) => {
+                    core.set_publishers(topic, &publishers, None);
+                    Reply::success("", Value::Integer(0))
                 }
+                None => Reply::error("publishers must be a list of addresses"),
             }
-            ("requestTopic", [_caller, Value::String(topic), protocols]) => {
-                request_topic(&core, topic, protocols)
-            }
-            ("paramUpdate", [_caller, Value::String(key), _value]) => {
-                super::parameters::changed(&core, key);
-                Reply::success("", Value::Integer(0))
-            }
-            ("getPid", [_caller]) => {
-                // Linux has no larger ones.
-                let pid = i32::try_from(std::process::id()).unwrap_or(i32::MAX);
-                Reply::success("", Value::Integer(pid))
-            }
-            ("getMasterUri", [_caller]) => Reply::success("", text(core.master.uri().to_string())),
-            ("getName", [_caller]) => Reply::success("", text(core.name.full())),
-            ("getPublications", [_caller]) => Reply::success("publications", publications(&core)),
-            ("getSubscriptions", [_caller]) => {
-                Reply::success("subscriptions", subscriptions(&core))
-            }
-            ("getBusInfo", [_caller]) => Reply::success("bus info", bus_info(&core)),
-            ("getBusStats", [_caller]) => Reply::success("bus stats", bus_stats(&core)),
-            ("shutdown", [Value::String(caller), words @ ..]) => {
-                let words = match words {
-                    [Value::String(words), ..] if !words.is_empty() => format!(": {words}"),
-                    _ => String::new(),
-                };
-                let reason = format!("{caller} told this node to shut down{words}");
-                tracing::warn!("ROS 1: {reason}");
-                core.end(reason);
-                Reply::success("shutdown", Value::Integer(0))
-            }
-            (known, _) if METHODS.contains(&known) => Reply {
-                status: ERROR,
-                text: format!("{known} is not called with {} such parameters", params.len()),
-                value: Value::Integer(0),
-            },
-            _ => return None,
-        })
-    }
+        }
+        ("requestTopic", [_caller, Value::String(topic), protocols]) => {
+            request_topic(&core, topic, protocols)
+        }
+        ("paramUpdate", [_caller, Value::String(key), _value]) => {
+            super::parameters::changed(&core, key);
+            Reply::success("", Value::Integer(0))
+        }
+        ("getPid", [_caller]) => {
+            // Linux has no larger ones.
+            let pid = i32::try_from(std::process::id()).unwrap_or(i32::MAX);
+            Reply::success("", Value::Integer(pid))
+        }
+        ("getMasterUri", [_caller]) => Reply::success("", text(core.master.uri.to_string())),
+        ("getName", [_caller]) => Reply::success("", text(core.name.full())),
+        ("getPublications", [_caller]) => Reply::success("publications", publications(&core)),
+        ("getSubscriptions", [_caller]) => Reply::success("subscriptions", subscriptions(&core)),
+        ("getBusInfo", [_caller]) => Reply::success("bus info", bus_info(&core)),
+        ("getBusStats", [_caller]) => Reply::success("bus stats", bus_stats(&core)),
+        ("shutdown", [Value::String(caller), words @ ..]) => {
+            let words = match words {
+                [Value::String(words), ..] if !words.is_empty() => format!(": {words}"),
+                _ => String::new(),
+            };
+            let reason = format!("{caller} told this node to shut down{words}");
+            tracing::warn!("ROS 1: {reason}");
+            core.end(reason);
+            Reply::success("shutdown", Value::Integer(0))
+        }
+        (known, _) if METHODS.contains(&known) => {
+            Reply::error(format!("{known} is not called with {} such parameters", params.len()))
+        }
+        _ => return None,
+    })
 }
 
 const METHODS: [&str; 11] = [
@@ -106,7 +99,7 @@ fn request_topic(core: &Arc<Core>, topic: &str, protocols: &Value) -> Reply {
 fn publications(core: &Arc<Core>) -> Value {
     let state = core.state();
     let of = |(topic, all): (&String, &Vec<Arc<super::publication::Publication>>)| {
-        all.first().map(|one| texts([topic.clone(), one.wire_type().name.clone()]))
+        all.first().map(|one| texts([topic.clone(), one.wire_type.name.clone()]))
     };
     Value::Array(state.topics.iter().filter_map(of).collect())
 }
@@ -114,7 +107,9 @@ fn publications(core: &Arc<Core>) -> Value {
 fn subscriptions(core: &Arc<Core>) -> Value {
     let state = core.state();
     let of = |(topic, one): (&String, &super::core::Subscription)| {
-        one.listeners().first().map(|intake| texts([topic.clone(), intake.type_name().to_owned()]))
+        one.listeners
+            .first()
+            .map(|connections| texts([topic.clone(), connections.type_name().to_owned()]))
     };
     Value::Array(state.subscriptions.iter().filter_map(of).collect())
 }
@@ -126,35 +121,24 @@ fn int(number: u64) -> Value {
 /// `[id, other end, "o" or "i", "TCPROS", topic, connected, words]` for every connection.
 fn bus_info(core: &Arc<Core>) -> Value {
     let state = core.state();
+    let entry = |link: BusLink, way: &str, topic: &str| {
+        let port = core.tcpros.port;
+        let words = match way {
+            "o" => format!("TCPROS connection on port {port} to [{}]", link.address),
+            _ => format!("TCPROS connection to [{}]", link.address),
+        };
+        let (id, connected) = (int(link.id), Value::Boolean(link.connected));
+        let (peer, way, topic) = (text(link.peer), text(way), text(topic));
+        Value::Array(vec![id, peer, way, text("TCPROS"), topic, connected, text(words)])
+    };
     let mut all = Vec::new();
     for publication in state.topics.values().flatten() {
-        for link in publication.links() {
-            let words =
-                format!("TCPROS connection on port {} to [{}]", core.tcpros.port, link.address);
-            all.push(Value::Array(vec![
-                int(link.id),
-                text(link.peer),
-                text("o"),
-                text("TCPROS"),
-                text(publication.topic()),
-                Value::Boolean(true),
-                text(words),
-            ]));
-        }
+        let links = publication.links().into_iter();
+        all.extend(links.map(|link| entry(link, "o", &publication.topic)));
     }
     for (topic, subscription) in &state.subscriptions {
-        for link in subscription.listeners().iter().flat_map(|intake| intake.links()) {
-            let words = format!("TCPROS connection to [{}]", link.address);
-            all.push(Value::Array(vec![
-                int(link.id),
-                text(link.peer),
-                text("i"),
-                text("TCPROS"),
-                text(topic),
-                Value::Boolean(link.connected),
-                text(words),
-            ]));
-        }
+        let links = subscription.listeners.iter().flat_map(|connections| connections.links());
+        all.extend(links.map(|link| entry(link, "i", topic)));
     }
     Value::Array(all)
 }
@@ -162,36 +146,25 @@ fn bus_info(core: &Arc<Core>) -> Value {
 /// `[publishers, subscribers, services]`, each with the connections of its topics.
 fn bus_stats(core: &Arc<Core>) -> Value {
     let state = core.state();
-    let mut publishers = Vec::new();
-    for publication in state.topics.values().flatten() {
-        let (mut links, mut bytes) = (Vec::new(), 0_u64);
-        for link in publication.links() {
-            bytes = bytes.saturating_add(link.bytes);
-            links.push(Value::Array(vec![
-                int(link.id),
-                int(link.bytes),
-                int(link.messages),
-                Value::Boolean(true),
-            ]));
-        }
-        let topic = text(publication.topic());
-        publishers.push(Value::Array(vec![topic, int(bytes), Value::Array(links)]));
-    }
-    let mut subscribers = Vec::new();
-    for (topic, subscription) in &state.subscriptions {
-        let links = subscription.listeners().iter().flat_map(|intake| intake.links());
-        let links = links.map(|link| {
-            Value::Array(vec![
-                int(link.id),
-                int(link.bytes),
-                int(link.messages),
-                // Nobody knows what was dropped before it came here.
-                Value::Integer(-1),
-                Value::Boolean(link.connected),
-            ])
+    let publishers = state.topics.values().flatten().map(|publication| {
+        let links = publication.links();
+        let bytes = links.iter().fold(0_u64, |sum, link| sum.saturating_add(link.bytes));
+        let links = links.into_iter().map(|link| {
+            let connected = Value::Boolean(link.connected);
+            Value::Array(vec![int(link.id), int(link.bytes), int(link.messages), connected])
         });
-        subscribers.push(Value::Array(vec![text(topic), Value::Array(links.collect())]));
-    }
-    let none = Value::Array(vec![Value::Integer(0), Value::Integer(0), Value::Integer(0)]);
+        Value::Array(vec![text(&publication.topic), int(bytes), Value::Array(links.collect())])
+    });
+    let subscribers = state.subscriptions.iter().map(|(topic, subscription)| {
+        let links = subscription.listeners.iter().flat_map(|connections| connections.links());
+        let links = links.map(|BusLink { id, messages, bytes, connected, .. }| {
+            // Nobody knows what was dropped before it came here.
+            let (dropped, connected) = (Value::Integer(-1), Value::Boolean(connected));
+            Value::Array(vec![int(id), int(bytes), int(messages), dropped, connected])
+        });
+        Value::Array(vec![text(topic), Value::Array(links.collect())])
+    });
+    let none = Value::Array(vec![Value::Integer(0); 3]);
+    let (publishers, subscribers) = (publishers.collect(), subscribers.collect());
     Value::Array(vec![Value::Array(publishers), Value::Array(subscribers), none])
 }

@@ -214,11 +214,11 @@ async fn welcome(
     };
     let all = core.state().topics.get(topic).cloned().unwrap_or_default();
     let wanted = accepted.header.get("md5sum").unwrap_or_default();
-    let fitting = all.iter().find(|one| one.wire_type().fits(wanted));
+    let fitting = all.iter().find(|one| one.wire_type.fits(wanted));
     match (fitting, all.first()) {
         (Some(publication), _) => publication.serve(accepted, &core).await,
         (None, Some(other)) => {
-            let (other, wants) = (other.wire_type(), accepted.header.get("type").unwrap_or("*"));
+            let (other, wants) = (&other.wire_type, accepted.header.get("type").unwrap_or("*"));
             let text = format!(
                 "{} wants topic {topic} to be {wants} [{wanted}], but {} publishes {} [{}]: have \
                  both use the same definition",

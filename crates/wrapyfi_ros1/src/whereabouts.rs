@@ -76,9 +76,9 @@ impl Whereabouts {
 pub(super) async fn meet_master(core: &Arc<Core>) {
     let mut backoff = Backoff::of_process(core.next_id());
     loop {
-        match core.master.own_uri().await {
+        match core.master.ask("getUri", []).await {
             Ok(uri) => return core.master.whereabouts.note_master(&uri),
-            Err(error) if error.is_unreachable() => {
+            Err(error @ MasterError::Unreachable(_)) => {
                 core.set_fault(Some(core.away(&error)));
                 backoff.pause().await;
             }
@@ -96,7 +96,7 @@ impl Core {
             Some(_) => format!(
                 "{awaited}; roscore has to run there, and a firewall may be between (port {} and those \
                  of its nodes)",
-                self.master.uri().port
+                self.master.uri.port
             ),
             None => awaited,
         }

@@ -17,31 +17,10 @@
 
 use std::sync::Arc;
 
-use serde::Deserialize;
-
 use super::config::CycloneConfig;
 use super::cyclone_graph::{CycloneError, CycloneGraph};
-use super::environment::Environment;
+use super::environment::{Adapter, Environment, build};
 use super::graph::{Graph, ServiceMapping};
-
-/// Library that carries the graph of a node.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Adapter {
-    /// CycloneDDS inside the program.
-    Cyclone,
-    /// The middleware of the installed ROS 2.
-    Rmw,
-}
-
-/// Feature and environment that a build needs for a middleware other than CycloneDDS, in words for
-/// an error.
-macro_rules! build {
-    () => {
-        "build wrapyfi_bridge where a ROS 2 that has it is sourced: `colcon build --packages-up-to wrapyfi_bridge`, which turns the feature rmw on (-DWRAPYFI_RMW=ON)"
-    };
-}
-pub(super) use build;
 
 /// Error of a node that joins the graph.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

@@ -1,8 +1,8 @@
 //! Topics of any type whose definition is known: messages as named fields.
 //!
 //! ```text
-//!   DDS reader ─ CDR ─▶ Plan::decode ─▶ DynamicMessage ─▶ user
-//!   user ─▶ DynamicMessage ─▶ Plan::encode ─ CDR ─▶ DDS writer, with the type's hash
+//!   DDS reader ─ CDR ─▶ TypePlan::decode ─▶ DynamicMessage ─▶ user
+//!   user ─▶ DynamicMessage ─▶ TypePlan::encode ─ CDR ─▶ DDS writer, with the type's hash
 //! ```
 //!
 //! Endpoints for tools: nothing is queued but in DDS itself.
@@ -10,7 +10,7 @@
 use std::sync::Arc;
 
 use bytes::Bytes;
-use wrapyfi_interfaces::dynamic::{DynamicMessage, Plan, PlanError, ValueError};
+use wrapyfi_interfaces::dynamic::{DynamicMessage, PlanError, TypePlan, ValueError};
 use wrapyfi_interfaces::store::ResolvedType;
 
 use super::Ros2;
@@ -69,14 +69,14 @@ pub struct AnyMessage {
 /// Receives one topic of any type.
 pub struct AnyListener {
     reader: Box<dyn CdrReader>,
-    plan: Plan,
+    plan: TypePlan,
     topic: TopicDescription,
 }
 
 /// Sends to one topic of any type.
 pub struct AnyPublisher {
     writer: Box<dyn CdrWriter>,
-    plan: Plan,
+    plan: TypePlan,
     topic: TopicDescription,
 }
 
@@ -163,7 +163,7 @@ impl AnyPublisher {
 
     /// Plan by which messages of the type are made, for instance from JSON.
     #[must_use]
-    pub fn plan(&self) -> &Plan {
+    pub fn plan(&self) -> &TypePlan {
         &self.plan
     }
 
@@ -206,7 +206,7 @@ fn prepare(
     resolved: &ResolvedType,
     qos: Qos,
     max_bytes: usize,
-) -> Result<(TopicDescription, Plan), AnyError> {
+) -> Result<(TopicDescription, TypePlan), AnyError> {
     let type_name = resolved.name().to_string();
     let plan = resolved.plan().map_err(|fault| AnyError::Definition {
         type_name: type_name.clone(),

@@ -10,22 +10,21 @@
 use std::sync::Arc;
 
 use super::cyclone::{Events, RawReader, RawWriter, ReturnCode, Taken, WriteFault};
-use super::cyclone_graph::{MAX_BLOCKING, Node};
-use super::discovery_info::{EndpointKind, Gid};
+use super::discovery_info::{Announcing, EndpointKind, Gid};
 use super::graph::{CdrReader, CdrSample, CdrWriter, GraphError, QosEvents, TopicDescription};
-use super::pacing::Pacing;
+use super::pacing::{MAX_BLOCKING, Pacing};
 
 /// An endpoint's entry in its node, removed on drop.
 pub(super) struct Listed {
-    node: Arc<Node>,
+    node: Arc<dyn Announcing>,
     kind: EndpointKind,
     gid: Gid,
 }
 
 impl Listed {
-    pub(super) fn new(node: &Arc<Node>, kind: EndpointKind, gid: Gid) -> Self {
+    pub(super) fn new(node: Arc<dyn Announcing>, kind: EndpointKind, gid: Gid) -> Self {
         node.info().add(kind, gid);
-        Self { node: Arc::clone(node), kind, gid }
+        Self { node, kind, gid }
     }
 }
 

@@ -7,14 +7,13 @@
 
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
 
 use super::config::CycloneConfig;
 use super::cyclone::{self, EndpointQos, Entity, Events, RawReader, RawWriter, ReturnCode};
 use super::cyclone_endpoints::{CycloneReader, CycloneWriter, Listed, stack};
 use super::cyclone_service::{CycloneClient, CycloneServer, Ends};
 use super::dds_terms::{ENCLAVE, discovered, end_user_data, marked, to_dds, user_data};
-use super::discovery_info::{DiscoveryInfo, EndpointKind, Gid};
+use super::discovery_info::{Announcing, DiscoveryInfo, EndpointKind, Gid};
 use super::domain::{DomainError, DomainLease};
 use super::graph::{
     CdrClient, CdrReader, CdrServer, CdrWriter, DiscoveredEndpoint, Graph, GraphError, NodeWatch,
@@ -22,18 +21,11 @@ use super::graph::{
 };
 use super::names;
 use super::owners::Owners;
-use super::pacing::Pacing;
+use super::pacing::{MAX_BLOCKING, Pacing};
 use super::peer_index::PeerIndex;
 use super::services::Services;
 use wrapyfi_endpoint::{BridgeMark, History, Qos, Reliability};
 use wrapyfi_node::NodeName;
-
-/// Longest time that a write waits for reliable readers; only keep-all writers wait, the others
-/// overwrite
-/// their oldest. A lost acknowledgement is repeated with the next
-/// heartbeat, 100 ms later, so less would drop messages that were about to go; much more would let
-/// one stopped subscriber hold up everything that the same thread propagates.
-pub(super) const MAX_BLOCKING: Duration = Duration::from_millis(500);
 
 /// Error of creating a node on CycloneDDS.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -52,7 +44,7 @@ pub enum CycloneError {
 pub struct CycloneGraph(Arc<Node>);
 
 /// Fields drop in this order: announcement, what watches discovery, participant, domain.
-pub(super) struct Node {
+struct Node {
     name: NodeName,
     peers: Mutex<Option<Arc<PeerIndex>>>,
     info: Mutex<DiscoveryInfo>,
@@ -93,12 +85,9 @@ impl CycloneGraph {
             services: Services::new(config),
             _domain: domain,
         }));
-        graph.0.services.announce(&graph.0);
+        let node: Arc<dyn Announcing> = graph.0.clone();
+        graph.0.services.announce(&node);
         Ok(graph)
-    }
-
-    pub(super) fn of(node: &Arc<Node>) -> Self {
-        Self(Arc::clone(node))
     }
 
     /// GUID of the participant, as `ros_discovery_info` carries it.
@@ -124,7 +113,7 @@ impl CycloneGraph {
         let raw = RawReader::new(&self.0.participant, names, &qos(topic, &user_data), events)
             .map_err(fault)?;
         let gid = raw.guid().map_err(fault)?;
-        let listed = Listed::new(&self.0, EndpointKind::Reader, gid);
+        let listed = Listed::new(self.0.clone(), EndpointKind::Reader, gid);
         Ok(Box::new(CycloneReader::new(raw, topic, listed)))
     }
 
@@ -153,8 +142,9 @@ impl CycloneGraph {
         let qos = EndpointQos { replay, ..qos(topic, &user_data) };
         let raw = RawWriter::new(&self.0.participant, names, &qos, events).map_err(fault)?;
         let gid = raw.guid().map_err(fault)?;
-        let listed = Listed::new(&self.0, EndpointKind::Writer, gid);
-        let pacing = Pacing::new(&self.0, topic);
+        let listed = Listed::new(self.0.clone(), EndpointKind::Writer, gid);
+        let graph = self.clone();
+        let pacing = Pacing::new(move || graph.nodes().ok(), topic);
         Ok(Box::new(CycloneWriter::new(raw, &topic.name, pacing, listed)))
     }
 
@@ -199,8 +189,8 @@ impl CycloneGraph {
         let writer = writer.map_err(code)?;
         let gid = writer.guid().map_err(code)?;
         let listed = [
-            Listed::new(node, EndpointKind::Reader, reader.guid().map_err(code)?),
-            Listed::new(node, EndpointKind::Writer, gid),
+            Listed::new(node.clone(), EndpointKind::Reader, reader.guid().map_err(code)?),
+            Listed::new(node.clone(), EndpointKind::Writer, gid),
         ];
         Ok((Ends::new(&service.name, writer, reader, service.max_bytes), gid, listed))
     }
@@ -295,19 +285,22 @@ impl Graph for CycloneGraph {
     ) -> Result<Box<dyn PeerWatch>, GraphError> {
         let index = self.0.peer_index().map_err(|code| stack("watching", topic, code))?;
         let topic = names::topic_to_dds(topic);
-        Ok(Box::new(index.watch(Arc::clone(&self.0), topic, publishers, on_change)))
+        Ok(Box::new(index.watch(self.0.clone(), topic, publishers, on_change)))
     }
 
     fn nodes(&self) -> Result<Box<dyn NodeWatch>, GraphError> {
-        Ok(Box::new(Owners::listen(self)?))
+        let reader = self.subscribe_dds(&Owners::topic(), Arc::new(|| {}))?;
+        Ok(Box::new(Owners::new(reader)))
+    }
+}
+
+impl Announcing for Node {
+    fn info(&self) -> MutexGuard<'_, DiscoveryInfo> {
+        self.info.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl Node {
-    pub(super) fn info(&self) -> MutexGuard<'_, DiscoveryInfo> {
-        self.info.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Index of the endpoints that discovery has found, by topic; started by the first call.
     fn peer_index(&self) -> Result<Arc<PeerIndex>, ReturnCode> {
         let mut peers = self.peers.lock().unwrap_or_else(PoisonError::into_inner);

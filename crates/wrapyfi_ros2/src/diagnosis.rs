@@ -17,7 +17,7 @@ use super::graph::{
     DiscoveredEndpoint, Graph, GraphError, NodeWatch, Notify, PeerWatch, TopicDescription,
 };
 use super::matching::unmet;
-use wrapyfi_endpoint::{AnnouncedQos, Durability, Link, PinnedQos, Qos, QosPolicy};
+use wrapyfi_endpoint::{AnnouncedQos, Durability, Link, PinnedQos, Qos, QosPolicy, TopicSpec};
 
 /// Time for which a peer waits for the name of its node before it is reported without.
 const NAME_TIMEOUT: Duration = Duration::from_secs(1);
@@ -83,20 +83,19 @@ impl Diagnosis {
     pub(super) fn new(
         names: &Arc<Names>,
         topic: &TopicDescription,
-        type_name: &'static str,
+        spec: &TopicSpec,
         awaits_publisher: bool,
-        (matches, pinned): (bool, PinnedQos),
         on_change: Notify,
     ) -> Result<Self, GraphError> {
         Ok(Self {
             watch: names.graph.watch(&topic.name, awaits_publisher, on_change)?,
             names: Arc::clone(names),
             topic: topic.name.clone(),
-            type_name,
+            type_name: spec.message_type.ros_type(),
             type_hash: topic.type_hash.clone(),
             awaits_publisher,
-            matches,
-            pinned,
+            matches: spec.match_peers,
+            pinned: spec.pinned,
             unfit: BTreeMap::new(),
             quiet_until: None,
         })

@@ -9,7 +9,7 @@
 //!
 //! The last message of a process names no node.
 
-use std::sync::Arc;
+use std::sync::{Arc, MutexGuard};
 use std::time::Duration;
 
 use wrapyfi_interfaces::Message;
@@ -31,6 +31,11 @@ pub(super) type Gid = [u8; 16];
 pub(super) enum EndpointKind {
     Reader,
     Writer,
+}
+
+/// A node that announces its endpoints, and is kept alive by them.
+pub(super) trait Announcing: Send + Sync {
+    fn info(&self) -> MutexGuard<'_, DiscoveryInfo>;
 }
 
 /// The node's entry, and the writer that announces it.

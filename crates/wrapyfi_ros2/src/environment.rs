@@ -12,7 +12,8 @@
 //!
 //! [`read`] is pure: it is given a lookup and logs nothing; [`Environment::log`] does.
 
-use super::adapter::{Adapter, build};
+use serde::Deserialize;
+
 use super::graph::ServiceMapping;
 
 /// Highest domain id: above it the port numbers of DDS leave their range.
@@ -41,6 +42,25 @@ pub struct Discovery {
     /// Addresses asked one by one, `ROS_STATIC_PEERS`.
     pub static_peers: Vec<String>,
 }
+
+/// Library that carries the graph of a node.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Adapter {
+    /// CycloneDDS inside the program.
+    Cyclone,
+    /// The middleware of the installed ROS 2.
+    Rmw,
+}
+
+/// Feature and environment that a build needs for a middleware other than CycloneDDS, in words for
+/// an error.
+macro_rules! build {
+    () => {
+        "build wrapyfi_bridge where a ROS 2 that has it is sourced: `colcon build --packages-up-to wrapyfi_bridge`, which turns the feature rmw on (-DWRAPYFI_RMW=ON)"
+    };
+}
+pub(super) use build;
 
 /// Settings that were read from the environment.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -10,17 +10,17 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::diagnosis::Diagnosis;
-use super::graph::{DiscoveredEndpoint, QosEvents};
+use super::diagnosis::{Diagnosis, Names};
+use super::graph::{GraphError, Notify, QosEvents, TopicDescription};
 use super::matching::{Decision, Matching};
-use wrapyfi_endpoint::{Counters, Link, Qos, QosEvent};
+use wrapyfi_endpoint::{Counters, Qos, QosEvent, TopicSpec};
 
 /// Events of an endpoint are logged at most this often; all are counted.
 pub(super) const LOG_EVERY: Duration = Duration::from_secs(5);
 
 /// One endpoint's view of its peers.
 pub(super) struct Follower {
-    diagnosis: Diagnosis,
+    pub(super) diagnosis: Diagnosis,
     /// None where the quality of service is fixed.
     matching: Option<Matching>,
     /// Changes that were looked at.
@@ -40,28 +40,17 @@ pub(super) struct Look {
 }
 
 impl Follower {
-    pub(super) fn new(diagnosis: Diagnosis, matching: Option<Matching>) -> Self {
-        Self { diagnosis, matching, seen: 0, next: None }
-    }
-
-    pub(super) fn link(
-        &self,
-        matched: usize,
-        incompatible: Option<&'static str>,
-        own: &Qos,
-        keeps_last: bool,
-    ) -> Link {
-        self.diagnosis.link(matched, incompatible, own, keeps_last)
-    }
-
-    /// Grows when peers come, change or go.
-    pub(super) fn changes(&self) -> u64 {
-        self.diagnosis.changes()
-    }
-
-    /// Peers that carry the endpoint's type.
-    pub(super) fn peers(&self) -> Vec<DiscoveredEndpoint> {
-        self.diagnosis.peers()
+    /// `on_change` is called from a DDS thread when peers come, change or go.
+    pub(super) fn new(
+        names: &Arc<Names>,
+        topic: &TopicDescription,
+        spec: &TopicSpec,
+        listens: bool,
+        on_change: Notify,
+    ) -> Result<Self, GraphError> {
+        let matching = spec.match_peers.then(|| Matching::new(listens, topic.qos, spec.pinned));
+        let diagnosis = Diagnosis::new(names, topic, spec, listens, on_change)?;
+        Ok(Self { diagnosis, matching, seen: 0, next: None })
     }
 
     /// Looks at the peers of an endpoint that has `own`, if there is news or it is time.

@@ -43,6 +43,7 @@ mod adapter;
 mod announcement;
 mod any;
 mod config;
+mod conventions;
 mod cyclone;
 mod cyclone_endpoints;
 mod cyclone_graph;
@@ -86,12 +87,14 @@ mod wire_tests;
 
 use std::sync::Arc;
 
-pub use adapter::{Adapter, JoinError, Joined, join};
+pub use adapter::{JoinError, Joined, join};
 pub use any::{AnyError, AnyListener, AnyMessage, AnyPublisher};
 pub use config::CycloneConfig;
+pub use conventions::follow_conventions;
 pub use cyclone_graph::{CycloneError, CycloneGraph};
 pub use diagnosis::remedy;
 pub use domain::DomainError;
+pub use environment::Adapter;
 pub use node_endpoints::NodeEndpoints;
 pub use node_handle::NodeHandle;
 pub use parameters::{ParameterClient, ParameterClientError, RefusedParameter, RemoteParameters};
@@ -107,6 +110,7 @@ use listener::Ros2Listener;
 use parameters::{PropertiesListener, PropertiesPublisher};
 use publisher::Ros2Publisher;
 use wrapyfi_data::types::MessageType;
+use wrapyfi_endpoint::codec::ros;
 use wrapyfi_endpoint::{
     Client, Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, Server,
     ServiceSpec, TopicSpec, Traits,
@@ -182,7 +186,7 @@ impl Ros2 {
         Ok(TopicDescription {
             name: self.resolve(&spec.topic)?,
             type_name: spec.message_type.ros_type().to_owned(),
-            type_hash: Some(payload::type_hash(spec.message_type)),
+            type_hash: Some(ros::type_hash(spec.message_type).to_owned()),
             qos: spec.pinned.apply(spec.qos),
             max_bytes: spec.limits.message_bytes,
         })
@@ -192,6 +196,10 @@ impl Ros2 {
 impl Middleware for Ros2 {
     fn name(&self) -> &str {
         NAME
+    }
+
+    fn follow_conventions(&self, spec: &mut TopicSpec, at_source: bool) {
+        follow_conventions(spec, at_source);
     }
 
     fn open_listener(

@@ -12,18 +12,19 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::diagnosis::{Diagnosis, Names};
+use super::any::ringing;
+use super::diagnosis::Names;
 use super::follow::Follower;
 use super::graph::{
     DiscoveredEndpoint, Graph, GraphError, Notify, ServiceMapping, TopicDescription,
 };
-use super::matching::{CALM, Matching};
-use super::payload;
+use super::matching::CALM;
 use super::receive_path::{Arrived, ReceivePath};
 use super::vendor::mapping_of;
 use wrapyfi_data::Limits;
 use wrapyfi_data::plugin::Plugins;
 use wrapyfi_data::types::MessageType;
+use wrapyfi_endpoint::codec::ros;
 use wrapyfi_endpoint::{
     AnnouncedDurability, Context, DropReason, Durability, ForwardingListener, History, Keeping,
     Latched, Link, Listener, Origin, Overflow, Qos, QosChange, QosEvent, Receiver, Review, Sample,
@@ -92,17 +93,7 @@ impl Ros2Listener {
                 receive_path.context().wake.ring();
             }
         });
-        let message_type = spec.message_type;
-        let wake = context.wake.clone();
-        let diagnosis = Diagnosis::new(
-            names,
-            topic,
-            message_type.ros_type(),
-            true,
-            (spec.match_peers, spec.pinned),
-            Arc::new(move || wake.ring()),
-        )?;
-        let matching = spec.match_peers.then(|| Matching::new(true, topic.qos, spec.pinned));
+        let follower = Follower::new(names, topic, spec, true, ringing(&context.wake))?;
         let reader = graph.subscribe(topic, Arc::clone(&on_data))?;
         receive_path.lock().reader = Some(reader);
         // Messages may have come before the reader was in its place, when the callback found none.
@@ -115,10 +106,10 @@ impl Ros2Listener {
             on_data,
             receiver,
             blocks,
-            message_type,
+            message_type: spec.message_type,
             limits: spec.limits,
             plugins: spec.plugins.clone(),
-            follower: Follower::new(diagnosis, matching),
+            follower,
             follows: spec.match_peers,
             unclaimed: Latched::new(spec.limits.message_bytes),
             origins: Origins::default(),
@@ -151,7 +142,7 @@ impl Ros2Listener {
             let state = self.receive_path.lock();
             state.reader.as_ref().and_then(|reader| reader.publisher_gid(publisher))
         };
-        let peers = self.follower.peers();
+        let peers = self.follower.diagnosis.peers();
         let peer = peers.iter().find(|peer| Some(peer.gid) == gid);
         let keeps = peer.map_or(untold, kept_by);
         if self.origins.known.len() < MAX_ORIGINS {
@@ -162,9 +153,9 @@ impl Ros2Listener {
 
     /// Looks who is gone, and what those who are there keep.
     fn look_at_origins(&mut self, now: Instant) {
-        let changes = self.follower.changes();
+        let changes = self.follower.diagnosis.changes();
         if self.origins.keeping.0 != Some(changes) {
-            let peers = self.follower.peers();
+            let peers = self.follower.diagnosis.peers();
             let keep = peers.iter().map(|peer| peer.qos.durability > AnnouncedDurability::Volatile);
             self.origins.keeping = (Some(changes), Keeping::of(keep));
         }
@@ -254,7 +245,7 @@ impl Listener for Ros2Listener {
         let keeps = self.keeps(publisher);
         let origin = (publisher != 0).then_some(Origin { publisher, keeps });
         let wire_bytes = cdr.len();
-        let payload = payload::decode(&cdr, self.message_type, &self.limits, &self.plugins)?;
+        let payload = ros::decode_with(&cdr, self.message_type, &self.limits, &self.plugins)?;
         Ok(Some(Sample { payload, wire_bytes, received_at: at, origin }))
     }
 
@@ -275,7 +266,7 @@ impl Listener for Ros2Listener {
                 None => (0, None),
             }
         };
-        self.follower.link(matched, incompatible, &self.topic.qos, false)
+        self.follower.diagnosis.link(matched, incompatible, &self.topic.qos, false)
     }
 
     fn review(&mut self, now: Instant) -> Review {

@@ -14,7 +14,6 @@ use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::rmw_dds_common::msg::{NodeEntitiesInfo, ParticipantEntitiesInfo};
 
 use super::announcement::{self, Announcement};
-use super::cyclone_graph::CycloneGraph;
 use super::discovery_info::{Gid, TOPIC};
 use super::graph::{CdrReader, GraphError, NodeWatch, TopicDescription};
 use wrapyfi_endpoint::{Durability, History, Qos, Reliability};
@@ -32,8 +31,14 @@ pub(super) struct Owners {
 }
 
 impl Owners {
-    pub(super) fn listen(graph: &CycloneGraph) -> Result<Self, GraphError> {
-        let topic = TopicDescription {
+    /// Owners as `reader` hears them on [`Owners::topic`].
+    pub(super) fn new(reader: Box<dyn CdrReader>) -> Self {
+        Self { reader, participants: BTreeMap::new(), warned_of_older: false }
+    }
+
+    /// The topic of the announcements, with the names of DDS.
+    pub(super) fn topic() -> TopicDescription {
+        TopicDescription {
             name: TOPIC.to_owned(),
             type_name: ParticipantEntitiesInfo::DDS_TYPE.to_owned(),
             type_hash: Some(ParticipantEntitiesInfo::TYPE_HASH.to_owned()),
@@ -44,9 +49,7 @@ impl Owners {
                 ..Qos::default()
             },
             max_bytes: MAX_BYTES,
-        };
-        let reader = graph.subscribe_dds(&topic, std::sync::Arc::new(|| {}))?;
-        Ok(Self { reader, participants: BTreeMap::new(), warned_of_older: false })
+        }
     }
 
     fn read(&mut self, Announcement { info, before_iron }: Announcement) {

@@ -17,15 +17,19 @@
 //! one does not fall into the buffer with the one before it, and what is longer than the buffer mostly is
 //! lost. The user is told.
 
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::cyclone::RawWriter;
-use super::cyclone_graph::{CycloneGraph, MAX_BLOCKING, Node};
 use super::discovery_info::Gid;
-use super::graph::{Graph as _, NodeWatch, ServiceMapping, TopicDescription};
+use super::graph::{NodeWatch, ServiceMapping, TopicDescription};
 use super::vendor;
 use wrapyfi_endpoint::Reliability;
+
+/// Longest time that a write waits for reliable readers; only keep-all writers wait, the others
+/// overwrite their oldest. A lost acknowledgement is repeated with the next heartbeat, 100 ms later,
+/// so less would drop messages that were about to go; much more would let one stopped subscriber hold
+/// up everything that the same thread propagates.
+pub(super) const MAX_BLOCKING: Duration = Duration::from_millis(500);
 
 /// Receive buffer in bytes that Linux gives a socket that asks for nothing.
 const RMEM_DEFAULT: usize = 212_992;
@@ -55,9 +59,13 @@ struct Readers {
     best_effort: Option<Gid>,
 }
 
+/// Begins to watch the names of nodes.
+type Nodes = Box<dyn Fn() -> Option<Box<dyn NodeWatch>> + Send>;
+
 /// Decides when a large message of one writer may go.
 pub(super) struct Pacing {
-    node: Arc<Node>,
+    /// Watch of the names of nodes, begun when a reader is slow.
+    nodes: Nodes,
     /// Topic with the names of DDS.
     topic: TopicDescription,
     /// Bytes that any reader's socket holds.
@@ -89,10 +97,13 @@ struct SlowReader {
 }
 
 impl Pacing {
-    pub(super) fn new(node: &Arc<Node>, topic: &TopicDescription) -> Self {
-        let (node, topic) = (Arc::clone(node), topic.clone());
+    pub(super) fn new(
+        nodes: impl Fn() -> Option<Box<dyn NodeWatch>> + Send + 'static,
+        topic: &TopicDescription,
+    ) -> Self {
+        let (nodes, topic) = (Box::new(nodes), topic.clone());
         let (seen, last, slow_readers) = (None, None, [None, None]);
-        Self { node, topic, room: room(), seen, last, slow_readers, load: Load::default() }
+        Self { nodes, topic, room: room(), seen, last, slow_readers, load: Load::default() }
     }
 
     /// Waits until a message of `bytes` may be written through `raw`; false where it may not be.
@@ -188,7 +199,7 @@ impl Pacing {
             };
             let slow = match entry {
                 Some(slow) if slow.reader == reader => slow,
-                entry => entry.insert(SlowReader::new(&self.node, reader)),
+                entry => entry.insert(SlowReader::new((self.nodes)(), reader)),
             };
             if let Some(node) = slow.now() {
                 let (room, remedy) = (self.room, remedy(bytes));
@@ -202,8 +213,7 @@ impl Pacing {
 }
 
 impl SlowReader {
-    fn new(node: &Arc<Node>, reader: Gid) -> Self {
-        let nodes = CycloneGraph::of(node).nodes().ok();
+    fn new(nodes: Option<Box<dyn NodeWatch>>, reader: Gid) -> Self {
         Self { reader, unreported: Some((Instant::now(), nodes)), name: None }
     }
 

@@ -1,14 +1,11 @@
-//! Payloads as CDR: the one place where this middleware meets the codecs.
+//! Payloads as CDR.
 //!
 //! ```text
 //!   Payload ─ convert raw <-> file ─ encode ─▶ pieces ─▶ CdrWriter
-//!   CdrReader ─▶ Bytes ─ decode ─▶ Payload
 //! ```
 
-use bytes::Bytes;
 use wrapyfi_interfaces::cdr::CdrParts;
 
-use wrapyfi_data::DecodeError;
 use wrapyfi_data::EncodeError;
 use wrapyfi_data::Limits;
 use wrapyfi_data::plugin::Plugins;
@@ -31,19 +28,4 @@ pub(super) fn encode(
         return Err(EncodeError::TooLarge { actual, limit });
     }
     Ok(parts)
-}
-
-/// The payload of a message of `message_type`.
-pub(super) fn decode(
-    cdr: &Bytes,
-    message_type: MessageType,
-    limits: &Limits,
-    plugins: &Plugins,
-) -> Result<Payload, DecodeError> {
-    ros::decode_with(cdr, message_type, limits, plugins)
-}
-
-/// REP-2016 hash of a type.
-pub(super) fn type_hash(message_type: MessageType) -> String {
-    ros::type_hash(message_type).to_owned()
 }

@@ -13,9 +13,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use super::cyclone::{BuiltinReader, EndpointFound, Entity, ReturnCode};
-use super::cyclone_graph::Node;
 use super::dds_terms::discovered;
-use super::discovery_info::Gid;
+use super::discovery_info::{Announcing, Gid};
 use super::graph::{DiscoveredEndpoint, Notify, PeerWatch};
 
 /// Endpoints that are kept: strangers announce them.
@@ -84,7 +83,7 @@ impl PeerIndex {
     /// Watches one side of a DDS topic, and keeps `node` for as long.
     pub(super) fn watch(
         self: Arc<Self>,
-        node: Arc<Node>,
+        node: Arc<dyn Announcing>,
         topic: String,
         publishers: bool,
         notify: Notify,
@@ -201,7 +200,7 @@ pub(super) struct Watch {
     watched: Arc<Watched>,
     side: Side,
     index: Arc<PeerIndex>,
-    _node: Arc<Node>,
+    _node: Arc<dyn Announcing>,
 }
 
 impl PeerWatch for Watch {

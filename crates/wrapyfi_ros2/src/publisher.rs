@@ -20,13 +20,14 @@ use std::time::{Duration, Instant};
 
 use wrapyfi_interfaces::cdr::CdrParts;
 
-use super::diagnosis::{Diagnosis, Names};
+use super::any::ringing;
+use super::diagnosis::Names;
 use super::follow::{EventLog, Follower};
 use super::graph::{
     CdrWriter, DiscoveredEndpoint, Graph, GraphError, Notify, Replay, TopicDescription,
     WriterTraits,
 };
-use super::matching::{CALM, Matching};
+use super::matching::CALM;
 use super::origins::{MAX_ORIGINS, Origins};
 use super::payload;
 use wrapyfi_data::EncodeError;
@@ -85,18 +86,8 @@ impl Ros2Publisher {
         spec: &TopicSpec,
         context: &Context,
     ) -> Result<Self, GraphError> {
-        let wake = context.wake.clone();
-        let on_match: Notify = Arc::new(move || wake.ring());
-        let message_type = spec.message_type;
-        let diagnosis = Diagnosis::new(
-            names,
-            topic,
-            message_type.ros_type(),
-            false,
-            (spec.match_peers, spec.pinned),
-            Arc::clone(&on_match),
-        )?;
-        let matching = spec.match_peers.then(|| Matching::new(false, topic.qos, spec.pinned));
+        let on_match = ringing(&context.wake);
+        let follower = Follower::new(names, topic, spec, false, Arc::clone(&on_match))?;
         let traits = WriterTraits { mark: spec.mark.as_ref(), ..WriterTraits::default() };
         Ok(Self {
             graph: Arc::clone(graph),
@@ -108,7 +99,7 @@ impl Ros2Publisher {
             on_match,
             context: context.clone(),
             events: EventLog::new(&context.counters, &topic.name, false),
-            message_type,
+            message_type: spec.message_type,
             origins: Origins::default(),
             source: Keeping::Unknown,
             replay: Replay::History,
@@ -119,7 +110,7 @@ impl Ros2Publisher {
             color_order: spec.color_order,
             limits: spec.limits,
             plugins: spec.plugins.clone(),
-            follower: Follower::new(diagnosis, matching),
+            follower,
         })
     }
 
@@ -194,7 +185,7 @@ impl Ros2Publisher {
         let writer = self.graph.advertise_with(&topic, traits, on_match)?;
         let volatile =
             |peer: &DiscoveredEndpoint| peer.qos.durability == AnnouncedDurability::Volatile;
-        let opens = self.follower.peers().iter().any(volatile).then(|| now + HANDOVER);
+        let opens = self.follower.diagnosis.peers().iter().any(volatile).then(|| now + HANDOVER);
         self.origins.enter(origin, writer, opens);
         // To be rung when messages may go.
         if opens.is_some() {
@@ -260,7 +251,7 @@ impl Publisher for Ros2Publisher {
             None => (&self.writer, self.writer.matched()),
         };
         let matched = matched.max(self.origins.matched());
-        self.follower.link(matched, writer.incompatible(), &self.topic.qos, keeps_last)
+        self.follower.diagnosis.link(matched, writer.incompatible(), &self.topic.qos, keeps_last)
     }
 
     fn review(&mut self, now: Instant) -> Review {

@@ -86,18 +86,6 @@ impl RustServices {
         })))
     }
 
-    /// Name of the node that owns the services.
-    #[must_use]
-    pub fn node(&self) -> &NodeName {
-        &self.0.settings.node
-    }
-
-    /// Settings that have no effect on services, each in one line for the log.
-    #[must_use]
-    pub fn warnings(&self) -> &[String] {
-        &self.0.settings.warnings
-    }
-
     /// GUID of the participant, while there is a service.
     #[must_use]
     pub fn gid(&self) -> Option<[u8; 16]> {

@@ -9,7 +9,7 @@
 use std::sync::Arc;
 
 use super::config::CycloneConfig;
-use super::cyclone_graph::Node;
+use super::discovery_info::Announcing;
 use super::graph::{GraphError, ServiceDescription, ServiceMapping};
 #[cfg(feature = "fastdds-services")]
 use super::rust_services::{RustServices, RustServicesError};
@@ -47,7 +47,7 @@ impl Services {
     }
 
     /// Lists the endpoints that are elsewhere as the node's, now and whenever they change.
-    pub(super) fn announce(&self, node: &Arc<Node>) {
+    pub(super) fn announce(&self, node: &Arc<dyn Announcing>) {
         if let Some(Ok(services)) = &self.0 {
             let node = Arc::downgrade(node);
             services.on_change(move |ends| {
@@ -96,7 +96,7 @@ impl Services {
         }
     }
 
-    pub(super) fn announce(&self, _: &Arc<Node>) {}
+    pub(super) fn announce(&self, _: &Arc<dyn Announcing>) {}
 
     pub(super) fn owns(&self, _: &[u8; 16]) -> bool {
         false

@@ -31,7 +31,6 @@ fn main() -> Result<(), Box<dyn Error>> {
             println!("    as {}: {error}", dialect.other());
         }
     }
-    println!("as JSON: {}", serde_json::to_string(&command)?);
 
     // Two rows of three pixels, without padding between them.
     let pixels: Vec<u8> = (0..18).collect();
@@ -49,7 +48,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     for row in read.rows() {
         println!("    {row:?}");
     }
-    println!("the same bytes as a bottle: {}", read.to_bottle()?.to_text());
+    let (bottle, _) = Bottle::decode(&payload, Dialect::V3, &limits)?;
+    println!("the same bytes as a bottle: {}", bottle.to_text());
 
     let stamp = Stamp { count: 42, time_s: 1_700_000_000.5 };
     println!("its envelope: {}", stamp.to_envelope());

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use wrapyfi_yarp::port::{
-    Acknowledge, Answer, InputOptions, Message, Network, OutputOptions, Payload, PortOptions,
+    Acknowledge, Answer, InputOptions, Message, Network, OutputOptions, PortOptions, PortPayload,
     Reading,
 };
 use wrapyfi_yarp::{Bottle, Dialect};
@@ -100,7 +100,7 @@ async fn images(rounds: usize, carrier: &str) -> Outcome<f64> {
     let writer = network.open_output("/cam", &OutputOptions::default()).await?;
     writer.connect(&format!("{carrier}://view")).await?;
     let writing = tokio::spawn(async move {
-        let message = Message::new(Payload::object(vec![7; IMAGE]));
+        let message = Message::new(PortPayload::object(vec![7; IMAGE]));
         for _ in 0..rounds {
             writer.send(message.clone()).await;
         }

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use wrapyfi_yarp::Bottle;
 use wrapyfi_yarp::port::names::NameTable;
-use wrapyfi_yarp::port::{Message, Network, OutputOptions, Payload};
+use wrapyfi_yarp::port::{Message, Network, OutputOptions, PortPayload};
 use wrapyfi_yarp::sig::Stamp;
 
 #[tokio::main(flavor = "current_thread")]
@@ -26,7 +26,7 @@ async fn main() -> Result<(), Box<dyn std::error::Error>> {
             break; // the reader is gone
         }
         let bottle = Bottle::from(vec!["count".into(), count.into()]);
-        let payload = Payload::bottle(&bottle, network.dialect())?;
+        let payload = PortPayload::bottle(&bottle, network.dialect())?;
         let time_s = f64::from(count);
         writer.write(Message::new(payload).stamped(Stamp { count, time_s }));
         println!("{}", bottle.to_text());

@@ -9,7 +9,7 @@ use tokio::net::{TcpListener, TcpStream, UdpSocket};
 use wrapyfi_yarp::Limits;
 use wrapyfi_yarp::port::names::NameTable;
 use wrapyfi_yarp::port::{
-    Acknowledge, InputOptions, InputPort, Message, Network, OutputOptions, OutputPort, Payload,
+    Acknowledge, InputOptions, InputPort, Message, Network, OutputOptions, OutputPort, PortPayload,
     Reading,
 };
 use wrapyfi_yarp::wire::datagram::Assembler;
@@ -119,7 +119,7 @@ async fn writer(name: &str) -> (OutputPort, TcpListener) {
 async fn write(port: &OutputPort, socket: &UdpSocket, name: &str) {
     for (envelope, payload) in messages(name) {
         let written = port.write(Message {
-            payload: Payload::object(payload),
+            payload: PortPayload::object(payload),
             envelope,
             ..Message::default()
         });

@@ -46,8 +46,6 @@ fn rewrite(name: &str, binary: &Bytes, dialect: Dialect) -> Vec<u8> {
     match name.split(['_', ':']).next().unwrap() {
         "img" | "flex" => {
             let image = Image::decode(binary, limits).unwrap();
-            let again = Image::from_bottle(&image.to_bottle().unwrap(), limits).unwrap();
-            assert_eq!(again, image, "{name}: through a bottle");
             image.encode().unwrap()
         }
         "snd" => Sound::decode(binary, dialect, limits).unwrap().encode(dialect).unwrap(),
@@ -87,7 +85,6 @@ fn pixels_of_corpus_sig() {
     assert_eq!(image.row(0).unwrap(), [1, 2, 3, 4, 5, 6, 7, 8, 9]);
     assert_eq!(image.row(1).unwrap(), [17, 18, 19, 20, 21, 22, 23, 24, 25]);
     assert_eq!(image.row(2), None);
-    assert_eq!(image.pixel_at(2, 1).unwrap(), [23, 24, 25]);
     assert_eq!(image.packed().len(), 18);
     let packed = Image::from_packed(PixelCode::Rgb, 3, 2, image.packed()).unwrap();
     assert_eq!(packed.with_quantum(8).unwrap().encode().unwrap(), image.encode().unwrap());
@@ -111,11 +108,9 @@ fn sound_tcp() {
         .map(|payload| Sound::decode(payload, Dialect::V3, &limits()).unwrap())
         .collect();
     let [mono, stereo, empty] = sounds.as_slice() else { panic!("three sounds were recorded") };
-    assert_eq!(mono.to_planar(), [-150, -50, 50, 150, 250, 350]);
+    assert_eq!(mono.to_interleaved(), [-150, -50, 50, 150, 250, 350]);
     assert_eq!((mono.frequency_hz(), mono.channels()), (16000, 1));
     assert_eq!(stereo.to_interleaved(), [1, -256, 2, -512, 3, -768, 4, -1024]);
-    assert_eq!(stereo.channel(1).collect::<Vec<_>>(), [-256, -512, -768, -1024]);
-    assert_eq!(stereo.channel(2).count(), 0);
     assert_eq!((empty.samples(), empty.channels()), (0, 1));
     let again = Sound::from_interleaved(&stereo.to_interleaved(), 2, 44100).unwrap();
     assert_eq!(&again, stereo);

@@ -8,8 +8,8 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use wrapyfi_yarp::port::names::NameTable;
 use wrapyfi_yarp::port::{
-    Answer, CallError, Fate, InputOptions, InputPort, Loss, Message, Network, NetworkBuilder,
-    OutputOptions, Payload, PortOptions, Room, Timeouts, Written,
+    Answer, Fate, InputOptions, InputPort, Loss, Message, Network, NetworkBuilder, OutputOptions,
+    PortOptions, PortPayload, Room, RpcError, Timeouts, Written,
 };
 use wrapyfi_yarp::wire::{mjpeg, number};
 use wrapyfi_yarp::{Bottle, Limits};
@@ -161,12 +161,12 @@ async fn what_has_begun_has_no_more_room_than_is_given() {
     let writer = network.open_output("/writer", &OutputOptions::default()).await.unwrap();
     writer.connect("tcp://port").await.unwrap();
     for _ in 0..5 {
-        let message = Message::new(Payload::object(vec![0; 700_000]));
+        let message = Message::new(PortPayload::object(vec![0; 700_000]));
         assert_eq!(writer.write(message.clone()).dropped, 0);
         assert!(within(port.recv()).await.is_some());
         within(writer.flush()).await;
     }
-    let written = writer.write(Message::new(Payload::object(vec![0; 2 << 20])));
+    let written = writer.write(Message::new(PortPayload::object(vec![0; 2 << 20])));
     assert_eq!((written.targets, written.dropped, written.over_budget), (1, 1, 1));
 }
 
@@ -178,7 +178,7 @@ async fn datagrams_and_pictures_that_have_begun_have_no_more_room_than_is_given(
     let sender = builder().names(names).build();
     let writer = sender.open_output("/writer", &OutputOptions::default()).await.unwrap();
     writer.connect("udp://port").await.unwrap();
-    let large = Message::new(Payload::object(vec![0; 2 << 20]));
+    let large = Message::new(PortPayload::object(vec![0; 2 << 20]));
     // A datagram may be lost, and its message with it.
     let written = async {
         while port.counters().get("over_budget") == 0 {
@@ -187,7 +187,7 @@ async fn datagrams_and_pictures_that_have_begun_have_no_more_room_than_is_given(
         }
     };
     within(written).await;
-    let small = Message::new(Payload::object(vec![0; 8]));
+    let small = Message::new(PortPayload::object(vec![0; 8]));
     let taken = async {
         while port.received() == 0 {
             writer.write(small.clone());
@@ -342,7 +342,7 @@ async fn what_a_connection_takes_with_it_is_told() {
         // One is on its way and not acknowledged, the others wait.
         let fates = Arc::new(Fates::default());
         for count in 0..5 {
-            let payload = Payload::bottle(&Bottle::from(vec![count.into()]), network.dialect());
+            let payload = PortPayload::bottle(&Bottle::from(vec![count.into()]), network.dialect());
             let fate: Arc<dyn Fate> = fates.clone();
             let message = Message { fate: Some(fate), ..Message::new(payload.unwrap()) };
             assert_eq!(writer.write(message), Written { targets: 1, ..Written::default() });
@@ -386,7 +386,7 @@ async fn replies_that_are_none_are_errors_with_a_name() {
         });
         within(client.connect("/peer")).await.unwrap();
         let asked = client.call(&Bottle::from(vec![1.into()]), Duration::from_secs(5)).await;
-        let Err(error @ (CallError::Link { .. } | CallError::Reply { .. })) = asked else {
+        let Err(error @ (RpcError::Link { .. } | RpcError::Reply { .. })) = asked else {
             panic!("{what}: {asked:?}")
         };
         assert!(error.to_string().contains(what), "{error}");
@@ -400,7 +400,7 @@ async fn what_has_no_form_on_a_carrier_is_counted() {
     let port = port(&network).await;
     let writer = network.open_output("/writer", &OutputOptions::default()).await.unwrap();
     writer.connect("text_ack://port").await.unwrap();
-    writer.write(Message::new(Payload::object(&b"no bottle"[..])));
+    writer.write(Message::new(PortPayload::object(&b"no bottle"[..])));
     writer.write_bottle(&Bottle::from(vec![1.into()])).unwrap();
     within(writer.flush()).await;
     let status = &writer.status()[0];

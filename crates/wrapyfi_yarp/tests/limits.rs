@@ -78,7 +78,7 @@ fn messages_end_at_the_limit() {
     let image = Image::from_packed(PixelCode::Mono, 8, 8, Bytes::from_static(&[0; 64])).unwrap();
     let error = Image::decode(&image.encode().unwrap().into(), &limits).unwrap_err();
     assert_eq!(error, ImageError::TooLong { length: 124, limit: 50 });
-    let sound = Sound::from_planar(&[0; 8], 1, 8000).unwrap().encode(Dialect::V3).unwrap();
+    let sound = Sound::from_interleaved(&[0; 8], 1, 8000).unwrap().encode(Dialect::V3).unwrap();
     let error = Sound::decode(&sound.into(), Dialect::V3, &limits).unwrap_err();
     assert_eq!(error, SoundError::TooLong { length: 64, limit: 50 });
     let vector = Vector(vec![0.0; 10]).encode(Dialect::V3).unwrap();
@@ -113,7 +113,8 @@ fn what_a_dialect_lacks_is_not_written() {
 
 #[test]
 fn sounds_that_contradict_themselves_are_refused() {
-    let sound = Sound::from_planar(&[1, 2, 3, 4], 2, 8000).unwrap().encode(Dialect::V3).unwrap();
+    let sound =
+        Sound::from_interleaved(&[1, 2, 3, 4], 2, 8000).unwrap().encode(Dialect::V3).unwrap();
     let with = |at: usize, word: i32| {
         let mut sound = sound.clone();
         sound[at..at + 4].copy_from_slice(&word.to_le_bytes());

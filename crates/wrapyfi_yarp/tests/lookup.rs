@@ -1,7 +1,7 @@
 //! Finding values by name, stamps in envelopes, lines that go on.
 
 use crate::golden::sent;
-use wrapyfi_yarp::bottle::{Vocab, text_is_complete};
+use wrapyfi_yarp::bottle::Vocab;
 use wrapyfi_yarp::sig::Stamp;
 use wrapyfi_yarp::{Bottle, Limits, Value};
 
@@ -22,8 +22,6 @@ fn values_are_found_by_their_key() {
     assert_eq!(found("a k", "k"), None);
     assert_eq!(found("(k) (k 1)", "k"), None, "the first match decides, as in YARP");
     assert_eq!(found("a 1", "b"), None);
-    assert_eq!(bottle("(limits 0 10) 7").find_group("limits").unwrap().to_text(), "limits 0 10");
-    assert_eq!(bottle("limits 0").find_group("limits"), None);
 }
 
 #[test]
@@ -52,17 +50,6 @@ fn numbers_and_booleans_are_read_from_any_type() {
         assert_eq!(self::bottle(word).values[0].as_bool(), flag, "{word}");
     }
     assert_eq!(bottle.values[5].as_str(), Some("word"));
-}
-
-/// Text carriers go on with the next line while a bottle is open.
-#[test]
-fn open_brackets_and_quotes_are_incomplete() {
-    for text in ["", "a b", "(a (b))", "{1 2}", "\"a (\"", "a\\\"", "[a b", "1)("] {
-        assert!(text_is_complete(text.as_bytes()), "{text}");
-    }
-    for text in ["(", "a (b", "\"a", "{1", "1)", "\"a\\\""] {
-        assert!(!text_is_complete(text.as_bytes()), "{text}");
-    }
 }
 
 /// The envelopes of `tcp_envelope.json`, read and written.

@@ -24,5 +24,5 @@ mod name_properties;
 mod name_tools;
 mod ports;
 mod properties;
-mod serde;
+mod queued;
 mod unix_stream;

@@ -5,15 +5,11 @@ use std::time::Duration;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use wrapyfi_yarp::Value;
-use wrapyfi_yarp::name::client::Persistence;
-use wrapyfi_yarp::name::connect::{
-    ConnectError, ConnectOptions, connect, disconnect, exists, ping,
-};
 use wrapyfi_yarp::name::events::NameEvents;
 use wrapyfi_yarp::name::registrar::RegistrarOptions;
 use wrapyfi_yarp::name::{NameClient, NameError, NameEvent, NameServerConf, Registrar};
-use wrapyfi_yarp::port::names::NameRequest;
-use wrapyfi_yarp::port::{InputOptions, Network, OutputOptions};
+use wrapyfi_yarp::port::names::{NameRequest, Names};
+use wrapyfi_yarp::port::{AdminError, InputOptions, Network, OutputOptions};
 use wrapyfi_yarp::server::{NameServer, NameServerLimits, NameServerOptions};
 
 const TIMEOUT: Duration = Duration::from_secs(20);
@@ -71,14 +67,11 @@ async fn a_client_does_everything() {
     let values = ["red", "/x", "two words"].map(Value::from);
     assert!(client.set("/a", "color", &values).await.unwrap().is_some());
     assert_eq!(client.get("/a", "color").await.unwrap().to_text(), "\"/x\" red (two words)");
-    assert_eq!(client.check("/a", "color", &"red".into()).await.unwrap(), Some(true));
-    assert_eq!(client.check("/a", "color", &"blue".into()).await.unwrap(), Some(false));
-    assert_eq!(client.check("/b", "color", &"red".into()).await.unwrap(), None);
     assert_eq!(client.set("/b", "color", &values).await.unwrap(), None);
-    assert_eq!(client.route("/a", "/b").await.unwrap(), "tcp://b");
 
-    client.subscribe("/a", "tcp://b", Persistence::Open).await.unwrap();
-    client.subscribe("/a", "/c", Persistence::To).await.unwrap();
+    client.subscribe("/a", "tcp://b").await.unwrap();
+    let ending = ["subscribe", "/a", "/c", "to"].map(Value::from);
+    client.ask(ending.into_iter().collect()).await.unwrap();
     let kept = client.subscriptions(None).await.unwrap();
     // The connection that should end with /c, which is not there, has ended.
     assert_eq!(kept.iter().map(|kept| kept.dest.as_str()).collect::<Vec<_>>(), ["tcp://b"]);
@@ -186,11 +179,10 @@ async fn ports_come_back_when_the_name_server_does() {
         check_every: Duration::from_millis(50),
     };
     let registrar = Registrar::start(server.client(), options);
-    let kept = registrar.register(&named("/kept")).await.unwrap();
-    kept.set("color", vec!["red".into()]).await.unwrap();
-    kept.announce().await.unwrap();
-    let other = registrar.register(&named("/other")).await.unwrap();
-    let at = kept.registration().clone();
+    let at = registrar.register(&named("/kept")).await.unwrap();
+    registrar.set("/kept", "color", &["red".to_owned()]).await.unwrap();
+    registrar.announce("/kept", true).await.unwrap();
+    registrar.register(&named("/other")).await.unwrap();
     let mut status = registrar.status();
     status.wait_for(|status| status.connected).await.unwrap();
 
@@ -216,14 +208,13 @@ async fn ports_come_back_when_the_name_server_does() {
     client.register(&taken).await.unwrap();
     let told = status.wait_for(|status| status.taken == ["/kept"]);
     tokio::time::timeout(TIMEOUT, told).await.unwrap().unwrap();
-    kept.unregister().await.unwrap();
+    registrar.unregister("/kept").await.unwrap();
     assert_eq!(client.query("/kept").await.unwrap().unwrap().port, 9);
     // Whoever opens it anew is not told of that.
     assert!(status.borrow().taken.is_empty());
 
-    // Dropping unregisters.
-    drop(other);
-    until("/other is gone", async || client.query("/other").await.unwrap().is_none()).await;
+    registrar.unregister("/other").await.unwrap();
+    assert_eq!(client.query("/other").await.unwrap(), None);
     server.stop().await;
 }
 
@@ -257,9 +248,8 @@ async fn a_port_that_was_opened_again_meanwhile_is_not_held_to_be_taken() {
         check_every: Duration::from_millis(20),
     };
     let registrar = Registrar::start(server.client(), options);
-    let mut ports = Vec::new();
     for at in 0..40 {
-        ports.push(registrar.register(&named(&format!("/many/{at}"))).await.unwrap());
+        registrar.register(&named(&format!("/many/{at}"))).await.unwrap();
     }
     let mut status = registrar.status();
     status.wait_for(|status| status.connected).await.unwrap();
@@ -267,14 +257,13 @@ async fn a_port_that_was_opened_again_meanwhile_is_not_held_to_be_taken() {
     let server = server_on(port).await;
     // All of them are opened anew, at other numbers, while the registrar brings the old ones back.
     let mut now = Vec::new();
-    for (at, old) in ports.into_iter().enumerate() {
-        let number = 40_000 + u16::try_from(at).unwrap();
+    for at in 0..40 {
+        let number = 40_000 + at;
         let request = NameRequest {
             host: Some("127.0.0.1".into()),
             port: Some(number),
             ..named(&format!("/many/{at}"))
         };
-        std::mem::forget(old);
         now.push(registrar.register(&request).await.unwrap());
     }
     let settled = status.wait_for(|status| status.connected);
@@ -283,7 +272,7 @@ async fn a_port_that_was_opened_again_meanwhile_is_not_held_to_be_taken() {
     for (at, kept) in now.iter().enumerate() {
         until("the new number", async || {
             let found = client.query(&format!("/many/{at}")).await.unwrap();
-            found.as_ref() == Some(kept.registration())
+            found.as_ref() == Some(kept)
         })
         .await;
     }
@@ -296,7 +285,7 @@ async fn persistent_connections_join_our_ports_whoever_comes_first() {
     let server = server().await;
     let client = server.client();
     let network = network(client.clone());
-    client.subscribe("/talk/out", "fast_tcp://talk/in", Persistence::Open).await.unwrap();
+    client.subscribe("/talk/out", "fast_tcp://talk/in").await.unwrap();
     for turn in 0..2 {
         let input = network.open_input("/talk/in", &InputOptions::default()).await.unwrap();
         let output = network.open_output("/talk/out", &OutputOptions::default()).await.unwrap();
@@ -321,33 +310,32 @@ async fn ports_are_connected_looked_at_and_disconnected_from_outside() {
     let server = server().await;
     let client = server.client();
     let network = network(client.clone());
-    let options = ConnectOptions::default();
     let input = network.open_input("/view", &InputOptions::default()).await.unwrap();
     let output = network.open_output("/cam", &OutputOptions::default()).await.unwrap();
-    assert!(exists(&client, "/cam", &options).await.unwrap());
-    assert!(exists(&client, "/root", &options).await.unwrap(), "the name server is a port, too");
-    assert!(!exists(&client, "/nobody", &options).await.unwrap());
+    assert!(network.exists("/cam").await);
+    assert!(network.exists("/root").await, "the name server is a port, too");
+    assert!(!network.exists("/nobody").await);
 
-    connect(&client, "/cam", "/view", &options).await.unwrap();
+    network.connect("/cam", "/view", None).await.unwrap();
     tokio::time::timeout(TIMEOUT, output.wait_for_outputs(1)).await.unwrap();
-    let told = ping(&client, "/cam", &options).await.unwrap();
-    let line = "There is an output connection from /cam to /view using tcp";
-    assert!(told.iter().any(|told| told == line), "{told:?}");
+    let carrier =
+        || -> Vec<_> { output.status().into_iter().map(|one| (one.name, one.carrier)).collect() };
+    let joined = |carrier: &str| vec![("/view".to_owned(), carrier.to_owned())];
+    assert_eq!(carrier(), joined("tcp"));
     // Another carrier takes the place of the first.
-    connect(&client, "/cam", "fast_tcp://view", &options).await.unwrap();
-    let told = ping(&client, "/cam", &options).await.unwrap();
-    assert!(told.iter().any(|told| told.ends_with("using fast_tcp")), "{told:?}");
-    disconnect(&client, "/cam", "/view", &options).await.unwrap();
-    let error = disconnect(&client, "/cam", "/view", &options).await.unwrap_err();
-    assert!(matches!(error, ConnectError::Refused { .. }), "{error}");
-    let error = connect(&client, "/cam", "/nobody", &options).await.unwrap_err();
-    assert!(matches!(error, ConnectError::Unknown { .. }), "{error}");
+    network.connect("/cam", "/view", Some("fast_tcp")).await.unwrap();
+    assert_eq!(carrier(), joined("fast_tcp"));
+    network.disconnect("/cam", "/view").await.unwrap();
+    let error = network.disconnect("/cam", "/view").await.unwrap_err();
+    assert!(matches!(error, AdminError::Refused { .. }), "{error}");
+    let error = network.connect("/cam", "/nobody", None).await.unwrap_err();
+    assert!(matches!(error, AdminError::Unknown(_)), "{error}");
 
     // A port that died without saying so.
     let dead = NameRequest { host: Some("127.0.0.1".into()), port: Some(9), ..named("/dead") };
     client.register(&dead).await.unwrap();
-    assert!(!exists(&client, "/dead", &options).await.unwrap());
-    let error = connect(&client, "/cam", "/dead", &options).await.unwrap_err();
+    assert!(!network.exists("/dead").await);
+    let error = network.connect("/cam", "/dead", None).await.unwrap_err();
     assert!(error.to_string().contains("Cannot connect to tcp://dead"), "{error}");
     output.close().await;
     input.close().await;

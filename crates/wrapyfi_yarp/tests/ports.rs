@@ -3,11 +3,13 @@
 use std::time::Duration;
 
 use bytes::Bytes;
+
+use crate::queued::queued;
 use wrapyfi_yarp::name::Environment;
 use wrapyfi_yarp::port::names::NameTable;
 use wrapyfi_yarp::port::{
-    Acknowledge, Answer, CallError, InputOptions, InputPort, Message, Network, OutputOptions,
-    Overflow, Payload, PayloadKind, PortOptions, Reading,
+    Acknowledge, Answer, InputOptions, InputPort, Message, Network, OutputOptions, Overflow,
+    PayloadKind, PortOptions, PortPayload, Reading, RpcError,
 };
 use wrapyfi_yarp::{Bottle, Limits, Value};
 
@@ -49,7 +51,7 @@ async fn messages_arrive_over_every_push_carrier() {
         within(reader.wait_for_inputs(1)).await;
         let text = "1 (a 2 (0.5)) \"end of it\"";
         writer.write_bottle(&bottle("42")).unwrap();
-        let payload = Payload::bottle(&bottle(text), network.dialect()).unwrap();
+        let payload = PortPayload::bottle(&bottle(text), network.dialect()).unwrap();
         let envelope = Some(Bytes::from_static(b"42 1700000000.5"));
         let written =
             writer.write(Message { payload, envelope: envelope.clone(), ..Message::default() });
@@ -112,8 +114,8 @@ async fn one_multicast_datagram_reaches_all_targets() {
     assert_eq!(next(&second).await.bottle().unwrap(), bottle("8"));
     assert_eq!(first.received(), 1);
     within(writer.close()).await;
-    let left = network.list("/tmp").await.unwrap();
-    assert!(left.is_empty(), "the group is free again: {left:?}");
+    let group = network.query("/tmp/port/1").await.unwrap();
+    assert_eq!(group, None, "the group is free again");
 }
 
 #[tokio::test]
@@ -142,11 +144,11 @@ async fn pictures_are_pulled() {
     writer.write_bottle(&bottle("no picture")).unwrap();
     let envelope = Some(Bytes::from_static(b"1 2.5"));
     writer.write(Message {
-        payload: Payload::raw(jpeg),
+        payload: PortPayload::raw(jpeg),
         envelope: envelope.clone(),
         ..Message::default()
     });
-    writer.write(Message::new(Payload::raw(jpeg)));
+    writer.write(Message::new(PortPayload::raw(jpeg)));
     let first = next(&reader).await;
     assert_eq!((first.payload.kind, first.envelope), (PayloadKind::Raw, envelope));
     assert_eq!(&*first.from, "/cam");
@@ -156,7 +158,7 @@ async fn pictures_are_pulled() {
     // Whoever is connected otherwise gets the objects, and no files.
     let other = network.open_input("/other", &strict(4)).await.unwrap();
     writer.connect("tcp://other").await.unwrap();
-    writer.write(Message::new(Payload::raw(jpeg)));
+    writer.write(Message::new(PortPayload::raw(jpeg)));
     writer.write_bottle(&bottle("an object")).unwrap();
     assert_eq!(next(&other).await.bottle().unwrap().to_text(), "an object");
     within(other.close()).await;
@@ -190,8 +192,8 @@ async fn mjpeg_is_refused_where_no_pictures_are() {
     cam.connect("tcp://ears").await.unwrap();
     assert_eq!((cam.picture_readers(), cam.connected().borrow().outputs), (1, 2));
     let jpeg: &[u8] = &[0xff, 0xd8, 0xff, 0xe0, 0, 2, 0xff, 0xda, 0, 2, 1, 2, 3, 0xff, 0xd9];
-    assert_eq!(cam.write_picture(Message::new(Payload::raw(jpeg))).targets, 1);
-    let object = Payload::bottle(&bottle("pixels"), network.dialect()).unwrap();
+    assert_eq!(cam.write_picture(Message::new(PortPayload::raw(jpeg))).targets, 1);
+    let object = PortPayload::bottle(&bottle("pixels"), network.dialect()).unwrap();
     assert_eq!(cam.write_object(Message::new(object)).targets, 1);
     assert_eq!(next(&view).await.payload.bytes, jpeg);
     assert_eq!(next(&ears).await.bottle().unwrap(), bottle("pixels"));
@@ -203,20 +205,20 @@ async fn requests_are_answered_over_every_carrier_with_replies() {
     for carrier in ["tcp", "fast_tcp", "text", "text_ack", "unix_stream", "unix_stream+ack"] {
         let network = network();
         let options = PortOptions::default();
-        let server = network.open_rpc_server("/server", &options).await.unwrap();
+        let (server, mut requests) = queued(&network, "/server").await;
         let client = network.open_rpc_client("/client", &options).await.unwrap();
         client.connect(&format!("{carrier}://server")).await.unwrap();
         let second = client.connect("/server").await.unwrap_err();
         assert_eq!(second.to_string(), "RPC output already connected");
         let answering = tokio::spawn(async move {
-            let request = server.recv().await.unwrap();
-            assert!(request.wants_reply());
+            let request = requests.recv().await.unwrap();
+            assert!(request.wants_reply);
             let mut reply = request.received.bottle().unwrap();
             reply.values.insert(0, "echo".into());
-            assert!(request.reply(reply));
-            drop(server.recv().await.unwrap());
-            let last = server.recv().await.unwrap();
-            last.answer(Answer::Last(Box::new(Answer::Bottle(Bottle::new()))));
+            assert!(request.reply.send(Answer::Bottle(reply)).is_ok());
+            drop(requests.recv().await.unwrap());
+            let last = requests.recv().await.unwrap();
+            last.reply.send(Answer::Last(Box::new(Answer::Bottle(Bottle::new())))).unwrap();
             server
         });
         let reply = client.call(&bottle("one \"two words\" 3"), TIMEOUT).await.unwrap().unwrap();
@@ -235,21 +237,21 @@ async fn requests_are_answered_over_every_carrier_with_replies() {
 async fn a_late_reply_is_not_taken_for_the_next_one() {
     let network = network();
     let options = PortOptions::default();
-    let server = network.open_rpc_server("/server", &options).await.unwrap();
+    let (server, mut requests) = queued(&network, "/server").await;
     let client = network.open_rpc_client("/client", &options).await.unwrap();
     let none = client.call(&bottle("1"), TIMEOUT).await;
-    assert!(matches!(none, Err(CallError::NotConnected(_))), "{none:?}");
+    assert!(matches!(none, Err(RpcError::NotConnected(_))), "{none:?}");
     client.connect("tcp://server").await.unwrap();
     let late = client.call(&bottle("1"), Duration::from_millis(20)).await;
-    assert!(matches!(late, Err(CallError::Timeout { .. })), "{late:?}");
-    let first = within(server.recv()).await.unwrap();
+    assert!(matches!(late, Err(RpcError::Timeout { .. })), "{late:?}");
+    let first = within(requests.recv()).await.unwrap();
     let answering = tokio::spawn(async move {
-        let second = server.recv().await.unwrap();
+        let second = requests.recv().await.unwrap();
         let request = second.received.bottle().unwrap();
-        second.reply(request);
+        second.reply.send(Answer::Bottle(request)).unwrap();
         server
     });
-    first.reply(bottle("late"));
+    first.reply.send(Answer::Bottle(bottle("late"))).ok();
     let reply = client.call(&bottle("2"), TIMEOUT).await.unwrap();
     assert_eq!(reply, Some(bottle("2")));
     within(answering).await.unwrap();
@@ -328,7 +330,7 @@ async fn the_newest_message_takes_the_place_of_older_ones() {
     for count in 0..10 {
         writer
             .send(Message::new(
-                Payload::bottle(&Bottle::from(vec![count.into()]), network.dialect()).unwrap(),
+                PortPayload::bottle(&Bottle::from(vec![count.into()]), network.dialect()).unwrap(),
             ))
             .await;
     }

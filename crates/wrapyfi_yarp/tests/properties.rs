@@ -3,7 +3,7 @@
 use bytes::Bytes;
 use proptest::collection::vec;
 use proptest::prelude::*;
-use wrapyfi_yarp::bottle::{BottleScan, Frame, Text, Vocab, Vocab64, text_is_complete};
+use wrapyfi_yarp::bottle::{BottleScan, Frame, Text, Vocab, Vocab64};
 use wrapyfi_yarp::sig::{Image, ImageHeader, Matrix, PixelCode, Rows, Sound, Stamp, Vector};
 use wrapyfi_yarp::{Bottle, Dialect, Limits, Value};
 
@@ -137,7 +137,6 @@ proptest! {
         let odd = |text: &[u8]| text.contains(&b'[') || text.windows(4).any(|word| word == b"null");
         if let Some(bottle) = read.ok().filter(|bottle| !odd(&bottle.to_text_bytes())) {
             let written = bottle.to_text_bytes();
-            prop_assert!(text_is_complete(&written), "{:?}", bottle);
             let again = Bottle::from_text_as(&written, dialect, &limits).unwrap();
             prop_assert_eq!(again.to_text_bytes(), written);
         }
@@ -207,8 +206,6 @@ proptest! {
         let samples: Vec<i16> = moments.iter().flat_map(|moment| &moment[..channels]).copied().collect();
         let sound = Sound::from_interleaved(&samples, channels, frequency).unwrap();
         prop_assert_eq!(sound.to_interleaved(), samples);
-        let planar = Sound::from_planar(&sound.to_planar(), channels, frequency).unwrap();
-        prop_assert_eq!(&planar, &sound);
         let bytes = Bytes::from(sound.encode(dialect).unwrap());
         let read = Sound::decode(&bytes, dialect, &Limits::default()).unwrap();
         prop_assert_eq!(read.data(), sound.data());

@@ -11,8 +11,8 @@ use tokio::net::{TcpListener, TcpStream, UnixListener, UnixStream};
 use wrapyfi_yarp::name::Environment;
 use wrapyfi_yarp::port::names::NameTable;
 use wrapyfi_yarp::port::{
-    Acknowledge, Answer, CallError, InputOptions, InputPort, Network, OutputOptions, PortOptions,
-    Reading, Timeouts,
+    Acknowledge, Answer, InputOptions, InputPort, Network, OutputOptions, PortOptions, Reading,
+    RpcError, Timeouts,
 };
 use wrapyfi_yarp::{Bottle, Dialect, Limits};
 
@@ -223,7 +223,7 @@ async fn replies_that_are_cut_or_none_are_errors() {
         };
         let request = bottle("1");
         let (asked, ()) = tokio::join!(client.call(&request, TIMEOUT), ended);
-        let Err(error @ CallError::Link { .. }) = asked else { panic!("{what}: {asked:?}") };
+        let Err(error @ RpcError::Link { .. }) = asked else { panic!("{what}: {asked:?}") };
         assert!(error.to_string().contains(what), "{error}");
     }
 }

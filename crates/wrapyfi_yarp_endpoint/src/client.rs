@@ -2,14 +2,14 @@
 //!
 //! ```text
 //!   send ─▶ Calls ── the server is there ──▶ a task each: idle connection, or one more ══▶ /rpc
-//!   take ◀── payload::decode_reply ◀── desk ◀── bytes, or why there are none ◀───────────┘
+//!   take ◀── payload::decode_reply ◀── state ◀── bytes, or why there are none ◀───────────┘
 //! ```
 //!
 //! YARP's replies have no number, so a connection carries one call at a time, and several calls have
 //! several connections. One more has a port with a name, as Wrapyfi's client is; it carries no calls
 //! and tells when the server goes. Under `bottle: auto` it also finds out, before the first call, whether a
-//! function of Wrapyfi answers there ([`super::form`]), and before the first request with a float whether a
-//! program of YARP 4 does ([`super::manner`]). A connection whose call took too long is kept for its late
+//! function of Wrapyfi answers there ([`super::found_format`]), and before the first request with a float whether a
+//! program of YARP 4 does ([`super::client_dialects`]). A connection whose call took too long is kept for its late
 //! reply for a while, so that this is counted and taken for no other.
 
 use std::collections::VecDeque;
@@ -20,16 +20,16 @@ use std::time::{Duration, Instant};
 use bytes::Bytes;
 use tokio::sync::{Notify, watch};
 use wrapyfi_yarp::Dialect;
-use wrapyfi_yarp::port::{CallError as PortCallError, LinkError, PortOptions, RpcClient};
+use wrapyfi_yarp::port::{LinkError, PortOptions, RpcClient, RpcError};
 
 use super::Shared;
+use super::client_dialects;
 use super::directory::unless_slow;
-use super::form::{self, FoundForm};
-use super::manner;
+use super::found_format::{self, FoundFormat};
+use super::link_state::LinkState;
 use super::opening::{numbered, until_open};
 use super::options::YarpOptions;
 use super::payload;
-use super::standing::Standing;
 use super::tasks::{Stop, Stopped};
 use wrapyfi_data::types::Stamp;
 use wrapyfi_endpoint::backoff::Backoff;
@@ -60,7 +60,7 @@ struct Written(Bytes, Option<Bytes>);
 /// Calls one service.
 pub(super) struct YarpClient {
     spec: ServiceSpec,
-    desk: Arc<Desk>,
+    state: Arc<ClientState>,
     shared: Arc<Shared>,
     number: i64,
     _stop: Stop,
@@ -73,20 +73,20 @@ enum Outcome {
     Silence,
     /// The connection failed after the request went out.
     Lost(String),
-    /// The request has no form that the server reads.
+    /// The request has no format that the server reads.
     Unwritable(EncodeError),
 }
 
 /// State that a client shares with its tasks.
-struct Desk {
+struct ClientState {
     spec: ServiceSpec,
     service: String,
     options: YarpOptions,
-    form: FoundForm,
+    format: FoundFormat,
     dialect: Dialect,
     /// The dialect of the server as it is now, once it was asked.
     told: Mutex<Option<Dialect>>,
-    standing: Standing,
+    link_state: LinkState,
     clock: Clock,
     outcomes: Mutex<VecDeque<(i64, Outcome, Instant)>>,
     /// Connections without a call, and which of the server's times they belong to.
@@ -100,7 +100,7 @@ struct Desk {
     name: Mutex<String>,
 }
 
-impl Desk {
+impl ClientState {
     fn outcomes(&self) -> MutexGuard<'_, VecDeque<(i64, Outcome, Instant)>> {
         self.outcomes.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -143,9 +143,9 @@ impl Desk {
         }
     }
 
-    /// The options, with the form that the server reads.
+    /// The options, with the format that the server reads.
     fn options(&self) -> &YarpOptions {
-        self.form.options(&self.options)
+        self.format.options(&self.options)
     }
 
     /// A request in the dialect that the server has `told`, where it has.
@@ -165,13 +165,13 @@ impl Desk {
         self.told.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The form of a request that the server reads: it is asked once, and where that decides.
+    /// The format of a request that the server reads: it is asked once, and where that decides.
     async fn readable<'a>(&self, shared: &Shared, written: &'a Written) -> &'a Bytes {
         let Written(usual, Some(other)) = written else { return &written.0 };
         let told = *self.told();
         let dialect = match told {
             Some(dialect) => dialect,
-            None => manner::ask(&shared.network, &self.service).await.0,
+            None => client_dialects::ask(&shared.network, &self.service).await.0,
         };
         *self.told() = Some(dialect);
         if dialect == self.dialect { usual } else { other }
@@ -227,95 +227,95 @@ impl Desk {
 }
 
 /// True when the error shows that the server cannot have seen the request.
-fn was_not_sent(error: &PortCallError) -> bool {
+fn was_not_sent(error: &RpcError) -> bool {
     matches!(
         error,
-        PortCallError::Link { error: LinkError::Connect { .. }, .. }
-            | PortCallError::NotConnected(_)
+        RpcError::Link { error: LinkError::Connect { .. }, .. } | RpcError::NotConnected(_)
     )
 }
 
 /// The life of the port that has a name: it knows whether the server is there.
-async fn keep((shared, desk): (Arc<Shared>, Arc<Desk>), mut stopped: Stopped) {
+async fn keep((shared, state): (Arc<Shared>, Arc<ClientState>), mut stopped: Stopped) {
     // One that panicked had connections.
-    desk.up.send_replace(None);
-    desk.idle().clear();
-    let opened = until_open(&shared, &desk.service, &desk.standing, || {
-        let own = desk.options.port.clone();
-        let name = own.unwrap_or_else(|| numbered(&desk.service));
-        let (network, options) = (shared.network(&desk.options), shared.asking());
+    state.up.send_replace(None);
+    state.idle().clear();
+    let opened = until_open(&shared, &state.service, &state.link_state, || {
+        let own = state.options.port.clone();
+        let name = own.unwrap_or_else(|| numbered(&state.service));
+        let (network, options) = (shared.network(&state.options), shared.asking());
         async move { network.open_rpc_client(&name, &options).await }
     });
     let port = tokio::select! {
         () = stopped.wait() => return,
         port = opened => port,
     };
-    port.name().clone_into(&mut desk.name.lock().unwrap_or_else(PoisonError::into_inner));
+    port.name().clone_into(&mut state.name.lock().unwrap_or_else(PoisonError::into_inner));
     tokio::select! {
         () = stopped.wait() => {}
-        () = stay_connected(&shared, &desk, &port) => {}
+        () = stay_connected(&shared, &state, &port) => {}
     }
-    desk.up.send_replace(None);
-    desk.idle().clear();
+    state.up.send_replace(None);
+    state.idle().clear();
     port.disconnect().await;
-    desk.standing.waiting("YARP, which has ended");
+    state.link_state.waiting("YARP, which has ended");
     port.close().await;
 }
 
-async fn stay_connected(shared: &Shared, desk: &Desk, port: &RpcClient) {
-    let bell = shared.directory.watch(&desk.service);
-    let (mut backoff, mut time) = (Backoff::of_name(&desk.service), 0);
+async fn stay_connected(shared: &Shared, state: &ClientState, port: &RpcClient) {
+    let bell = shared.directory.watch(&state.service);
+    let (mut backoff, mut time) = (Backoff::of_name(&state.service), 0);
     let mut changes = port.connected();
     let mut has_just_come = false;
     loop {
-        if !shared.directory.knows(&desk.service) {
+        if !shared.directory.knows(&state.service) {
             has_just_come = true;
             let away = shared.directory.waiting_for();
-            let nobody = || format!("port {}, which no program has opened", desk.service);
-            desk.standing.waiting(away.unwrap_or_else(nobody));
+            let nobody = || format!("port {}, which no program has opened", state.service);
+            state.link_state.waiting(away.unwrap_or_else(nobody));
             bell.notified().await;
             continue;
         }
-        let asked = shared.network.query(&desk.service);
-        let (what, say) =
-            (format!("to tell where port {} is", desk.service), |what| desk.standing.waiting(what));
+        let asked = shared.network.query(&state.service);
+        let (what, say) = (format!("to tell where port {} is", state.service), |what| {
+            state.link_state.waiting(what)
+        });
         let at = shared.directory.answers(&what, asked, say).await.ok().flatten();
-        if let Err(error) = port.connect(&desk.target()).await {
-            let why = format!("port {} to answer: {error}", desk.service);
-            let hint = shared.hint(&desk.service);
-            let hint = unless_slow(hint, || desk.standing.waiting(why.as_str())).await;
-            desk.standing.waiting(format!("{why}{hint}"));
+        if let Err(error) = port.connect(&state.target()).await {
+            let why = format!("port {} to answer: {error}", state.service);
+            let hint = shared.hint(&state.service);
+            let hint = unless_slow(hint, || state.link_state.waiting(why.as_str())).await;
+            state.link_state.waiting(format!("{why}{hint}"));
             tokio::select! { () = bell.notified() => {}, () = backoff.pause() => {} }
             continue;
         }
-        if desk.options.finds_form {
-            desk.form.set(form::of_server(shared, &desk.service, has_just_come).await);
+        if state.options.finds_format {
+            state.format.set(found_format::of_server(shared, &state.service, has_just_come).await);
         }
         has_just_come = false;
         backoff.reset();
-        *desk.told() = None;
+        *state.told() = None;
         time += 1;
-        desk.up.send_replace(Some(time));
-        desk.standing.connected(1);
+        state.up.send_replace(Some(time));
+        state.link_state.connected(1);
         loop {
             let rung = tokio::select! {
                 // It said goodbye.
                 _ = changes.wait_for(|now| now.outputs == 0) => false,
-                () = desk.failed.notified() => false,
+                () = state.failed.notified() => false,
                 () = bell.notified() => true,
             };
             // The same server that was registered again is no other server.
             let stays = rung && {
-                let now = shared.network.query(&desk.service).await;
+                let now = shared.network.query(&state.service).await;
                 now.is_ok_and(|now| now.is_none() || now == at)
             };
             if !stays {
                 break;
             }
         }
-        desk.up.send_replace(None);
-        desk.idle().clear();
-        desk.standing.waiting(format!("port {} to answer", desk.service));
+        state.up.send_replace(None);
+        state.idle().clear();
+        state.link_state.waiting(format!("port {} to answer", state.service));
         port.disconnect().await;
     }
 }
@@ -332,14 +332,14 @@ impl YarpClient {
             super::check_name(port)?;
         }
         let waiting = format!("port {} to answer", spec.service);
-        let desk = Arc::new(Desk {
+        let state = Arc::new(ClientState {
             spec: spec.clone(),
             service: spec.service.clone(),
-            form: FoundForm::new(&options),
+            format: FoundFormat::new(&options),
             dialect: shared.network(&options).dialect(),
             told: Mutex::default(),
             options,
-            standing: Standing::new(context.wake.clone(), waiting),
+            link_state: LinkState::new(context.wake.clone(), waiting),
             clock: context.clock.clone(),
             outcomes: Mutex::default(),
             idle: Mutex::default(),
@@ -349,14 +349,14 @@ impl YarpClient {
             name: Mutex::default(),
         });
         let (stop, stopped) = shared.tasks.stop();
-        let (kept, told) = ((Arc::clone(shared), Arc::clone(&desk)), Arc::clone(&desk));
+        let (kept, told) = ((Arc::clone(shared), Arc::clone(&state)), Arc::clone(&state));
         shared.tasks.spawn(
-            &desk.service,
-            move |what| told.standing.waiting(what),
+            &state.service,
+            move |what| told.link_state.waiting(what),
             move || keep(kept.clone(), stopped.clone()),
         );
         let shared = Arc::clone(shared);
-        let wire = Self { spec: spec.clone(), desk, shared, number: 0, _stop: stop };
+        let wire = Self { spec: spec.clone(), state, shared, number: 0, _stop: stop };
         Ok(WireClient::new(wire, &spec.service, spec.pending, context))
     }
 
@@ -376,10 +376,10 @@ impl YarpClient {
                 return calls.failed(number, CallError::Transport { service, reason });
             }
         };
-        let (spec, desk) = (&self.spec, &self.desk);
+        let (spec, state) = (&self.spec, &self.state);
         calls.answered(number, body.len(), at, || {
             let now = Stamp::now();
-            match payload::decode_reply(&body, spec, desk.options(), desk.dialect, now) {
+            match payload::decode_reply(&body, spec, state.options(), state.dialect, now) {
                 Ok(Ok(payload)) => Ok(payload),
                 Ok(Err(reason)) => Err(CallError::Refused { service, reason }),
                 Err(fault) => Err(CallError::Reply { service, fault }),
@@ -389,13 +389,13 @@ impl YarpClient {
 }
 
 /// The task of one call.
-async fn make(shared: Arc<Shared>, desk: Arc<Desk>, number: i64, outgoing: Outgoing) {
-    let outcome = desk.call(&shared, &outgoing.body, outgoing.deadline).await;
-    desk.out.fetch_sub(1, Relaxed);
+async fn make(shared: Arc<Shared>, state: Arc<ClientState>, number: i64, outgoing: Outgoing) {
+    let outcome = state.call(&shared, &outgoing.body, outgoing.deadline).await;
+    state.out.fetch_sub(1, Relaxed);
     if let Some(outcome) = outcome {
-        desk.outcomes().push_back((number, outcome, desk.clock.now()));
+        state.outcomes().push_back((number, outcome, state.clock.now()));
     }
-    desk.standing.wake().ring();
+    state.link_state.wake().ring();
 }
 
 impl ClientWire for YarpClient {
@@ -406,12 +406,12 @@ impl ClientWire for YarpClient {
         request: &Request,
         deadline: Instant,
     ) -> Result<(Outgoing, usize), EncodeError> {
-        if self.desk.options.finds_form {
+        if self.state.options.finds_format {
             let body = Body::Unwritten(request.clone());
             return Ok((Outgoing { body, deadline }, request.size_hint()));
         }
         // Another server may be there by the time that it is sent.
-        let written = self.desk.write(request, None)?;
+        let written = self.state.write(request, None)?;
         let bytes = written.0.len().saturating_add(written.1.as_ref().map_or(0, Bytes::len));
         Ok((Outgoing { body: Body::Written(written), deadline }, bytes))
     }
@@ -419,25 +419,25 @@ impl ClientWire for YarpClient {
     fn turn(&mut self, calls: &mut Calls<Outgoing>) {
         // Late replies have their connections still: twice the calls is the most.
         let most = self.spec.pending.saturating_mul(2);
-        while self.desk.up.borrow().is_some()
-            && self.desk.out.load(Relaxed) < most
+        while self.state.up.borrow().is_some()
+            && self.state.out.load(Relaxed) < most
             && calls.next_to_send().is_some()
         {
             self.number += 1;
             let Some(outgoing) = calls.send(self.number) else { break };
-            self.desk.out.fetch_add(1, Relaxed);
+            self.state.out.fetch_add(1, Relaxed);
             let call =
-                make(Arc::clone(&self.shared), Arc::clone(&self.desk), self.number, outgoing);
+                make(Arc::clone(&self.shared), Arc::clone(&self.state), self.number, outgoing);
             self.shared.tasks.spawn_aside(call);
         }
-        let came = std::mem::take(&mut *self.desk.outcomes());
+        let came = std::mem::take(&mut *self.state.outcomes());
         for ended in came {
             self.end(calls, ended);
         }
     }
 
     fn missing(&self, stage: Stage) -> String {
-        match (stage, self.desk.standing.link().waiting_for) {
+        match (stage, self.state.link_state.link().waiting_for) {
             (Stage::Waiting, Some(what)) => format!("still waiting for {what}"),
             (Stage::Waiting, None) => "earlier calls of it are not answered either".to_owned(),
             (Stage::Sent, Some(what)) => format!("its server is gone: waiting for {what}"),
@@ -446,6 +446,6 @@ impl ClientWire for YarpClient {
     }
 
     fn link(&self) -> Link {
-        self.desk.standing.link()
+        self.state.link_state.link()
     }
 }

@@ -14,7 +14,7 @@ use wrapyfi_yarp::name::conf::{self, DEFAULT_NAMESPACE, locate};
 use wrapyfi_yarp::name::environment::EnvironmentError;
 use wrapyfi_yarp::name::{Environment, Located, NameServerConf};
 
-use super::{Convention, StartError};
+use super::{Convention, YarpError};
 use wrapyfi_data::Limits;
 use wrapyfi_endpoint::network::{
     Hosts, Insecure, Place, ReachedByOthers, facing, is_of_this_machine, is_on,
@@ -156,7 +156,7 @@ impl YarpConfig {
         &self,
         server: SocketAddr,
         environment: &Environment,
-    ) -> Result<Listening, StartError> {
+    ) -> Result<Listening, YarpError> {
         let is_afar = !is_of_this_machine(server.ip());
         let of_environment =
             || environment.own_ip(Some(server.ip())).map_err(conf::ConfError::from);

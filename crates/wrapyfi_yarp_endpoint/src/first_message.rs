@@ -19,6 +19,7 @@ use wrapyfi_yarp::port::{Answer, PortOptions, Received, RpcServer};
 
 use super::directory::Entry;
 use super::opening::numbered;
+use super::survey::pause;
 use super::{Shared, types};
 use wrapyfi_endpoint::LearnError;
 
@@ -33,10 +34,6 @@ const SILENT_AT_ONCE: usize = 64;
 /// Time for which a port counts as one that sends often: twenty messages a second, of which one is
 /// heard, are no load.
 const WINDOW: Duration = Duration::from_millis(50);
-/// Time after which a port that could not be listened to is tried again; it doubles each time.
-const FIRST_AGAIN: Duration = Duration::from_secs(1);
-/// Longest such time.
-const LAST_AGAIN: Duration = Duration::from_secs(300);
 /// Name of the port that listens, before its number.
 const EAR: &str = "/wrapyfi/types";
 
@@ -91,10 +88,6 @@ enum State {
     Told(&'static str),
     /// Failed try to listen to the port: the reason and the time.
     Failed(String, Instant),
-}
-
-fn pause(failures: u32) -> Duration {
-    FIRST_AGAIN.saturating_mul(1 << failures.saturating_sub(1).min(16)).min(LAST_AGAIN)
 }
 
 impl FirstMessages {

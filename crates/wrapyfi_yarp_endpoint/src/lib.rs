@@ -15,42 +15,43 @@
 //! | `config`, `options` | settings of the middleware; of a topic or service |
 //! | `payload` | bytes of messages ⇄ payloads |
 //! | `directory` | the names there are, and who waits for one |
-//! | `survey`, `discovery` | what ports say of themselves, and what that makes them |
+//! | `survey`, `role`, `discovery` | what ports say of themselves, and what that makes them |
 //! | `types`, `first_message` | what ports send |
 //! | `device` | what devices tell of themselves: `board`, `joint_limits` of joints, `intrinsics` of cameras |
-//! | `opening`, `tie` | ports that open, connections that stay, whatever ends meanwhile |
+//! | `opening`, `port_connection` | ports that open, connections that stay, whatever ends meanwhile |
 //! | `input` | input ports of other programs, and the names that mean them |
-//! | `form` | functions of Wrapyfi, told from the rpc ports of robots |
-//! | `manner` | how a request was written, and so its answer |
+//! | `found_format` | functions of Wrapyfi, told from the rpc ports of robots |
+//! | `client_dialects` | dialect and format of a request, and so of its answer |
 //! | `publisher`, `listener`, `client`, `server` | the endpoints |
 //! | `log_port` | the log, where `yarplogger` reads it |
-//! | `standing`, `losses`, `tasks`, `own` | what an endpoint says of itself; where its task runs |
+//! | `link_state`, `losses`, `tasks`, `own` | what an endpoint says of itself; where its task runs |
 
 mod board;
 mod client;
+mod client_dialects;
 mod config;
 mod device;
 mod directory;
 mod discovery;
 mod first_message;
-mod form;
+mod found_format;
 mod input;
 mod intrinsics;
 mod joint_limits;
+mod link_state;
 mod listener;
 mod log_port;
 mod losses;
-mod manner;
 mod opening;
 pub mod options;
 mod own;
 pub mod payload;
+mod port_connection;
 mod publisher;
+mod role;
 mod server;
-mod standing;
 mod survey;
 mod tasks;
-mod tie;
 mod types;
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
@@ -200,7 +201,7 @@ impl Shared {
 /// Error of starting YARP.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum StartError {
+pub enum YarpError {
     /// No setting says where the name server is.
     #[error("no name server is known: {0}")]
     NameServer(#[from] ConfError),
@@ -224,7 +225,7 @@ pub enum StartError {
     },
 }
 
-impl StartError {
+impl YarpError {
     /// True when no later try can succeed, because the settings are wrong.
     #[must_use]
     pub fn is_hopeless(&self) -> bool {
@@ -247,10 +248,10 @@ impl Yarp {
     /// When nobody says where the name server is, or ours cannot run. A name server elsewhere that
     /// does not answer yet is no error: it is waited for. Nor are ports that other machines would reach:
     /// those are refused where they are opened.
-    pub fn start(config: &YarpConfig) -> Result<Self, StartError> {
+    pub fn start(config: &YarpConfig) -> Result<Self, YarpError> {
         let found = config.find()?;
         let server = config.hosts.resolve(&found.server.host);
-        let server = server.map_err(|reason| StartError::Host { reason })?;
+        let server = server.map_err(|reason| YarpError::Host { reason })?;
         let environment = Environment::from_process();
         let server = SocketAddr::new(server, found.server.port);
         let Listening { on, told, is_afar, refused } = config.listening(server, &environment)?;
@@ -259,7 +260,7 @@ impl Yarp {
             .thread_name("wrapyfi-yarp")
             .enable_all()
             .build()
-            .map_err(|error| StartError::Transport { reason: error.to_string() })?;
+            .map_err(|error| YarpError::Transport { reason: error.to_string() })?;
         let client = NameClient::new(found.server)
             .with_hosts(config.hosts.iter().map(|(host, ip)| (host.to_owned(), ip)))
             .with_namespace(found.namespace)
@@ -355,7 +356,7 @@ async fn embed(
     client: NameClient,
     ip: IpAddr,
     config: &YarpConfig,
-) -> Result<(NameClient, Option<NameServer>), StartError> {
+) -> Result<(NameClient, Option<NameServer>), YarpError> {
     let conf = client.server().clone();
     if conf.port != 0 && client.query(client.namespace()).await.is_ok_and(|found| found.is_some()) {
         tracing::info!("a name server runs at {}:{} already", conf.host, conf.port);

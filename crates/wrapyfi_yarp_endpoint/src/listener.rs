@@ -1,4 +1,4 @@
-//! A topic received: an input port of ours, tied to the port that has the topic's name.
+//! A topic received: an input port of ours, connected to the port that has the topic's name.
 //!
 //! ```text
 //!   /cam ══▶ /cam:in7 ── size? ── ours? ──▶ inbox ──▶ Listener::take ── payload::decode
@@ -14,13 +14,13 @@ use wrapyfi_yarp::port::{Answer, PortOptions, Received, RpcServer};
 use super::Shared;
 use super::device::Device;
 use super::intrinsics;
+use super::link_state::LinkState;
 use super::losses::Losses;
 use super::opening::{numbered, until_open};
 use super::options::YarpOptions;
 use super::payload;
-use super::standing::Standing;
+use super::port_connection::PortConnection;
 use super::tasks::{Stop, Stopped};
-use super::tie::Tie;
 use wrapyfi_data::types::{DataType, Stamp};
 use wrapyfi_endpoint::{
     Context, DropReason, Link, Listener, OpenError, Receiver, Sample, Sender, TakeError, TopicSpec,
@@ -32,7 +32,7 @@ pub(super) struct YarpListener {
     spec: TopicSpec,
     dialect: Dialect,
     inbox: Receiver<Arrival>,
-    inlet: Arc<Inlet>,
+    state: Arc<ListenerState>,
     _stop: Stop,
 }
 
@@ -50,17 +50,17 @@ impl Waits for Arrival {
 }
 
 /// State that the listener shares with its port.
-struct Inlet {
+struct ListenerState {
     /// A port that answers nothing: its function runs on the connection's own task.
     port: Mutex<Option<RpcServer>>,
     device: Device,
-    standing: Arc<Standing>,
+    link_state: Arc<LinkState>,
     inbox: Sender<Arrival>,
     limit: usize,
     losses: Losses,
 }
 
-impl Inlet {
+impl ListenerState {
     fn port(&self) -> MutexGuard<'_, Option<RpcServer>> {
         self.port.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -115,10 +115,10 @@ impl YarpListener {
         let picture = intrinsics::picture_of(&spec.topic).filter(|_| is_calibration);
         let topic = picture.unwrap_or_else(|| spec.topic.clone());
         let waiting = format!("port {topic} to send");
-        let inlet = Arc::new(Inlet {
+        let state = Arc::new(ListenerState {
             port: Mutex::default(),
             device: Device::new(spec.message_type, &options, &topic),
-            standing: Arc::new(Standing::new(context.wake.clone(), waiting)),
+            link_state: Arc::new(LinkState::new(context.wake.clone(), waiting)),
             inbox: sender,
             limit: spec.limits.message_bytes,
             losses: Losses::default(),
@@ -126,17 +126,17 @@ impl YarpListener {
         let (stop, stopped) = shared.tasks.stop();
         let wanted = options.clone();
         let pictures = spec.message_type.data_type() == DataType::Image;
-        let (kept, told) = ((Arc::clone(shared), Arc::clone(&inlet)), Arc::clone(&inlet));
+        let (kept, told) = ((Arc::clone(shared), Arc::clone(&state)), Arc::clone(&state));
         shared.tasks.spawn(
             &topic.clone(),
-            move |what| told.standing.waiting(what),
+            move |what| told.link_state.waiting(what),
             move || keep(kept.clone(), topic.clone(), wanted.clone(), pictures, stopped.clone()),
         );
         Ok(Self {
             spec: spec.clone(),
             dialect: shared.network(&options).dialect(),
             inbox: receiver,
-            inlet,
+            state,
             _stop: stop,
         })
     }
@@ -144,25 +144,25 @@ impl YarpListener {
 
 /// The life of a port.
 async fn keep(
-    (shared, inlet): (Arc<Shared>, Arc<Inlet>),
+    (shared, state): (Arc<Shared>, Arc<ListenerState>),
     topic: String,
     options: YarpOptions,
     pictures: bool,
     mut stopped: Stopped,
 ) {
     // A task that panicked has left its port open.
-    close(&inlet).await;
-    let opened = until_open(&shared, &topic, &inlet.standing, || {
+    close(&state).await;
+    let opened = until_open(&shared, &topic, &state.link_state, || {
         let name = options.port.clone().unwrap_or_else(|| numbered(&topic));
-        let (network, shared, inlet) =
-            (shared.network(&options), Arc::clone(&shared), Arc::clone(&inlet));
+        let (network, shared, state) =
+            (shared.network(&options), Arc::clone(&shared), Arc::clone(&state));
         async move {
             let port_options = PortOptions { pictures, ..PortOptions::default() };
             network
                 .serve(&name, &port_options, move |received, _| {
-                    let (shared, inlet) = (Arc::clone(&shared), Arc::clone(&inlet));
+                    let (shared, state) = (Arc::clone(&shared), Arc::clone(&state));
                     async move {
-                        inlet.put(received, &shared).await;
+                        state.put(received, &shared).await;
                         Answer::Nothing
                     }
                 })
@@ -174,45 +174,45 @@ async fn keep(
         port = opened => port,
     };
     let own = port.name().to_owned();
-    let (tie, changes) = (Tie::from(&topic, &own, &options), port.connected());
-    *inlet.port() = Some(port);
+    let (connection, changes) = (PortConnection::from(&topic, &own, &options), port.connected());
+    *state.port() = Some(port);
     let counted = async {
         let mut changes = changes.clone();
         loop {
             changes.mark_unchanged();
-            inlet.count_losses();
-            let sources = inlet.sources();
+            state.count_losses();
+            let sources = state.sources();
             sources.iter().for_each(|source| shared.survey.met(source, &own, true));
             match sources.len() {
                 0 => {}
-                senders => inlet.standing.connected(senders),
+                senders => state.link_state.connected(senders),
             }
             if changes.changed().await.is_err() {
                 return;
             }
         }
     };
-    let tied = || inlet.sources().iter().any(|source| source == tie.other());
+    let is_connected = || state.sources().iter().any(|source| source == connection.other());
     let say = |why: String| {
         // Somebody else may have connected us.
-        if inlet.sources().is_empty() {
-            inlet.standing.waiting(why);
+        if state.sources().is_empty() {
+            state.link_state.waiting(why);
         }
     };
     tokio::select! {
         () = stopped.wait() => {}
         () = counted => {}
-        () = tie.keep(&shared, changes.clone(), tied, say) => {}
-        () = inlet.device.follow(&shared, changes.clone(), || !inlet.sources().is_empty()) => {}
+        () = connection.keep(&shared, changes.clone(), is_connected, say) => {}
+        () = state.device.follow(&shared, changes.clone(), || !state.sources().is_empty()) => {}
     }
-    tie.forget(&shared).await;
-    close(&inlet).await;
-    inlet.standing.waiting("YARP, which has ended");
+    connection.forget(&shared).await;
+    close(&state).await;
+    state.link_state.waiting("YARP, which has ended");
 }
 
 /// Closes the port that is open, if any.
-async fn close(inlet: &Inlet) {
-    let port = inlet.port().take();
+async fn close(state: &ListenerState) {
+    let port = state.port().take();
     if let Some(port) = port {
         port.close().await;
     }
@@ -223,7 +223,7 @@ impl Listener for YarpListener {
         let Some(Arrival { received, received_at, stamp }) = self.inbox.pop() else {
             return Ok(None);
         };
-        let (spec, options) = (&self.spec, self.inlet.device.options());
+        let (spec, options) = (&self.spec, self.state.device.options());
         let sent_at = received.stamp();
         let payload =
             payload::decode(&received.payload, sent_at, spec, &options, self.dialect, stamp)?;
@@ -236,7 +236,7 @@ impl Listener for YarpListener {
     }
 
     fn link(&self) -> Link {
-        self.inlet.count_losses();
-        self.inlet.standing.link()
+        self.state.count_losses();
+        self.state.link_state.link()
     }
 }

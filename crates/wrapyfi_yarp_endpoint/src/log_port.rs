@@ -14,10 +14,10 @@ use wrapyfi_yarp::port::{OutputOptions, OutputPort};
 use wrapyfi_yarp::{Bottle, Value};
 
 use super::Shared;
+use super::link_state::LinkState;
 use super::opening::until_open;
 use super::options::YarpOptions;
-use super::standing::Standing;
-use super::tie::Tie;
+use super::port_connection::PortConnection;
 use wrapyfi_endpoint::Wake;
 use wrapyfi_endpoint::restart::restarted;
 
@@ -74,9 +74,9 @@ fn name() -> String {
 /// Has the port open, and sends what comes.
 async fn run(shared: Arc<Shared>, name: String, lines: Arc<Mutex<mpsc::Receiver<Bottle>>>) {
     let mut lines = lines.lock().await;
-    let standing = Standing::new(Wake::new(), String::new());
+    let link_state = LinkState::new(Wake::new(), String::new());
     let options = OutputOptions { queue: MOST, ..OutputOptions::default() };
-    let port: OutputPort = until_open(&shared, &name, &standing, || {
+    let port: OutputPort = until_open(&shared, &name, &link_state, || {
         let (network, name, options) = (shared.network.clone(), name.clone(), options.clone());
         async move { network.open_output(&name, &options).await }
     })
@@ -87,9 +87,9 @@ async fn run(shared: Arc<Shared>, name: String, lines: Arc<Mutex<mpsc::Receiver<
         persistent: false,
         ..YarpOptions::default()
     };
-    let tie = Tie::to(LOGGER, port.name(), &wish);
+    let connection = PortConnection::to(LOGGER, port.name(), &wish);
     let changes = port.connected();
-    let tied = || port.status().iter().any(|one| !one.incoming && one.name == LOGGER);
+    let is_connected = || port.status().iter().any(|one| !one.incoming && one.name == LOGGER);
     let sent = async {
         let from: Value = format!("[{}]", port.name()).as_str().into();
         while let Some(line) = lines.recv().await {
@@ -101,7 +101,7 @@ async fn run(shared: Arc<Shared>, name: String, lines: Arc<Mutex<mpsc::Receiver<
         }
     };
     tokio::select! {
-        () = tie.keep(&shared, changes, tied, |_why| {}) => {}
+        () = connection.keep(&shared, changes, is_connected, |_why| {}) => {}
         () = sent => {}
     }
     port.close().await;

@@ -3,30 +3,30 @@
 use wrapyfi_yarp::port::OpenError;
 
 use super::Shared;
-use super::standing::Standing;
+use super::link_state::LinkState;
 use wrapyfi_endpoint::backoff::Backoff;
 
-/// Opens a port with `open`, again and again until it succeeds; `standing` is told why not yet.
+/// Opens a port with `open`, again and again until it succeeds; `link_state` is told why not yet.
 /// `name` is what it depends on.
 pub(super) async fn until_open<P, F: Future<Output = Result<P, OpenError>>>(
     shared: &Shared,
     name: &str,
-    standing: &Standing,
+    link_state: &LinkState,
     mut open: impl FnMut() -> F,
 ) -> P {
     let bell = shared.directory.watch(name);
     let mut backoff = Backoff::of_name(name);
     loop {
-        let say = |what| standing.waiting(what);
+        let say = |what| link_state.waiting(what);
         match shared.directory.answers("to register a port of ours", open(), say).await {
             Ok(port) => return port,
-            Err(OpenError::Taken(name)) => standing.waiting(format!(
+            Err(OpenError::Taken(name)) => link_state.waiting(format!(
                 "the name {name}, which another program's port has: end that one, or set option \
                  port"
             )),
             Err(error) => {
                 let away = shared.directory.waiting_for();
-                standing.waiting(away.unwrap_or_else(|| error.to_string()));
+                link_state.waiting(away.unwrap_or_else(|| error.to_string()));
             }
         }
         tokio::select! { () = bell.notified() => {}, () = backoff.pause() => {} }

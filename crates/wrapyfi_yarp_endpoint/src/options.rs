@@ -39,9 +39,9 @@ pub const OPTIONS: &[&str] = &[
 const CARRIERS: [&str; 8] =
     ["tcp", "fast_tcp", "udp", "mcast", "text", "text_ack", "mjpeg", "unix_stream"];
 
-/// Form of native objects in bottles.
+/// BottleFormat of native objects in bottles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Form {
+pub enum BottleFormat {
     /// One string of JSON, as Wrapyfi writes it. Other bottles are read, too.
     #[default]
     Json,
@@ -64,7 +64,7 @@ pub enum Control {
     Torque,
 }
 
-/// Form in which a mobile base takes velocities.
+/// BottleFormat in which a mobile base takes velocities.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BaseCommand {
     /// Three numbers, along x and y and about z: `MobileBaseVelocity`.
@@ -125,10 +125,10 @@ pub struct YarpOptions {
     pub wrapyfi_images: bool,
     /// `bottle`: `true`, `false` or `property`; unset or `auto`, native objects are JSON and the services of
     /// ROS plain bottles.
-    pub bottle: Option<Form>,
+    pub bottle: Option<BottleFormat>,
     /// `bottle: auto`: bottles, unless a function of Wrapyfi is behind the port that is called; what is
-    /// answered has the form of what was asked.
-    pub finds_form: bool,
+    /// answered has the format of what was asked.
+    pub finds_format: bool,
     /// `command`: the words that begin every request, as text (`[set] [pos]`).
     pub command: Option<String>,
     /// `frame_id`: coordinate frame of what is received: YARP names none.
@@ -156,7 +156,7 @@ impl Default for YarpOptions {
             packed_rows: false,
             wrapyfi_images: false,
             bottle: None,
-            finds_form: false,
+            finds_format: false,
             command: None,
             frame_id: String::new(),
             child_frame_id: String::new(),
@@ -237,8 +237,8 @@ impl YarpOptions {
                 let word = value.as_str().and_then(base);
                 self.base = Some(word.ok_or("velocity or control")?);
             }
-            "bottle" if value.as_str() == Some("auto") => self.finds_form = true,
-            "bottle" => self.bottle = Some(form(value).ok_or("true, false, property or auto")?),
+            "bottle" if value.as_str() == Some("auto") => self.finds_format = true,
+            "bottle" => self.bottle = Some(format(value).ok_or("true, false, property or auto")?),
             "carrier" => {
                 let carrier = value.as_str().filter(|text| is_carrier(text));
                 let wanted = "tcp, fast_tcp, udp, mcast, text, text_ack, mjpeg or unix_stream";
@@ -282,11 +282,11 @@ pub(super) fn brings_files(carrier: &str) -> bool {
     carrier.split('+').next() == Some("mjpeg")
 }
 
-fn form(value: &Value) -> Option<Form> {
+fn format(value: &Value) -> Option<BottleFormat> {
     match value {
-        Value::Bool(true) => Some(Form::Bottle),
-        Value::Bool(false) => Some(Form::Json),
-        Value::Str(text) if text == "property" => Some(Form::Property),
+        Value::Bool(true) => Some(BottleFormat::Bottle),
+        Value::Bool(false) => Some(BottleFormat::Json),
+        Value::Str(text) if text == "property" => Some(BottleFormat::Property),
         _ => None,
     }
 }
@@ -397,8 +397,8 @@ mod tests {
             dialect: Some(Dialect::V4),
             packed_rows: true,
             wrapyfi_images: true,
-            bottle: Some(Form::Property),
-            finds_form: false,
+            bottle: Some(BottleFormat::Property),
+            finds_format: false,
             command: Some("[set] [pos]".into()),
             frame_id: "head".into(),
             child_frame_id: "base".into(),

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   publish ── payload::encode ──▶ OutputPort ══▶ readers            the caller's thread, then tasks
-//!   task: opens the port, counts its readers, keeps it tied to `out_topic_connect`
+//!   task: opens the port, counts its readers, keeps it connected to `out_topic_connect`
 //!
 //!   JointTrajectory ─▶ movements for a control board ─▶ a task writes each at its time, unless another
 //!                                                       message comes before
@@ -28,13 +28,13 @@ use wrapyfi_yarp::port::{
 };
 
 use super::device::Device;
+use super::link_state::LinkState;
 use super::losses::Sent;
 use super::opening::{number, until_open};
-use super::options::{Form, YarpOptions};
+use super::options::{BottleFormat, YarpOptions};
 use super::payload::{self, Outgoing};
-use super::standing::Standing;
+use super::port_connection::PortConnection;
 use super::tasks::{Stop, Stopped};
-use super::tie::Tie;
 use super::{Shared, input};
 use wrapyfi_data::types::{DataType, MessageType, Payload, Stamp};
 use wrapyfi_endpoint::{
@@ -48,7 +48,7 @@ pub(super) struct YarpPublisher {
     command_spec: Option<TopicSpec>,
     dialect: Dialect,
     depth: usize,
-    outlet: Arc<Outlet>,
+    state: Arc<PublisherState>,
     counters: Arc<Counters>,
     shared: Arc<Shared>,
     _stop: Stop,
@@ -56,7 +56,7 @@ pub(super) struct YarpPublisher {
 
 /// State that the publisher shares with its task.
 #[derive(Debug)]
-struct Outlet {
+struct PublisherState {
     /// The port's name before the environment changes it.
     given: String,
     name: String,
@@ -66,14 +66,14 @@ struct Outlet {
     /// A port is being opened: its name may be known already, and is not another program's.
     opening: watch::Sender<bool>,
     device: Device,
-    standing: Arc<Standing>,
+    link_state: Arc<LinkState>,
     /// Number of the next message with a time.
     count: AtomicI32,
     /// Counts messages: a movement that is under way ends when another one comes.
     messages: AtomicU64,
 }
 
-impl Outlet {
+impl PublisherState {
     fn port(&self) -> MutexGuard<'_, Option<OutputPort>> {
         self.port.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -82,13 +82,13 @@ impl Outlet {
     /// all others; none where the port is closed.
     fn write(
         &self,
-        forms: impl IntoIterator<Item = Outgoing>,
+        messages: impl IntoIterator<Item = Outgoing>,
         sent: &Arc<Sent>,
     ) -> Option<Written> {
         let (mut written, mut number) = (Written::default(), None);
         let port = self.port();
         let port = port.as_ref()?;
-        for Outgoing { payload, stamp } in forms {
+        for Outgoing { payload, stamp } in messages {
             let is_file = payload.kind == PayloadKind::Raw;
             let fate: Arc<dyn Fate> = sent.clone();
             let mut message = Message { fate: Some(fate), ..Message::new(payload) };
@@ -125,29 +125,29 @@ impl YarpPublisher {
         let given = name;
         let name = shared.own_name(&given);
         let waiting = format!("port {name} to open");
-        let standing = Arc::new(Standing::new(context.wake.clone(), waiting));
+        let link_state = Arc::new(LinkState::new(context.wake.clone(), waiting));
         let with_colon = input::with_colon(&spec.topic).filter(|port| input::is_input(port));
         let destination = options.out_topic_connect.as_deref();
         let destination = destination.or(with_colon.as_deref()).unwrap_or(&spec.topic);
         let command_spec = with_colon.clone().map(|topic| TopicSpec { topic, ..spec.clone() });
-        let outlet = Arc::new(Outlet {
+        let state = Arc::new(PublisherState {
             given,
             name,
             port: Mutex::default(),
             commands: AtomicBool::new(false),
             opening: watch::Sender::new(false),
             device: Device::new(spec.message_type, &options, destination),
-            standing,
+            link_state,
             count: AtomicI32::new(0),
             messages: AtomicU64::new(0),
         });
         let (stop, stopped) = shared.tasks.stop();
         let dialect = shared.network(&options).dialect();
         let pictures = spec.message_type.data_type() == DataType::Image;
-        let (kept, told) = ((Arc::clone(shared), Arc::clone(&outlet)), Arc::clone(&outlet));
+        let (kept, told) = ((Arc::clone(shared), Arc::clone(&state)), Arc::clone(&state));
         shared.tasks.spawn(
-            &outlet.name,
-            move |what| told.standing.waiting(what),
+            &state.name,
+            move |what| told.link_state.waiting(what),
             move || keep(kept.clone(), options.clone(), pictures, stopped.clone()),
         );
         Ok(Self {
@@ -155,7 +155,7 @@ impl YarpPublisher {
             command_spec,
             dialect,
             depth: shared.send_queue,
-            outlet,
+            state,
             counters: Arc::clone(&context.counters),
             shared: Arc::clone(shared),
             _stop: stop,
@@ -169,10 +169,10 @@ impl YarpPublisher {
     /// Writes a message; what readers miss of it is counted.
     fn write(
         &self,
-        forms: impl IntoIterator<Item = Outgoing>,
+        messages: impl IntoIterator<Item = Outgoing>,
         sent: &Arc<Sent>,
     ) -> Result<(), PublishError> {
-        let written = self.outlet.write(forms, sent).unwrap_or_default();
+        let written = self.state.write(messages, sent).unwrap_or_default();
         if written.dropped < written.targets || written.over_budget > 0 {
             sent.queued(written);
             return Ok(());
@@ -197,15 +197,15 @@ impl YarpPublisher {
                 later.push((due, movement));
             }
         }
-        let outlet = Arc::clone(&self.outlet);
+        let state = Arc::clone(&self.state);
         self.shared.tasks.spawn_aside(async move {
             for (due, movement) in later {
                 let Some(time) = begin.checked_add(due) else { break };
                 tokio::time::sleep_until(time).await;
-                if outlet.messages.load(Relaxed) != own {
+                if state.messages.load(Relaxed) != own {
                     break;
                 }
-                match outlet.write([movement], &sent) {
+                match state.write([movement], &sent) {
                     Some(written) if written.targets > 0 => sent.queued(written),
                     _ => return sent.missed(DropReason::ConnectionLost),
                 }
@@ -217,18 +217,18 @@ impl YarpPublisher {
 
 /// The life of a publisher: ports one after the other, as input ports of its name come.
 async fn keep(
-    (shared, outlet): (Arc<Shared>, Arc<Outlet>),
+    (shared, state): (Arc<Shared>, Arc<PublisherState>),
     options: YarpOptions,
     pictures: bool,
     mut stopped: Stopped,
 ) {
     // A task that panicked has left its port open.
-    close(&shared, &outlet, &options).await;
+    close(&shared, &state, &options).await;
     // Whoever names the port, or what it is connected to, means that.
     let is_fixed = options.port.is_some() || options.out_topic_connect.is_some();
-    let is_free = !is_fixed && input::is_input(&outlet.given);
-    let mut destination = is_free.then(|| outlet.given.clone());
-    if !is_fixed && !input::may_mean(&outlet.given).is_empty() {
+    let is_free = !is_fixed && input::is_input(&state.given);
+    let mut destination = is_free.then(|| state.given.clone());
+    if !is_fixed && !input::may_mean(&state.given).is_empty() {
         // A port of ours that is closed again at once would only confuse.
         let known = shared.directory.was_asked_in_time();
         tokio::select! { () = stopped.wait() => return, () = known => {} }
@@ -238,35 +238,35 @@ async fn keep(
             if is_fixed {
                 return std::future::pending().await;
             }
-            new_input(&shared, &outlet, destination.as_deref()).await
+            new_input(&shared, &state, destination.as_deref()).await
         };
-        let serve = serve(&shared, &outlet, &options, pictures, destination.as_deref());
+        let serve = serve(&shared, &state, &options, pictures, destination.as_deref());
         let next = tokio::select! {
             () = stopped.wait() => None,
             found = found => Some(found),
             () = serve => None,
         };
-        close(&shared, &outlet, &options).await;
+        close(&shared, &state, &options).await;
         let Some(found) = next else { break };
-        tracing::info!("{} writes to the port {found}, which exists", outlet.name);
+        tracing::info!("{} writes to the port {found}, which exists", state.name);
         destination = Some(found);
     }
-    outlet.standing.waiting("YARP, which has ended");
+    state.link_state.waiting("YARP, which has ended");
 }
 
 /// Waits for an input port that the publisher's name means, other than `now`, which is written to.
-async fn new_input(shared: &Shared, outlet: &Outlet, now: Option<&str>) -> String {
-    let ports = input::may_mean(&outlet.given);
+async fn new_input(shared: &Shared, state: &PublisherState, now: Option<&str>) -> String {
+    let ports = input::may_mean(&state.given);
     if ports.is_empty() {
         return std::future::pending().await;
     }
     let bell = shared.directory.watch_any(&ports);
-    let mut opening = outlet.opening.subscribe();
+    let mut opening = state.opening.subscribe();
     loop {
         // One that is being opened is opened first: its registration would stay behind.
         if !*opening.borrow_and_update() {
             let is_others = |port: &str| shared.directory.knows(port) && !shared.own.contains(port);
-            match input::meant(&outlet.given, is_others) {
+            match input::meant(&state.given, is_others) {
                 Some(found) if Some(found.as_str()) != now => return found,
                 _ => {}
             }
@@ -281,7 +281,7 @@ async fn new_input(shared: &Shared, outlet: &Outlet, now: Option<&str>) -> Strin
 /// Has a port open for as long as it is run.
 async fn serve(
     shared: &Shared,
-    outlet: &Outlet,
+    state: &PublisherState,
     options: &YarpOptions,
     pictures: bool,
     destination: Option<&str>,
@@ -294,14 +294,14 @@ async fn serve(
     };
     // Two colons: no other bridge takes it for an endpoint.
     let numbered = destination.map(|port| format!("{port}:out:{}", number()));
-    let given = numbered.as_deref().unwrap_or(&outlet.given);
-    let port = until_open(shared, &outlet.name, &outlet.standing, || {
+    let given = numbered.as_deref().unwrap_or(&state.given);
+    let port = until_open(shared, &state.name, &state.link_state, || {
         let (network, wanted) = (shared.network(options), wanted.clone());
         async move {
-            outlet.opening.send_replace(true);
+            state.opening.send_replace(true);
             let opened = network.open_output(given, &wanted).await;
             if opened.is_err() {
-                outlet.opening.send_replace(false);
+                state.opening.send_replace(false);
             }
             opened
         }
@@ -310,46 +310,53 @@ async fn serve(
     let name = port.name().to_owned();
     let changes = port.connected();
     shared.own.insert(&name);
-    outlet.commands.store(destination.is_some(), Relaxed);
-    *outlet.port() = Some(port);
-    outlet.opening.send_replace(false);
-    let tie = tie(&name, options, destination);
+    state.commands.store(destination.is_some(), Relaxed);
+    *state.port() = Some(port);
+    state.opening.send_replace(false);
+    let connection = connection(&name, options, destination);
     let kept = async {
-        let Some(tie) = &tie else { return std::future::pending().await };
-        let tied = || outlet.readers().iter().any(|reader| reader == tie.other());
-        tie.keep(shared, changes.clone(), tied, |why| {
-            if destination.is_some() {
-                outlet.standing.waiting(why);
-            }
-        })
-        .await;
+        let Some(connection) = &connection else { return std::future::pending().await };
+        let is_connected = || state.readers().iter().any(|reader| reader == connection.other());
+        connection
+            .keep(shared, changes.clone(), is_connected, |why| {
+                if destination.is_some() {
+                    state.link_state.waiting(why);
+                }
+            })
+            .await;
     };
     tokio::select! {
-        () = count_readers(shared, &name, changes.clone(), outlet, destination.is_some()) => {}
+        () = count_readers(shared, &name, changes.clone(), state, destination.is_some()) => {}
         () = kept => {}
-        () = outlet.device.follow(shared, changes.clone(), || changes.borrow().outputs > 0) => {}
+        () = state.device.follow(shared, changes.clone(), || changes.borrow().outputs > 0) => {}
     }
 }
 
 /// The connection that the port `own` of the publisher makes by itself.
-fn tie(own: &str, options: &YarpOptions, destination: Option<&str>) -> Option<Tie> {
+fn connection(
+    own: &str,
+    options: &YarpOptions,
+    destination: Option<&str>,
+) -> Option<PortConnection> {
     match destination {
         // The name server would keep the wish of a port whose name is never used again.
-        Some(to) => Some(Tie::to(to, own, &YarpOptions { persistent: false, ..options.clone() })),
-        None => options.out_topic_connect.as_deref().map(|to| Tie::to(to, own, options)),
+        Some(to) => {
+            Some(PortConnection::to(to, own, &YarpOptions { persistent: false, ..options.clone() }))
+        }
+        None => options.out_topic_connect.as_deref().map(|to| PortConnection::to(to, own, options)),
     }
 }
 
 /// Closes the port that is open, if any.
-async fn close(shared: &Shared, outlet: &Outlet, options: &YarpOptions) {
-    outlet.opening.send_replace(false);
-    let port = outlet.port().take();
+async fn close(shared: &Shared, state: &PublisherState, options: &YarpOptions) {
+    state.opening.send_replace(false);
+    let port = state.port().take();
     let Some(port) = port else { return };
     let name = port.name().to_owned();
-    if !outlet.commands.load(Relaxed)
-        && let Some(tie) = tie(&name, options, None)
+    if !state.commands.load(Relaxed)
+        && let Some(connection) = connection(&name, options, None)
     {
-        tie.forget(shared).await;
+        connection.forget(shared).await;
     }
     port.close().await;
     shared.own.remove(&name);
@@ -360,17 +367,17 @@ async fn count_readers(
     shared: &Shared,
     own: &str,
     mut changes: watch::Receiver<Connected>,
-    outlet: &Outlet,
+    state: &PublisherState,
     commands: bool,
 ) {
     loop {
         match changes.borrow_and_update().outputs {
             // Whoever keeps the connection knows why it is not there.
             0 if commands => {}
-            0 => outlet.standing.waiting(format!("a reader of {}", outlet.name)),
-            readers => outlet.standing.connected(readers),
+            0 => state.link_state.waiting(format!("a reader of {}", state.name)),
+            readers => state.link_state.connected(readers),
         }
-        outlet.readers().iter().for_each(|reader| shared.survey.met(reader, own, false));
+        state.readers().iter().for_each(|reader| shared.survey.met(reader, own, false));
         if changes.changed().await.is_err() {
             return;
         }
@@ -383,49 +390,50 @@ impl Publisher for YarpPublisher {
     /// ends, as `connection_lost`. Readers of carrier mjpeg get a
     /// picture as a file, all others as an object.
     fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
-        let (objects, pictures) = self.outlet.port().as_ref().map_or((0, 0), |port| {
+        let (objects, pictures) = self.state.port().as_ref().map_or((0, 0), |port| {
             let pictures = port.picture_readers();
             (port.connected().borrow().outputs.saturating_sub(pictures), pictures)
         });
         if objects + pictures == 0 {
             return Err(self.nobody());
         }
-        let mut options = self.outlet.device.options();
+        let mut options = self.state.device.options();
         let dialect = options.dialect.unwrap_or(self.dialect);
-        let commands = self.outlet.commands.load(Relaxed);
+        let commands = self.state.commands.load(Relaxed);
         let spec = self.command_spec.as_ref().filter(|_| commands).unwrap_or(&self.spec);
         // Objects for an input port of another program are bottles; messages of ROS have forms of
         // their own.
         let is_object = !matches!(spec.message_type, MessageType::Ros(_));
         if is_object && options.bottle.is_none() && commands {
-            options = Arc::new(YarpOptions { bottle: Some(Form::Bottle), ..(*options).clone() });
+            options =
+                Arc::new(YarpOptions { bottle: Some(BottleFormat::Bottle), ..(*options).clone() });
         }
         let now = Stamp::now();
         let movements = payload::trajectory(payload, spec, &options, dialect, now)?;
         // A refused message leaves a movement under way.
-        let next = || self.outlet.messages.fetch_add(1, Relaxed).wrapping_add(1);
+        let next = || self.state.messages.fetch_add(1, Relaxed).wrapping_add(1);
         if let Some(movements) = movements {
             return self.run(movements, next());
         }
-        let mut forms = Vec::new();
+        let mut messages = Vec::new();
         for (readers, files) in [(objects, false), (pictures, true)] {
             if readers > 0 {
                 let other = (options.sends_files() != files).then(|| options.sending_files(files));
                 let options = other.as_ref().unwrap_or(&options);
-                forms.push(payload::encode(payload, spec, options, dialect)?);
+                messages.push(payload::encode(payload, spec, options, dialect)?);
             }
         }
-        let bytes = forms.iter().map(|form| form.payload.bytes.len()).max().unwrap_or(0);
+        let bytes = messages.iter().map(|message| message.payload.bytes.len()).max().unwrap_or(0);
         next();
-        self.write(forms, &Sent::new(&self.counters, bytes))?;
+        self.write(messages, &Sent::new(&self.counters, bytes))?;
         Ok(bytes)
     }
 
     fn link(&self) -> Link {
-        let link = self.outlet.standing.link();
-        let why = self.shared.taken(&self.outlet.name).or_else(|| {
+        let link = self.state.link_state.link();
+        let why = self.shared.taken(&self.state.name).or_else(|| {
             let is_connected = link.waiting_for.is_none();
-            self.outlet.device.awaited().filter(|_| is_connected)
+            self.state.device.awaited().filter(|_| is_connected)
         });
         match why {
             Some(why) => Link { waiting_for: Some(why), ..link },

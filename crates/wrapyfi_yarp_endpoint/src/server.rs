@@ -6,7 +6,7 @@
 //!                              └────────────────────────────────────────────────────────┘
 //! ```
 //!
-//! An answer is of the dialect of its request ([`super::manner`]), and under `bottle: auto` of its form.
+//! An answer is of the dialect of its request ([`super::client_dialects`]), and under `bottle: auto` of its format.
 //!
 //! A YARP client asks one thing at a time on a connection, and waits for as long as it wants to: so a
 //! request that is not answered in its time is answered by an error.
@@ -19,13 +19,13 @@ use wrapyfi_yarp::Dialect;
 use wrapyfi_yarp::port::{Answer, PortOptions, Received, RpcServer};
 
 use super::Shared;
-use super::form::{self, FoundForm};
+use super::client_dialects::{self, ClientDialects};
+use super::found_format::{self, FoundFormat};
+use super::link_state::LinkState;
 use super::losses::Losses;
-use super::manner::{self, Clients};
 use super::opening::until_open;
-use super::options::{Form, YarpOptions};
+use super::options::{BottleFormat, YarpOptions};
 use super::payload;
-use super::standing::Standing;
 use super::tasks::{Stop, Stopped};
 use wrapyfi_data::types::{Payload, ServiceKind};
 use wrapyfi_endpoint::codec::{DecodeError, EncodeError};
@@ -35,7 +35,7 @@ use wrapyfi_endpoint::{Context, Link, OpenError, Request, ServeError, ServiceSpe
 
 /// Offers one service.
 pub(super) struct YarpServer {
-    desk: Arc<Desk>,
+    state: Arc<ServerState>,
     shared: Arc<Shared>,
     _stop: Stop,
 }
@@ -44,15 +44,15 @@ pub(super) struct YarpServer {
 pub(super) struct Ask {
     body: Bytes,
     reply: oneshot::Sender<Reply>,
-    manner: Manner,
+    format: RequestFormat,
 }
 
-/// Dialect and form of a request.
+/// Dialect and format of a request.
 #[derive(Debug, Clone, Copy)]
-struct Manner {
+struct RequestFormat {
     /// Dialect, as far as it shows.
     dialect: Option<Dialect>,
-    form: Form,
+    bottle: BottleFormat,
 }
 
 /// Encoded reply.
@@ -63,30 +63,30 @@ pub(super) enum Reply {
 }
 
 /// State that the server shares with its port.
-struct Desk {
+struct ServerState {
     /// The port's name before the environment changes it.
     given: String,
     name: String,
     spec: ServiceSpec,
     options: YarpOptions,
-    forms: FoundForm,
+    formats: FoundFormat,
     dialect: Dialect,
-    clients: Arc<Clients>,
+    clients: Arc<ClientDialects>,
     context: Context,
-    standing: Standing,
+    link_state: LinkState,
     port: Mutex<Option<RpcServer>>,
     requests: Arc<Requests<Ask>>,
     losses: Losses,
 }
 
-impl Desk {
+impl ServerState {
     fn port(&self) -> MutexGuard<'_, Option<RpcServer>> {
         self.port.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Reply to a request that failed. It has no floats, and so no dialect.
-    fn error(&self, text: &str, manner: Manner) -> Bytes {
-        let options = self.forms.of(&self.options, manner.form);
+    fn error(&self, text: &str, format: RequestFormat) -> Bytes {
+        let options = self.formats.of(&self.options, format.bottle);
         payload::encode_error(text, &self.spec, options, self.dialect)
     }
 
@@ -94,12 +94,12 @@ impl Desk {
     fn write(
         &self,
         answer: &Payload,
-        manner: Manner,
+        format: RequestFormat,
     ) -> Result<(Bytes, Option<Bytes>), EncodeError> {
-        let options = self.forms.of(&self.options, manner.form);
+        let options = self.formats.of(&self.options, format.bottle);
         let write = |dialect| payload::encode_reply(answer, &self.spec, options, dialect);
-        let body = write(manner.dialect.unwrap_or(self.dialect))?;
-        if manner.dialect.is_some() || payload::is_json(&self.spec, options) {
+        let body = write(format.dialect.unwrap_or(self.dialect))?;
+        if format.dialect.is_some() || payload::is_json(&self.spec, options) {
             return Ok((body, None));
         }
         // A reply that only one dialect has a form for is written in that one.
@@ -110,18 +110,18 @@ impl Desk {
     /// True when the server takes calls as Wrapyfi's functions do.
     fn is_function(&self) -> bool {
         let is_ros = matches!(self.spec.kind, ServiceKind::Ros(_));
-        !is_ros && self.options.bottle.unwrap_or_default() == Form::Json
+        !is_ros && self.options.bottle.unwrap_or_default() == BottleFormat::Json
     }
 
     /// Takes a request in and waits for its answer.
     async fn ask(&self, received: Received, wants_reply: bool) -> Answer {
         let dialect = self.clients.dialect(&received);
         let body = received.payload.bytes.clone();
-        let manner = Manner { dialect, form: manner::form(&body) };
+        let format = RequestFormat { dialect, bottle: client_dialects::format(&body) };
         let (reply, answered) = oneshot::channel();
         let bytes = body.len();
-        if let Err((_, error)) = self.requests.put(Ask { body, reply, manner }, bytes) {
-            let answer = || Answer::Object(self.error(&error.to_string(), manner));
+        if let Err((_, error)) = self.requests.put(Ask { body, reply, format }, bytes) {
+            let answer = || Answer::Object(self.error(&error.to_string(), format));
             return if wants_reply { answer() } else { Answer::Nothing };
         }
         if !wants_reply {
@@ -135,7 +135,7 @@ impl Desk {
                 self.clients.written(&received, dialect);
                 if dialect == self.dialect { body } else { other }
             }
-            Err(_dropped) => self.error(&format!("{:?} has ended", self.spec.service), manner),
+            Err(_dropped) => self.error(&format!("{:?} has ended", self.spec.service), format),
         })
     }
 }
@@ -152,51 +152,51 @@ impl YarpServer {
         let given = name;
         let name = shared.own_name(&given);
         let waiting = format!("port {name} to open");
-        let desk = Arc::new(Desk {
+        let state = Arc::new(ServerState {
             given,
             name,
             spec: spec.clone(),
             dialect: shared.network(&options).dialect(),
-            clients: Arc::new(Clients::new(
+            clients: Arc::new(ClientDialects::new(
                 shared.network(&options),
                 shared.registrar.client().namespace(),
                 &options,
             )),
-            forms: FoundForm::new(&options),
+            formats: FoundFormat::new(&options),
             options,
             context: context.clone(),
-            standing: Standing::new(context.wake.clone(), waiting),
+            link_state: LinkState::new(context.wake.clone(), waiting),
             port: Mutex::default(),
             requests: Arc::new(Requests::new(spec, context)),
             losses: Losses::default(),
         });
         let (stop, stopped) = shared.tasks.stop();
-        let (kept, told) = ((Arc::clone(shared), Arc::clone(&desk)), Arc::clone(&desk));
+        let (kept, told) = ((Arc::clone(shared), Arc::clone(&state)), Arc::clone(&state));
         shared.tasks.spawn(
-            &desk.name,
-            move |what| told.standing.waiting(what),
+            &state.name,
+            move |what| told.link_state.waiting(what),
             move || keep(kept.clone(), stopped.clone()),
         );
-        let requests = Arc::clone(&desk.requests);
-        let wire = Self { desk, shared: Arc::clone(shared), _stop: stop };
+        let requests = Arc::clone(&state.requests);
+        let wire = Self { state, shared: Arc::clone(shared), _stop: stop };
         Ok(WireServer::new(wire, requests, spec))
     }
 }
 
 /// The life of a port.
-async fn keep((shared, desk): (Arc<Shared>, Arc<Desk>), mut stopped: Stopped) {
+async fn keep((shared, state): (Arc<Shared>, Arc<ServerState>), mut stopped: Stopped) {
     // A task that panicked has left its port open.
-    close(&shared, &desk).await;
-    let name = desk.name.as_str();
-    let opened = until_open(&shared, name, &desk.standing, || {
-        let (network, desk) = (shared.network(&desk.options), Arc::clone(&desk));
-        let given = desk.given.clone();
+    close(&shared, &state).await;
+    let name = state.name.as_str();
+    let opened = until_open(&shared, name, &state.link_state, || {
+        let (network, state) = (shared.network(&state.options), Arc::clone(&state));
+        let given = state.given.clone();
         async move {
             let wanted = PortOptions { rpc: true, ..PortOptions::default() };
             network
                 .serve(&given, &wanted, move |received, wants_reply| {
-                    let desk = Arc::clone(&desk);
-                    async move { desk.ask(received, wants_reply).await }
+                    let state = Arc::clone(&state);
+                    async move { state.ask(received, wants_reply).await }
                 })
                 .await
         }
@@ -207,18 +207,18 @@ async fn keep((shared, desk): (Arc<Shared>, Arc<Desk>), mut stopped: Stopped) {
     };
     let mut changes = port.connected();
     shared.own.insert(name);
-    *desk.port() = Some(port);
-    if desk.is_function() {
-        form::mark(&shared, name).await;
+    *state.port() = Some(port);
+    if state.is_function() {
+        found_format::mark(&shared, name).await;
     }
     let counted = async {
         loop {
             changes.mark_unchanged();
-            if let Some(port) = &*desk.port() {
-                desk.losses.count(port.counters(), &desk.context.counters);
+            if let Some(port) = &*state.port() {
+                state.losses.count(port.counters(), &state.context.counters);
                 let status = port.status();
                 let clients = status.iter().filter(|one| one.incoming && one.name.starts_with('/'));
-                desk.standing.connected(clients.count());
+                state.link_state.connected(clients.count());
             }
             if changes.changed().await.is_err() {
                 return;
@@ -230,17 +230,17 @@ async fn keep((shared, desk): (Arc<Shared>, Arc<Desk>), mut stopped: Stopped) {
         () = counted => {}
     }
     // Those who wait learn at once that nobody will answer: their ways back are dropped.
-    drop(desk.requests.close());
-    close(&shared, &desk).await;
-    desk.standing.waiting("YARP, which has ended");
+    drop(state.requests.close());
+    close(&shared, &state).await;
+    state.link_state.waiting("YARP, which has ended");
 }
 
 /// Closes the port that is open, if any.
-async fn close(shared: &Shared, desk: &Desk) {
-    let port = desk.port().take();
+async fn close(shared: &Shared, state: &ServerState) {
+    let port = state.port().take();
     if let Some(port) = port {
         port.close().await;
-        shared.own.remove(&desk.name);
+        shared.own.remove(&state.name);
     }
 }
 
@@ -248,22 +248,22 @@ impl ServerWire for YarpServer {
     type Ask = Ask;
     type Answer = (Bytes, Option<Bytes>);
 
-    fn read(&self, Ask { body, manner, .. }: &Ask) -> Result<Request, DecodeError> {
-        let Desk { spec, options, dialect, .. } = &*self.desk;
-        let options = self.desk.forms.of(options, manner.form);
-        payload::decode_request(body, spec, options, manner.dialect.unwrap_or(*dialect))
+    fn read(&self, Ask { body, format, .. }: &Ask) -> Result<Request, DecodeError> {
+        let ServerState { spec, options, dialect, .. } = &*self.state;
+        let options = self.state.formats.of(options, format.bottle);
+        payload::decode_request(body, spec, options, format.dialect.unwrap_or(*dialect))
     }
 
     fn write(&self, ask: &Ask, payload: &Payload) -> Result<Self::Answer, EncodeError> {
-        self.desk.write(payload, ask.manner)
+        self.state.write(payload, ask.format)
     }
 
     fn send(
         &mut self,
-        Ask { reply, manner, .. }: Ask,
+        Ask { reply, format, .. }: Ask,
         answer: Result<Self::Answer, &str>,
     ) -> Result<Option<usize>, ServeError> {
-        let (body, other) = answer.unwrap_or_else(|why| (self.desk.error(why, manner), None));
+        let (body, other) = answer.unwrap_or_else(|why| (self.state.error(why, format), None));
         let bytes = body.len();
         let answer = match other {
             None => Reply::Known(body),
@@ -275,8 +275,8 @@ impl ServerWire for YarpServer {
     }
 
     fn link(&self) -> Link {
-        let link = self.desk.standing.link();
-        match self.shared.taken(&self.desk.name) {
+        let link = self.state.link_state.link();
+        match self.shared.taken(&self.state.name) {
             Some(why) => Link { waiting_for: Some(why), ..link },
             None => link,
         }

@@ -20,7 +20,7 @@ use wrapyfi_yarp::port::{AdminError, Inspection, Modes};
 
 use super::Shared;
 use super::directory::Entry;
-use super::discovery::role;
+use super::role::role;
 use super::types::FILES;
 use wrapyfi_endpoint::Role;
 
@@ -72,8 +72,8 @@ impl Default for Survey {
     }
 }
 
-/// Time until a port is asked again that has failed to answer so often.
-fn pause(failures: u32) -> Duration {
+/// Time until a port is asked, or listened to, again that has failed to answer so often.
+pub(super) fn pause(failures: u32) -> Duration {
     FIRST_AGAIN.saturating_mul(1 << failures.saturating_sub(1).min(16)).min(LAST_AGAIN)
 }
 
@@ -220,8 +220,7 @@ async fn interview(shared: &Shared, name: &str, whole: bool) -> Result<Inspectio
             let modes = Some(Modes { input: false, output: true, rpc: false });
             Ok(Inspection { modes, type_name: Some(FILES.into()), ..Inspection::default() })
         }
-        Some(entry) if whole => shared.network.inspect(name, entry.contact.as_deref()).await,
-        Some(entry) => shared.network.inspect_connections(name, entry.contact.as_deref()).await,
+        Some(entry) => shared.network.inspect(name, entry.contact.as_deref(), whole).await,
     }
 }
 

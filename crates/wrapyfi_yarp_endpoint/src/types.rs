@@ -7,7 +7,7 @@
 //!   heard      its first message (first_message)           ─┘
 //! ```
 
-use wrapyfi_yarp::port::{Payload as Bytewise, PayloadKind};
+use wrapyfi_yarp::port::{PayloadKind, PortPayload as Bytewise};
 use wrapyfi_yarp::sig::{ImageHeader, Sound, Vector};
 use wrapyfi_yarp::{Bottle, Dialect, Limits};
 

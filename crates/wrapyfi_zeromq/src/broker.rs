@@ -12,24 +12,23 @@
 use std::collections::BTreeMap;
 use std::io::ErrorKind;
 use std::net::IpAddr;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, PoisonError};
-use std::thread::JoinHandle;
+use std::sync::Arc;
 use std::time::Instant;
 
 use serde::Serialize;
 
-use super::config::{ZeroMqConfig, allowed, resolve};
+use super::config::{ZeroMqConfig, resolve};
 use super::front::Front;
-use super::keeper::{Side, Stand};
 use super::ledger::Ledger;
 use super::monitor::Monitor;
-use super::options::{self, Bell};
+use super::options::{self, StopSignal};
 use super::proxy::Proxy;
+use super::supervisor::{Side, Supervised};
 use super::traffic::{TopicTraffic, Traffic};
+use super::turns::Runs;
+use wrapyfi_endpoint::Mutex;
 use wrapyfi_endpoint::Throttle;
 use wrapyfi_endpoint::network::{Insecure, ReachedByOthers};
-use wrapyfi_endpoint::{Counters, DropReason};
 
 /// Settings of a [`Broker`]; the fields mean what they mean in [`ZeroMqConfig`].
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -98,13 +97,13 @@ pub enum BrokerError {
 }
 
 /// A running broker. Dropping it ends it and frees its ports.
+#[derive(Debug)]
 pub struct Broker {
     ip: IpAddr,
     pub_port: u16,
     sub_port: u16,
-    shared: Arc<Shared>,
-    stop: Bell,
-    thread: Option<JoinHandle<()>>,
+    status: Arc<Mutex<BrokerStatus>>,
+    _runs: Runs,
 }
 
 /// A broker at one moment.
@@ -152,25 +151,25 @@ impl Broker {
         let pub_port = front.port().map_err(failed_to("learn its port"))?;
         let back = socket(&context, ip, config).map_err(failed_to("open its sockets"))?;
         let sub_port = bind(&back, ip, config.sub_port)?;
-        let (bell, stop) = Bell::new(&context).map_err(failed_to("open its control socket"))?;
-        let shared = Arc::new(Shared::default());
+        let (stop_signal, stop) =
+            StopSignal::new(&context).map_err(failed_to("open its control socket"))?;
+        let status = Arc::<Mutex<BrokerStatus>>::default();
         let proxy = Proxy {
             front,
             back,
             stop,
             monitor: Monitor::new(config.monitor_topic.as_deref()),
             traffic: Traffic::default(),
-            shared: Arc::clone(&shared),
+            status: BrokerStatus::default(),
+            shown: Arc::clone(&status),
             ledger,
             slow: Throttle::default(),
             repeat_at: Instant::now(),
         };
-        let thread = std::thread::Builder::new()
-            .name("zeromq-broker".to_owned())
-            .spawn(move || proxy.run())
+        let runs = Runs::start("zeromq-broker", stop_signal, proxy)
             .map_err(failed_to("start its thread"))?;
         tracing::info!(%ip, pub_port, sub_port, "ZeroMQ broker runs");
-        Ok(Self { ip, pub_port, sub_port, shared, stop: bell, thread: Some(thread) })
+        Ok(Self { ip, pub_port, sub_port, status, _runs: runs })
     }
 
     /// Address it is bound to.
@@ -194,33 +193,11 @@ impl Broker {
     /// Counters and subscriptions; the latter at most half a second old.
     #[must_use]
     pub fn status(&self) -> BrokerStatus {
-        self.shared.status()
+        self.status.lock().clone()
     }
 }
 
-impl Drop for Broker {
-    fn drop(&mut self) {
-        self.stop.ring();
-        if let Some(thread) = self.thread.take()
-            && thread.join().is_err()
-        {
-            tracing::error!("the ZeroMQ broker's thread panicked");
-        }
-        tracing::info!(pub_port = self.pub_port, sub_port = self.sub_port, "ZeroMQ broker ended");
-    }
-}
-
-impl std::fmt::Debug for Broker {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Broker")
-            .field("ip", &self.ip)
-            .field("pub_port", &self.pub_port)
-            .field("sub_port", &self.sub_port)
-            .finish_non_exhaustive()
-    }
-}
-
-impl Stand for Broker {
+impl Supervised for Broker {
     type Config = (BrokerConfig, Arc<Ledger>);
 
     const FRONT: Side = Side { ours: "SUB", expected: "XPUB" };
@@ -250,8 +227,8 @@ fn socket(context: &zmq::Context, ip: IpAddr, config: &BrokerConfig) -> zmq::Res
 
 /// The address of `host`, which others may reach only where that is allowed.
 pub(super) fn loopback(host: &str, insecure: Insecure) -> Result<IpAddr, BrokerError> {
-    let ip = resolve(host).map_err(|reason| BrokerError::Host { reason })?;
-    allowed(ip, insecure)?;
+    let ip = resolve(host)?;
+    insecure.check(super::NAME, "a broker", ip)?;
     Ok(ip)
 }
 
@@ -276,9 +253,6 @@ pub(super) fn bind(socket: &zmq::Socket, ip: IpAddr, port: u16) -> Result<u16, B
         zmq::Error::EADDRNOTAVAIL | zmq::Error::ENODEV => BrokerError::NotHere { ip },
         other => failed_to(&format!("bind {endpoint}"))(other),
     })?;
-    if port != 0 {
-        return Ok(port);
-    }
     let bound = socket.get_last_endpoint().map_err(failed_to("learn its port"))?;
     bound
         .ok()
@@ -289,71 +263,4 @@ pub(super) fn bind(socket: &zmq::Socket, ip: IpAddr, port: u16) -> Result<u16, B
 pub(super) fn failed_to<E: std::fmt::Display>(action: &str) -> impl FnOnce(E) -> BrokerError {
     let action = action.to_owned();
     move |error| BrokerError::Transport { action, reason: error.to_string() }
-}
-
-/// State that the broker's thread shares with its owner.
-#[derive(Default)]
-pub(super) struct Shared {
-    messages: AtomicU64,
-    bytes: AtomicU64,
-    forged: AtomicU64,
-    ignored: AtomicU64,
-    missed: Counters,
-    told: Mutex<Told>,
-}
-
-#[derive(Default)]
-struct Told {
-    subscriptions: BTreeMap<String, u64>,
-    traffic: super::traffic::Told,
-    failure: Option<String>,
-}
-
-impl Shared {
-    pub(super) fn count_message(&self, bytes: usize) {
-        self.messages.fetch_add(1, Relaxed);
-        self.bytes.fetch_add(bytes as u64, Relaxed);
-    }
-
-    pub(super) fn count_forged(&self) {
-        self.forged.fetch_add(1, Relaxed);
-    }
-
-    pub(super) fn count_ignored(&self) {
-        self.ignored.fetch_add(1, Relaxed);
-    }
-
-    pub(super) fn count_missed(&self, reason: DropReason) {
-        self.missed.dropped(reason);
-    }
-
-    pub(super) fn set_subscriptions<'a>(&self, counts: impl Iterator<Item = (&'a str, u64)>) {
-        let counts = counts.map(|(topic, count)| (topic.to_owned(), count)).collect();
-        self.told.lock().unwrap_or_else(PoisonError::into_inner).subscriptions = counts;
-    }
-
-    pub(super) fn set_traffic(&self, traffic: super::traffic::Told) {
-        self.told.lock().unwrap_or_else(PoisonError::into_inner).traffic = traffic;
-    }
-
-    /// Notes the reason why the broker does not work now; `None` when it does again.
-    pub(super) fn failed(&self, why: Option<String>) {
-        self.told.lock().unwrap_or_else(PoisonError::into_inner).failure = why;
-    }
-
-    fn status(&self) -> BrokerStatus {
-        let drops = self.missed.snapshot().drops.into_iter();
-        let told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
-        BrokerStatus {
-            messages: self.messages.load(Relaxed),
-            bytes: self.bytes.load(Relaxed),
-            forged: self.forged.load(Relaxed),
-            ignored: self.ignored.load(Relaxed),
-            missed: drops.map(|(reason, count)| (reason.as_str(), count)).collect(),
-            subscriptions: told.subscriptions.clone(),
-            topics: told.traffic.topics.clone(),
-            unlisted: told.traffic.unlisted,
-            failure: told.failure.clone(),
-        }
-    }
 }

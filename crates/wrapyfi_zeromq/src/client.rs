@@ -1,8 +1,8 @@
 //! Calls a service through the broker.
 //!
 //! ```text
-//!   send ─ JSON ─▶ Calls ── the broker is reached ──▶ mark, "", JSON ──▶ Line
-//!   take ◀─ payload, error ◀─ mark: whose call, which form ◀─────────── Line
+//!   send ─ JSON ─▶ Calls ── the broker is reached ──▶ mark, "", JSON ──▶ ServiceConnection
+//!   take ◀─ payload, error ◀─ mark: whose call, which form ◀─────────── ServiceConnection
 //! ```
 
 use std::sync::Arc;
@@ -11,10 +11,9 @@ use std::time::Instant;
 use bytes::Bytes;
 
 use super::deadline;
-use super::envelope::{self, Parcel};
-use super::line::{Delivery, End, Line, Post, Unusable};
+use super::envelope::{self, ServiceMessage};
+use super::service_connection::{Delivery, End, ServiceConnection, ServiceHandle, Unusable};
 use super::{Shared, transport};
-use wrapyfi_data::DecodeError;
 use wrapyfi_data::EncodeError;
 use wrapyfi_data::types::{Payload, Stamp};
 use wrapyfi_endpoint::calls::{Calls, Stage};
@@ -32,7 +31,7 @@ pub(super) struct Outgoing {
 /// Calls the service on one pair of ports.
 pub(super) struct ZeroMqClient {
     spec: ServiceSpec,
-    post: Arc<Post>,
+    handle: Arc<ServiceHandle>,
     number: i64,
 }
 
@@ -46,10 +45,10 @@ impl ZeroMqClient {
         let mut spec = spec.clone();
         // Beyond this the broker would cut the connection.
         spec.limits.message_bytes = spec.limits.message_bytes.min(shared.max_frame_bytes);
-        let post = Line::open(shared, endpoint, End::Client, &spec, context)
+        let handle = ServiceConnection::open(shared, endpoint, End::Client, &spec, context)
             .map_err(|error| transport(&spec.service, error))?;
         let (service, pending) = (spec.service.clone(), spec.pending);
-        Ok(WireClient::new(Self { spec, post, number: 0 }, &service, pending, context))
+        Ok(WireClient::new(Self { spec, handle, number: 0 }, &service, pending, context))
     }
 
     fn deliver(&self, delivery: &Delivery, calls: &mut Calls<Outgoing>) {
@@ -57,8 +56,8 @@ impl ZeroMqClient {
         let call = mark.and_then(|mark| Some((mark, i64::try_from(mark.number).ok()?)));
         let Some((mark, number)) = call else {
             // Nobody hands back another envelope than ours.
-            self.post.context().counters.received(delivery.wire_bytes);
-            self.post.context().counters.dropped(DropReason::Malformed);
+            self.handle.context.counters.received(delivery.wire_bytes);
+            self.handle.context.counters.dropped(DropReason::Malformed);
             return;
         };
         let (spec, body) = (&self.spec, &delivery.body);
@@ -75,20 +74,7 @@ fn read(
 ) -> Result<Payload, CallError> {
     let unusable = |fault| CallError::Reply { service: spec.service.clone(), fault };
     let refused = |reason| CallError::Refused { service: spec.service.clone(), reason };
-    let body = body.map_err(|why| {
-        unusable(match *why {
-            Unusable::TooLarge(size) => DecodeError::TooLarge {
-                what: "message",
-                path: "$".into(),
-                actual: size as u64,
-                limit: spec.limits.message_bytes as u64,
-            },
-            Unusable::Frames(frames) => DecodeError::Mismatch {
-                expected: "a reply of one frame".into(),
-                actual: format!("{frames} frames"),
-            },
-        })
-    })?;
+    let body = body.map_err(|why| unusable(why.fault("reply", spec.limits.message_bytes)))?;
     match mark.kind {
         Kind::Request => {
             requests::decode_reply(body, spec, Stamp::now()).map_err(unusable)?.map_err(refused)
@@ -112,7 +98,7 @@ impl ClientWire for ZeroMqClient {
     }
 
     fn turn(&mut self, calls: &mut Calls<Outgoing>) {
-        while self.post.link().is_up() && calls.next_to_send().is_some() {
+        while self.handle.link.is_up() && calls.next_to_send().is_some() {
             self.number += 1;
             let Some(Outgoing { body, deadline }) = calls.send(self.number) else { break };
             let content = Content::of(self.spec.kind.message_type());
@@ -120,15 +106,15 @@ impl ClientWire for ZeroMqClient {
                 deadline::request(content, self.number.unsigned_abs(), deadline, calls.clock());
             let envelope = vec![Bytes::from(mark.encode())];
             // A request counts with its call, and finds room.
-            _ = self.post.send(Parcel { envelope, body }, Some(deadline));
+            _ = self.handle.send(ServiceMessage { envelope, body }, Some(deadline));
         }
-        while let Some(delivery) = self.post.take() {
+        while let Some(delivery) = self.handle.take() {
             self.deliver(&delivery, calls);
         }
     }
 
     fn missing(&self, stage: Stage) -> String {
-        match (stage, self.post.link().waiting_for()) {
+        match (stage, self.handle.link.waiting_for()) {
             (Stage::Waiting, Some(what)) => format!("still waiting for {what}"),
             (Stage::Waiting, None) => "the broker was reached too late".to_owned(),
             (Stage::Sent, Some(what)) => {
@@ -144,12 +130,12 @@ impl ClientWire for ZeroMqClient {
 
     fn link(&self) -> Link {
         // A broker does not tell clients who serves.
-        Link { peers: None, waiting_for: self.post.link().waiting_for(), keeps_last: false }
+        Link { peers: None, waiting_for: self.handle.link.waiting_for(), keeps_last: false }
     }
 }
 
 impl Drop for ZeroMqClient {
     fn drop(&mut self) {
-        self.post.close();
+        self.handle.close();
     }
 }

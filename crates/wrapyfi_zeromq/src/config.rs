@@ -7,10 +7,10 @@
 
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 
-use super::broker::BrokerConfig;
+use super::broker::{BrokerConfig, BrokerError};
 use super::service_broker::ServiceBrokerConfig;
 use wrapyfi_endpoint::network::{
-    Hosts, Insecure, Place, ReachedByOthers, is_of_this_machine, is_on,
+    Hosts, Insecure, Place, ReachedByOthers, VariableError, Variables, is_of_this_machine, variable,
 };
 
 /// Permission for this process to run the broker.
@@ -84,40 +84,6 @@ impl Default for ZeroMqConfig {
 /// Room above a message limit for topic and header frames.
 pub(super) const FRAME_SLACK: usize = 64 * 1024;
 
-/// Error of the environment variables of ZeroMQ.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum ConfigError {
-    /// A port that is no port.
-    #[error("{name}={value:?} is not a port: write a number from 1 to 65535")]
-    Port {
-        /// Variable.
-        name: &'static str,
-        /// Value of the variable.
-        value: String,
-    },
-    /// A switch that is neither on nor off.
-    #[error("{name}={value:?} is neither True nor False")]
-    Switch {
-        /// Variable.
-        name: &'static str,
-        /// Value of the variable.
-        value: String,
-    },
-    /// Set, but to nothing.
-    #[error("{name} is set to nothing: give it a value or unset it")]
-    Empty {
-        /// Variable.
-        name: &'static str,
-    },
-    /// The value of a variable is not text.
-    #[error("{name} is not UTF-8 text")]
-    NotText {
-        /// Variable.
-        name: &'static str,
-    },
-}
-
 impl ZeroMqConfig {
     /// The defaults, changed by the `WRAPYFI_ZEROMQ_*` variables, as Wrapyfi's publishers,
     /// listeners and servers read them: `…_REQ_PORT` is [`Self::rep_port`] and `…_REP_PORT` is
@@ -125,7 +91,7 @@ impl ZeroMqConfig {
     ///
     /// # Errors
     /// When a variable has a value that means nothing; the error names it.
-    pub fn from_env() -> Result<Self, ConfigError> {
+    pub fn from_env() -> Result<Self, VariableError> {
         Self::from_lookup(variable)
     }
 
@@ -133,7 +99,7 @@ impl ZeroMqConfig {
     ///
     /// # Errors
     /// As [`Self::from_env`].
-    pub fn from_env_of_client() -> Result<Self, ConfigError> {
+    pub fn from_env_of_client() -> Result<Self, VariableError> {
         // The variable that servers read into the other port.
         Self::from_lookup(|name| match name {
             "WRAPYFI_ZEROMQ_SOCKET_REQ_PORT" => variable("WRAPYFI_ZEROMQ_SOCKET_REP_PORT"),
@@ -143,29 +109,15 @@ impl ZeroMqConfig {
     }
 
     fn from_lookup(
-        lookup: impl Fn(&'static str) -> Result<Option<String>, ConfigError>,
-    ) -> Result<Self, ConfigError> {
-        let text = |name| match lookup(name)? {
-            Some(value) if value.trim().is_empty() => Err(ConfigError::Empty { name }),
-            found => Ok(found),
-        };
-        let port = |name, default| match text(name)? {
-            None => Ok(default),
-            Some(value) => match value.trim().parse() {
-                Ok(port) if port > 0 => Ok(port),
-                _ => Err(ConfigError::Port { name, value }),
-            },
-        };
-        let switch = |name, default| match text(name)? {
-            None => Ok(default),
-            Some(value) => is_on(&value).ok_or(ConfigError::Switch { name, value }),
-        };
+        lookup: impl Fn(&'static str) -> Result<Option<String>, VariableError>,
+    ) -> Result<Self, VariableError> {
+        let of = Variables(lookup);
         let default = Self::default();
-        let ip = text("WRAPYFI_ZEROMQ_SOCKET_IP")?;
+        let ip = of.text("WRAPYFI_ZEROMQ_SOCKET_IP")?;
         let mut insecure = Insecure::default();
-        let is_insecure = switch("WRAPYFI_ZEROMQ_INSECURE", false)?;
+        let is_insecure = of.switch("WRAPYFI_ZEROMQ_INSECURE", false)?;
         insecure.said(Place::Environment, ip.is_some(), is_insecure);
-        let broker = if switch("WRAPYFI_ZEROMQ_START_PROXY_BROKER", true)? {
+        let broker = if of.switch("WRAPYFI_ZEROMQ_START_PROXY_BROKER", true)? {
             BrokerMode::Embedded
         } else {
             BrokerMode::Foreign
@@ -173,13 +125,14 @@ impl ZeroMqConfig {
         Ok(Self {
             ip: ip.unwrap_or(default.ip),
             insecure,
-            pub_port: port("WRAPYFI_ZEROMQ_SOCKET_PUB_PORT", default.pub_port)?,
-            sub_port: port("WRAPYFI_ZEROMQ_SOCKET_SUB_PORT", default.sub_port)?,
-            rep_port: port("WRAPYFI_ZEROMQ_SOCKET_REQ_PORT", default.rep_port)?,
-            req_port: port("WRAPYFI_ZEROMQ_SOCKET_REP_PORT", default.req_port)?,
-            monitor_topic: text("WRAPYFI_ZEROMQ_PUBSUB_MONITOR_TOPIC")?
+            pub_port: of.port("WRAPYFI_ZEROMQ_SOCKET_PUB_PORT", default.pub_port)?,
+            sub_port: of.port("WRAPYFI_ZEROMQ_SOCKET_SUB_PORT", default.sub_port)?,
+            rep_port: of.port("WRAPYFI_ZEROMQ_SOCKET_REQ_PORT", default.rep_port)?,
+            req_port: of.port("WRAPYFI_ZEROMQ_SOCKET_REP_PORT", default.req_port)?,
+            monitor_topic: of
+                .text("WRAPYFI_ZEROMQ_PUBSUB_MONITOR_TOPIC")?
                 .unwrap_or(default.monitor_topic),
-            monitor: switch("WRAPYFI_ZEROMQ_START_PUBSUB_MONITOR", true)?,
+            monitor: of.switch("WRAPYFI_ZEROMQ_START_PUBSUB_MONITOR", true)?,
             broker,
             service_broker: broker,
             ..default
@@ -195,7 +148,9 @@ impl ZeroMqConfig {
         let is_ours = [self.broker, self.service_broker].contains(&BrokerMode::Embedded);
         // A name that has no address yet is looked at when the broker starts.
         match self.hosts.or_same(&self.ip).parse::<IpAddr>() {
-            Ok(ip) if is_ours && is_of_this_machine(ip) => allowed(ip, self.insecure),
+            Ok(ip) if is_ours && is_of_this_machine(ip) => {
+                self.insecure.check(super::NAME, "a broker", ip)
+            }
             _ => Ok(()),
         }
     }
@@ -213,17 +168,7 @@ impl ZeroMqConfig {
             insecure: self.insecure,
         }
     }
-}
 
-fn variable(name: &'static str) -> Result<Option<String>, ConfigError> {
-    match std::env::var(name) {
-        Ok(value) => Ok(Some(value)),
-        Err(std::env::VarError::NotPresent) => Ok(None),
-        Err(std::env::VarError::NotUnicode(_)) => Err(ConfigError::NotText { name }),
-    }
-}
-
-impl ZeroMqConfig {
     /// The broker of requests and replies that these settings describe.
     #[must_use]
     pub fn service_broker_config(&self) -> ServiceBrokerConfig {
@@ -239,16 +184,11 @@ impl ZeroMqConfig {
 }
 
 /// First address of `host`, or the reason why there is none.
-pub(super) fn resolve(host: &str) -> Result<IpAddr, String> {
+pub(super) fn resolve(host: &str) -> Result<IpAddr, BrokerError> {
     if host == "*" {
         return Ok(Ipv4Addr::UNSPECIFIED.into());
     }
-    Hosts::default().resolve(host)
-}
-
-/// Checks that a broker may listen at this address.
-pub(super) fn allowed(ip: IpAddr, insecure: Insecure) -> Result<(), ReachedByOthers> {
-    insecure.check(super::NAME, "a broker", ip)
+    Hosts::default().resolve(host).map_err(|reason| BrokerError::Host { reason })
 }
 
 /// Address to connect to for a broker bound to `ip`: all interfaces are reached through loopback.
@@ -264,7 +204,7 @@ pub(super) fn reachable(ip: IpAddr) -> IpAddr {
 mod tests {
     use super::*;
 
-    fn from(pairs: &[(&str, &str)]) -> Result<ZeroMqConfig, ConfigError> {
+    fn from(pairs: &[(&str, &str)]) -> Result<ZeroMqConfig, VariableError> {
         ZeroMqConfig::from_lookup(|name| {
             Ok(pairs.iter().find(|(n, _)| *n == name).map(|(_, v)| (*v).to_owned()))
         })

@@ -4,7 +4,8 @@
 //! has no call. Each endpoint takes three sockets, so 341 endpoints fill one.
 
 use std::fs::File;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use wrapyfi_endpoint::Mutex;
 
 /// Descriptors that must be free before a context is made: libzmq ends the process where its threads find none.
 const SPARE_FILES: usize = 16;
@@ -19,7 +20,7 @@ impl Contexts {
     /// # Errors
     /// The error of libzmq; `EMFILE` where the process may not open more files.
     pub(super) fn open<T>(&self, open: impl Fn(&zmq::Context) -> zmq::Result<T>) -> zmq::Result<T> {
-        let mut contexts = self.lock();
+        let mut contexts = self.0.lock();
         for context in contexts.iter() {
             match open(context) {
                 Err(zmq::Error::EMFILE) => {}
@@ -36,17 +37,13 @@ impl Contexts {
         contexts.push(context);
         Ok(opened)
     }
-
-    fn lock(&self) -> MutexGuard<'_, Vec<zmq::Context>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
 }
 
 /// A refusal in words, with the remedy where there is one.
 pub(super) fn reason(error: zmq::Error) -> String {
     match error {
         zmq::Error::EMFILE => {
-            "the process may open no more files: raise its limit (ulimit -n, LimitNOFILE)"
+            "the process is at its limit of open files: raise that (ulimit -n, LimitNOFILE)"
                 .to_owned()
         }
         other => other.to_string(),

@@ -17,14 +17,15 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use super::frames::{Received, receive};
 use super::link::{self, BrokerLink, Watch};
 use super::options;
-use super::traffic::{Look, TRAFFIC_TOPIC, Told, TopicTraffic};
+use super::traffic::{TRAFFIC_TOPIC, TopicTraffic, TrafficTable, guess};
 use super::{NAME, Shared};
 use wrapyfi_endpoint::{DiscoverError, Discovered, Discovery, Role, Traffic, Wake};
 
 /// Prefix of the subscription that makes Wrapyfi's broker tell its counts. Not listed.
-const PROBE: &str = "WRAPYFI/LOOK/";
+const ASKS_FOR_COUNTS: &str = "WRAPYFI/LOOK/";
 /// Longest time that our broker may take to send its table, once it is reached.
 const OURS_ANSWERS_WITHIN: Duration = Duration::from_secs(1);
 /// Largest count or table that is read.
@@ -37,14 +38,13 @@ const BATCH: usize = 1024;
 /// Looks at one broker.
 pub(super) struct ZeroMqDiscovery {
     monitor_topic: String,
-    // Before the watch: see link.rs.
-    socket: Option<zmq::Socket>,
-    watch: Option<Watch>,
+    /// Socket and watch; none once it is dropped.
+    connection: Option<(zmq::Socket, Watch)>,
     link: Arc<BrokerLink>,
     reached_at: Option<Instant>,
     /// True while everything is subscribed to.
     sees_all: bool,
-    told: bool,
+    has_table: bool,
     /// The broker told its counts of listeners.
     counted: bool,
     listeners: BTreeMap<String, u64>,
@@ -54,18 +54,17 @@ pub(super) struct ZeroMqDiscovery {
 impl ZeroMqDiscovery {
     pub(super) fn new(shared: &Shared, monitor_topic: &str) -> Result<Self, DiscoverError> {
         let link = BrokerLink::new(&shared.pub_endpoint);
-        let (socket, watch) = shared
+        let connection = shared
             .contexts
             .open(|context| open(context, shared, &link, monitor_topic))
             .map_err(|error| transport(&error))?;
         Ok(Self {
             monitor_topic: monitor_topic.to_owned(),
-            socket: Some(socket),
-            watch: Some(watch),
+            connection: Some(connection),
             link,
             reached_at: None,
             sees_all: false,
-            told: false,
+            has_table: false,
             counted: false,
             listeners: BTreeMap::new(),
             topics: BTreeMap::new(),
@@ -74,7 +73,7 @@ impl ZeroMqDiscovery {
 
     /// Subscribes to what begins with `prefix` from the start, and sees what passes there.
     pub(super) fn subscribed(mut self, prefix: &str) -> Result<Self, DiscoverError> {
-        if let Some(socket) = &self.socket {
+        if let Some((socket, _)) = &self.connection {
             socket.set_subscribe(prefix.as_bytes()).map_err(|error| transport(&error))?;
             self.sees_all = true;
         }
@@ -83,21 +82,13 @@ impl ZeroMqDiscovery {
 
     fn read(&mut self) -> zmq::Result<()> {
         for _ in 0..BATCH {
-            let Some(socket) = &self.socket else { return Ok(()) };
-            let first = match socket.recv_msg(zmq::DONTWAIT) {
-                Ok(first) => first,
-                Err(zmq::Error::EAGAIN) => return Ok(()),
-                Err(error) => return Err(error),
+            let Some((socket, _)) = &self.connection else { return Ok(()) };
+            let Some(Received { frames, count, bytes }) = receive(socket, usize::MAX)? else {
+                return Ok(());
             };
-            let (mut frames, mut bytes, mut more) = (1, first.len(), first.get_more());
-            let mut last = None;
-            while more {
-                let frame = socket.recv_msg(0)?;
-                (frames, bytes, more) = (frames + 1, bytes + frame.len(), frame.get_more());
-                last = Some(frame);
-            }
-            let body: &[u8] = last.as_deref().unwrap_or_default();
-            let Ok(topic) = std::str::from_utf8(&first) else { continue };
+            let (Some(first), body) = (frames.first(), frames.get(1..)) else { continue };
+            let body: &[u8] = body.and_then(<[_]>::last).map_or(&[], |last| last);
+            let Ok(topic) = std::str::from_utf8(first) else { continue };
             if topic == self.monitor_topic {
                 self.counts(body);
             } else if topic == TRAFFIC_TOPIC {
@@ -108,7 +99,7 @@ impl ZeroMqDiscovery {
                     let seen = self.topics.entry(topic.to_owned()).or_default();
                     seen.messages += 1;
                     seen.bytes = seen.bytes.saturating_add(bytes as u64);
-                    seen.type_name = Look::guess(frames, body).map(|look| look.name().to_owned());
+                    seen.type_name = guess(count, body).map(str::to_owned);
                 }
             }
         }
@@ -122,16 +113,16 @@ impl ZeroMqDiscovery {
         {
             self.counted = true;
             self.listeners = counts;
-            let own = |topic: &str| topic == TRAFFIC_TOPIC || topic.starts_with(PROBE);
+            let own = |topic: &str| topic == TRAFFIC_TOPIC || topic.starts_with(ASKS_FOR_COUNTS);
             self.listeners.retain(|topic, count| *count > 0 && !own(topic));
         }
     }
 
     fn table(&mut self, body: &[u8]) {
         if body.len() <= MAX_TOLD_BYTES
-            && let Ok(told) = serde_json::from_slice::<Told>(body)
+            && let Ok(told) = serde_json::from_slice::<TrafficTable>(body)
         {
-            self.told = true;
+            self.has_table = true;
             self.topics = told.topics;
         }
     }
@@ -143,10 +134,10 @@ impl ZeroMqDiscovery {
             return Ok(());
         }
         let since = *self.reached_at.get_or_insert(now);
-        if self.told || self.sees_all || now < since + OURS_ANSWERS_WITHIN {
+        if self.has_table || self.sees_all || now < since + OURS_ANSWERS_WITHIN {
             return Ok(());
         }
-        let Some(socket) = &self.socket else { return Ok(()) };
+        let Some((socket, _)) = &self.connection else { return Ok(()) };
         socket.set_subscribe(b"")?;
         self.sees_all = true;
         Ok(())
@@ -166,8 +157,8 @@ fn open(
     let socket = context.socket(zmq::SUB)?;
     options::set_common(&socket, shared.ip)?;
     socket.set_maxmsgsize(options::frame_limit(shared.max_frame_bytes))?;
-    let probe = format!("{PROBE}{}", std::process::id());
-    for topic in [monitor_topic, TRAFFIC_TOPIC, &probe] {
+    let name = format!("{ASKS_FOR_COUNTS}{}", std::process::id());
+    for topic in [monitor_topic, TRAFFIC_TOPIC, &name] {
         socket.set_subscribe(topic.as_bytes())?;
     }
     link::connect(context, socket, link)
@@ -176,18 +167,20 @@ fn open(
 impl Discovery for ZeroMqDiscovery {
     fn endpoints(&mut self) -> Result<Vec<Discovered>, DiscoverError> {
         let now = Instant::now();
-        if let (Some(watch), Some(socket)) = (&mut self.watch, &self.socket) {
+        if let Some((socket, watch)) = &mut self.connection {
             watch.take();
-            watch.revive(socket, &Wake::new(), now);
+            watch.connect_again(socket, &Wake::new(), now);
         }
         self.read().and_then(|()| self.widen(now)).map_err(|error| transport(&error))?;
         let publishers = self.topics.iter().map(|(name, seen)| Discovered {
             type_name: seen.type_name.clone(),
             traffic: Some(Traffic { messages: seen.messages, bytes: seen.bytes }),
-            ..endpoint(name, Role::Publisher, 1)
+            ..Discovered::new(name, Role::Publisher)
         });
-        let listeners =
-            self.listeners.iter().map(|(name, count)| endpoint(name, Role::Listener, *count));
+        let listeners = self.listeners.iter().map(|(name, count)| Discovered {
+            count: *count,
+            ..Discovered::new(name, Role::Listener)
+        });
         let mut found: Vec<_> = publishers.chain(listeners).collect();
         found.sort_by(|a, b| (&a.name, a.role).cmp(&(&b.name, b.role)));
         Ok(found)
@@ -199,17 +192,18 @@ impl Discovery for ZeroMqDiscovery {
 
     fn is_complete(&self) -> Option<bool> {
         // Of another's broker whatever passes is new, for as long as we look.
-        Some(if self.link.is_up() { self.told && self.counted } else { self.link.has_failed() })
+        Some(if self.link.is_up() {
+            self.has_table && self.counted
+        } else {
+            self.link.has_failed()
+        })
     }
-}
-
-fn endpoint(name: &str, role: Role, count: u64) -> Discovered {
-    Discovered { count, ..Discovered::new(name, role) }
 }
 
 impl Drop for ZeroMqDiscovery {
     fn drop(&mut self) {
-        self.socket = None;
-        Watch::see_out(self.watch.take().into_iter().collect());
+        // The socket before the watch: see link.rs.
+        let watches = self.connection.take().into_iter().map(|(_, watch)| watch);
+        Watch::see_out(watches.collect());
     }
 }

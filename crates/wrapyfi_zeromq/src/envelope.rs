@@ -22,13 +22,13 @@ const MAX_ERROR_BYTES: usize = 16 * 1024;
 
 /// A message in its envelope.
 #[derive(Debug)]
-pub(super) struct Parcel {
+pub(super) struct ServiceMessage {
     /// Frames in front of the empty one.
     pub(super) envelope: Vec<Bytes>,
     pub(super) body: Bytes,
 }
 
-/// Fault of frames that are no [`Parcel`].
+/// Fault of frames that are no [`ServiceMessage`].
 #[derive(Debug)]
 pub(super) enum Misfit {
     /// Frames without an envelope: nobody can be answered.
@@ -43,7 +43,7 @@ pub(super) enum Misfit {
 pub(super) fn receive(
     socket: &zmq::Socket,
     limit: usize,
-) -> zmq::Result<Option<(Result<Parcel, Misfit>, usize)>> {
+) -> zmq::Result<Option<(Result<ServiceMessage, Misfit>, usize)>> {
     let mut frame = match socket.recv_msg(zmq::DONTWAIT) {
         Ok(frame) => frame,
         Err(zmq::Error::EAGAIN) => return Ok(None),
@@ -76,16 +76,16 @@ pub(super) fn receive(
         // Frames of one message arrive together: this does not wait.
         frame = socket.recv_msg(0)?;
     }
-    let parcel = match (closed && fits, behind, body) {
+    let message = match (closed && fits, behind, body) {
         (false, ..) => Err(Misfit::NoEnvelope),
-        (true, 1, Some(body)) => Ok(Parcel { envelope, body }),
+        (true, 1, Some(body)) => Ok(ServiceMessage { envelope, body }),
         (true, 1, None) => Err(Misfit::TooLarge(envelope, body_bytes)),
         (true, frames, _) => Err(Misfit::Frames(envelope, frames)),
     };
-    Ok(Some((parcel, size)))
+    Ok(Some((message, size)))
 }
 
-impl Parcel {
+impl ServiceMessage {
     /// The mark of the caller, where it is ours.
     pub(super) fn mark(&self) -> Option<Mark> {
         self::mark(&self.envelope)

@@ -15,7 +15,6 @@ use std::io::ErrorKind;
 use std::net::{IpAddr, TcpListener};
 use std::os::fd::{AsRawFd as _, RawFd};
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
@@ -23,8 +22,8 @@ use mio::unix::SourceFd;
 use mio::{Events, Interest, Poll, Token};
 
 use super::options;
-use super::peer::{Heard, Loss, Message, Peer, Pulse, control};
-use super::zmtp::{self, Owned};
+use super::peer::{Heard, Loss, Message, Peer};
+use super::zmtp::Owned;
 use wrapyfi_endpoint::DropReason;
 
 /// The token of the port; listeners are counted from 0.
@@ -146,13 +145,10 @@ impl Front {
         let ids: Vec<usize> = self.peers.keys().copied().collect();
         for id in ids {
             let Some(peer) = self.peers.get_mut(&id) else { continue };
-            match peer.pulse(now) {
-                Pulse::Fine => {}
-                Pulse::Ask => {
-                    peer.outbox.push_back(control(zmtp::command(b"\x04PING\0\0")));
-                    self.dirty.insert(id);
-                }
-                Pulse::Dead => self.leave(id, &"it does not answer"),
+            if peer.is_alive(now) {
+                self.dirty.insert(id);
+            } else {
+                self.leave(id, &"it does not answer");
             }
         }
         // The process may have files again after it had run out of them.
@@ -169,9 +165,7 @@ impl Front {
             return;
         }
         let of = of.map(|size| (Bytes::copy_from_slice(topic), size));
-        let parts = zmtp::encode(frames.into_iter().map(Owned).collect());
-        let wire_bytes = parts.iter().map(Bytes::len).sum();
-        let message = Arc::new(Message { parts, wire_bytes, of, missed: AtomicBool::new(false) });
+        let message = Message::new(frames.into_iter().map(Owned).collect(), of, None);
         for id in to {
             let Some(peer) = self.peers.get_mut(&id) else { continue };
             match peer.queue(&message, self.hwm) {
@@ -254,19 +248,24 @@ impl Front {
     /// Reads what a listener has said; without `to_the_end` as far as one look shows that nothing is left.
     fn read(&mut self, id: usize, to_the_end: bool, now: Instant) {
         let Some(peer) = self.peers.get_mut(&id) else { return };
-        let read = peer.read(&mut self.scratch, &mut self.heard, to_the_end, now);
+        let mut heard = Vec::new();
+        let read = peer.read(&mut self.scratch, &mut heard, to_the_end, now);
         self.dirty.insert(id);
-        for (topic, on) in std::mem::take(&mut peer.news) {
-            if !on {
-                unlist(&mut self.index, &mut self.lengths, &topic, id);
-                continue;
-            }
-            let length = topic.len();
-            let ids = self.index.entry(topic).or_default();
-            if ids.insert(id) && ids.len() == 1 {
-                *self.lengths.entry(length).or_default() += 1;
+        for one in &heard {
+            match one {
+                Heard::Subscribed(topic) => {
+                    let ids = self.index.entry(topic.clone()).or_default();
+                    if ids.insert(id) && ids.len() == 1 {
+                        *self.lengths.entry(topic.len()).or_default() += 1;
+                    }
+                }
+                Heard::Unsubscribed(topic) => {
+                    unlist(&mut self.index, &mut self.lengths, topic, id);
+                }
+                Heard::Ignored => {}
             }
         }
+        self.heard.append(&mut heard);
         match read {
             Ok(true) => _ = self.unread.insert(id),
             Ok(false) => {}
@@ -316,11 +315,5 @@ fn unlist(
         if *count == 0 {
             lengths.remove(&topic.len());
         }
-    }
-}
-
-impl std::fmt::Debug for Front {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Front").field("peers", &self.peers.len()).finish_non_exhaustive()
     }
 }

@@ -3,12 +3,12 @@
 //! ```text
 //!   open, close ── commands ──┐
 //!   listeners' SUB ───────────┤          ┌─▶ Reception: inbox
-//!   publishers' connections ──┼─▶ epoll ─┼─▶ Outlet: who listens, what waits
-//!   clients', servers' DEALER ┤          ├─▶ Line: requests, replies
+//!   publishers' connections ──┼─▶ epoll ─┼─▶ PublisherConnection: who listens, what waits
+//!   clients', servers' DEALER ┤          ├─▶ ServiceConnection: requests, replies
 //!   connection events ────────┘          └─▶ BrokerLink, wake
 //! ```
 //!
-//! Publishing itself happens on the caller's thread, as far as the connection takes it: see `Outlet`.
+//! Publishing itself happens on the caller's thread, as far as the connection takes it: see `PublisherConnection`.
 //!
 //! A socket's descriptor says once that something happened. So an endpoint that is looked at is read until it has
 //! no more, or stays among those to be looked at without waiting. Only what moved is looked at: a thousand endpoints
@@ -25,19 +25,19 @@ use std::time::{Duration, Instant};
 use mio::unix::SourceFd;
 use mio::{Events, Interest, Poll, Registry, Token, Waker};
 
-use super::line::Line;
-use super::link::Watch;
+use super::link::{FAREWELL, Watch};
 use super::options;
-use super::outlet::Outlet;
+use super::publisher_connection::PublisherConnection;
 use super::reception::Reception;
+use super::service_connection::ServiceConnection;
 use wrapyfi_endpoint::Throttle;
 use wrapyfi_endpoint::backoff::{self, Backoff};
 
 /// Demand of an endpoint on the I/O thread.
 pub(super) enum Command {
     Listen(Reception),
-    Publish(Arc<Outlet>),
-    Line(Line),
+    Publish(Arc<PublisherConnection>),
+    ServiceConnection(ServiceConnection),
     /// There is room in an inbox again, or something to send.
     Look(u64),
     Close(u64),
@@ -77,7 +77,7 @@ impl Handle {
 
 /// The thread. Dropping this ends it and closes all its sockets.
 pub(super) struct Io {
-    handle: Arc<Handle>,
+    pub(super) handle: Arc<Handle>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -105,10 +105,6 @@ impl Io {
             std::thread::Builder::new().name("zeromq-io".to_owned()).spawn(|| worker.run())?;
         Ok(Self { handle, thread: Some(thread) })
     }
-
-    pub(super) fn handle(&self) -> &Arc<Handle> {
-        &self.handle
-    }
 }
 
 impl Drop for Io {
@@ -127,8 +123,8 @@ impl Drop for Io {
 enum End {
     Reception(Reception),
     /// Connection of a publisher, which asks the system for its events by itself.
-    Outlet(Arc<Outlet>),
-    Line(Line),
+    PublisherConnection(Arc<PublisherConnection>),
+    ServiceConnection(ServiceConnection),
     /// Socket that is being closed.
     Closing(u64, Watch),
 }
@@ -139,7 +135,7 @@ pub(super) struct Look {
     /// There is more to read.
     pub(super) more: bool,
     /// Time until it must be looked at although nothing happens.
-    pub(super) patience: Option<Duration>,
+    pub(super) timeout: Option<Duration>,
     /// True when the endpoint is gone.
     pub(super) over: bool,
 }
@@ -161,32 +157,41 @@ struct Worker {
 impl Worker {
     /// Runs until it is told to stop.
     fn run(mut self) {
-        let mut backoff = Backoff::of_process(0);
-        while !self.handle.stop.load(Relaxed) {
-            if catch_unwind(AssertUnwindSafe(|| self.turns(&mut backoff))).is_err() {
-                tracing::error!("the ZeroMQ I/O thread panicked: it goes on after a pause");
-                std::thread::sleep(backoff.wait());
-                self.ready.extend(self.ends.keys());
+        let (mut backoff, mut until) = (Backoff::of_process(0), None);
+        loop {
+            match catch_unwind(AssertUnwindSafe(|| self.turns(&mut backoff, until))) {
+                Err(_) => {
+                    tracing::error!("the ZeroMQ I/O thread panicked: it goes on after a pause");
+                    std::thread::sleep(backoff.wait());
+                    self.ready.extend(self.ends.keys());
+                }
+                Ok(()) if until.is_some() => break,
+                Ok(()) => {
+                    // Endpoints may live on; their sockets must not, or the context never ends.
+                    self.obey();
+                    let ids: Vec<u64> = self.ends.keys().copied().collect();
+                    ids.into_iter().for_each(|id| self.close(id));
+                    until = Some(Instant::now() + options::LINGER + FAREWELL);
+                }
             }
         }
-        self.obey();
-        // Endpoints may live on; their sockets must not, or the context never ends.
-        let now = Instant::now();
-        let mut watches = Vec::new();
-        for end in std::mem::take(&mut self.ends).into_values() {
-            match end.close(now) {
-                End::Closing(_, watch) => watches.push(watch),
-                End::Outlet(outlet) => outlet.finish(now + options::LINGER),
-                End::Reception(_) | End::Line(_) => {}
-            }
+        if !self.ends.is_empty() {
+            tracing::warn!(sockets = self.ends.len(), "ZeroMQ sockets did not close in time");
         }
-        Watch::see_out(watches);
     }
 
-    fn turns(&mut self, backoff: &mut Backoff) {
+    /// Handles what happens until the thread is told to stop; with `until`, until all is closed or that time has come.
+    fn turns(&mut self, backoff: &mut Backoff, until: Option<Instant>) {
         let mut events = Events::with_capacity(EVENTS);
-        while !self.handle.stop.load(Relaxed) {
-            let next = self.timed.values().min();
+        loop {
+            let is_over = match until {
+                None => self.handle.stop.load(Relaxed),
+                Some(until) => self.ends.is_empty() || until <= Instant::now(),
+            };
+            if is_over {
+                return;
+            }
+            let next = self.timed.values().copied().chain(until).min();
             let left = next.map(|at| at.saturating_duration_since(Instant::now()));
             let wait = if self.ready.is_empty() { left } else { Some(Duration::ZERO) };
             if let Err(error) = self.poll.poll(&mut events, wait)
@@ -209,16 +214,22 @@ impl Worker {
         while let Ok(command) = self.commands.try_recv() {
             match command {
                 Command::Listen(reception) => self.add(reception.id, End::Reception(reception)),
-                Command::Publish(outlet) => self.add(outlet.id(), End::Outlet(outlet)),
-                Command::Line(line) => self.add(line.id(), End::Line(line)),
-                Command::Look(id) => _ = self.ready.insert(id),
-                Command::Close(id) => {
-                    if let Some(end) = self.ends.remove(&id) {
-                        self.watch(&end, false);
-                        self.add(id, end.close(Instant::now()));
-                    }
+                Command::Publish(connection) => {
+                    self.add(connection.id, End::PublisherConnection(connection))
                 }
+                Command::ServiceConnection(connection) => {
+                    self.add(connection.handle.id, End::ServiceConnection(connection))
+                }
+                Command::Look(id) => _ = self.ready.insert(id),
+                Command::Close(id) => self.close(id),
             }
+        }
+    }
+
+    fn close(&mut self, id: u64) {
+        if let Some(end) = self.ends.remove(&id) {
+            self.watch(&end, false);
+            self.add(id, end.close(Instant::now()));
         }
     }
 
@@ -256,8 +267,8 @@ impl Worker {
                 self.timed.remove(&id);
                 continue;
             };
-            let registry = self.poll.registry();
-            let look = match catch_unwind(AssertUnwindSafe(|| end.look(now, registry))) {
+            let (registry, faults) = (self.poll.registry(), &mut self.faults);
+            let look = match catch_unwind(AssertUnwindSafe(|| end.look(now, registry, faults))) {
                 Ok(Ok(look)) => look,
                 Ok(Err(zmq::Error::EINTR | zmq::Error::EAGAIN)) => Look::again(),
                 Ok(Err(error)) => self.fault(now, &error),
@@ -269,12 +280,15 @@ impl Worker {
                 self.watch(&end, false);
                 // A time that has passed would be looked at again and again.
                 self.timed.remove(&id);
+                if let End::ServiceConnection(connection) = end {
+                    self.add(id, End::Closing(id, connection.end()));
+                }
                 continue;
             }
             if look.more {
                 self.ready.insert(id);
             }
-            match look.patience {
+            match look.timeout {
                 Some(time) => _ = self.timed.insert(id, now + time),
                 None => _ = self.timed.remove(&id),
             }
@@ -299,7 +313,7 @@ impl Look {
     }
 
     pub(super) fn after(time: Duration) -> Self {
-        Self { patience: Some(time), ..Self::default() }
+        Self { timeout: Some(time), ..Self::default() }
     }
 
     pub(super) fn over() -> Self {
@@ -311,24 +325,33 @@ impl End {
     /// The endpoint's descriptors, and what they say when something happened.
     fn descriptors(&self) -> (Token, Vec<RawFd>) {
         let (id, socket, watch) = match self {
-            Self::Outlet(outlet) => return (Token(index(outlet.id())), Vec::new()),
+            Self::PublisherConnection(connection) => {
+                return (Token(index(connection.id)), Vec::new());
+            }
             Self::Reception(reception) => {
                 (reception.id, reception.socket.get_fd().ok(), &reception.watch)
             }
-            Self::Line(line) => (line.id(), line.socket.get_fd().ok(), &line.watch),
+            Self::ServiceConnection(connection) => {
+                (connection.handle.id, connection.socket.get_fd().ok(), &connection.watch)
+            }
             Self::Closing(id, watch) => (*id, None, watch),
         };
         let descriptors = socket.into_iter().chain(watch.fd()).collect();
         (Token(index(id)), descriptors)
     }
 
-    fn look(&mut self, now: Instant, registry: &Registry) -> zmq::Result<Look> {
+    fn look(
+        &mut self,
+        now: Instant,
+        registry: &Registry,
+        faults: &mut Throttle,
+    ) -> zmq::Result<Look> {
         // Connecting again may take the signal of what waits to be read.
         let mut look = Look { more: self.is_lost(now), ..Look::default() };
-        look.patience = match self {
+        look.timeout = match self {
             Self::Reception(reception) => {
                 if reception.watch.take() {
-                    reception.wake.ring();
+                    reception.inbox.context().wake.ring();
                 }
                 let mut held = reception.retry(now);
                 if held.is_none() {
@@ -340,20 +363,24 @@ impl End {
                 }
                 held.into_iter().chain(reception.revive(now)).min()
             }
-            Self::Outlet(outlet) => return Ok(outlet.look(now, registry)),
-            Self::Line(line) => {
-                if line.watch.take() {
-                    line.ring();
+            Self::PublisherConnection(connection) => {
+                return Ok(connection.look(now, registry, faults));
+            }
+            Self::ServiceConnection(connection) => {
+                if connection.watch.take() {
+                    connection.handle.context.wake.ring();
                 }
-                line.write()?;
-                line.read()?;
+                connection.write()?;
+                connection.read()?;
                 // Last: reading or writing may have taken the signal of what the other could not do before.
-                look.more |= line.has_more()?;
-                line.revive(now)
+                look.more |= connection.has_more()?;
+                let lingers = connection.lingers(now);
+                look.over = lingers == Some(Duration::ZERO);
+                connection.revive(now).into_iter().chain(lingers).min()
             }
             Self::Closing(_, watch) => {
                 watch.take();
-                look.over = watch.is_over();
+                look.over = watch.over;
                 None
             }
         };
@@ -363,21 +390,24 @@ impl End {
     /// True when this look will connect the endpoint's socket again.
     fn is_lost(&self, now: Instant) -> bool {
         match self {
-            Self::Outlet(_) => false,
+            Self::PublisherConnection(_) => false,
             Self::Reception(Reception { watch, .. })
-            | Self::Line(Line { watch, .. })
-            | Self::Closing(_, watch) => watch.patience(now) == Some(Duration::ZERO),
+            | Self::ServiceConnection(ServiceConnection { watch, .. })
+            | Self::Closing(_, watch) => watch.time_left(now) == Some(Duration::ZERO),
         }
     }
 
-    /// Closes the socket; what is left of it must be kept until it is over.
+    /// Closes the endpoint; what is left of it must be kept until it is over.
     fn close(self, now: Instant) -> Self {
         match self {
             Self::Reception(reception) => Self::Closing(reception.id, reception.close()),
-            Self::Line(line) => Self::Closing(line.id(), line.close()),
-            Self::Outlet(outlet) => {
-                outlet.close(now);
-                Self::Outlet(outlet)
+            Self::ServiceConnection(mut connection) => {
+                connection.close(now);
+                Self::ServiceConnection(connection)
+            }
+            Self::PublisherConnection(connection) => {
+                connection.close(now);
+                Self::PublisherConnection(connection)
             }
             closing @ Self::Closing(..) => closing,
         }

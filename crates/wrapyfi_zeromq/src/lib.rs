@@ -13,18 +13,18 @@
 //! | module | one idea |
 //! | --- | --- |
 //! | `config` | settings and environment |
-//! | `keeper` | there is a broker: ours, or a foreign one until it dies |
+//! | `supervisor` | there is a broker: ours, or a foreign one until it dies |
 //! | `broker`, `proxy`, `turns`, `monitor`, `traffic` | the broker, its thread, its counts |
 //! | `front`, `ledger` | its side for listeners, whose messages it lost |
 //! | `discovery` | which topics a broker has |
-//! | `probe` | what has a port |
+//! | `port_check` | what has a port |
 //! | `service_broker`, `service_proxy` | the broker of requests and replies, its thread |
-//! | `io`, `reception`, `line`, `link` | the thread that receives, the parts of one listener and of one service in it, connection state |
+//! | `io`, `reception`, `service_connection`, `link` | the thread that receives, the parts of one listener and of one service in it, connection state |
 //! | `listener`, `publisher`, `client`, `server` | the endpoints |
-//! | `outlet` | a publisher's connection to the broker |
+//! | `publisher_connection` | a publisher's connection to the broker |
 //! | `peer`, `zmtp` | one connection of ours as XPUB, the protocol there |
-//! | `envelope` | what is around a request and a reply |
-//! | `echo` | our own messages are not received |
+//! | `frames`, `envelope` | messages of several frames, what is around a request and a reply |
+//! | `own_messages` | our own messages are not received |
 //! | `options`, `contexts` | what all sockets share; room for sockets |
 
 mod broker;
@@ -33,42 +33,43 @@ mod config;
 mod contexts;
 mod deadline;
 mod discovery;
-mod echo;
 mod envelope;
+mod frames;
 mod front;
 mod io;
-mod keeper;
 mod ledger;
-mod line;
 mod link;
 mod listener;
 mod monitor;
 mod options;
-mod outlet;
+mod own_messages;
 mod peer;
-mod probe;
+mod port_check;
 mod proxy;
 mod publisher;
+mod publisher_connection;
 mod reception;
 mod server;
 mod service_broker;
+mod service_connection;
 mod service_proxy;
+mod supervisor;
 mod traffic;
 mod turns;
 mod zmtp;
 
 use std::net::{IpAddr, SocketAddr};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 pub use broker::{Broker, BrokerConfig, BrokerError, BrokerStatus};
-pub use config::{BrokerMode, ConfigError, ZeroMqConfig};
-pub use probe::Answer;
+pub use config::{BrokerMode, ZeroMqConfig};
+pub use port_check::Answer;
 pub use service_broker::{ServiceBroker, ServiceBrokerConfig, ServiceBrokerStatus};
 pub use traffic::TopicTraffic;
 
 use wrapyfi_endpoint::{
-    Client, Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, Role,
-    Server, ServiceSpec, TopicSpec,
+    Client, Context, DiscoverError, Discovery, Listener, Middleware, Mutex, OpenError, Publisher,
+    Role, Server, ServiceSpec, TopicSpec,
 };
 
 /// Name of this middleware in addresses.
@@ -86,10 +87,10 @@ pub struct ZeroMq {
     sub_port: u16,
     // Dropped in this order: sockets may still send while the broker runs.
     shared: Shared,
-    keeper: keeper::Keeper<Broker>,
+    supervisor: supervisor::Supervisor<Broker>,
     config: ZeroMqConfig,
     /// Broker of requests and replies, from the first server on.
-    services: Mutex<Option<keeper::Keeper<ServiceBroker>>>,
+    services: Mutex<Option<supervisor::Supervisor<ServiceBroker>>>,
 }
 
 /// State that endpoints need while they are opened.
@@ -100,7 +101,7 @@ struct Shared {
     sub_address: SocketAddr,
     send_hwm: u16,
     max_frame_bytes: usize,
-    echoes: echo::Echoes,
+    own_messages: own_messages::OwnMessages,
     ledger: Arc<ledger::Ledger>,
     io: io::Io,
     contexts: contexts::Contexts,
@@ -109,7 +110,7 @@ struct Shared {
 /// Error of starting ZeroMQ.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
-pub enum StartError {
+pub enum ZeroMqError {
     /// A port belongs to something that is no broker.
     #[error(
         "port {port} on {ip} is taken by {answer}; a broker would be {expected}: stop that \
@@ -152,7 +153,7 @@ pub enum StartError {
     },
 }
 
-impl StartError {
+impl ZeroMqError {
     /// True when no later try can succeed, because the settings are wrong.
     #[must_use]
     pub fn is_hopeless(&self) -> bool {
@@ -165,7 +166,7 @@ impl StartError {
     }
 }
 
-impl From<zmq::Error> for StartError {
+impl From<zmq::Error> for ZeroMqError {
     fn from(error: zmq::Error) -> Self {
         Self::Transport { reason: error.to_string() }
     }
@@ -177,29 +178,24 @@ impl ZeroMq {
     /// # Errors
     /// When the ports belong to something else, or the settings contradict themselves. A foreign
     /// broker that is not there yet is no error: it is waited for.
-    pub fn start(config: &ZeroMqConfig) -> Result<Self, StartError> {
-        if let Some(reason) = name_fault(&config.monitor_topic) {
-            let topic = config.monitor_topic.clone();
-            return Err(StartError::MonitorTopic { topic, reason });
-        }
-        let ip = config::resolve(&config.hosts.or_same(&config.ip))
-            .map_err(|reason| BrokerError::Host { reason })?;
+    pub fn start(config: &ZeroMqConfig) -> Result<Self, ZeroMqError> {
+        check_topic(&config.monitor_topic).map_err(|reason| ZeroMqError::MonitorTopic {
+            topic: config.monitor_topic.clone(),
+            reason,
+        })?;
+        let ip = config::resolve(&config.hosts.or_same(&config.ip))?;
         let ledger = Arc::<ledger::Ledger>::default();
-        let keeper = keeper::Keeper::<Broker>::start(
+        let supervisor = supervisor::Supervisor::<Broker>::start(
             &(config.broker_config(), Arc::clone(&ledger)),
             config.broker,
             ip,
         )?;
-        let (pub_port, sub_port) = keeper
+        let (pub_port, sub_port) = supervisor
             .own(|broker| (broker.pub_port(), broker.sub_port()))
             .unwrap_or((config.pub_port, config.sub_port));
-        for (field, port) in [("pub_port", pub_port), ("sub_port", sub_port)] {
-            if port == 0 {
-                return Err(StartError::NoPort { field });
-            }
-        }
-        let io =
-            io::Io::start().map_err(|error| StartError::Transport { reason: error.to_string() })?;
+        check_ports([("pub_port", pub_port), ("sub_port", sub_port)])?;
+        let io = io::Io::start()
+            .map_err(|error| ZeroMqError::Transport { reason: error.to_string() })?;
         let ip = config::reachable(ip);
         let shared = Shared {
             ip,
@@ -207,7 +203,7 @@ impl ZeroMq {
             sub_address: SocketAddr::new(ip, sub_port),
             send_hwm: config.send_hwm,
             max_frame_bytes: config.max_frame_bytes,
-            echoes: echo::Echoes::default(),
+            own_messages: own_messages::OwnMessages::default(),
             ledger,
             io,
             contexts: contexts::Contexts::default(),
@@ -217,7 +213,7 @@ impl ZeroMq {
             pub_port,
             sub_port,
             shared,
-            keeper,
+            supervisor,
             config: config.clone(),
             services: Mutex::default(),
         })
@@ -238,7 +234,7 @@ impl ZeroMq {
     /// State of the broker, where it is this process that runs it now.
     #[must_use]
     pub fn broker_status(&self) -> Option<BrokerStatus> {
-        self.keeper.own(Broker::status)
+        self.supervisor.own(Broker::status)
     }
 
     /// Sees to it that there is a broker of requests and replies, as the first server does by
@@ -247,41 +243,32 @@ impl ZeroMq {
     ///
     /// # Errors
     /// As [`ZeroMq::start`].
-    pub fn start_services(&self) -> Result<(u16, u16), StartError> {
-        let mut services = self.services.lock().unwrap_or_else(PoisonError::into_inner);
-        let keeper = match &mut *services {
-            Some(keeper) => keeper,
+    pub fn start_services(&self) -> Result<(u16, u16), ZeroMqError> {
+        let mut services = self.services.lock();
+        let supervisor = match &mut *services {
+            Some(supervisor) => supervisor,
             none => {
-                let ip = config::resolve(&self.config.hosts.or_same(&self.config.ip))
-                    .map_err(|reason| BrokerError::Host { reason })?;
+                let ip = config::resolve(&self.config.hosts.or_same(&self.config.ip))?;
                 let config = self.config.service_broker_config();
-                none.insert(keeper::Keeper::start(&config, self.config.service_broker, ip)?)
+                none.insert(supervisor::Supervisor::start(&config, self.config.service_broker, ip)?)
             }
         };
-        let own = keeper.own(|broker| (broker.rep_port(), broker.req_port()));
+        let own = supervisor.own(|broker| (broker.rep_port(), broker.req_port()));
         let (rep_port, req_port) = own.unwrap_or((self.config.rep_port, self.config.req_port));
-        for (field, port) in [("rep_port", rep_port), ("req_port", req_port)] {
-            if port == 0 {
-                return Err(StartError::NoPort { field });
-            }
-        }
+        check_ports([("rep_port", rep_port), ("req_port", req_port)])?;
         Ok((rep_port, req_port))
     }
 
     /// State of the broker of requests and replies, where it is this process that runs it now.
     #[must_use]
     pub fn service_broker_status(&self) -> Option<ServiceBrokerStatus> {
-        let services = self.services.lock().unwrap_or_else(PoisonError::into_inner);
-        services.as_ref().and_then(|keeper| keeper.own(ServiceBroker::status))
+        let services = self.services.lock();
+        services.as_ref().and_then(|supervisor| supervisor.own(ServiceBroker::status))
     }
 
     /// Address that a client or a server connects to. A server brings the broker along.
     fn service_endpoint(&self, role: Role, spec: &ServiceSpec) -> Result<String, OpenError> {
-        check_topic(&spec.service).map_err(|reason| OpenError::InvalidName {
-            middleware: NAME,
-            topic: spec.service.clone(),
-            reason,
-        })?;
+        check_topic(&spec.service).map_err(|reason| invalid(&spec.service, reason))?;
         let rep_port = self.config.rep_port;
         let port = match role {
             Role::Client if rep_port != 0 => rep_port,
@@ -300,15 +287,13 @@ impl ZeroMq {
     fn check(&self, topic: &str) -> Result<(), OpenError> {
         let own = [self.monitor_topic.as_str(), traffic::TRAFFIC_TOPIC];
         let own = own.into_iter().find(|own| topic.starts_with(own));
-        let reason = match own {
+        let checked = match own {
             Some(own) => {
-                Some(format!("names that start with {own} are the broker's own; use another name"))
+                Err(format!("names that start with {own} are the broker's own; use another name"))
             }
-            None => name_fault(topic),
+            None => check_topic(topic),
         };
-        reason.map_or(Ok(()), |reason| {
-            Err(OpenError::InvalidName { middleware: NAME, topic: topic.to_owned(), reason })
-        })
+        checked.map_err(|reason| invalid(topic, reason))
     }
 }
 
@@ -380,19 +365,24 @@ impl std::fmt::Debug for ZeroMq {
 /// # Errors
 /// The rule that the name breaks.
 pub fn check_topic(topic: &str) -> Result<(), String> {
-    name_fault(topic).map_or(Ok(()), Err)
+    if topic.is_empty() {
+        Err("it is empty, which would match every topic; give it a name".to_owned())
+    } else if topic.len() > MAX_TOPIC_BYTES {
+        Err(format!("it is {} bytes long, the limit is {MAX_TOPIC_BYTES}", topic.len()))
+    } else if topic.contains(char::is_control) {
+        Err("it contains a control character; remove it".to_owned())
+    } else {
+        Ok(())
+    }
 }
 
-fn name_fault(topic: &str) -> Option<String> {
-    if topic.is_empty() {
-        Some("it is empty, which would match every topic; give it a name".to_owned())
-    } else if topic.len() > MAX_TOPIC_BYTES {
-        Some(format!("it is {} bytes long, the limit is {MAX_TOPIC_BYTES}", topic.len()))
-    } else if topic.contains(char::is_control) {
-        Some("it contains a control character; remove it".to_owned())
-    } else {
-        None
-    }
+fn invalid(topic: &str, reason: String) -> OpenError {
+    OpenError::InvalidName { middleware: NAME, topic: topic.to_owned(), reason }
+}
+
+fn check_ports(ports: [(&'static str, u16); 2]) -> Result<(), ZeroMqError> {
+    let unknown = ports.into_iter().find(|(_, port)| *port == 0);
+    unknown.map_or(Ok(()), |(field, _)| Err(ZeroMqError::NoPort { field }))
 }
 
 fn transport(topic: &str, error: zmq::Error) -> OpenError {

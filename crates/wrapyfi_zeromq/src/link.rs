@@ -6,11 +6,11 @@
 //!
 //! A watch must outlive its socket: libzmq reports until the socket is gone, and the thread that
 //! reports waits for ever once nobody receives. So close the socket, then keep the watch until it
-//! [is over](Watch::is_over).
+//! is [`Watch::over`].
 //!
 //! libzmq connects again by itself after a lost connection, but gives up for good where the peer
 //! broke the protocol, which includes a frame above the socket's limit. It does not report that;
-//! it only fails to report a next try. [`Watch::revive`] connects again then.
+//! it only fails to report a next try. [`Watch::connect_again`] does that then.
 
 use std::net::SocketAddr;
 use std::os::fd::RawFd;
@@ -20,21 +20,26 @@ use std::time::{Duration, Instant};
 
 use zmq::SocketEvent;
 
+use super::contexts;
 use super::options::inproc_name;
-use wrapyfi_endpoint::Wake;
+use wrapyfi_endpoint::{Context, DropReason, Wake};
 
 const DOWN: u8 = 0;
-const UP: u8 = 1;
+/// State of a socket whose handshake is over.
+pub(super) const UP: u8 = 1;
 const REFUSED: u8 = 2;
-const ENDED: u8 = 3;
+/// State of a socket that is closed for good.
+pub(super) const ENDED: u8 = 3;
 /// State of a socket whose connection nobody took, or not yet again.
-const UNANSWERED: u8 = 4;
+pub(super) const UNANSWERED: u8 = 4;
+/// State of a socket for which the process may open no file.
+pub(super) const STARVED: u8 = 5;
 
 /// Time after a disconnection in which libzmq announces its next try, which it does at once unless
 /// it has given up. Also the pause before we try instead.
 const GIVEN_UP: Duration = Duration::from_secs(1);
 /// Longest time that sockets which are being closed may take to fall silent.
-const FAREWELL: Duration = Duration::from_secs(1);
+pub(super) const FAREWELL: Duration = Duration::from_secs(1);
 
 /// State of one socket's connection to the broker.
 #[derive(Debug)]
@@ -54,7 +59,7 @@ impl BrokerLink {
 
     /// The last try to reach the broker failed.
     pub(super) fn has_failed(&self) -> bool {
-        matches!(self.state.load(Relaxed), REFUSED | ENDED | UNANSWERED)
+        matches!(self.state.load(Relaxed), REFUSED | ENDED | UNANSWERED | STARVED)
     }
 
     /// Description of the event that is waited for; `None` when the broker is reached.
@@ -65,6 +70,11 @@ impl BrokerLink {
             REFUSED => Some(format!(
                 "a ZeroMQ broker at {} (what answers there is not the matching side of one)",
                 self.broker
+            )),
+            STARVED => Some(format!(
+                "a connection to the broker at {}: {}",
+                self.broker,
+                contexts::reason(zmq::Error::EMFILE)
             )),
             _ if self.is_foreign() => Some(format!(
                 "the broker at {}, where nothing answers: it has to run there, and Wrapyfi's own listens \
@@ -81,34 +91,20 @@ impl BrokerLink {
         address.is_some_and(|address: SocketAddr| !address.ip().is_loopback())
     }
 
-    /// The socket is closed for good.
-    pub(super) fn end(&self) {
-        self.state.store(ENDED, Relaxed);
-    }
-
     /// The state, to see whether it has changed.
     pub(super) fn state(&self) -> u8 {
         self.state.load(Relaxed)
     }
 
-    /// Takes note that the handshake is over; true when the state changed, here and in the next two.
-    pub(super) fn succeeded(&self) -> bool {
-        self.note(UP)
-    }
-
-    /// Takes note that nobody took the connection.
-    pub(super) fn unanswered(&self) -> bool {
-        self.note(UNANSWERED)
-    }
-
-    /// Takes note that the connection ended.
+    /// Takes note that the connection ended; true when the state changed.
     pub(super) fn disconnected(&self) -> bool {
         // Lost before the handshake was over: refused, for a wrong socket type without further
         // notice.
         self.note(if self.is_up() { DOWN } else { REFUSED })
     }
 
-    fn note(&self, state: u8) -> bool {
+    /// Takes note of a state; true when it is another one. None follows the end.
+    pub(super) fn note(&self, state: u8) -> bool {
         let before = self.state();
         if before == ENDED {
             return false;
@@ -121,14 +117,14 @@ impl BrokerLink {
     fn happened(&self, event: u16) -> bool {
         let is = |kind: SocketEvent| event == kind.to_raw();
         if is(SocketEvent::HANDSHAKE_SUCCEEDED) {
-            self.succeeded()
+            self.note(UP)
         } else if is(SocketEvent::HANDSHAKE_FAILED_NO_DETAIL)
             || is(SocketEvent::HANDSHAKE_FAILED_PROTOCOL)
             || is(SocketEvent::HANDSHAKE_FAILED_AUTH)
         {
             self.note(REFUSED)
         } else if is(SocketEvent::CLOSED) {
-            self.unanswered()
+            self.note(UNANSWERED)
         } else {
             is(SocketEvent::DISCONNECTED) && self.disconnected()
         }
@@ -138,10 +134,11 @@ impl BrokerLink {
 /// Receives the events of one socket. Belongs to the thread that polls.
 pub(super) struct Watch {
     events: zmq::Socket,
-    link: Arc<BrokerLink>,
+    pub(super) link: Arc<BrokerLink>,
     /// Set while no further try has been announced.
     lost: Option<Lost>,
-    over: bool,
+    /// True when the socket is gone and will not report any more.
+    pub(super) over: bool,
 }
 
 struct Lost {
@@ -200,24 +197,51 @@ impl Watch {
         changed
     }
 
-    /// Time until [`Self::revive`] may have something to do.
-    pub(super) fn patience(&self, now: Instant) -> Option<Duration> {
+    /// Time until [`Self::connect_again`] may have something to do.
+    pub(super) fn time_left(&self, now: Instant) -> Option<Duration> {
         self.lost
             .as_ref()
             .map(|lost| GIVEN_UP.saturating_sub(now.saturating_duration_since(lost.at)))
     }
 
+    /// Connects the socket of topic or service `name` again if libzmq has given up on the broker, and counts the
+    /// message that cut a connection which worked. The time until libzmq may have given up is returned.
+    pub(super) fn revive(
+        &mut self,
+        socket: &zmq::Socket,
+        name: &str,
+        limit: usize,
+        context: &Context,
+        now: Instant,
+    ) -> Option<Duration> {
+        if self.connect_again(socket, &context.wake, now) {
+            context.counters.dropped(DropReason::Oversize);
+            tracing::warn!(
+                name,
+                limit_mib = limit / wrapyfi_data::Limits::MIB,
+                "a message far above the limit cut the connection to the broker, which is opened \
+                 again: raise max_message_mib, or send less"
+            );
+        }
+        self.time_left(now)
+    }
+
     /// Connects `socket` again if libzmq has given up on the broker. True when that happened to a
     /// connection that worked: the broker sent what this socket does not accept.
-    pub(super) fn revive(&mut self, socket: &zmq::Socket, wake: &Wake, now: Instant) -> bool {
-        if self.patience(now) != Some(Duration::ZERO) {
+    pub(super) fn connect_again(
+        &mut self,
+        socket: &zmq::Socket,
+        wake: &Wake,
+        now: Instant,
+    ) -> bool {
+        if self.time_left(now) != Some(Duration::ZERO) {
             return false;
         }
         // On a busy machine the announcement may be waiting here.
         if self.take() {
             wake.ring();
         }
-        if self.patience(now) != Some(Duration::ZERO) {
+        if self.time_left(now) != Some(Duration::ZERO) {
             return false;
         }
         let Some(lost) = self.lost.take() else { return false };
@@ -231,15 +255,6 @@ impl Watch {
             self.lost = Some(Lost { at: now, was_up: false });
         }
         lost.was_up
-    }
-
-    pub(super) fn link(&self) -> &BrokerLink {
-        &self.link
-    }
-
-    /// True when the socket is gone and will not report any more.
-    pub(super) fn is_over(&self) -> bool {
-        self.over
     }
 
     /// Receives until the sockets of all watches, closed before, are gone.

@@ -3,11 +3,10 @@
 use std::sync::Arc;
 use std::task::{Wake, Waker};
 
-use super::config::FRAME_SLACK;
-use super::echo::Listening;
 use super::io::{Command, Handle};
 use super::link::{self, BrokerLink, Watch};
 use super::options;
+use super::own_messages::Listening;
 use super::reception::{Arrival, Reception};
 use super::{Shared, transport};
 use wrapyfi_endpoint::codec::frames;
@@ -49,9 +48,9 @@ impl ZeroMqListener {
             .contexts
             .open(|context| open_socket(context, shared, spec, &link))
             .map_err(|e| transport(&spec.topic, e))?;
-        let id = shared.io.handle().next_id();
+        let id = shared.io.handle.next_id();
         let (sender, receiver) = inbox(spec.queue, context);
-        let io = Arc::clone(shared.io.handle());
+        let io = Arc::clone(&shared.io.handle);
         let reception = Reception {
             id,
             socket,
@@ -59,8 +58,7 @@ impl ZeroMqListener {
             topic: spec.topic.as_bytes().to_vec(),
             limit: spec.limits.message_bytes,
             inbox: sender,
-            listening: Listening::new(shared.echoes.of(&spec.topic)),
-            wake: context.wake.clone(),
+            listening: Listening::new(shared.own_messages.of(&spec.topic)),
             room: Waker::from(Arc::new(Look(id, Arc::clone(&io)))),
             held: None,
         };
@@ -78,10 +76,7 @@ fn open_socket(
     let socket = context.socket(zmq::SUB)?;
     options::set_common(&socket, shared.ip)?;
     socket.set_rcvhwm(socket_depth(spec.queue))?;
-    // Beyond this libzmq cuts the connection: it guards memory only, far enough above the limit
-    // that a message somewhat too large is received, counted and dropped instead.
-    let guard = spec.limits.message_bytes.saturating_mul(2).saturating_add(FRAME_SLACK);
-    socket.set_maxmsgsize(options::frame_limit(guard))?;
+    options::set_message_limit(&socket, spec.limits.message_bytes)?;
     socket.set_subscribe(spec.topic.as_bytes())?;
     link::connect(context, socket, link)
 }

@@ -2,11 +2,12 @@
 
 use std::net::{IpAddr, TcpStream};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use socket2::{SockRef, TcpKeepalive};
 
+use super::config::FRAME_SLACK;
+use wrapyfi_endpoint::Mutex;
 use wrapyfi_endpoint::backoff;
 
 /// Time in which a closed socket may still send the messages that it holds.
@@ -31,6 +32,12 @@ fn millis(duration: Duration) -> i32 {
 /// Bytes as the option for the largest frame takes them.
 pub(super) fn frame_limit(bytes: usize) -> i64 {
     i64::try_from(bytes).unwrap_or(i64::MAX)
+}
+
+/// Has libzmq cut the connection at a frame that guards memory only: far enough above the limit of a message that one
+/// somewhat too large is received, counted and dropped instead.
+pub(super) fn set_message_limit(socket: &zmq::Socket, limit: usize) -> zmq::Result<()> {
+    socket.set_maxmsgsize(frame_limit(limit.saturating_mul(2).saturating_add(FRAME_SLACK)))
 }
 
 /// Bounded shutdown, endless reconnection, and dead peers noticed within seconds.
@@ -72,25 +79,31 @@ pub(super) fn inproc_name(what: &str) -> String {
 }
 
 /// Wakes a thread that polls sockets.
-pub(super) struct Bell(Mutex<zmq::Socket>);
+pub(super) struct StopSignal(Mutex<zmq::Socket>);
 
-impl Bell {
-    /// A bell, and the socket that becomes readable when it rings.
+impl std::fmt::Debug for StopSignal {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("StopSignal")
+    }
+}
+
+impl StopSignal {
+    /// A signal, and the socket that becomes readable when it rings.
     pub(super) fn new(context: &zmq::Context) -> zmq::Result<(Self, zmq::Socket)> {
-        let name = inproc_name("bell");
-        let ears = context.socket(zmq::PAIR)?;
-        ears.set_linger(0)?;
-        ears.bind(&name)?;
-        let button = context.socket(zmq::PAIR)?;
-        button.set_linger(0)?;
-        button.connect(&name)?;
-        Ok((Self(Mutex::new(button)), ears))
+        let name = inproc_name("stop");
+        let stop = context.socket(zmq::PAIR)?;
+        stop.set_linger(0)?;
+        stop.bind(&name)?;
+        let sender = context.socket(zmq::PAIR)?;
+        sender.set_linger(0)?;
+        sender.connect(&name)?;
+        Ok((Self(Mutex::new(sender)), stop))
     }
 
-    /// Never blocks: a bell with a thousand unanswered rings needs no more.
+    /// Never blocks: a signal with a thousand unanswered rings needs no more.
     pub(super) fn ring(&self) {
-        let button = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Err(error) = button.send("", zmq::DONTWAIT)
+        let sender = self.0.lock();
+        if let Err(error) = sender.send("", zmq::DONTWAIT)
             && error != zmq::Error::EAGAIN
         {
             tracing::debug!(%error, "the thread to wake is gone");

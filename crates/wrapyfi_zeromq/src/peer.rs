@@ -2,8 +2,8 @@
 //! subscriptions, and what waits for it.
 //!
 //! ```text
-//!   bytes ─▶ inbox ── understand ──▶ Heard, news: subscriptions
-//!   queue ─▶ outbox ── write ──▶ TCP                 pulse: fine, to be asked, or dead
+//!   bytes ─▶ inbox ── understand ──▶ Heard: subscriptions
+//!   queue ─▶ outbox ── write ──▶ TCP                 silent: asked whether it lives
 //! ```
 
 use std::collections::{BTreeSet, VecDeque};
@@ -16,6 +16,7 @@ use std::time::Instant;
 use bytes::Bytes;
 
 use super::options;
+use super::own_messages::Fingerprint;
 use super::zmtp::{self, Breach};
 use wrapyfi_endpoint::{DropReason, PROGRESS, Share};
 
@@ -44,8 +45,10 @@ pub(super) struct Message {
     pub(super) wire_bytes: usize,
     /// Topic and size as its publisher counts it; none for what the broker says itself.
     pub(super) of: Option<(Bytes, usize)>,
+    /// Fingerprint by which it is known again when it comes back, where somebody here listens.
+    pub(super) print: Option<Fingerprint>,
     /// A listener missed it already: it is counted once.
-    pub(super) missed: AtomicBool,
+    missed: AtomicBool,
 }
 
 /// A message that a listener did not get.
@@ -58,6 +61,17 @@ pub(super) struct Loss {
 }
 
 impl Message {
+    /// A message of a publisher, with its topic and size.
+    pub(super) fn new<F: AsRef<[u8]> + Send + 'static>(
+        frames: Vec<F>,
+        of: Option<(Bytes, usize)>,
+        print: Option<Fingerprint>,
+    ) -> Arc<Self> {
+        let parts = zmtp::encode(frames);
+        let wire_bytes = parts.iter().map(Bytes::len).sum();
+        Arc::new(Self { parts, wire_bytes, of, print, missed: AtomicBool::new(false) })
+    }
+
     pub(super) fn loss(&self, reason: DropReason, listener: SocketAddr) -> Loss {
         let first = if self.missed.swap(true, Relaxed) { None } else { self.of.clone() };
         Loss { reason, listener, first }
@@ -66,9 +80,8 @@ impl Message {
 
 /// Something that the broker says itself.
 pub(super) fn control(bytes: Vec<u8>) -> Arc<Message> {
-    let wire_bytes = bytes.len();
-    let parts = vec![bytes.into()];
-    Arc::new(Message { parts, wire_bytes, of: None, missed: AtomicBool::new(true) })
+    let (wire_bytes, parts) = (bytes.len(), vec![bytes.into()]);
+    Arc::new(Message { parts, wire_bytes, of: None, print: None, missed: AtomicBool::new(true) })
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -76,13 +89,6 @@ enum Stage {
     Greeting,
     Handshake,
     Open,
-}
-
-/// State of a listener by its heartbeats.
-pub(super) enum Pulse {
-    Fine,
-    Ask,
-    Dead,
 }
 
 /// One listener.
@@ -96,8 +102,6 @@ pub(super) struct Peer {
     pub(super) topics: BTreeSet<Vec<u8>>,
     /// Topic that is published; other subscriptions are ignored. None where all topics are.
     only: Option<Bytes>,
-    /// Subscriptions that came and went, not yet in the index.
-    pub(super) news: Vec<(Vec<u8>, bool)>,
     pub(super) outbox: VecDeque<Arc<Message>>,
     /// Messages in it that are counted against the high-water mark.
     waiting: usize,
@@ -113,6 +117,8 @@ pub(super) struct Peer {
     since: Instant,
     pub(super) heard_at: Instant,
     asked_at: Option<Instant>,
+    /// True once it is known to answer a heartbeat: libzmq before 4.2 does not.
+    has_heartbeats: bool,
 }
 
 impl Peer {
@@ -125,7 +131,6 @@ impl Peer {
             inside: false,
             topics: BTreeSet::new(),
             only: None,
-            news: Vec::new(),
             outbox: VecDeque::from([control(zmtp::greeting())]),
             waiting: 0,
             written: 0,
@@ -136,6 +141,7 @@ impl Peer {
             since: now,
             heard_at: now,
             asked_at: None,
+            has_heartbeats: false,
         }
     }
 
@@ -258,7 +264,7 @@ impl Peer {
                 let fits = self.inbox.first().is_none_or(|first| *first == 0xff);
                 return if fits { Ok(()) } else { Err(Breach) };
             };
-            zmtp::check_greeting(greeting)?;
+            self.has_heartbeats = zmtp::check_greeting(greeting)?;
             self.inbox = rest.to_vec();
             self.stage = Stage::Handshake;
             self.outbox.push_back(control(zmtp::ready("XPUB")));
@@ -277,7 +283,7 @@ impl Peer {
                     self.inside = frame.more;
                 }
                 (_, true) => {
-                    let (name, properties) = zmtp::split_command(frame.body).ok_or(Breach)?;
+                    let (name, properties) = zmtp::short_text(frame.body).ok_or(Breach)?;
                     if name != b"READY"
                         || !matches!(zmtp::socket_type(properties), Some(b"SUB" | b"XSUB"))
                     {
@@ -294,8 +300,10 @@ impl Peer {
     }
 
     fn obey(&mut self, body: &[u8], heard: &mut Vec<Heard>) {
-        match zmtp::split_command(body) {
+        match zmtp::short_text(body) {
+            Some((b"PONG", _)) => self.has_heartbeats = true,
             Some((b"PING", rest)) => {
+                self.has_heartbeats = true;
                 // Two bytes of time to live, then a context that is sent back.
                 let context = rest.get(2..).unwrap_or_default();
                 let pong =
@@ -322,40 +330,38 @@ impl Peer {
         let changed =
             if on { self.topics.insert(topic.clone()) } else { self.topics.remove(&topic) };
         if changed {
-            self.news.push((topic.clone(), on));
             heard.push(if on { Heard::Subscribed(topic) } else { Heard::Unsubscribed(topic) });
         }
     }
 
-    pub(super) fn pulse(&mut self, now: Instant) -> Pulse {
+    /// False when the peer is dead. One that was silent for some time is asked: once where it may not know what is
+    /// asked, and only TCP tells then that it is gone.
+    pub(super) fn is_alive(&mut self, now: Instant) -> bool {
         if self.stage != Stage::Open {
-            let late = now.saturating_duration_since(self.since) >= options::HANDSHAKE;
-            return if late { Pulse::Dead } else { Pulse::Fine };
+            return now.saturating_duration_since(self.since) < options::HANDSHAKE;
         }
         let silent = now.saturating_duration_since(self.heard_at);
         // A peer that reads but stopped within a frame is dead all the same.
         if silent >= PROGRESS && !self.inbox.is_empty() {
-            return Pulse::Dead;
+            return false;
         }
         if silent < options::SILENCE {
             self.asked_at = None;
-            return Pulse::Fine;
+            return true;
         }
         match self.asked_at {
             // A listener that does not read cannot have heard the question.
-            _ if !self.outbox.is_empty() => {
-                self.asked_at = None;
-                Pulse::Fine
-            }
+            _ if !self.outbox.is_empty() => self.asked_at = None,
             None => {
                 self.asked_at = Some(now);
-                Pulse::Ask
+                self.outbox.push_back(control(zmtp::command(b"\x04PING\0\0")));
             }
-            Some(at) if now.saturating_duration_since(at) >= options::HEARTBEAT_TIMEOUT => {
-                Pulse::Dead
+            Some(at) if self.has_heartbeats => {
+                return now.saturating_duration_since(at) < options::HEARTBEAT_TIMEOUT;
             }
-            Some(_) => Pulse::Fine,
+            Some(_) => {}
         }
+        true
     }
 }
 
@@ -365,6 +371,43 @@ mod tests {
 
     use super::*;
 
+    /// A listener at the end of its handshake, to whom all is written.
+    fn listener(minor: u8) -> Peer {
+        let port = TcpListener::bind("127.0.0.1:0").unwrap();
+        let stream = TcpStream::connect(port.local_addr().unwrap()).unwrap();
+        let address = stream.peer_addr().unwrap();
+        let mut peer = Peer::new(stream, address, Instant::now());
+        let mut greeting = zmtp::greeting();
+        greeting[11] = minor;
+        peer.inbox = [greeting, zmtp::ready("SUB")].concat();
+        peer.understand(&mut Vec::new()).unwrap();
+        peer.outbox.clear();
+        peer
+    }
+
+    #[test]
+    fn silence_is_death_only_for_who_knows_heartbeats() {
+        let word = |word: &[u8]| zmtp::command(&[&[4], word].concat());
+        for (minor, said, lives) in [
+            (0, Vec::new(), true),
+            (0, word(b"PONG"), false),
+            (0, word(b"PING\0\0"), false),
+            (1, Vec::new(), false),
+        ] {
+            let mut peer = listener(minor);
+            peer.inbox = said;
+            peer.understand(&mut Vec::new()).unwrap();
+            peer.outbox.clear();
+            let asked_at = peer.heard_at + options::SILENCE;
+            assert!(peer.is_alive(asked_at));
+            assert_eq!(peer.outbox.len(), 1, "it is asked");
+            peer.outbox.clear();
+            assert!(peer.is_alive(asked_at + options::HEARTBEAT_TIMEOUT / 2));
+            assert_eq!(peer.is_alive(asked_at + options::HEARTBEAT_TIMEOUT), lives, "{minor}");
+            assert!(peer.outbox.is_empty(), "it is asked once");
+        }
+    }
+
     #[test]
     fn half_a_word_ends_also_where_something_waits_for_the_listener() {
         let port = TcpListener::bind("127.0.0.1:0").unwrap();
@@ -373,10 +416,10 @@ mod tests {
         let mut peer = Peer::new(stream, address, now);
         peer.stage = Stage::Open;
         assert!(!peer.outbox.is_empty(), "it does not read");
-        assert!(matches!(peer.pulse(now + PROGRESS), Pulse::Fine));
+        assert!(peer.is_alive(now + PROGRESS));
         peer.inbox = vec![0, 9, 1];
         peer.understand(&mut Vec::new()).unwrap();
-        assert!(matches!(peer.pulse(now + PROGRESS / 2), Pulse::Fine));
-        assert!(matches!(peer.pulse(now + PROGRESS), Pulse::Dead));
+        assert!(peer.is_alive(now + PROGRESS / 2));
+        assert!(!peer.is_alive(now + PROGRESS));
     }
 }

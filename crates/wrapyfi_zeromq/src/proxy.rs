@@ -16,15 +16,16 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::broker::Shared;
+use super::broker::BrokerStatus;
+use super::frames::{Received, receive};
 use super::front::Front;
 use super::ledger::Ledger;
 use super::monitor::Monitor;
 use super::options;
 use super::peer::{Heard, Loss};
-use super::traffic::{Look, TRAFFIC_TOPIC, Traffic};
-use super::turns::{self, Turns};
-use wrapyfi_endpoint::Throttle;
+use super::traffic::{TRAFFIC_TOPIC, Traffic, TrafficTable, guess};
+use super::turns::Turns;
+use wrapyfi_endpoint::{Mutex, Throttle};
 
 /// Time between repeats of the counts, for publishers that connect later than the listener.
 const REPEAT: Duration = Duration::from_millis(500);
@@ -40,7 +41,9 @@ pub(super) struct Proxy {
     pub(super) stop: zmq::Socket,
     pub(super) monitor: Monitor,
     pub(super) traffic: Traffic,
-    pub(super) shared: Arc<Shared>,
+    /// Counts of this thread, and the status that others see.
+    pub(super) status: BrokerStatus,
+    pub(super) shown: Arc<Mutex<BrokerStatus>>,
     pub(super) ledger: Arc<Ledger>,
     pub(super) slow: Throttle,
     /// Time at which the counts are sent again.
@@ -48,48 +51,31 @@ pub(super) struct Proxy {
 }
 
 impl Proxy {
-    /// Runs until the stop socket is rung.
-    pub(super) fn run(mut self) {
-        turns::run(&mut self);
-        self.end();
-    }
-
-    /// Passes on what has come, and what waits.
-    fn end(&mut self) {
-        let deadline = Instant::now() + options::LINGER;
-        while let Ok(true) = self.pass_messages() {
-            if Instant::now() >= deadline {
-                break;
-            }
-        }
-        self.front.close(deadline);
-        self.settle();
-    }
-
     fn pass_subscriptions(&mut self, now: Instant) -> zmq::Result<()> {
+        let is_traffic = |topic: &[u8]| topic == TRAFFIC_TOPIC.as_bytes();
         for heard in self.front.heard() {
-            let (word, topic) = match &heard {
-                Heard::Subscribed(topic) => (SUBSCRIBE, topic),
-                Heard::Unsubscribed(topic) => (UNSUBSCRIBE, topic),
+            let pass_on = match &heard {
                 Heard::Ignored => {
-                    self.shared.count_ignored();
-                    continue;
+                    self.status.ignored += 1;
+                    None
                 }
-            };
-            let pass_on = match word {
-                SUBSCRIBE if topic == TRAFFIC_TOPIC.as_bytes() => {
-                    self.traffic.watched();
+                Heard::Subscribed(topic) if is_traffic(topic) => {
+                    self.traffic.watchers += 1;
                     self.tell_traffic();
-                    false
+                    None
                 }
-                _ if topic == TRAFFIC_TOPIC.as_bytes() => {
-                    self.traffic.unwatched();
-                    false
+                Heard::Unsubscribed(topic) if is_traffic(topic) => {
+                    self.traffic.watchers = self.traffic.watchers.saturating_sub(1);
+                    None
                 }
-                SUBSCRIBE => self.monitor.subscribed(topic, now),
-                _ => self.monitor.unsubscribed(topic, now),
+                Heard::Subscribed(topic) => {
+                    self.monitor.subscribed(topic, now).then_some((SUBSCRIBE, topic))
+                }
+                Heard::Unsubscribed(topic) => {
+                    self.monitor.unsubscribed(topic, now).then_some((UNSUBSCRIBE, topic))
+                }
             };
-            if pass_on {
+            if let Some((word, topic)) = pass_on {
                 self.back.send([&[word][..], &topic[..]].concat(), 0)?;
             }
         }
@@ -100,46 +86,34 @@ impl Proxy {
     fn pass_messages(&mut self) -> zmq::Result<bool> {
         let mut more = true;
         for _ in 0..BATCH {
-            let Some(first) = receive(&self.back)? else {
+            let Some(Received { frames, count, bytes }) = receive(&self.back, usize::MAX)? else {
                 more = false;
                 break;
             };
-            let forged =
-                self.monitor.is_forged(&first) || first.starts_with(TRAFFIC_TOPIC.as_bytes());
-            let (mut count, mut bytes) = (1, first.len());
-            let mut frames = vec![first];
-            while frames.last().is_some_and(zmq::Message::get_more) {
-                // Frames of one message arrive together: this does not wait.
-                let frame = self.back.recv_msg(0)?;
-                bytes += frame.len();
-                count += 1;
-                match forged {
-                    true => frames = vec![frame],
-                    false => frames.push(frame),
-                }
-            }
-            if forged {
-                self.shared.count_forged();
+            let forged = |first: &zmq::Message| {
+                self.monitor.is_forged(first) || first.starts_with(TRAFFIC_TOPIC.as_bytes())
+            };
+            if frames.first().is_some_and(forged) {
+                self.status.forged += 1;
                 continue;
             }
             if let [topic, .., last] = &frames[..] {
-                self.traffic.count(topic, bytes, Look::guess(count, last));
+                self.traffic.count(topic, bytes, guess(count, last));
             } else if let [topic] = &frames[..] {
                 self.traffic.count(topic, bytes, None);
             }
             self.front.publish(frames, Some(bytes));
-            // Before it is counted: who sees a message in the counts sees its losses too.
-            self.settle();
-            self.shared.count_message(bytes);
+            self.status.messages += 1;
+            self.status.bytes += bytes as u64;
         }
         self.front.flush();
         Ok(more)
     }
 
-    /// Counts what listeners missed.
+    /// Counts what listeners missed, and shows all counts.
     fn settle(&mut self) {
         for Loss { reason, listener, first } in self.front.losses() {
-            self.shared.count_missed(reason);
+            *self.status.missed.entry(reason.as_str()).or_default() += 1;
             let topic = first.as_ref().map(|(topic, _)| String::from_utf8_lossy(topic));
             if let Some(unlogged_before) = self.slow.pass(Instant::now()) {
                 let topic = topic.as_deref().unwrap_or_default();
@@ -149,6 +123,12 @@ impl Proxy {
                 self.ledger.undelivered(topic, reason, *bytes);
             }
         }
+        let (counts, mut shown) = (&self.status, self.shown.lock());
+        shown.messages = counts.messages;
+        shown.bytes = counts.bytes;
+        shown.forged = counts.forged;
+        shown.ignored = counts.ignored;
+        shown.missed.clone_from(&counts.missed);
     }
 
     /// Publishes the table of topics to those who asked for it.
@@ -161,8 +141,12 @@ impl Proxy {
     /// Publishes the counts and shows them to [`super::Broker::status`].
     fn tell(&mut self, now: Instant) {
         let message = self.monitor.message(now);
-        self.shared.set_subscriptions(self.monitor.listed());
-        self.shared.set_traffic(self.traffic.told());
+        let counts = self.monitor.listed().map(|(topic, count)| (topic.to_owned(), count));
+        let (subscriptions, TrafficTable { topics, unlisted }) =
+            (counts.collect(), self.traffic.table());
+        let mut shown = self.shown.lock();
+        (shown.subscriptions, shown.topics, shown.unlisted) = (subscriptions, topics, unlisted);
+        drop(shown);
         self.tell_traffic();
         if let (Some(json), Some(topic)) = (message, self.monitor.own_topic()) {
             self.front.publish(vec![topic.into(), json.into_bytes().into()], None);
@@ -217,16 +201,19 @@ impl Turns for Proxy {
         &self.stop
     }
 
-    fn failed(&self, why: Option<String>) {
-        self.shared.failed(why);
+    fn failed(&mut self, why: Option<String>) {
+        self.shown.lock().failure = why;
     }
-}
 
-/// The next frame, if one waits.
-fn receive(socket: &zmq::Socket) -> zmq::Result<Option<zmq::Message>> {
-    match socket.recv_msg(zmq::DONTWAIT) {
-        Ok(frame) => Ok(Some(frame)),
-        Err(zmq::Error::EAGAIN) => Ok(None),
-        Err(error) => Err(error),
+    /// Passes on what has come, and what waits.
+    fn end(mut self) {
+        let deadline = Instant::now() + options::LINGER;
+        while let Ok(true) = self.pass_messages() {
+            if Instant::now() >= deadline {
+                break;
+            }
+        }
+        self.front.close(deadline);
+        self.settle();
     }
 }

@@ -7,19 +7,17 @@
 use std::sync::Arc;
 
 use super::Shared;
-use super::echo::Echo;
 use super::io::{Command, Handle};
-use super::outlet::Outlet;
+use super::publisher_connection::PublisherConnection;
 use wrapyfi_data::types::{Image, Payload, Pixels};
 use wrapyfi_endpoint::codec::frames;
 use wrapyfi_endpoint::{Context, DropReason, Link, PublishError, Publisher, TopicSpec};
 
 /// Sends one topic through the broker.
 pub(super) struct ZeroMqPublisher {
-    outlet: Arc<Outlet>,
+    connection: Arc<PublisherConnection>,
     spec: TopicSpec,
     depth: usize,
-    echo: Arc<Echo>,
     io: Arc<Handle>,
     /// True once the log says that colours are sent in another order than they come in.
     told_order: bool,
@@ -30,13 +28,13 @@ impl ZeroMqPublisher {
         let mut spec = spec.clone();
         // Beyond this the broker would cut the connection.
         spec.limits.message_bytes = spec.limits.message_bytes.min(shared.max_frame_bytes);
-        let io = Arc::clone(shared.io.handle());
-        let outlet = Outlet::new(shared.sub_address, &spec.topic, shared.send_hwm, context, &io);
-        io.send(Command::Publish(Arc::clone(&outlet)));
+        let io = Arc::clone(&shared.io.handle);
+        let (hwm, own) = (shared.send_hwm, shared.own_messages.of(&spec.topic));
+        let connection =
+            PublisherConnection::new(shared.sub_address, &spec.topic, hwm, own, context, &io);
+        io.send(Command::Publish(Arc::clone(&connection)));
         shared.ledger.enter(spec.topic.as_bytes(), &context.counters);
-        let echo = shared.echoes.of(&spec.topic);
-        let depth = usize::from(shared.send_hwm);
-        Self { outlet, spec, depth, echo, io, told_order: false }
+        Self { connection, spec, depth: usize::from(hwm), io, told_order: false }
     }
 
     /// Says where the colours of an image change their order; whether it was said.
@@ -61,10 +59,10 @@ impl ZeroMqPublisher {
 impl Publisher for ZeroMqPublisher {
     /// While nobody is subscribed nothing is encoded: [`PublishError::NoConsumer`].
     fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
-        if let Some(what) = self.outlet.link().waiting_for() {
+        if let Some(what) = self.connection.link.waiting_for() {
             return Err(self.failed(&format_args!("waiting for {what}")));
         }
-        if self.outlet.subscriptions() == 0 {
+        if self.connection.subscriptions() == 0 {
             return Err(PublishError::NoConsumer { topic: self.spec.topic.clone() });
         }
         if !self.told_order {
@@ -72,12 +70,7 @@ impl Publisher for ZeroMqPublisher {
         }
         let frames = frames::encode(payload, &self.spec)?;
         let bytes = frames.iter().map(Vec::len).sum();
-        // Before it is sent: it may be back before we are.
-        let print = self.echo.remember(&frames, self.outlet.clock());
-        self.outlet.send(frames, bytes).map_err(|reason| {
-            if let Some(print) = print {
-                self.echo.forget(print);
-            }
+        self.connection.send(frames, bytes).map_err(|reason| {
             let topic = self.spec.topic.clone();
             match reason {
                 DropReason::Stalled => PublishError::QueueFull { topic, depth: self.depth },
@@ -90,8 +83,8 @@ impl Publisher for ZeroMqPublisher {
 
     fn link(&self) -> Link {
         Link {
-            peers: Some(self.outlet.subscriptions()),
-            waiting_for: self.outlet.link().waiting_for(),
+            peers: Some(self.connection.subscriptions()),
+            waiting_for: self.connection.link.waiting_for(),
             keeps_last: false,
         }
     }
@@ -99,6 +92,6 @@ impl Publisher for ZeroMqPublisher {
 
 impl Drop for ZeroMqPublisher {
     fn drop(&mut self) {
-        self.io.send(Command::Close(self.outlet.id()));
+        self.io.send(Command::Close(self.connection.id));
     }
 }

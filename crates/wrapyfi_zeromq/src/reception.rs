@@ -19,11 +19,12 @@ use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 
-use super::echo::Listening;
-use super::link::Watch;
+use super::frames::{Received, receive};
+use super::link::{self, Watch};
+use super::own_messages::Listening;
 use super::zmtp::Owned;
 use wrapyfi_data::types::Stamp;
-use wrapyfi_endpoint::{DropReason, Sender, Waits, Wake};
+use wrapyfi_endpoint::{DropReason, Sender, Waits};
 
 /// Frames of the longest known message (three), with room for what may come.
 const MAX_FRAMES: usize = 16;
@@ -52,7 +53,6 @@ pub(super) struct Reception {
     pub(super) limit: usize,
     pub(super) inbox: Sender<Arrival>,
     pub(super) listening: Listening,
-    pub(super) wake: Wake,
     /// Has the I/O thread look at this listener when there is room.
     pub(super) room: Waker,
     pub(super) held: Option<(Arrival, Instant)>,
@@ -62,17 +62,8 @@ impl Reception {
     /// Connects again if libzmq has given up on the broker. The time until it may have is
     /// returned.
     pub(super) fn revive(&mut self, now: Instant) -> Option<Duration> {
-        if self.watch.revive(&self.socket, &self.wake, now) {
-            self.inbox.counters().dropped(DropReason::Oversize);
-            let topic = String::from_utf8_lossy(&self.topic);
-            tracing::warn!(
-                %topic,
-                limit_mib = self.limit / wrapyfi_data::Limits::MIB,
-                "a message far above the limit cut the connection to the broker, which is opened \
-                 again: raise max_message_mib, or send less"
-            );
-        }
-        self.watch.patience(now)
+        let (topic, context) = (String::from_utf8_lossy(&self.topic), self.inbox.context());
+        self.watch.revive(&self.socket, &topic, self.limit, context, now)
     }
 
     /// Places a held message if there is room now, or gives it up at its deadline. The time that
@@ -90,7 +81,7 @@ impl Reception {
 
     /// Closes the socket; the watch must be kept until it is over.
     pub(super) fn close(self) -> Watch {
-        self.watch.link().end();
+        self.watch.link.note(link::ENDED);
         if self.held.is_some() {
             self.inbox.counters().dropped(DropReason::Closed);
         }
@@ -104,44 +95,25 @@ impl Reception {
             if self.held.is_some() {
                 return Ok(false);
             }
-            match self.socket.recv_msg(zmq::DONTWAIT) {
-                Ok(first) => self.receive(first)?,
-                Err(zmq::Error::EAGAIN) => return Ok(false),
-                Err(error) => return Err(error),
-            }
+            let Some(received) = receive(&self.socket, MAX_FRAMES)? else { return Ok(false) };
+            self.receive(received);
         }
         Ok(true)
     }
 
-    fn receive(&mut self, first: zmq::Message) -> zmq::Result<()> {
-        let mut frames = Vec::with_capacity(3);
-        let (mut wire_bytes, mut frame_count) = (0, 0);
-        let mut frame = first;
-        loop {
-            let more = frame.get_more();
-            wire_bytes += frame.len();
-            frame_count += 1;
-            if frame_count <= MAX_FRAMES {
-                frames.push(Bytes::from_owner(Owned(frame)));
-            }
-            if !more {
-                break;
-            }
-            // Frames of one message arrive together: this does not wait.
-            frame = self.socket.recv_msg(0)?;
-        }
+    fn receive(&mut self, Received { frames, count, bytes: wire_bytes }: Received) {
+        let owned = |frame| Bytes::from_owner(Owned(frame));
+        let frames: Vec<Bytes> = frames.into_iter().map(owned).collect();
         let counters = self.inbox.counters();
         counters.received(wire_bytes);
-        if let Some(reason) = self.objection(&frames, frame_count, wire_bytes) {
-            counters.dropped(reason);
-            return Ok(());
+        if let Some(reason) = self.objection(&frames, count, wire_bytes) {
+            return counters.dropped(reason);
         }
         let received_at = self.inbox.context().clock.now();
         let arrival = Arrival { frames, wire_bytes, received_at, stamp: Stamp::now() };
         if let Err(arrival) = self.inbox.push(arrival) {
             self.held = Some((arrival, Instant::now() + self.inbox.patience()));
         }
-        Ok(())
     }
 
     fn objection(&self, frames: &[Bytes], count: usize, wire_bytes: usize) -> Option<DropReason> {

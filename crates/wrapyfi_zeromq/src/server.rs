@@ -1,20 +1,19 @@
 //! Offers a service through the broker.
 //!
 //! ```text
-//!   take ◀─ Request ◀─ JSON ◀─ envelope kept ◀──────────────── Line
-//!   reply ─ payload ─▶ mark in the envelope? ─ yes: CDR ─────▶ Line
+//!   take ◀─ Request ◀─ JSON ◀─ envelope kept ◀──────────────── ServiceConnection
+//!   reply ─ payload ─▶ mark in the envelope? ─ yes: CDR ─────▶ ServiceConnection
 //!                                            └ no: Wrapyfi's form
 //! ```
 
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::envelope::{self, Parcel};
-use super::line::{Delivery, End, Line, Post, Unusable};
+use super::envelope::{self, ServiceMessage};
+use super::service_connection::{Delivery, End, ServiceConnection, ServiceHandle};
 use super::{Shared, transport};
-use wrapyfi_data::DecodeError;
-use wrapyfi_data::EncodeError;
 use wrapyfi_data::types::Payload;
+use wrapyfi_data::{DecodeError, EncodeError};
 use wrapyfi_endpoint::calls::ends;
 use wrapyfi_endpoint::codec::requests;
 use wrapyfi_endpoint::codec::requests::mark::{Kind, Mark};
@@ -25,7 +24,7 @@ use wrapyfi_endpoint::{Context, DropReason, Link, OpenError, Request, ServeError
 /// Serves one pair of ports.
 pub(super) struct ZeroMqServer {
     spec: ServiceSpec,
-    post: Arc<Post>,
+    handle: Arc<ServiceHandle>,
 }
 
 impl ZeroMqServer {
@@ -40,19 +39,22 @@ impl ZeroMqServer {
         spec.limits.message_bytes = spec.limits.message_bytes.min(shared.max_frame_bytes);
         let requests = Arc::new(Requests::new(&spec, context));
         let end = End::Server(Arc::clone(&requests));
-        let post = Line::open(shared, endpoint, end, &spec, context)
+        let handle = ServiceConnection::open(shared, endpoint, end, &spec, context)
             .map_err(|error| transport(&spec.service, error))?;
-        Ok(WireServer::new(Self { spec: spec.clone(), post }, requests, &spec))
+        Ok(WireServer::new(Self { spec: spec.clone(), handle }, requests, &spec))
     }
 }
 
 impl ServerWire for ZeroMqServer {
     type Ask = Delivery;
-    type Answer = Parcel;
+    type Answer = ServiceMessage;
 
     fn is_given_up(&self, asked: &Asked<Delivery>) -> bool {
         let mark = envelope::mark(&asked.ask.envelope);
-        ends(asked.received_at, patience(mark)) <= self.post.context().clock.now()
+        // Without a mark nobody says how long it waits.
+        let timeout =
+            mark.map_or(Duration::MAX, |mark| Duration::from_millis(mark.timeout_ms.into()));
+        ends(asked.received_at, timeout) <= self.handle.context.clock.now()
     }
 
     fn read(&self, delivery: &Delivery) -> Result<Request, DecodeError> {
@@ -70,64 +72,50 @@ impl ServerWire for ZeroMqServer {
         }
         match &delivery.body {
             Ok(body) => requests::decode_request(body, &self.spec),
-            Err(Unusable::TooLarge(size)) => Err(DecodeError::TooLarge {
-                what: "message",
-                path: "$".into(),
-                actual: *size as u64,
-                limit: self.spec.limits.message_bytes as u64,
-            }),
-            Err(Unusable::Frames(frames)) => Err(DecodeError::Mismatch {
-                expected: "a request of one frame".into(),
-                actual: format!("{frames} frames"),
-            }),
+            Err(why) => Err(why.fault("request", self.spec.limits.message_bytes)),
         }
     }
 
     /// A reply as the caller reads it.
-    fn write(&self, delivery: &Delivery, payload: &Payload) -> Result<Parcel, EncodeError> {
+    fn write(&self, delivery: &Delivery, payload: &Payload) -> Result<ServiceMessage, EncodeError> {
         let mut envelope = delivery.envelope.clone();
         let Some(mark) = envelope::mark(&envelope) else {
             let body = requests::encode_reply(payload, &self.spec)?.into();
-            return Ok(Parcel { envelope, body });
+            return Ok(ServiceMessage { envelope, body });
         };
         let (content, body) = requests::encode_binary(payload, &self.spec)?;
         envelope::stamp(&mut envelope, Mark { kind: Kind::Binary, content, ..mark });
-        Ok(Parcel { envelope, body })
+        Ok(ServiceMessage { envelope, body })
     }
 
     fn send(
         &mut self,
         delivery: Delivery,
-        answer: Result<Parcel, &str>,
+        answer: Result<ServiceMessage, &str>,
     ) -> Result<Option<usize>, ServeError> {
         let is_reply = answer.is_ok();
-        let parcel = answer.unwrap_or_else(|why| Parcel::error(delivery.envelope, why));
-        let bytes = parcel.size();
-        let Err(Parcel { envelope, .. }) = self.post.send(parcel, None) else {
+        let message = answer.unwrap_or_else(|why| ServiceMessage::error(delivery.envelope, why));
+        let bytes = message.size();
+        let Err(ServiceMessage { envelope, .. }) = self.handle.send(message, None) else {
             return Ok(Some(bytes));
         };
         let error = ServeError::NoRoom { service: self.spec.service.clone(), bytes };
         if is_reply {
-            self.post.context().counters.dropped(DropReason::OverBudget);
+            self.handle.context.counters.dropped(DropReason::OverBudget);
             // Short, and so it may find room.
-            self.post.refuse(envelope, &error.to_string());
+            self.handle.refuse(envelope, &error.to_string());
         }
         Err(error)
     }
 
     fn link(&self) -> Link {
         // A broker does not tell servers who calls.
-        Link { peers: None, waiting_for: self.post.link().waiting_for(), keeps_last: false }
+        Link { peers: None, waiting_for: self.handle.link.waiting_for(), keeps_last: false }
     }
-}
-
-/// Time after `received_at` for which the caller of a request waits, where it says so.
-fn patience(mark: Option<Mark>) -> Duration {
-    mark.map_or(Duration::MAX, |mark| Duration::from_millis(mark.timeout_ms.into()))
 }
 
 impl Drop for ZeroMqServer {
     fn drop(&mut self) {
-        self.post.close();
+        self.handle.close();
     }
 }

@@ -8,18 +8,18 @@
 //! asked in turn.
 
 use std::net::IpAddr;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, PoisonError};
-use std::thread::JoinHandle;
+use std::sync::Arc;
 
 use serde::Serialize;
 
 use super::broker::{BrokerError, bind, failed_to, loopback};
 use super::config::ZeroMqConfig;
-use super::keeper::{Side, Stand};
-use super::line::SEND_HWM;
-use super::options::{self, Bell};
+use super::options::{self, StopSignal};
+use super::service_connection::SEND_HWM;
 use super::service_proxy::ServiceProxy;
+use super::supervisor::{Side, Supervised};
+use super::turns::Runs;
+use wrapyfi_endpoint::Mutex;
 use wrapyfi_endpoint::ServiceSpec;
 use wrapyfi_endpoint::network::Insecure;
 
@@ -49,13 +49,13 @@ impl ServiceBrokerConfig {
 }
 
 /// A running broker of requests and replies. Dropping it ends it and frees its ports.
+#[derive(Debug)]
 pub struct ServiceBroker {
     ip: IpAddr,
     rep_port: u16,
     req_port: u16,
-    tally: Arc<Tally>,
-    stop: Bell,
-    thread: Option<JoinHandle<()>>,
+    status: Arc<Mutex<ServiceBrokerStatus>>,
+    _runs: Runs,
 }
 
 /// A broker of requests and replies at one moment.
@@ -97,15 +97,14 @@ impl ServiceBroker {
         let (front, back) = sockets(&context, ip, config).map_err(failed_to("open its sockets"))?;
         let rep_port = bind(&front, ip, rep_port)?;
         let req_port = bind(&back, ip, req_port)?;
-        let (bell, stop) = Bell::new(&context).map_err(failed_to("open its control socket"))?;
-        let tally = Arc::new(Tally::default());
-        let proxy = ServiceProxy::new(front, back, stop, config.pending, Arc::clone(&tally));
-        let thread = std::thread::Builder::new()
-            .name("zeromq-services".to_owned())
-            .spawn(move || proxy.run())
+        let (stop_signal, stop) =
+            StopSignal::new(&context).map_err(failed_to("open its control socket"))?;
+        let status = Arc::<Mutex<ServiceBrokerStatus>>::default();
+        let proxy = ServiceProxy::new(front, back, stop, config.pending, Arc::clone(&status));
+        let runs = Runs::start("zeromq-services", stop_signal, proxy)
             .map_err(failed_to("start its thread"))?;
         tracing::info!(%ip, rep_port, req_port, "ZeroMQ broker of requests and replies runs");
-        Ok(Self { ip, rep_port, req_port, tally, stop: bell, thread: Some(thread) })
+        Ok(Self { ip, rep_port, req_port, status, _runs: runs })
     }
 
     /// Address it is bound to.
@@ -129,34 +128,11 @@ impl ServiceBroker {
     /// Counters of the broker.
     #[must_use]
     pub fn status(&self) -> ServiceBrokerStatus {
-        self.tally.status()
+        self.status.lock().clone()
     }
 }
 
-impl Drop for ServiceBroker {
-    fn drop(&mut self) {
-        self.stop.ring();
-        if let Some(thread) = self.thread.take()
-            && thread.join().is_err()
-        {
-            tracing::error!("the thread of the ZeroMQ broker of requests panicked");
-        }
-        let (rep_port, req_port) = (self.rep_port, self.req_port);
-        tracing::info!(rep_port, req_port, "ZeroMQ broker of requests and replies ended");
-    }
-}
-
-impl std::fmt::Debug for ServiceBroker {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("ServiceBroker")
-            .field("ip", &self.ip)
-            .field("rep_port", &self.rep_port)
-            .field("req_port", &self.req_port)
-            .finish_non_exhaustive()
-    }
-}
-
-impl Stand for ServiceBroker {
+impl Supervised for ServiceBroker {
     type Config = ServiceBrokerConfig;
 
     // Asked as a socket that neither side takes: one that the DEALER took would be given a request.
@@ -195,38 +171,4 @@ fn sockets(
     let back = open(zmq::DEALER)?;
     back.set_sndhwm(depth)?;
     Ok((front, back))
-}
-
-/// Counters of the broker's thread.
-#[derive(Debug, Default)]
-pub(super) struct Tally {
-    pub(super) requests: AtomicU64,
-    pub(super) replies: AtomicU64,
-    pub(super) bytes: AtomicU64,
-    pub(super) waiting: AtomicU64,
-    pub(super) overloaded: AtomicU64,
-    pub(super) expired: AtomicU64,
-    pub(super) malformed: AtomicU64,
-    pub(super) unheard: AtomicU64,
-    failure: Mutex<Option<String>>,
-}
-
-impl Tally {
-    pub(super) fn failed(&self, why: Option<String>) {
-        *self.failure.lock().unwrap_or_else(PoisonError::into_inner) = why;
-    }
-
-    fn status(&self) -> ServiceBrokerStatus {
-        ServiceBrokerStatus {
-            requests: self.requests.load(Relaxed),
-            replies: self.replies.load(Relaxed),
-            bytes: self.bytes.load(Relaxed),
-            waiting: self.waiting.load(Relaxed),
-            overloaded: self.overloaded.load(Relaxed),
-            expired: self.expired.load(Relaxed),
-            malformed: self.malformed.load(Relaxed),
-            unheard: self.unheard.load(Relaxed),
-            failure: self.failure.lock().unwrap_or_else(PoisonError::into_inner).clone(),
-        }
-    }
 }

@@ -13,16 +13,15 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 
 use super::deadline;
-use super::envelope::{self, Misfit, Parcel};
-use super::service_broker::Tally;
-use super::turns::{self, Turns};
-use wrapyfi_endpoint::{PROGRESS, Share};
+use super::envelope::{self, Misfit, ServiceMessage};
+use super::service_broker::ServiceBrokerStatus;
+use super::turns::Turns;
+use wrapyfi_endpoint::{Mutex, PROGRESS, Share};
 
 /// Messages passed on before the other side and the clock are looked at.
 const BATCH: usize = 128;
@@ -43,13 +42,15 @@ pub(super) struct ServiceProxy {
     share: Share,
     /// Replies by client, where one does not read.
     unread: BTreeMap<Bytes, Unread>,
-    tally: Arc<Tally>,
+    tally: ServiceBrokerStatus,
+    /// The same, as others see it.
+    shown: Arc<Mutex<ServiceBrokerStatus>>,
 }
 
 /// Replies that wait until their client reads.
 struct Unread {
     /// Replies, each with the number that it counts for: an error of the broker itself is none.
-    replies: VecDeque<(Parcel, u64)>,
+    replies: VecDeque<(ServiceMessage, u64)>,
     share: Share,
     /// Instant at which the client last read one, or should have read the first.
     moved_at: Instant,
@@ -64,7 +65,7 @@ enum Sent {
 }
 
 struct Held {
-    parcel: Parcel,
+    message: ServiceMessage,
     /// Time at which the caller gives up, where that is known.
     until: Option<Instant>,
 }
@@ -75,7 +76,7 @@ impl ServiceProxy {
         back: zmq::Socket,
         stop: zmq::Socket,
         pending: usize,
-        tally: Arc<Tally>,
+        shown: Arc<Mutex<ServiceBrokerStatus>>,
     ) -> Self {
         Self {
             front,
@@ -85,13 +86,9 @@ impl ServiceProxy {
             pending: pending.max(1),
             share: Share::default(),
             unread: BTreeMap::new(),
-            tally,
+            tally: ServiceBrokerStatus::default(),
+            shown,
         }
-    }
-
-    /// Runs until the stop socket is rung.
-    pub(super) fn run(mut self) {
-        turns::run(&mut self);
     }
 
     /// Passes on the replies that are on their way: a server that ends with its broker has just
@@ -101,10 +98,9 @@ impl ServiceProxy {
         loop {
             self.pass_replies()?;
             self.pass_unread();
-            let count = |counter: &AtomicU64| counter.load(Relaxed);
-            let answered = count(&self.tally.replies) + count(&self.tally.unheard);
+            let answered = self.tally.replies + self.tally.unheard;
             let left = end.saturating_duration_since(Instant::now());
-            if answered >= count(&self.tally.requests) || left.is_zero() {
+            if answered >= self.tally.requests || left.is_zero() {
                 return Ok(());
             }
             let wait = i64::try_from(left.as_millis()).unwrap_or(0) + 1;
@@ -112,8 +108,12 @@ impl ServiceProxy {
         }
     }
 
+    fn show(&self) {
+        self.shown.lock().clone_from(&self.tally);
+    }
+
     /// Milliseconds until the next request is too old or a reply is tried again; for ever where there is none.
-    fn patience(&self) -> i64 {
+    fn wait_ms(&self) -> i64 {
         let next = self.held.iter().filter_map(|held| held.until).min();
         let left = next.map(|until| {
             let left = until.saturating_duration_since(Instant::now());
@@ -125,28 +125,28 @@ impl ServiceProxy {
 
     fn take_requests(&mut self) -> zmq::Result<()> {
         for _ in 0..BATCH {
-            let Some((parcel, _)) = envelope::receive(&self.front, usize::MAX)? else { break };
-            let parcel = match parcel {
-                Ok(parcel) => parcel,
+            let Some((message, _)) = envelope::receive(&self.front, usize::MAX)? else { break };
+            let message = match message {
+                Ok(message) => message,
                 Err(misfit) => {
-                    count(&self.tally.malformed);
+                    self.tally.malformed += 1;
                     if let Misfit::Frames(envelope, frames) = misfit {
                         let text = format!("a request is one frame, not {frames}");
-                        self.answer(Parcel::error(envelope, &text), 0);
+                        self.answer(ServiceMessage::error(envelope, &text), 0);
                     }
                     continue;
                 }
             };
-            let until = parcel.mark().and_then(|mark| deadline::of(&mark));
+            let until = message.mark().and_then(|mark| deadline::of(&mark));
             if until.is_some_and(|until| until <= Instant::now()) {
-                count(&self.tally.expired);
+                self.tally.expired += 1;
                 continue;
             }
             // Straight through where nobody waits in front of it.
-            if self.held.is_empty() && self.forward(&parcel)? {
+            if self.held.is_empty() && forward(&message, &self.back, &mut self.tally)? {
                 continue;
             }
-            let bytes = parcel.size();
+            let bytes = message.size();
             let refusal = if self.held.len() >= self.pending {
                 let limit = self.pending;
                 Some(format!(
@@ -160,12 +160,12 @@ impl ServiceProxy {
                 None
             };
             if let Some(why) = refusal {
-                count(&self.tally.overloaded);
+                self.tally.overloaded += 1;
                 let text = format!("{why}: start a server, or ask again later");
-                self.answer(Parcel::error(parcel.envelope, &text), 0);
+                self.answer(ServiceMessage::error(message.envelope, &text), 0);
                 continue;
             }
-            self.held.push_back(Held { parcel, until });
+            self.held.push_back(Held { message, until });
         }
         Ok(())
     }
@@ -176,29 +176,19 @@ impl ServiceProxy {
         let share = &self.share;
         self.held.retain(|held| {
             let stays = held.until.is_none_or(|until| until > now);
-            share.give(if stays { 0 } else { held.parcel.size() });
+            share.give(if stays { 0 } else { held.message.size() });
             stays
         });
-        self.tally.expired.fetch_add((before - self.held.len()) as u64, Relaxed);
+        self.tally.expired += (before - self.held.len()) as u64;
         while let Some(held) = self.held.front() {
-            if !self.forward(&held.parcel)? {
+            if !forward(&held.message, &self.back, &mut self.tally)? {
                 break;
             }
-            self.share.give(held.parcel.size());
+            self.share.give(held.message.size());
             self.held.pop_front();
         }
-        self.tally.waiting.store(self.held.len() as u64, Relaxed);
+        self.tally.waiting = self.held.len() as u64;
         Ok(())
-    }
-
-    /// Gives a request to the server whose turn it is; false when none has room.
-    fn forward(&self, parcel: &Parcel) -> zmq::Result<bool> {
-        let sent = parcel.send(&self.back)?;
-        if sent {
-            count(&self.tally.requests);
-            self.tally.bytes.fetch_add(parcel.size() as u64, Relaxed);
-        }
-        Ok(sent)
     }
 
     fn pass_replies(&mut self) -> zmq::Result<()> {
@@ -206,7 +196,7 @@ impl ServiceProxy {
             let Some((reply, _)) = envelope::receive(&self.back, usize::MAX)? else { break };
             match reply {
                 Ok(reply) => self.answer(reply, 1),
-                Err(_) => count(&self.tally.malformed),
+                Err(_) => self.tally.malformed += 1,
             }
         }
         Ok(())
@@ -214,7 +204,7 @@ impl ServiceProxy {
 
     /// Sends a reply to its client, or has it wait there until the client reads. One that is gone, or has no room
     /// left, does not hear it.
-    fn answer(&mut self, reply: Parcel, replies: u64) {
+    fn answer(&mut self, reply: ServiceMessage, replies: u64) {
         let Some(client) = reply.envelope.first().cloned() else { return };
         let sent = match self.unread.contains_key(&client) {
             true => Sent::NoRoom,
@@ -232,7 +222,7 @@ impl ServiceProxy {
             }
         }
         if sent != Sent::Yes {
-            self.tally.unheard.fetch_add(replies, Relaxed);
+            self.tally.unheard += replies;
         }
     }
 
@@ -254,17 +244,17 @@ impl ServiceProxy {
             if sent == Sent::NoRoom && !late {
                 self.unread.insert(client, unread);
             } else {
-                let lost = unread.replies.iter().map(|(_, replies)| replies).sum();
-                self.tally.unheard.fetch_add(lost, Relaxed);
+                self.tally.unheard +=
+                    unread.replies.iter().map(|(_, replies)| replies).sum::<u64>();
             }
         }
     }
 
-    fn send(&self, reply: &Parcel, replies: u64) -> Sent {
+    fn send(&mut self, reply: &ServiceMessage, replies: u64) -> Sent {
         match reply.send(&self.front) {
             Ok(true) => {
-                self.tally.replies.fetch_add(replies, Relaxed);
-                self.tally.bytes.fetch_add(reply.size() as u64 * replies, Relaxed);
+                self.tally.replies += replies;
+                self.tally.bytes += reply.size() as u64 * replies;
                 Sent::Yes
             }
             Ok(false) => Sent::NoRoom,
@@ -286,10 +276,11 @@ impl Turns for ServiceProxy {
             self.back.as_poll_item(back),
             self.stop.as_poll_item(zmq::POLLIN),
         ];
-        zmq::poll(&mut items, self.patience())?;
+        zmq::poll(&mut items, self.wait_ms())?;
         let [front, back, stop] = items.map(|item| item.is_readable());
         if stop {
             self.last_replies()?;
+            self.show();
             return Ok(false);
         }
         self.pass_unread();
@@ -300,6 +291,7 @@ impl Turns for ServiceProxy {
             self.take_requests()?;
         }
         self.pass_requests()?;
+        self.show();
         Ok(true)
     }
 
@@ -307,13 +299,24 @@ impl Turns for ServiceProxy {
         &self.stop
     }
 
-    fn failed(&self, why: Option<String>) {
-        self.tally.failed(why);
+    fn failed(&mut self, why: Option<String>) {
+        self.tally.failure = why;
+        self.show();
     }
 }
 
-fn count(counter: &AtomicU64) {
-    counter.fetch_add(1, Relaxed);
+/// Gives a request to the server whose turn it is; false when none has room.
+fn forward(
+    message: &ServiceMessage,
+    back: &zmq::Socket,
+    tally: &mut ServiceBrokerStatus,
+) -> zmq::Result<bool> {
+    let sent = message.send(back)?;
+    if sent {
+        tally.requests += 1;
+        tally.bytes += message.size() as u64;
+    }
+    Ok(sent)
 }
 
 #[cfg(test)]
@@ -346,7 +349,6 @@ mod tests {
     fn a_request_that_was_too_long_on_its_way_reaches_no_server() {
         let context = zmq::Context::new();
         let (mut proxy, client) = broker(&context);
-        let tally = Arc::clone(&proxy.tally);
         let server = context.socket(zmq::REP).unwrap();
         server.connect("inproc://back").unwrap();
 
@@ -358,12 +360,11 @@ mod tests {
         for (mark, body) in [(late, "late"), (fresh, "fresh")] {
             client.send_multipart([&mark.encode(), "".as_bytes(), body.as_bytes()], 0).unwrap();
         }
-        let seen = || tally.expired.load(Relaxed) + tally.requests.load(Relaxed);
-        while seen() < 2 {
+        while proxy.tally.expired + proxy.tally.requests < 2 {
             assert!(proxy.turn().unwrap());
         }
         assert_eq!(server.recv_bytes(0).unwrap(), b"fresh");
-        assert_eq!(tally.expired.load(Relaxed), 1);
+        assert_eq!(proxy.tally.expired, 1);
     }
 
     #[test]
@@ -383,7 +384,7 @@ mod tests {
             *reply.last_mut().unwrap() = vec![b'x'; 100];
             server.send_multipart(reply, 0).unwrap();
         }
-        let seen = |tally: &Tally| tally.unheard.load(Relaxed) + tally.replies.load(Relaxed);
+        let seen = |tally: &ServiceBrokerStatus| tally.unheard + tally.replies;
         let waits = |proxy: &ServiceProxy| {
             proxy.unread.values().map(|unread| unread.replies.len() as u64).sum::<u64>()
         };
@@ -391,7 +392,7 @@ mod tests {
             assert!(proxy.turn().unwrap());
         }
         // Two are with libzmq, two with the broker: a third would be more than a quarter of what may wait.
-        assert_eq!((waits(&proxy), proxy.tally.unheard.load(Relaxed)), (2, 6));
+        assert_eq!((waits(&proxy), proxy.tally.unheard), (2, 6));
         assert!(BUDGET.used() <= 250, "{}", BUDGET.used());
         for _ in 0..4 {
             while client.get_events().unwrap() & zmq::POLLIN == zmq::PollEvents::empty() {
@@ -411,7 +412,7 @@ mod tests {
         for size in [200, 100] {
             client.send_multipart([Vec::new(), vec![b'x'; size]], 0).unwrap();
         }
-        while proxy.tally.overloaded.load(Relaxed) == 0 {
+        while proxy.tally.overloaded == 0 {
             assert!(proxy.turn().unwrap());
         }
         let told = client.recv_multipart(0).unwrap().concat();
@@ -420,7 +421,7 @@ mod tests {
         assert!(BUDGET.used() >= 200);
         let server = context.socket(zmq::REP).unwrap();
         server.connect("inproc://back").unwrap();
-        while proxy.tally.requests.load(Relaxed) == 0 {
+        while proxy.tally.requests == 0 {
             assert!(proxy.turn().unwrap());
         }
         assert_eq!((server.recv_bytes(0).unwrap().len(), BUDGET.used()), (200, 0));

@@ -5,14 +5,14 @@
 //! ```
 //!
 //! Publishers say nothing to a broker but their messages: this table is all there is to know of
-//! them. It is told on a topic of its own, so that whoever asks need not subscribe to everything,
+//! them. It is table on a topic of its own, so that whoever asks need not subscribe to everything,
 //! which would make every publisher believe it has a listener.
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-/// Topic on which the table is told. Nobody can publish to it through the broker.
+/// Topic on which the table is table. Nobody can publish to it through the broker.
 pub(super) const TRAFFIC_TOPIC: &str = "WRAPYFI/TRAFFIC";
 
 /// Topics kept. What comes on others is counted together.
@@ -32,9 +32,9 @@ pub struct TopicTraffic {
     pub type_name: Option<String>,
 }
 
-/// The table as it is told.
+/// The table as it is table.
 #[derive(Debug, Default, Serialize, Deserialize)]
-pub(super) struct Told {
+pub(super) struct TrafficTable {
     pub(super) topics: BTreeMap<String, TopicTraffic>,
     /// Messages of topics that found no room, or whose name is no text.
     pub(super) unlisted: u64,
@@ -43,55 +43,36 @@ pub(super) struct Told {
 /// Counts of one broker.
 #[derive(Debug, Default)]
 pub(super) struct Traffic {
-    topics: BTreeMap<Vec<u8>, (u64, u64, Option<Look>)>,
+    topics: BTreeMap<Vec<u8>, (u64, u64, Option<&'static str>)>,
     unlisted: u64,
-    watchers: u64,
+    /// Number of those who are subscribed to the table.
+    pub(super) watchers: u64,
 }
 
-/// Kind of a message, told by its frames.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Look {
-    NativeObject,
-    Image,
-    CompressedImage,
-    AudioChunk,
-}
-
-impl Look {
-    /// The type that has `frames` frames, the last of which begins with `body`.
-    pub(super) fn guess(frames: usize, body: &[u8]) -> Option<Self> {
-        const ARRAY: &[u8] = b"{\"__wrapyfi__\": [\"numpy.ndarray\"";
-        const TUPLE: &[u8] = b"{\"__wrapyfi__\": [\"tuple\"";
-        match frames {
-            2 if matches!(
-                body.first(),
-                Some(b'{' | b'[' | b'"' | b'-' | b'0'..=b'9' | b'n' | b't' | b'f' | b'N' | b'I')
-            ) =>
-            {
-                Some(Self::NativeObject)
-            }
-            3 if body.starts_with(&[0xFF, 0xD8, 0xFF]) => Some(Self::CompressedImage),
-            3 if body.starts_with(ARRAY) => Some(Self::Image),
-            3 if body.starts_with(TUPLE) => Some(Self::AudioChunk),
-            // The header behind an object.
-            3 if body.starts_with(b"{timestamp:") => Some(Self::NativeObject),
-            _ => None,
+/// The type that has `frames` frames, the last of which begins with `body`.
+pub(super) fn guess(frames: usize, body: &[u8]) -> Option<&'static str> {
+    const ARRAY: &[u8] = b"{\"__wrapyfi__\": [\"numpy.ndarray\"";
+    const TUPLE: &[u8] = b"{\"__wrapyfi__\": [\"tuple\"";
+    match frames {
+        2 if matches!(
+            body.first(),
+            Some(b'{' | b'[' | b'"' | b'-' | b'0'..=b'9' | b'n' | b't' | b'f' | b'N' | b'I')
+        ) =>
+        {
+            Some("NativeObject")
         }
-    }
-
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Self::NativeObject => "NativeObject",
-            Self::Image => "Image",
-            Self::CompressedImage => "CompressedImage",
-            Self::AudioChunk => "AudioChunk",
-        }
+        3 if body.starts_with(&[0xFF, 0xD8, 0xFF]) => Some("CompressedImage"),
+        3 if body.starts_with(ARRAY) => Some("Image"),
+        3 if body.starts_with(TUPLE) => Some("AudioChunk"),
+        // The header behind an object.
+        3 if body.starts_with(b"{timestamp:") => Some("NativeObject"),
+        _ => None,
     }
 }
 
 impl Traffic {
     /// Takes note of a message.
-    pub(super) fn count(&mut self, topic: &[u8], bytes: usize, look: Option<Look>) {
+    pub(super) fn count(&mut self, topic: &[u8], bytes: usize, look: Option<&'static str>) {
         let bytes = bytes as u64;
         if let Some(known) = self.topics.get_mut(topic) {
             *known = (known.0 + 1, known.1.saturating_add(bytes), look);
@@ -102,38 +83,28 @@ impl Traffic {
         }
     }
 
-    /// Somebody subscribed to the table.
-    pub(super) fn watched(&mut self) {
-        self.watchers += 1;
-    }
-
-    /// Somebody left.
-    pub(super) fn unwatched(&mut self) {
-        self.watchers = self.watchers.saturating_sub(1);
-    }
-
     /// The second frame of the table; `None` while nobody is subscribed to it.
     pub(super) fn message(&self) -> Option<Vec<u8>> {
         if self.watchers == 0 {
             return None;
         }
-        serde_json::to_vec(&self.told()).ok()
+        serde_json::to_vec(&self.table()).ok()
     }
 
     /// The table.
-    pub(super) fn told(&self) -> Told {
-        let mut told = Told { unlisted: self.unlisted, ..Told::default() };
+    pub(super) fn table(&self) -> TrafficTable {
+        let mut table = TrafficTable { unlisted: self.unlisted, ..TrafficTable::default() };
         for (topic, &(messages, bytes, look)) in &self.topics {
             match std::str::from_utf8(topic) {
                 Ok(name) if !name.is_empty() => {
-                    let type_name = look.map(|look| look.name().to_owned());
+                    let type_name = look.map(str::to_owned);
                     let topic = TopicTraffic { messages, bytes, type_name };
-                    told.topics.insert(name.to_owned(), topic);
+                    table.topics.insert(name.to_owned(), topic);
                 }
-                _ => told.unlisted += messages,
+                _ => table.unlisted += messages,
             }
         }
-        told
+        table
     }
 }
 
@@ -144,17 +115,17 @@ mod tests {
     #[test]
     fn topics_are_counted_and_told_to_those_who_ask() {
         let mut traffic = Traffic::default();
-        traffic.count(b"/a", 10, Look::guess(2, b"{\"x\": 1}"));
-        traffic.count(b"/a", 5, Look::guess(2, b"[1]"));
+        traffic.count(b"/a", 10, guess(2, b"{\"x\": 1}"));
+        traffic.count(b"/a", 5, guess(2, b"[1]"));
         traffic.count(&[0xff], 5, None);
         assert_eq!(traffic.message(), None, "nobody asks");
-        traffic.watched();
+        traffic.watchers = 1;
         let text = traffic.message().unwrap();
-        let told: Told = serde_json::from_slice(&text).unwrap();
+        let table: TrafficTable = serde_json::from_slice(&text).unwrap();
         let type_name = Some("NativeObject".to_owned());
-        assert_eq!(told.topics["/a"], TopicTraffic { messages: 2, bytes: 15, type_name });
-        assert_eq!((told.topics.len(), told.unlisted), (1, 1));
-        traffic.unwatched();
+        assert_eq!(table.topics["/a"], TopicTraffic { messages: 2, bytes: 15, type_name });
+        assert_eq!((table.topics.len(), table.unlisted), (1, 1));
+        traffic.watchers = 0;
         assert_eq!(traffic.message(), None);
     }
 
@@ -165,18 +136,18 @@ mod tests {
             traffic.count(format!("/{number}").as_bytes(), 1, None);
         }
         traffic.count(&[b'x'; MAX_TOPIC_BYTES + 1], 1, None);
-        let told = traffic.told();
-        assert_eq!((told.topics.len(), told.unlisted), (MAX_TOPICS, 4));
+        let table = traffic.table();
+        assert_eq!((table.topics.len(), table.unlisted), (MAX_TOPICS, 4));
     }
 
     #[test]
     fn types_by_their_frames() {
-        assert_eq!(Look::guess(3, &[0xFF, 0xD8, 0xFF, 0xE0]), Some(Look::CompressedImage));
+        assert_eq!(guess(3, &[0xFF, 0xD8, 0xFF, 0xE0]), Some("CompressedImage"));
         let image = b"{\"__wrapyfi__\": [\"numpy.ndarray\", \"k05V";
-        assert_eq!(Look::guess(3, image), Some(Look::Image));
-        assert_eq!(Look::guess(3, b"{\"__wrapyfi__\": [\"tuple\", [1"), Some(Look::AudioChunk));
-        assert_eq!(Look::guess(3, b"{timestamp:1.5, frame_id"), Some(Look::NativeObject));
-        assert_eq!(Look::guess(2, b"\x00\x01"), None);
-        assert_eq!(Look::guess(5, b"{"), None);
+        assert_eq!(guess(3, image), Some("Image"));
+        assert_eq!(guess(3, b"{\"__wrapyfi__\": [\"tuple\", [1"), Some("AudioChunk"));
+        assert_eq!(guess(3, b"{timestamp:1.5, frame_id"), Some("NativeObject"));
+        assert_eq!(guess(2, b"\x00\x01"), None);
+        assert_eq!(guess(5, b"{"), None);
     }
 }

@@ -1,13 +1,15 @@
 //! The life of a broker's thread: turn after turn, until it is told to stop.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::thread::JoinHandle;
 use std::time::Instant;
 
+use super::options::StopSignal;
 use wrapyfi_endpoint::Throttle;
 use wrapyfi_endpoint::backoff::Backoff;
 
 /// A broker at work.
-pub(super) trait Turns {
+pub(super) trait Turns: Sized + Send + 'static {
     /// Name of the broker in logs.
     const NAME: &'static str;
 
@@ -18,12 +20,48 @@ pub(super) trait Turns {
     fn stop(&self) -> &zmq::Socket;
 
     /// Shows the reason why the broker does not work now; `None` when it does again.
-    fn failed(&self, why: Option<String>);
+    fn failed(&mut self, why: Option<String>);
+
+    /// Ends the broker, which takes no more turns.
+    fn end(self) {}
+}
+
+/// The thread of a broker, which is told to stop when this is dropped.
+#[derive(Debug)]
+pub(super) struct Runs {
+    stop_signal: StopSignal,
+    broker: &'static str,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Runs {
+    /// Starts the thread `name` of a broker, whose stop socket `stop_signal` rings.
+    pub(super) fn start<T: Turns>(
+        name: &str,
+        stop_signal: StopSignal,
+        mut broker: T,
+    ) -> std::io::Result<Self> {
+        let thread = std::thread::Builder::new().name(name.to_owned()).spawn(move || {
+            run(&mut broker);
+            broker.end();
+        })?;
+        Ok(Self { stop_signal, broker: T::NAME, thread: Some(thread) })
+    }
+}
+
+impl Drop for Runs {
+    fn drop(&mut self) {
+        self.stop_signal.ring();
+        match self.thread.take().map(JoinHandle::join) {
+            Some(Err(_)) => tracing::error!("{} panicked at its end", self.broker),
+            _ => tracing::debug!("{} ended", self.broker),
+        }
+    }
 }
 
 /// Runs turns until the broker is told to stop. A fault, a panic too, is logged; the next turn
 /// follows after a pause.
-pub(super) fn run<T: Turns>(broker: &mut T) {
+fn run<T: Turns>(broker: &mut T) {
     let (mut backoff, mut faults) = (Backoff::of_process(1), Throttle::default());
     loop {
         let fault = match catch_unwind(AssertUnwindSafe(|| broker.turn())) {
@@ -51,14 +89,12 @@ pub(super) fn run<T: Turns>(broker: &mut T) {
 
 #[cfg(test)]
 mod tests {
-    use std::cell::RefCell;
-
     use super::*;
 
     struct Scripted {
         outcomes: Vec<fn() -> zmq::Result<bool>>,
         stop: zmq::Socket,
-        failures: RefCell<Vec<Option<String>>>,
+        failures: Vec<Option<String>>,
     }
 
     impl Turns for Scripted {
@@ -72,8 +108,8 @@ mod tests {
             &self.stop
         }
 
-        fn failed(&self, why: Option<String>) {
-            self.failures.borrow_mut().push(why);
+        fn failed(&mut self, why: Option<String>) {
+            self.failures.push(why);
         }
     }
 
@@ -87,11 +123,11 @@ mod tests {
             || Err(zmq::Error::ENOTSOCK),
             || Ok(false),
         ];
-        let mut broker = Scripted { outcomes: outcomes.into(), stop, failures: RefCell::default() };
+        let mut broker = Scripted { outcomes: outcomes.into(), stop, failures: Vec::new() };
         run(&mut broker);
         let said = zmq::Error::ENOTSOCK.to_string();
         let expected = [Some("a panic".to_owned()), None, Some(said), None];
-        assert_eq!(*broker.failures.borrow(), expected);
+        assert_eq!(broker.failures, expected);
         assert!(broker.outcomes.is_empty());
     }
 }

@@ -1,4 +1,4 @@
-//! ZMTP 3, the protocol between ZeroMQ sockets, as far as the broker's side for listeners, publishers and the probe
+//! ZMTP 3, the protocol between ZeroMQ sockets, as far as the broker's side for listeners, publishers and the check of ports
 //! need it.
 //!
 //! ```text
@@ -43,13 +43,15 @@ pub(super) fn greeting() -> Vec<u8> {
     greeting
 }
 
-/// Checks that a greeting is of ZMTP 3 with mechanism NULL.
-pub(super) fn check_greeting(greeting: &[u8; GREETING]) -> Result<(), Breach> {
-    let [0xff, _, _, _, _, _, _, _, _, 0x7f, 3..=255, _, mechanism @ ..] = greeting else {
+/// Checks that a greeting is of ZMTP 3 with mechanism NULL; true where it is of version 3.1, which has heartbeats.
+/// libzmq answers them from 4.2 on, and says 3.1 from 4.3.3 on.
+pub(super) fn check_greeting(greeting: &[u8; GREETING]) -> Result<bool, Breach> {
+    let [0xff, _, _, _, _, _, _, _, _, 0x7f, major @ 3..=255, minor, mechanism @ ..] = greeting
+    else {
         return Err(Breach);
     };
     match mechanism.strip_prefix(b"NULL") {
-        Some([0, ..]) => Ok(()),
+        Some([0, ..]) => Ok((*major, *minor) >= (3, 1)),
         _ => Err(Breach),
     }
 }
@@ -70,11 +72,6 @@ pub(super) fn command(body: &[u8]) -> Vec<u8> {
     frame
 }
 
-/// Name and rest of a command.
-pub(super) fn split_command(body: &[u8]) -> Option<(&[u8], &[u8])> {
-    short_text(body)
-}
-
 /// Socket type in the properties of a command READY.
 pub(super) fn socket_type(mut properties: &[u8]) -> Option<&[u8]> {
     while !properties.is_empty() {
@@ -90,7 +87,7 @@ pub(super) fn socket_type(mut properties: &[u8]) -> Option<&[u8]> {
     None
 }
 
-/// Splits off a text with its length in the first byte.
+/// Splits off a text with its length in the first byte, such as the name of a command.
 pub(super) fn short_text(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     let (&length, rest) = bytes.split_first()?;
     rest.split_at_checked(usize::from(length))
@@ -181,7 +178,7 @@ mod tests {
             assert!(rest.len() <= end);
         }
         let (first, size) = split_frame(&bytes, 100).unwrap().unwrap();
-        let (name, properties) = split_command(first.body).unwrap();
+        let (name, properties) = short_text(first.body).unwrap();
         assert_eq!((name, socket_type(properties)), (&b"READY"[..], Some(&b"XPUB"[..])));
         let rest = &bytes[size..];
         assert_eq!(split_frame(rest, 100), Ok(Some((frame(false, true, b"ab"), 4))));
@@ -208,7 +205,10 @@ mod tests {
     #[test]
     fn other_greetings_are_refused() {
         let ours: [u8; GREETING] = greeting().try_into().unwrap();
-        assert_eq!(check_greeting(&ours), Ok(()));
+        assert_eq!(check_greeting(&ours), Ok(false));
+        let mut newer = ours;
+        newer[11] = 1;
+        assert_eq!(check_greeting(&newer), Ok(true));
         for (at, byte) in [(0, 0), (9, 0), (10, 2), (12, b'C'), (16, b'X')] {
             let mut other = ours;
             other[at] = byte;

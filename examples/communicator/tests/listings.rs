@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::thread;
 
 use wrapyfi_communicator_examples::{image, pixels, samples, sound};
-use wrapyfi_core::communicator::{Context, Mode, communicator};
+use wrapyfi_core::communicator::{CommunicatorContext, Mode, communicator};
 use wrapyfi_core::middleware::memory::Memory;
 use wrapyfi_core::types::{AudioChunk, Image, ParameterValue, Properties, Value};
 
@@ -108,9 +108,9 @@ impl Settings {
 }
 
 /// A context whose middlewares are in memory and have these names.
-fn context(names: &[&str]) -> Context {
+fn context(names: &[&str]) -> CommunicatorContext {
     let buses = names.iter().map(|name| Arc::new(Memory::new(*name)));
-    let builder = Context::builder();
+    let builder = CommunicatorContext::builder();
     let mut is_first = true;
     let all = buses.fold(builder, |builder, bus| {
         if std::mem::take(&mut is_first) { builder.only(bus) } else { builder.middleware(bus) }

@@ -18,7 +18,7 @@ use std::time::Duration;
 
 use clap::Parser;
 use serde_json::{Value as Json, json};
-use wrapyfi_core::communicator::{Context, MethodError, Mode, communicator};
+use wrapyfi_core::communicator::{CommunicatorContext, MethodError, Mode, communicator};
 use wrapyfi_core::node::{args::RosArgs, read_params_file};
 use wrapyfi_core::types::{AudioChunk, Image, Properties, RosMessage, Value};
 use wrapyfi_interfaces::sensor_msgs::msg::JointState;
@@ -287,7 +287,7 @@ fn main() -> anyhow::Result<()> {
     let options = Options::parse();
     let mode = options.mode;
     let args = RosArgs::parse(options.ros_args.iter().cloned(), read_params_file)?;
-    let context = Context::builder().ros_args(args).build();
+    let context = CommunicatorContext::builder().ros_args(args).build();
     let mut exchange = Exchange::default().communicator_in(&context);
     for &method in <ExchangeMethod as wrapyfi_core::communicator::Method>::ALL {
         // Parameters have no second way.

@@ -3,5 +3,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    wrapyfi_bridge::node::main()
+    wrapyfi_bridge::node_main::main()
 }

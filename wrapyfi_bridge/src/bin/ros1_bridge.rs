@@ -5,5 +5,5 @@ use std::process::ExitCode;
 use wrapyfi_bridge::middleware_bridge::MiddlewareBridge;
 
 fn main() -> ExitCode {
-    wrapyfi_bridge::node::main_of(MiddlewareBridge::Ros1)
+    wrapyfi_bridge::node_main::main_of(MiddlewareBridge::Ros1)
 }

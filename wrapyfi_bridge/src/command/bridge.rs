@@ -1,26 +1,25 @@
 //! Command `wrapyfi bridge` and the node executables: run the routes of a configuration.
 
-use std::collections::BTreeSet;
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use wrapyfi_core::endpoint::{CountersSnapshot, WAITING};
-use wrapyfi_core::engine::{Engine, Kind, Plan, Route};
+use wrapyfi_core::engine::Engine;
 use wrapyfi_core::node::parameters::ParameterStore;
-use wrapyfi_core::types::MessageType;
 
+use crate::edits::Edits;
 use crate::exit::Failure;
+use crate::in_force::{InForce, Options, change_by, ros2_types, warn_of_unheard};
 use crate::lines::Lines;
 use crate::logging;
-use crate::middlewares::{self, Loaded, Middlewares};
+use crate::middlewares::{Loaded, Middlewares};
 use crate::node::Node;
 use crate::on_graph::{OnGraph, Parts};
-use crate::overrides;
-use crate::own_address::OwnAddress;
+use crate::page::{self, Page};
 use crate::reload::{Reload, Watch};
 use crate::shutdown::Shutdown;
 use crate::table;
-use crate::why::question::Configuration;
 
 /// Most routes without a message that get a line of their own at the end.
 const FEW_IDLE: usize = 10;
@@ -30,46 +29,28 @@ const MAX_LINES: usize = 8;
 /// Longest time that writing the last of them may take.
 const LAST_LINE: Duration = Duration::from_millis(500);
 
-/// Duration and output of a bridge's run.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Options {
-    /// Time to run; without end where `None`.
-    pub seconds: Option<Duration>,
-    /// One JSON object a second on stdout.
-    pub json: bool,
-    /// Address at which others reach the endpoints of the routes.
-    pub own: OwnAddress,
-    /// The middleware without which the node has nothing to do: when somebody ends it, the node ends
-    /// with an error, so that it is started again where that is wished.
-    pub lives_with: Option<&'static str>,
-}
-
 /// Runs the routes of a configuration that is called `name`, as the ROS 2 node `node`, until the time is
 /// over or the process is asked to end.
 ///
 /// # Errors
 /// Exit code 2 when the configuration is refused, 1 when a middleware cannot start.
 pub fn run(
-    loaded: Loaded,
+    mut loaded: Loaded,
     name: &str,
     node: &Node,
     mut parameters: ParameterStore,
     options: Options,
     shutdown: &Shutdown,
 ) -> Result<(), Failure> {
-    let Loaded { mut endpoints, mut plan, types: mut store, waiting_bytes, file, lines, text } =
-        loaded;
-    let config = match &file {
-        Some(file) => Configuration::File(file.clone()),
-        None => Configuration::Text(text, name.to_owned()),
-    };
-    WAITING.set_limit(waiting_bytes);
-    middlewares::take_parameters(&mut endpoints, &mut parameters)?;
-    options.own.enter(&mut endpoints);
-    overrides::apply(&mut plan, node, &mut parameters).map_err(Failure::usage)?;
+    let page_port = options.page_port.or(loaded.page_port);
+    change_by(&mut loaded, node, &mut parameters, &options)?;
+    let Loaded { endpoints, plan, types: mut store, definitions, lines, file, .. } = loaded;
+    WAITING.set_limit(loaded.waiting_bytes);
     warn_of_unused(&parameters);
-    warn_of_unheard(&plan, &lines, node);
+    warn_of_unheard(&plan.index(|address| node.resolve(address)), &lines);
     let middlewares = Middlewares::for_plan(&endpoints, &plan, node)?;
+    let in_force = InForce { file: name.to_owned(), endpoints, definitions };
+    let in_force = Arc::new(Mutex::new(in_force));
     let types = ros2_types(&plan);
     // Dropped last: what the routes say at their end is logged too.
     let bridge_node = node;
@@ -92,18 +73,24 @@ pub fn run(
     let reload = file.map(|file| Reload {
         file,
         middlewares,
-        own: options.own,
+        options,
+        in_force: Arc::clone(&in_force),
         node: bridge_node.clone(),
         handle: node.as_ref().map(|node| node.handle().clone()),
         routes: running.applier(),
+        edits: Edits::default(),
+        page_port,
     });
     let watch = reload.map(Watch::start).transpose()?;
+    let page = page_port.and_then(|port| {
+        let (node, in_force) = (bridge_node.clone(), Arc::clone(&in_force));
+        Page::start(port, page::Parts { node, routes: running.applier(), in_force })
+    });
     let on_graph = node.as_ref().map(|node| Parts {
         node: bridge_node.clone(),
         handle: node.handle().clone(),
         routes: running.applier(),
-        config,
-        own: options.own,
+        in_force,
     });
     let on_graph = on_graph.map(OnGraph::start).transpose()?;
     // A reader that stands still, or went, is no concern of the routes.
@@ -126,7 +113,7 @@ pub fn run(
             json.write(table::json_line(&running.status(), logging::panics()));
         }
     }
-    drop((watch, on_graph));
+    drop((watch, on_graph, page));
     let last = running.stop();
     if let Some(json) = &json {
         json.write(table::json_line(&last, logging::panics()));
@@ -161,26 +148,6 @@ pub fn run(
     failure.map_or(Ok(()), |why| Err(Failure::Failed(anyhow::Error::msg(why))))
 }
 
-/// Warns of routes that do not hear what others of the plan publish; `lines` are those of the routes in
-/// their file.
-pub(crate) fn warn_of_unheard(plan: &Plan, lines: &[u64], node: &Node) {
-    for unheard in plan.unheard(|address| node.resolve(address)) {
-        tracing::warn!("{}: {unheard}", in_lines(&unheard.places, lines));
-    }
-}
-
-/// Lines of routes by their places in the plan, as `lines 3, 4 and 7`.
-pub(crate) fn in_lines(places: &[usize], lines: &[u64]) -> String {
-    let mut each: Vec<_> =
-        places.iter().filter_map(|place| lines.get(*place)).map(u64::to_string).collect();
-    let last = each.pop().unwrap_or_default();
-    if each.is_empty() {
-        format!("line {last}")
-    } else {
-        format!("lines {} and {last}", each.join(", "))
-    }
-}
-
 /// Warns of parameters on the command line that nothing declares: perhaps misspelt.
 fn warn_of_unused(store: &ParameterStore) {
     let known = || {
@@ -195,21 +162,4 @@ fn warn_of_unused(store: &ParameterStore) {
             tracing::warn!("parameter {name} is not one of this node's: {}", known());
         }
     }
-}
-
-/// ROS types of the endpoints that routes have on ROS 2.
-pub(crate) fn ros2_types(plan: &Plan) -> BTreeSet<&'static str> {
-    let ends = |route: &Route| {
-        let types = match route.kind {
-            Kind::Service(kind) => [Some(kind.ros_type()); 2],
-            // Properties are on no topic of ours.
-            Kind::Topic(types) => [types.from, types.to]
-                .map(|it| (it != MessageType::Properties).then(|| it.ros_type())),
-        };
-        let named = [&route.from, &route.to].into_iter().zip(types);
-        named
-            .filter_map(|(end, name)| name.filter(|_| end.middleware == "ros2"))
-            .collect::<Vec<_>>()
-    };
-    plan.routes.iter().filter(|route| route.is_whole()).flat_map(ends).collect()
 }

@@ -3,8 +3,8 @@
 
 use std::path::Path;
 
-use super::bridge::{in_lines, warn_of_unheard};
 use crate::exit::Failure;
+use crate::in_force::{in_lines, warn_of_unheard};
 use crate::middlewares::{self, Settings};
 use crate::node::Node;
 use crate::output;
@@ -33,8 +33,9 @@ pub fn run(file: &Path, against: Option<&Path>) -> Result<(), Failure> {
         output::line(&route.to_string())?;
     }
     let node = Node::bridge().map_err(Failure::usage)?;
-    warn_of_unheard(&plan, &loaded.lines, &node);
-    for circle in plan.circles(|address| node.resolve(address)) {
+    let index = plan.index(|address| node.resolve(address));
+    warn_of_unheard(&index, &loaded.lines);
+    for circle in index.circles() {
         tracing::warn!("{}: {circle}", in_lines(&circle.places, &loaded.lines));
     }
     Ok(())

@@ -8,54 +8,27 @@ use std::fmt::Write as _;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use wrapyfi_core::endpoint::{Discovered, Discovery, EndpointAddress, Wake};
+use wrapyfi_core::endpoint::{Discovered, EndpointAddress, Wake};
 use wrapyfi_core::middleware::ros1;
 use wrapyfi_core::middleware::yarp::{self, YarpConfig};
 
 use super::WAIT_SLICE;
 use crate::cli::ListArgs;
+use crate::discovery_watch::DiscoveryWatch;
 use crate::exit::Failure;
-use crate::middlewares::{Middlewares, Role};
+use crate::middlewares::{self, Middlewares, Role};
 use crate::output;
 use crate::own_address::OwnAddress;
 use crate::shutdown::Shutdown;
 
 /// Longest look where nobody says how long.
 const LONGEST: Duration = Duration::from_secs(3);
-/// Time without news after which a side that never says that it has told all is taken to have: nodes on
-/// DDS answer a new one at once, and tell of themselves in a few rounds.
-const SILENCE: Duration = Duration::from_millis(500);
-
 /// One side that is looked at.
 struct Side {
     name: &'static str,
-    /// Endpoints that were found by the last look.
-    found: Vec<Discovered>,
-    /// Time since which `found` is the same.
-    unchanged_since: Instant,
     // Before what it came from.
-    discovery: Box<dyn Discovery>,
+    watch: DiscoveryWatch,
     _middlewares: Middlewares,
-}
-
-impl Side {
-    fn look(&mut self) -> Result<(), Failure> {
-        let found = self.discovery.endpoints().context(self.name)?;
-        if found != self.found {
-            self.unchanged_since = Instant::now();
-        }
-        self.found = found;
-        Ok(())
-    }
-
-    fn has_told_all(&self) -> bool {
-        has_told_all(self.discovery.is_complete(), self.unchanged_since.elapsed())
-    }
-}
-
-/// True when nothing more is to be expected of a side that says `complete` of itself.
-pub(crate) fn has_told_all(complete: Option<bool>, unchanged: Duration) -> bool {
-    complete.unwrap_or(unchanged >= SILENCE)
 }
 
 /// Looks for as long as `--wait` says, else until all sides have told what they have, then prints what
@@ -68,7 +41,7 @@ pub fn run(args: &ListArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     if let Some(middleware) = &args.middleware {
         args.own.check(middleware)?;
     }
-    let all = Middlewares::names();
+    let all = middlewares::names();
     let wanted: Vec<_> = match &args.middleware {
         // Nobody has said that there is a ROS 1 without this variable, or a YARP without this file.
         None => all
@@ -78,11 +51,7 @@ pub fn run(args: &ListArgs, shutdown: &Shutdown) -> Result<(), Failure> {
             .collect(),
         Some(name) => match all.iter().find(|known| *known == name) {
             Some(known) => vec![*known],
-            None => {
-                let text =
-                    format!("middleware {name:?} is not available; available: {}", all.join(", "));
-                return Err(Failure::Usage(text));
-            }
+            None => return Err(middlewares::unknown(name)),
         },
     };
     let (mut sides, mut failures) = (Vec::new(), Vec::new());
@@ -96,9 +65,9 @@ pub fn run(args: &ListArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let wake = Wake::new();
     loop {
         for side in &mut sides {
-            side.look()?;
+            side.watch.look().context(side.name)?;
         }
-        let told = args.wait.is_none() && sides.iter().all(Side::has_told_all);
+        let told = args.wait.is_none() && sides.iter().all(|side| side.watch.has_told_all());
         if told || shutdown.requested() || Instant::now() >= deadline {
             break;
         }
@@ -107,7 +76,8 @@ pub fn run(args: &ListArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let mut out = String::new();
     let mut looked = 0;
     for side in &sides {
-        match side.discovery.waiting_for() {
+        let DiscoveryWatch { discovery, found, .. } = &side.watch;
+        match discovery.waiting_for() {
             Some(what) => {
                 let text = format!("no answer from {what}");
                 failures.push((side.name, Failure::TimedOut(text)));
@@ -116,9 +86,9 @@ pub fn run(args: &ListArgs, shutdown: &Shutdown) -> Result<(), Failure> {
             None => looked += 1,
         }
         if args.json {
-            lines(&mut out, side.name, &side.found)?;
+            lines(&mut out, side.name, found)?;
         } else {
-            table(&mut out, side.name, side.discovery.carried_by(), &side.found);
+            table(&mut out, side.name, discovery.carried_by(), found);
         }
     }
     if let Some(text) = out.strip_suffix('\n') {
@@ -143,9 +113,8 @@ fn open(name: &'static str, own: OwnAddress) -> Result<Side, Failure> {
     let address = EndpointAddress { middleware: name.to_owned(), name: "/".to_owned() };
     let middlewares = Middlewares::for_endpoint(&address, Role::Observer, own)?;
     let middleware = middlewares.registry().get(name).map_err(Failure::usage)?;
-    let discovery = middleware.discover().context(name)?;
-    let (found, unchanged_since) = (Vec::new(), Instant::now());
-    Ok(Side { name, found, unchanged_since, discovery, _middlewares: middlewares })
+    let watch = DiscoveryWatch::new(middleware.discover().context(name)?);
+    Ok(Side { name, watch, _middlewares: middlewares })
 }
 
 fn lines(out: &mut String, middleware: &str, found: &[Discovered]) -> Result<(), Failure> {
@@ -235,14 +204,6 @@ mod tests {
             ..seen.clone()
         };
         vec![seen, listener]
-    }
-
-    #[test]
-    fn a_side_is_believed_or_else_its_silence() {
-        assert!(has_told_all(Some(true), Duration::ZERO));
-        assert!(!has_told_all(Some(false), LONGEST));
-        assert!(has_told_all(None, SILENCE));
-        assert!(!has_told_all(None, SILENCE / 2));
     }
 
     #[test]

@@ -15,8 +15,8 @@ use wrapyfi_interfaces::Message as _;
 use wrapyfi_interfaces::wrapyfi_msgs::srv::ListRoutes_Response;
 
 use super::WAIT_SLICE;
-use super::list::has_told_all;
 use crate::cli::TopArgs;
+use crate::discovery_watch::DiscoveryWatch;
 use crate::exit::Failure;
 use crate::middlewares::Middlewares;
 use crate::on_graph::client::Asker;
@@ -50,10 +50,8 @@ pub fn run(args: &TopArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let mut asker = Asker::<ListRoutes_Response>::open(&ros2, &node, SERVICE)?;
     let mut routes = Routes::new(args.sort, args.filter.clone());
     // The first answer before the terminal is taken: a wrong name is told as any other fault.
-    routes.update(asker.ask(Map::new(), LOOK)?.routes, Instant::now());
+    routes.update(asker.ask(Map::new(), LOOK)?.routes);
     if args.once {
-        shutdown.wait_until(Some(Instant::now() + args.every));
-        routes.update(asker.ask(Map::new(), ANSWER)?.routes, Instant::now());
         return output::line(&routes.table());
     }
     std::thread::scope(|scope| {
@@ -100,7 +98,7 @@ fn watch(
                 Ok(reply) => {
                     heard = at;
                     screen.fault = None;
-                    screen.routes.update(reply.routes, heard);
+                    screen.routes.update(reply.routes);
                 }
                 Err(failure) => screen.fault = Some(failure.to_string()),
             }
@@ -121,27 +119,22 @@ fn watch(
 
 /// Name of the node of the bridge that is on the graph.
 fn only_bridge(ros2: &Ros2, shutdown: &Shutdown) -> Result<String, Failure> {
-    let mut discovery = ros2.discover().context("cannot look for bridges")?;
-    let (wake, begin) = (Wake::new(), Instant::now());
-    let (mut found, mut changed) = (BTreeSet::new(), begin);
-    loop {
-        let endpoints = discovery.endpoints().context("cannot look for bridges")?;
-        let kind = ListRoutes_Response::ROS_TYPE.trim_end_matches("_Response");
-        let nodes: BTreeSet<String> = endpoints
-            .into_iter()
+    let discovery = ros2.discover().context("cannot look for bridges")?;
+    let (mut watch, wake, begin) = (DiscoveryWatch::new(discovery), Wake::new(), Instant::now());
+    let kind = ListRoutes_Response::ROS_TYPE.trim_end_matches("_Response");
+    let found = loop {
+        watch.look().context("cannot look for bridges")?;
+        let all = watch.found.iter();
+        let nodes: BTreeSet<String> = all
             .filter(|one| one.role == Role::Server && one.type_name.as_deref() == Some(kind))
             .filter_map(|one| one.name.strip_suffix(SERVICE)?.strip_suffix('/').map(str::to_owned))
             .collect();
-        if nodes != found {
-            (found, changed) = (nodes, Instant::now());
-        }
-        let told = has_told_all(discovery.is_complete(), changed.elapsed());
-        let over = begin.elapsed() >= LOOK || shutdown.requested();
-        if over || (told && !found.is_empty()) {
-            break;
+        let is_over = begin.elapsed() >= LOOK || shutdown.requested();
+        if is_over || (!nodes.is_empty() && watch.has_told_all()) {
+            break nodes;
         }
         wake.wait(WAIT_SLICE);
-    }
+    };
     let mut nodes = found.into_iter();
     match (nodes.next(), nodes.next()) {
         (Some(node), None) => Ok(node),

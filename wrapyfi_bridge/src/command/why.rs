@@ -13,7 +13,7 @@ use crate::middlewares::Middlewares;
 use crate::on_graph::client::Asker;
 use crate::output;
 use crate::why::judge::judge;
-use crate::why::question::{Configuration, Question};
+use crate::why::question::Question;
 use crate::why::{Finding, Verdict};
 
 /// Longest time that a bridge elsewhere may take.
@@ -31,11 +31,11 @@ pub fn run(args: &WhyArgs) -> Result<(), Failure> {
         None => {
             let question = Question {
                 name: args.name.clone(),
-                config: args.config.clone().map(Configuration::File),
+                config: args.config.clone(),
                 definitions: args.definitions.clone(),
                 own: args.own,
             };
-            judge(&question.ask(None)?)
+            judge(&question.ask()?)
         }
     };
     show(&verdict, args.json, begin)

@@ -3,13 +3,13 @@
 use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
 
-use anyhow::Context as _;
 use wrapyfi_core::endpoint::{Middleware, Registry};
-use wrapyfi_core::middleware::ros2::{self, CycloneConfig, Ros2};
-use wrapyfi_core::middleware::yarp::{Yarp, YarpConfig};
-use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMq, ZeroMqConfig};
+use wrapyfi_core::middleware::ros2::Ros2;
+use wrapyfi_core::middleware::yarp::YarpConfig;
+use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMqConfig};
+use wrapyfi_core::start::Ros2Settings;
 
-use super::ros2::join;
+use super::start::start;
 use crate::exit::Failure;
 use crate::node::Node;
 
@@ -37,29 +37,29 @@ impl DemoMiddlewares {
     pub fn start() -> Result<Self, Failure> {
         let mut config = ZeroMqConfig::from_env().map_err(Failure::usage)?;
         config.broker = BrokerMode::Embedded;
-        let bridge_side = match ZeroMq::start(&config) {
+        let bridge_side = match start("zeromq", &config) {
             Ok(started) => started,
             Err(error) => {
                 // Something else has Wrapyfi's ports: the demo does not need those.
                 tracing::info!("{error}; the demo's broker takes free ports");
                 (config.pub_port, config.sub_port) = (0, 0);
-                ZeroMq::start(&config).context("zeromq")?
+                start("zeromq", &config)?
             }
         };
         (config.pub_port, config.sub_port) = (bridge_side.pub_port(), bridge_side.sub_port());
         config.broker = BrokerMode::Foreign;
         let broker = format!("{}:{}/{}", config.ip, config.pub_port, config.sub_port);
         let mut sources = Registry::new();
-        sources.register(Arc::new(ZeroMq::start(&config).context("zeromq")?));
-        let robot_side = Yarp::start(&YarpConfig {
+        sources.register(Arc::new(start("zeromq", &config)?));
+        let robot_side = YarpConfig {
             name_server: Some(SocketAddr::from((Ipv4Addr::LOCALHOST, 0)).into()),
             embedded: true,
             ..YarpConfig::default()
-        });
-        let robot_side = robot_side.context("yarp")?;
+        };
+        let robot_side = start("yarp", &robot_side)?;
         let name_server = robot_side.embedded().map(Into::into);
         let config = YarpConfig { name_server, ..YarpConfig::default() };
-        let yarp = Yarp::start(&config).context("yarp")?;
+        let yarp = start("yarp", &config)?;
         let name_server = robot_side.name_server().to_owned();
         sources.register(Arc::new(robot_side));
 
@@ -68,12 +68,10 @@ impl DemoMiddlewares {
                 ("ROS_AUTOMATIC_DISCOVERY_RANGE", None) => Some("LOCALHOST".to_owned()),
                 (_, value) => value,
             };
-            let environment = ros2::environment::read(lookup).map_err(Failure::usage)?;
             let node = Node::named(name).map_err(Failure::usage)?;
-            let config = CycloneConfig::from_environment(node.name().clone(), &environment);
-            let joined = join(&config, &environment, None, node.enclave())?;
-            let as_it_is = |topic: &str| Ok(topic.to_owned());
-            Ok((Ros2::joined(joined, as_it_is), environment.domain_id))
+            let settings = Ros2Settings::of_node(node.name().clone(), lookup);
+            let settings = settings.map_err(Failure::usage)?;
+            Ok((start("ros2", &settings)?, settings.cyclone.domain_id))
         };
         let (ros2, domain_id) = graph("wrapyfi_demo")?;
         let (viewer, _) = graph("wrapyfi_demo_viewer")?;

@@ -15,6 +15,7 @@ use wrapyfi_interfaces::parser::{Dialect, TypeName};
 use wrapyfi_interfaces::store::TypeStore;
 
 use super::load::Endpoints;
+use super::start::start;
 use crate::exit::Failure;
 
 /// Pause between two looks.
@@ -48,7 +49,12 @@ pub(super) fn from_publishers(
         let Ok(name) = TypeName::parse(Dialect::Ros2, &wanted.value) else { continue };
         let ros1 = match &mut node {
             Some(ros1) => ros1,
-            none => match config.endpoints.ros.start(&config.endpoints.hosts) {
+            none => match config
+                .endpoints
+                .ros
+                .config(&config.endpoints.hosts)
+                .and_then(|config| start(ros1::NAME, &config))
+            {
                 Ok(started) => none.insert(started),
                 Err(refused @ Failure::Usage(_)) => return Err(refused),
                 // Its routes wait; what they carry is said to be unknown below.

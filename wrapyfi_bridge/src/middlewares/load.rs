@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 use wrapyfi_core::Limits;
-use wrapyfi_core::engine::{Config, ConfigError, Kind, Plan, Problem, Spanned};
-use wrapyfi_core::network::{Hosts, Insecure, Place};
+use wrapyfi_core::engine::{Config, ConfigError, Kind, Plan, Problem, RouteConfig, Spanned};
+use wrapyfi_core::network::{Hosts, Place};
 use wrapyfi_core::types::{MessageType, ServiceKind};
 use wrapyfi_interfaces::store::TypeStore;
 
@@ -17,7 +17,8 @@ use super::yarp::YarpSection;
 use super::zeromq::ZeroMqSection;
 use crate::command::any;
 use crate::exit::Failure;
-use crate::reload::read_file;
+use crate::files::read_file;
+use crate::own_address::OwnAddress;
 
 /// The `endpoints` section of a configuration: how each middleware is reached.
 #[derive(Debug, Clone, Default, Deserialize)]
@@ -36,27 +37,16 @@ pub struct Endpoints {
     pub hosts: Hosts,
 }
 
-/// `insecure` of a section: whether other machines may reach what listens at its address.
-#[derive(Debug, Clone, Copy)]
-pub struct Word(pub Insecure);
-
-impl Default for Word {
-    fn default() -> Self {
-        Self(Insecure { is_allowed: false, place: Place::File })
-    }
-}
-
-impl<'de> Deserialize<'de> for Word {
-    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let is_allowed = bool::deserialize(deserializer)?;
-        Ok(Self(Insecure { is_allowed, ..Self::default().0 }))
-    }
-}
-
-impl Word {
-    /// Adds what the section says to what the environment does.
-    pub fn say(self, insecure: &mut Insecure, names_address: bool) {
-        insecure.said(self.0.place, names_address, self.0.is_allowed);
+impl Endpoints {
+    /// Says at which address others reach the endpoints, before what the sections say.
+    pub fn reached_at(&mut self, own: OwnAddress) {
+        for insecure in [&mut self.yarp.insecure.0, &mut self.ros.insecure.0] {
+            insecure.said(Place::Argument, own.ip.is_some(), own.insecure);
+        }
+        if let Some(ip) = own.ip {
+            self.yarp.say_ip(ip.to_string());
+            self.ros.hostname = Some(ip.to_string());
+        }
     }
 }
 
@@ -71,6 +61,10 @@ pub struct Loaded {
     pub types: TypeStore,
     /// Bytes that may wait in the queues of the process.
     pub waiting_bytes: usize,
+    /// Folders of definitions.
+    pub definitions: Vec<PathBuf>,
+    /// Port of the live page, where there is one.
+    pub page_port: Option<u16>,
     /// Line of each route in the file.
     pub lines: Vec<u64>,
     /// The text that was read.
@@ -84,15 +78,16 @@ pub struct Loaded {
 /// # Errors
 /// Exit code 2 with every fault, each with its line.
 pub fn load(file: &Path) -> Result<Loaded, Failure> {
-    load_with(file, |_, _| Ok(()))
+    load_with(file, &[], |_, _| Ok(()))
 }
 
-/// As [`load`]; types of routes from ROS 1 that nobody here has are asked from their publishers.
+/// As [`load`]; types of routes from ROS 1 that nobody here has are asked from their publishers. Entries that were
+/// `added` stand after those of the file.
 ///
 /// # Errors
 /// As [`load`], and exit code 1 when ROS 1 does not start.
-pub fn load_and_learn(file: &Path) -> Result<Loaded, Failure> {
-    load_with(file, learn::from_publishers)
+pub fn load_and_learn(file: &Path, added: &[Spanned<RouteConfig>]) -> Result<Loaded, Failure> {
+    load_with(file, added, learn::from_publishers)
 }
 
 /// A type that a route names and nobody here has a definition of.
@@ -124,7 +119,7 @@ impl Undefined {
 /// # Errors
 /// As [`load`].
 pub fn load_noting(file: &Path, undefined: &mut Vec<Undefined>) -> Result<Loaded, Failure> {
-    load_with(file, |config, types| {
+    load_with(file, &[], |config, types| {
         for entry in &config.routes {
             let route = &entry.value;
             let is_service = route.service.is_some();
@@ -156,6 +151,7 @@ pub fn load_noting(file: &Path, undefined: &mut Vec<Undefined>) -> Result<Loaded
 
 fn load_with(
     file: &Path,
+    added: &[Spanned<RouteConfig>],
     learn: impl FnOnce(&Config<Endpoints>, &mut TypeStore) -> Result<(), Failure>,
 ) -> Result<Loaded, Failure> {
     let name = file.display().to_string();
@@ -163,7 +159,7 @@ fn load_with(
     let text = read_file(file).map_err(|error| Failure::usage(format!("{name}: {error}")))?;
     // As seen from the file, wherever the program was started.
     let beside = file.parent().unwrap_or(Path::new(""));
-    let loaded = read(text, &name, beside, learn)?;
+    let loaded = read(text, &name, beside, added, learn)?;
     Ok(Loaded { file: Some(file.to_owned()), ..loaded })
 }
 
@@ -172,16 +168,18 @@ fn load_with(
 /// # Errors
 /// As [`load`].
 pub fn load_text(text: &str, name: &str) -> Result<Loaded, Failure> {
-    read(text.to_owned(), name, Path::new(""), |_, _| Ok(()))
+    read(text.to_owned(), name, Path::new(""), &[], |_, _| Ok(()))
 }
 
 fn read(
     text: String,
     name: &str,
     beside: &Path,
+    added: &[Spanned<RouteConfig>],
     learn: impl FnOnce(&Config<Endpoints>, &mut TypeStore) -> Result<(), Failure>,
 ) -> Result<Loaded, Failure> {
     let mut config: Config<Endpoints> = Config::from_yaml(&text, name).map_err(Failure::usage)?;
+    config.routes.extend_from_slice(added);
     let waiting_bytes = hosts(&config)
         .and_then(|hosts| {
             config.endpoints.hosts = hosts;
@@ -201,12 +199,15 @@ fn read(
         }
     }
     learn(&config, &mut types)?;
-    let plan = Plan::new(&config, &super::available(), &mut types, name).map_err(Failure::usage)?;
+    let plan = Plan::new(&config, &super::available::available(), &mut types, name)
+        .map_err(Failure::usage)?;
     check_services(&plan).map_err(|fault| Failure::Usage(format!("{name}: {fault}")))?;
     // A plan that is valid has a route for each entry.
     let lines = config.routes.iter().map(|entry| entry.referenced.line()).collect();
-    let endpoints = config.endpoints;
-    Ok(Loaded { endpoints, plan, types, waiting_bytes, lines, text, file: None })
+    let (endpoints, page_port) = (config.endpoints, config.page.port);
+    let definitions = folders;
+    let file = None;
+    Ok(Loaded { endpoints, plan, types, waiting_bytes, definitions, page_port, lines, text, file })
 }
 
 /// Bytes that may wait in the queues of this process.
@@ -265,6 +266,20 @@ mod tests {
         let path = folder.join(name);
         std::fs::write(&path, text).unwrap();
         path
+    }
+
+    #[test]
+    fn an_argument_goes_before_the_file_and_needs_its_own_word() {
+        let mut endpoints = Endpoints::default();
+        endpoints.yarp.insecure.0.is_allowed = true;
+        let own = OwnAddress { ip: Some([192, 0, 2, 7].into()), insecure: false };
+        endpoints.reached_at(own);
+        assert_eq!(endpoints.yarp.ip.as_ref().unwrap().value, "192.0.2.7");
+        assert_eq!(endpoints.ros.hostname.as_deref(), Some("192.0.2.7"));
+        let refused = endpoints.yarp.check().unwrap_err().message;
+        assert!(refused.contains("192.0.2.7") && refused.contains("give --insecure"), "{refused}");
+        endpoints.reached_at(OwnAddress { insecure: true, ..own });
+        endpoints.yarp.check().unwrap();
     }
 
     #[test]

@@ -11,10 +11,12 @@
 //!   zeromq, ros2, ros1, yarp   a section each, and the middleware that it makes
 //!   settings                   what they start with, compared where a plan changes
 //!   demo                       the parties of `wrapyfi demo`
+//!   available, start           their names; the start of one, with the exit code of a failure
 //! ```
 //!
 //! The only place that knows which middlewares exist. Those that no route uses are not started.
 
+mod available;
 mod demo;
 mod learn;
 mod load;
@@ -23,6 +25,8 @@ mod parameters;
 mod ros1;
 mod ros2;
 mod settings;
+mod start;
+mod word;
 mod yarp;
 mod zeromq;
 
@@ -32,55 +36,32 @@ use std::sync::{Arc, Weak};
 use anyhow::Context as _;
 use wrapyfi_core::Limits;
 use wrapyfi_core::endpoint::{EndpointAddress, Late, Middleware, Registry, StartFault};
-use wrapyfi_core::engine::{Available, Plan};
+use wrapyfi_core::engine::Plan;
 use wrapyfi_core::middleware::ros2::graph::Graph;
 use wrapyfi_core::middleware::ros2::{NodeEndpoints, NodeHandle, Ros2};
 use wrapyfi_core::network::Hosts;
 use wrapyfi_core::node::parameters::ParameterStore;
 use wrapyfi_interfaces::store::TypeStore;
 
+pub(crate) use self::available::unknown;
+pub use self::available::{names, option_names};
 pub use self::demo::DemoMiddlewares;
 pub(crate) use self::learn::{LearnTopicError, of_topic};
 pub use self::load::{Endpoints, Loaded, Undefined, load, load_and_learn, load_noting, load_text};
 pub use self::observe::{Door, Observer, Server, doors, observer, ros2_elsewhere};
-pub use self::parameters::take_parameters;
+pub(crate) use self::parameters::take_parameters;
 pub use self::ros1::Ros1Section;
 pub use self::ros2::Ros2Section;
 use self::settings::One;
 pub use self::settings::Settings;
+pub use self::start::Role;
+use self::start::start;
 pub use self::yarp::{DialectWord, YarpSection};
-pub use self::zeromq::{BrokerWord, ZeroMqSection};
-use crate::cli::ServicePorts;
+pub use self::zeromq::{BrokerWord, ServicePorts, ZeroMqSection};
 use crate::exit::Failure;
 use crate::logging;
 use crate::node::Node;
 use crate::own_address::OwnAddress;
-
-/// Names under which routes and commands address the middlewares, with their rules for topics.
-fn available() -> [Available<'static>; 4] {
-    [zeromq::AVAILABLE, ros2::AVAILABLE, ros1::AVAILABLE, yarp::AVAILABLE]
-}
-
-/// Names of the settings of one endpoint that only this middleware has.
-#[must_use]
-pub fn option_names(middleware: &str) -> &'static [&'static str] {
-    available().iter().find(|known| known.name == middleware).map_or(&[], |known| known.options)
-}
-
-/// Role of a command at its topic or service.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Role {
-    /// Observer: looks which endpoints exist, and opens none.
-    Observer,
-    /// Listener: Wrapyfi's listeners never start a broker.
-    Listener,
-    /// Publisher: Wrapyfi's publishers start the broker when there is none.
-    Publisher,
-    /// Client: Wrapyfi's clients never start a broker.
-    Client,
-    /// Server: Wrapyfi's servers start the broker of requests where there is none.
-    Server,
-}
 
 /// Middlewares at work.
 #[derive(Default)]
@@ -189,10 +170,12 @@ impl Middlewares {
     ) -> Result<Self, Failure> {
         let mut middlewares = Self::default();
         let mut endpoints = Endpoints::default();
-        own.enter(&mut endpoints);
+        endpoints.reached_at(own);
         match address.middleware.as_str() {
             "zeromq" => {
-                middlewares.add(Arc::new(endpoints.zeromq.start(role, &endpoints.hosts)?));
+                let largest = Limits::default().message_bytes;
+                let config = endpoints.zeromq.config(Some(role), largest, &endpoints.hosts)?;
+                middlewares.add(Arc::new(start("zeromq", &config)?));
             }
             "ros2" => {
                 middlewares.add(Arc::new(Self::ros2_of_command()?));
@@ -203,14 +186,11 @@ impl Middlewares {
                 let config = endpoints.yarp.config(largest, &endpoints.hosts)?;
                 middlewares.add(Arc::new(YarpSection::start_with(&config, listens)?));
             }
-            ros1::NAME => middlewares.add(Arc::new(endpoints.ros.start(&endpoints.hosts)?)),
-            other => {
-                let text = format!(
-                    "middleware {other:?} is not available; available: {}",
-                    available().map(|known| known.name).join(", ")
-                );
-                return Err(Failure::Usage(text));
+            ros1::NAME => {
+                let config = endpoints.ros.config(&endpoints.hosts)?;
+                middlewares.add(Arc::new(start(ros1::NAME, &config)?));
             }
+            other => return Err(unknown(other)),
         }
         Ok(middlewares)
     }
@@ -235,7 +215,9 @@ impl Middlewares {
         let ServicePorts { rep_port, req_port } = *ports;
         let section = ZeroMqSection { rep_port, req_port, ..ZeroMqSection::default() };
         let mut middlewares = Self::default();
-        middlewares.add(Arc::new(section.start(role, &Hosts::default())?));
+        let largest = Limits::default().message_bytes;
+        let config = section.config(Some(role), largest, &Hosts::default())?;
+        middlewares.add(Arc::new(start("zeromq", &config)?));
         Ok(middlewares)
     }
 
@@ -254,12 +236,6 @@ impl Middlewares {
         let mut middlewares = Self::default();
         middlewares.add(ros2);
         middlewares
-    }
-
-    /// Names of all that there are.
-    #[must_use]
-    pub fn names() -> Vec<&'static str> {
-        available().map(|known| known.name).into()
     }
 
     /// The middlewares by name.

@@ -12,17 +12,18 @@ use wrapyfi_core::Limits;
 use wrapyfi_core::endpoint::Middleware;
 use wrapyfi_core::middleware::ros1::{self, Ros1};
 use wrapyfi_core::middleware::ros2::Ros2;
+use wrapyfi_core::middleware::ros2::environment::DiscoveryRange;
 use wrapyfi_core::middleware::ros2::graph::Graph;
 use wrapyfi_core::middleware::yarp;
 use wrapyfi_core::middleware::zeromq::BrokerMode;
 use wrapyfi_yarp::name::conf::locate;
 use wrapyfi_yarp::name::{Environment, NameServerConf};
 
+use super::available::unknown;
 use super::load::Endpoints;
-use super::ros1::Ros1Section;
+use super::ros2::Ros2Section;
+use super::start::{Role, start};
 use super::yarp::YarpSection;
-use super::zeromq::ZeroMqSection;
-use super::{Role, Ros2Section};
 use crate::exit::Failure;
 use crate::node::Node;
 
@@ -123,7 +124,7 @@ pub fn observer(endpoints: &Endpoints, middleware: &str) -> Result<Observer, Fai
             let observer = Some(Role::Observer);
             let mut config = endpoints.zeromq.config(observer, largest, &endpoints.hosts)?;
             (config.broker, config.service_broker) = (BrokerMode::Foreign, BrokerMode::Foreign);
-            Ok(of(Arc::new(ZeroMqSection::start_with(&config)?)))
+            Ok(of(Arc::new(start("zeromq", &config)?)))
         }
         yarp::NAME => {
             let mut config = endpoints.yarp.config(largest, &endpoints.hosts)?;
@@ -134,7 +135,7 @@ pub fn observer(endpoints: &Endpoints, middleware: &str) -> Result<Observer, Fai
             let mut config = endpoints.ros.config(&endpoints.hosts)?;
             // The name of the bridge's node would end that node.
             config.node = None;
-            let ros1 = Arc::new(Ros1Section::start_with(&config)?);
+            let ros1 = Arc::new(start(ros1::NAME, &config)?);
             let middleware = Arc::clone(&ros1) as Arc<dyn Middleware>;
             Ok(Observer { ros1: Some(ros1), ..of(middleware) })
         }
@@ -144,10 +145,7 @@ pub fn observer(endpoints: &Endpoints, middleware: &str) -> Result<Observer, Fai
             let graph = Some(Arc::clone(ros2.graph()));
             Ok(Observer { graph, ..of(Arc::new(ros2)) })
         }
-        other => Err(Failure::Usage(format!(
-            "middleware {other:?} is not available; available: {}",
-            super::Middlewares::names().join(", ")
-        ))),
+        other => Err(unknown(other)),
     }
 }
 
@@ -158,5 +156,9 @@ pub fn observer(endpoints: &Endpoints, middleware: &str) -> Result<Observer, Fai
 pub fn ros2_elsewhere(section: &Ros2Section, domain_id: u32, wide: bool) -> Result<Ros2, Failure> {
     let node = Node::hidden().map_err(Failure::usage)?;
     let section = Ros2Section { domain_id: Some(domain_id), ..section.clone() };
-    section.start_looking(&node, wide)
+    let mut settings = section.settings(&node, Limits::default().message_bytes)?;
+    if wide {
+        settings.cyclone.discovery.range = DiscoveryRange::Subnet;
+    }
+    start("ros2", &settings)
 }

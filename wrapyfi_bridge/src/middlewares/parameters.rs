@@ -35,7 +35,7 @@ const NAMES: [&str; 14] = [
 ///
 /// # Errors
 /// Exit code 2 for a name that there is not, or a value that it cannot have.
-pub fn take_parameters(
+pub(crate) fn take_parameters(
     endpoints: &mut Endpoints,
     store: &mut ParameterStore,
 ) -> Result<(), Failure> {

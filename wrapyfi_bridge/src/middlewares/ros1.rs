@@ -6,11 +6,11 @@ use std::path::Path;
 use serde::Deserialize;
 use wrapyfi_core::engine::{Available, MAX_CONFIG_BYTES, Problem, Spanned};
 pub(super) use wrapyfi_core::middleware::ros1::NAME;
-use wrapyfi_core::middleware::ros1::{self, Ros1, Ros1Config, StartError};
+use wrapyfi_core::middleware::ros1::{self, Ros1Config};
 use wrapyfi_core::network::Hosts;
 use wrapyfi_interfaces::ros1::Rules;
 
-use super::load::Word;
+use super::word::Word;
 use crate::exit::Failure;
 
 /// The middleware as routes and commands address it, with its rules for topics.
@@ -60,14 +60,6 @@ impl Ros1Section {
         Ok(())
     }
 
-    /// Starts the middleware.
-    ///
-    /// # Errors
-    /// Exit code 2 for settings that cannot work, 1 when it does not start.
-    pub fn start(&self, hosts: &Hosts) -> Result<Ros1, Failure> {
-        Self::start_with(&self.config(hosts)?)
-    }
-
     /// All settings.
     ///
     /// # Errors
@@ -85,14 +77,5 @@ impl Ros1Section {
         config.remaps = remap.into_iter().collect();
         config.mapping_rules = rules;
         Ok(config)
-    }
-
-    /// As [`Ros1Section::start`], with all settings.
-    pub(super) fn start_with(config: &Ros1Config) -> Result<Ros1, Failure> {
-        Ros1::start(config).map_err(|error| match error {
-            hopeless if hopeless.is_hopeless() => Failure::usage(hopeless),
-            StartError::Config(error) => Failure::Absent(error.to_string()),
-            other => anyhow::Error::new(other).context("ros").into(),
-        })
     }
 }

@@ -1,11 +1,11 @@
 //! `endpoints.ros2` of a configuration, and the middleware that it makes.
 
 use serde::Deserialize;
-use wrapyfi_core::Limits;
 use wrapyfi_core::engine::Available;
-use wrapyfi_core::middleware::ros2::environment::{DiscoveryRange, Environment};
-use wrapyfi_core::middleware::ros2::{self, Adapter, CycloneConfig, JoinError, Joined, Ros2};
+use wrapyfi_core::middleware::ros2::{Adapter, Ros2};
+use wrapyfi_core::start::Ros2Settings;
 
+use super::start::start;
 use crate::exit::Failure;
 use crate::node::Node;
 
@@ -35,52 +35,29 @@ impl Ros2Section {
     /// # Errors
     /// Exit code 2 for settings that cannot work, 1 when the DDS stack refuses.
     pub fn start(&self, node: &Node, largest_message: usize) -> Result<Ros2, Failure> {
-        let environment =
-            ros2::environment::read(|name| std::env::var(name).ok()).map_err(Failure::usage)?;
-        environment.log();
-        self.start_in(&environment, node, largest_message)
+        start("ros2", &self.settings(node, largest_message)?)
     }
 
-    /// As [`Ros2Section::start`], for a node that only looks: as far as multicast reaches if `wide`,
-    /// whatever the environment says.
-    pub(super) fn start_looking(&self, node: &Node, wide: bool) -> Result<Ros2, Failure> {
-        let read = ros2::environment::read(|name| std::env::var(name).ok());
-        let mut environment = read.map_err(Failure::usage)?;
-        if wide {
-            environment.discovery.range = DiscoveryRange::Subnet;
-        }
-        self.start_in(&environment, node, Limits::default().message_bytes)
-    }
-
-    fn start_in(
+    /// All settings.
+    ///
+    /// # Errors
+    /// Exit code 2 for variables of the environment that cannot be.
+    pub(super) fn settings(
         &self,
-        environment: &Environment,
         node: &Node,
         largest_message: usize,
-    ) -> Result<Ros2, Failure> {
-        let mut config = CycloneConfig::from_environment(node.name().clone(), environment);
-        config.domain_id = self.domain_id.unwrap_or(config.domain_id);
-        config.interface.clone_from(&self.interface);
-        config.max_message_bytes = largest_message;
-        let joined = join(&config, environment, self.graph, node.enclave())?;
+    ) -> Result<Ros2Settings, Failure> {
+        let variable = |name: &str| std::env::var(name).ok();
+        let settings = Ros2Settings::of_node(node.name().clone(), variable);
+        let mut settings = settings.map_err(Failure::usage)?;
+        let cyclone = &mut settings.cyclone;
+        cyclone.domain_id = self.domain_id.unwrap_or(cyclone.domain_id);
+        cyclone.interface.clone_from(&self.interface);
+        cyclone.max_message_bytes = largest_message;
+        settings.adapter = self.graph;
+        node.enclave().clone_into(&mut settings.enclave);
         let node = node.clone();
         let remap = move |topic: &str| node.resolve_topic(topic).map_err(|error| error.to_string());
-        Ok(Ros2::joined(joined, remap))
+        Ok(settings.remapped(remap))
     }
-}
-
-/// Joins the graph.
-///
-/// # Errors
-/// Exit code 2 where another middleware has to be named, installed or built in; 1 when the DDS stack refuses.
-pub(super) fn join(
-    config: &CycloneConfig,
-    environment: &Environment,
-    wanted: Option<Adapter>,
-    enclave: &str,
-) -> Result<Joined, Failure> {
-    ros2::join(config, environment, wanted, enclave).map_err(|error| match error {
-        JoinError::NotBuilt(_) | JoinError::Rmw(_) => Failure::usage(format!("ros2: {error}")),
-        error => Failure::Failed(anyhow::Error::new(error).context("ros2")),
-    })
 }

@@ -17,9 +17,8 @@ use wrapyfi_core::middleware::yarp::{self, YarpConfig};
 use wrapyfi_core::middleware::zeromq::ZeroMqConfig;
 
 use super::load::Endpoints;
-use super::ros1::Ros1Section;
+use super::start::start;
 use super::yarp::YarpSection;
-use super::zeromq::ZeroMqSection;
 use crate::exit::Failure;
 
 /// Settings of all middlewares of a bridge.
@@ -34,7 +33,7 @@ pub struct Settings {
 }
 
 /// Settings of one middleware that starts and ends by itself.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) enum One {
     /// Settings of ZeroMQ; true with the broker of services, where routes have any.
     ZeroMq(ZeroMqConfig, bool),
@@ -43,37 +42,12 @@ pub(super) enum One {
     Ros1(Ros1Config),
 }
 
-/// Compares two settings without the place where a word was said: that makes no other setting of
-/// it.
-impl PartialEq for One {
-    fn eq(&self, other: &Self) -> bool {
-        match (self, other) {
-            (Self::ZeroMq(one, serves), Self::ZeroMq(another, serve)) => {
-                let mut one = one.clone();
-                one.insecure.place = another.insecure.place;
-                one == *another && serves == serve
-            }
-            (Self::Yarp(one, listens), Self::Yarp(another, listen)) => {
-                let mut one = one.clone();
-                one.insecure.place = another.insecure.place;
-                one == *another && listens == listen
-            }
-            (Self::Ros1(one), Self::Ros1(another)) => {
-                let mut one = one.clone();
-                one.insecure.place = another.insecure.place;
-                one == *another
-            }
-            _ => false,
-        }
-    }
-}
-
 impl One {
     /// Starts the middleware.
     pub(super) fn start(&self) -> Result<Arc<dyn Middleware>, Failure> {
         Ok(match self {
             Self::ZeroMq(config, serves) => {
-                let zeromq = ZeroMqSection::start_with(config)?;
+                let zeromq = start("zeromq", config)?;
                 if *serves {
                     // A server of Wrapyfi's that was told not to start one relies on it.
                     zeromq.start_services().context("zeromq")?;
@@ -81,7 +55,7 @@ impl One {
                 Arc::new(zeromq)
             }
             Self::Yarp(config, listens) => Arc::new(YarpSection::start_with(config, *listens)?),
-            Self::Ros1(config) => Arc::new(Ros1Section::start_with(config)?),
+            Self::Ros1(config) => Arc::new(start(ros1::NAME, config)?),
         })
     }
 }

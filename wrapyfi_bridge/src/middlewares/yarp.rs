@@ -6,13 +6,12 @@ use serde::Deserialize;
 use serde_saphyr::Location;
 use wrapyfi_core::engine::{Available, Problem, Spanned};
 pub(super) use wrapyfi_core::middleware::yarp::NAME;
-use wrapyfi_core::middleware::yarp::{
-    self, Convention, Dialect, NameServerConf, StartError, Yarp, YarpConfig,
-};
+use wrapyfi_core::middleware::yarp::{self, Convention, Dialect, NameServerConf, Yarp, YarpConfig};
 use wrapyfi_core::network::Hosts;
 use wrapyfi_core::types::MessageType;
 
-use super::load::Word;
+use super::start::start;
+use super::word::Word;
 use crate::exit::Failure;
 use crate::logging;
 
@@ -133,13 +132,7 @@ impl YarpSection {
     /// # Errors
     /// Exit code 2 for settings that cannot work or that name nothing, 1 when it does not start.
     pub(super) fn start_with(config: &YarpConfig, listens: bool) -> Result<Yarp, Failure> {
-        let yarp = Yarp::start(config).map_err(|error| match error {
-            hopeless if hopeless.is_hopeless() => Failure::usage(hopeless),
-            absent @ (StartError::NameServer(_) | StartError::Host { .. }) => {
-                Failure::Absent(absent.to_string())
-            }
-            other => Failure::Failed(anyhow::Error::new(other).context("yarp")),
-        })?;
+        let yarp = start(NAME, config)?;
         if listens {
             yarp.may_listen().map_err(Failure::usage)?;
         }

@@ -1,13 +1,13 @@
 //! `endpoints.zeromq` of a configuration, and the middleware that it makes.
 
+use clap::Args;
 use serde::Deserialize;
-use wrapyfi_core::Limits;
 use wrapyfi_core::engine::{Available, Problem, Spanned};
-use wrapyfi_core::middleware::zeromq::{self, BrokerMode, ZeroMq, ZeroMqConfig};
+use wrapyfi_core::middleware::zeromq::{self, BrokerMode, ZeroMqConfig};
 use wrapyfi_core::network::Hosts;
 
-use super::Role;
-use super::load::Word;
+use super::start::Role;
+use super::word::Word;
 use crate::exit::Failure;
 
 /// The middleware as routes and commands address it, with its rules for topics.
@@ -29,6 +29,27 @@ pub struct ZeroMqSection {
     pub monitor_topic: Option<String>,
     pub send_hwm: Option<u16>,
     pub insecure: Word,
+}
+
+/// Ports of the ZeroMQ broker of requests and replies.
+#[derive(Debug, Clone, Copy, Default, Args)]
+pub struct ServicePorts {
+    /// On ZeroMQ, port that clients connect to; default from WRAPYFI_ZEROMQ_SOCKET_REP_PORT for call,
+    /// …_REQ_PORT for serve and broker, else 5558.
+    #[arg(long, value_name = "PORT")]
+    pub rep_port: Option<u16>,
+    /// On ZeroMQ, port that servers connect to; default from WRAPYFI_ZEROMQ_SOCKET_REP_PORT for serve
+    /// and broker, else 5559.
+    #[arg(long, value_name = "PORT")]
+    pub req_port: Option<u16>,
+}
+
+impl ServicePorts {
+    /// True where one was given.
+    #[must_use]
+    pub fn any(&self) -> bool {
+        self.rep_port.is_some() || self.req_port.is_some()
+    }
 }
 
 /// Process that runs the broker.
@@ -61,14 +82,6 @@ impl ZeroMqSection {
             None => return,
         }
         config.service_broker = config.broker;
-    }
-
-    /// Starts the middleware for a command in this role.
-    ///
-    /// # Errors
-    /// Exit code 2 for settings that cannot work, 1 when it does not start.
-    pub fn start(&self, role: Role, hosts: &Hosts) -> Result<ZeroMq, Failure> {
-        Self::start_with(&self.config(Some(role), Limits::default().message_bytes, hosts)?)
     }
 
     /// All settings, for a command in the `role` that is given, else for routes.
@@ -107,13 +120,5 @@ impl ZeroMqSection {
             config.broker = BrokerMode::Foreign;
         }
         Ok(config)
-    }
-
-    /// As [`ZeroMqSection::start`], with all settings.
-    pub(super) fn start_with(config: &ZeroMqConfig) -> Result<ZeroMq, Failure> {
-        ZeroMq::start(config).map_err(|error| match error {
-            hopeless if hopeless.is_hopeless() => Failure::usage(format!("zeromq: {hopeless}")),
-            absent => anyhow::Error::new(absent).context("zeromq").into(),
-        })
     }
 }

@@ -28,6 +28,8 @@ pub fn of(status: &RouteStatus) -> RouteInfo {
         received: *received,
         sent: *sent,
         sent_bytes: *sent_bytes,
+        messages_per_s: status.rate.messages_per_s,
+        bytes_per_s: status.rate.bytes_per_s,
         dropped: status.counters.dropped(),
         drop_reasons: drops.iter().map(|(reason, _)| reason.to_string()).collect(),
         drop_counts: drops.iter().map(|(_, count)| *count).collect(),
@@ -58,7 +60,7 @@ pub fn explained(verdict: &Verdict, routes: &[RouteStatus]) -> Explain_Response 
 
 #[cfg(test)]
 mod tests {
-    use wrapyfi_core::engine::RouteState;
+    use wrapyfi_core::engine::{Rate, RouteState};
 
     use super::*;
     use crate::why::{Cause, Finding};
@@ -79,7 +81,7 @@ mod tests {
                 drops: vec![(DropReason::QueueFull, 3), (DropReason::LostUpstream, 7)],
                 ..CountersSnapshot::default()
             },
-            rate: Default::default(),
+            rate: Rate { messages_per_s: 2.5, bytes_per_s: 25 },
             panics: 0,
             pattern: None,
         }
@@ -89,6 +91,7 @@ mod tests {
     fn what_is_neither_sent_nor_dropped_is_queued() {
         let info = of(&status());
         assert_eq!((info.dropped, info.queued), (10, 3));
+        assert_eq!((info.messages_per_s, info.bytes_per_s), (2.5, 25));
         assert_eq!(info.type_name, "std_msgs/msg/String");
         assert_eq!(info.drop_reasons, ["queue_full", "lost_upstream"]);
         assert_eq!(info.drop_counts, [3, 7]);

@@ -16,9 +16,9 @@ pub mod client;
 pub mod diagnostics;
 pub mod info;
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, Sender, SyncSender, TrySendError, channel, sync_channel};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
@@ -38,11 +38,11 @@ use wrapyfi_retry::thread::restarted;
 
 use self::diagnostics::Diagnostics;
 use crate::exit::Failure;
-use crate::middlewares::Middlewares;
+use crate::in_force::InForce;
+use crate::middlewares;
 use crate::node::Node;
-use crate::own_address::OwnAddress;
 use crate::why::judge::judge;
-use crate::why::question::{Bridge, Configuration, Question};
+use crate::why::question::explain;
 
 /// Time between two diagnostics.
 const EVERY: Duration = Duration::from_secs(1);
@@ -59,17 +59,15 @@ pub struct Parts {
     pub handle: NodeHandle,
     /// The routes.
     pub routes: Applier,
-    /// Configuration of the routes.
-    pub config: Configuration,
-    /// Address at which others reach the endpoints of the routes.
-    pub own: OwnAddress,
+    /// Settings beside the routes.
+    pub in_force: Arc<Mutex<InForce>>,
 }
 
 /// The endpoints. They end when it is dropped.
 pub struct OnGraph {
     stop: Arc<AtomicBool>,
     wake: Wake,
-    /// Closed by the thread at its end.
+    /// Closed once both threads have ended.
     ended: Receiver<()>,
 }
 
@@ -92,14 +90,17 @@ impl OnGraph {
         let (tell, told) = channel();
         let (routes, wake) = (parts.routes.clone(), context.wake.clone());
         let handle = parts.handle.clone();
+        let (alive, ended) = channel::<()>();
+        let explaining = alive.clone();
         let thread = std::thread::Builder::new().name("explain".to_owned());
-        // It ends with the sender of questions.
-        thread
-            .spawn(move || answer_all(&parts, &asked, &tell, &wake))
-            .context("cannot answer ~/explain")?;
+        // It ends with the sender of questions, at the latest after the one that it answers.
+        let started = thread.spawn(move || {
+            let _alive = explaining;
+            answer_all(&parts, &asked, &tell, &wake);
+        });
+        started.context("cannot answer ~/explain")?;
         let work = Work { routes, handle, diagnostics, list, explain, ask, told };
         let (leave, wake) = (Arc::clone(&stop), context.wake.clone());
-        let (alive, ended) = channel::<()>();
         let thread = std::thread::Builder::new().name("on-graph".to_owned());
         let started = thread.spawn(move || {
             // Dropped last: the endpoints are closed when its end is seen.
@@ -131,7 +132,7 @@ impl Drop for OnGraph {
     fn drop(&mut self) {
         self.stop.store(true, Relaxed);
         self.wake.ring();
-        // It sends nothing, and is gone or left in the middle of a publication.
+        // They send nothing, and are gone or left in the middle of a publication or an answer.
         _ = self.ended.recv_timeout(STOP_WITHIN);
     }
 }
@@ -155,7 +156,7 @@ impl Work {
     fn publish(&mut self) {
         let Some((publisher, ros_type, diagnostics)) = &mut self.diagnostics else { return };
         let registry = self.routes.registry();
-        let away = Middlewares::names().into_iter().filter_map(|name| {
+        let away = middlewares::names().into_iter().filter_map(|name| {
             let middleware = registry.get(name).ok()?;
             Some((name, middleware.ended().or_else(|| middleware.waiting_for())))
         });
@@ -203,18 +204,11 @@ fn answer_all(
     wake: &Wake,
 ) {
     while let Ok((id, name)) = asked.recv() {
-        let registry = parts.routes.registry();
-        let status = || parts.routes.status();
-        let question = Question {
-            name: name.clone(),
-            config: Some(parts.config.clone()),
-            definitions: Vec::new(),
-            own: parts.own,
-        };
-        let bridge = Bridge { registry: &registry, status: &status, node: &parts.node };
         let answer = contained(|| {
-            let way = question.ask(Some(bridge)).map_err(|failure| failure.to_string())?;
-            Ok(info::explained(&judge(&way), &meant(&way.title, &name, &status())))
+            let Parts { node, routes, in_force, .. } = parts;
+            let way =
+                explain(node, routes, in_force, &name).map_err(|failure| failure.to_string())?;
+            Ok(info::explained(&judge(&way), &meant(&way.title, &name, &parts.routes.status())))
         });
         let reply = answer
             .flatten()
@@ -236,14 +230,16 @@ fn meant(title: &str, name: &str, all: &[RouteStatus]) -> Vec<RouteStatus> {
     all.iter().filter(is_meant).cloned().collect()
 }
 
-/// The next request; one that is unusable is passed over.
+/// The next request; unusable ones are passed over. A server that fails each time is left until the thread
+/// wakes again.
 fn next(server: &mut dyn Server) -> Option<IncomingRequest> {
-    loop {
+    for _ in 0..MAX_WAITING {
         match server.take() {
             Ok(next) => return next,
             Err(error) => tracing::debug!(%error, "a request was passed over"),
         }
     }
+    None
 }
 
 fn tell(server: &mut dyn Server, id: RequestId, response: RosType, reply: &impl Message) {
@@ -258,7 +254,7 @@ fn message(ros_type: RosType, message: &impl Message) -> Payload {
 
 /// Mark of what no bridge by pattern carries anywhere: it has been everywhere.
 fn mark() -> Option<BridgeMark> {
-    let path = Middlewares::names().into_iter().map(str::to_owned).collect();
+    let path = middlewares::names().into_iter().map(str::to_owned).collect();
     Some(BridgeMark { bridge: BridgeMark::number(), path })
 }
 
@@ -298,4 +294,44 @@ fn offer<R: Message>(
         Ok((server.map_err(|error| error.to_string())?, known.response()))
     };
     opened().inspect_err(|why| tracing::warn!("~/{service} is not offered: {why}")).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use wrapyfi_core::endpoint::{Link, Refusal, ServeError};
+
+    use super::*;
+
+    /// A server that takes no request any more, and the number of tries.
+    struct Failing(usize);
+
+    impl Server for Failing {
+        fn take(&mut self) -> Result<Option<IncomingRequest>, ServeError> {
+            self.0 += 1;
+            Err(ServeError::Overloaded { service: "/explain".to_owned(), limit: 1 })
+        }
+
+        fn reply(
+            &mut self,
+            _: RequestId,
+            _: Result<Payload, Refusal>,
+        ) -> Result<usize, ServeError> {
+            Ok(0)
+        }
+
+        fn deadline(&self) -> Option<Instant> {
+            None
+        }
+
+        fn link(&self) -> Link {
+            Link::default()
+        }
+    }
+
+    #[test]
+    fn a_server_that_fails_each_time_does_not_keep_the_thread() {
+        let mut server = Failing(0);
+        assert!(next(&mut server).is_none());
+        assert_eq!(server.0, MAX_WAITING);
+    }
 }

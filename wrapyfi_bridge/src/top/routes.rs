@@ -1,9 +1,8 @@
-//! Routes of a bridge from its replies, with rates, in the order and with the filter that the user chose.
+//! Routes of a bridge from its replies, in the order and with the filter that the user chose.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, VecDeque};
 use std::fmt::Write as _;
-use std::time::Instant;
 
 use clap::ValueEnum;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
@@ -55,15 +54,11 @@ impl Sort {
     }
 }
 
-/// Last reply about a route, and its rates since the reply before.
+/// Last reply about a route, and its rates in the replies before.
 #[derive(Debug, Default)]
 pub struct Row {
     /// State and counters; texts without control characters.
     pub info: RouteInfo,
-    /// Messages handed over a second.
-    pub messages_per_s: f64,
-    /// Bytes handed over a second.
-    pub bytes_per_s: f64,
     /// Messages a second of each reply so far, the oldest first.
     pub history: VecDeque<u64>,
 }
@@ -76,8 +71,8 @@ impl Row {
         [
             self.info.key.clone(),
             self.info.state.clone(),
-            format!("{:.1}", self.messages_per_s),
-            format!("{:.2}", self.bytes_per_s / 1e6),
+            format!("{:.1}", self.info.messages_per_s),
+            format!("{:.2}", self.info.bytes_per_s as f64 / 1e6),
             ms(self.info.latency_p50_us),
             ms(self.info.latency_p99_us),
             self.info.queued.to_string(),
@@ -113,7 +108,6 @@ pub const TEXTS: usize = 2;
 #[derive(Debug, Default)]
 pub struct Routes {
     rows: BTreeMap<String, Row>,
-    at: Option<Instant>,
     /// Column by which they are sorted.
     pub sort: Sort,
     /// Text that names, ends or types of the shown routes contain, whatever their case.
@@ -127,32 +121,18 @@ impl Routes {
         Self { sort, filter, ..Self::default() }
     }
 
-    /// Takes a reply that came at `at`. Rates are zero in the first, and after a restart of the bridge, whose
-    /// counters begin again.
-    pub fn update(&mut self, routes: Vec<RouteInfo>, at: Instant) {
-        let seconds = self.at.map(|before| at.saturating_duration_since(before).as_secs_f64());
-        self.at = Some(at);
+    /// Takes a reply.
+    pub fn update(&mut self, routes: Vec<RouteInfo>) {
         let mut rows = BTreeMap::new();
         for info in routes {
             let info = printable(info);
             let before = self.rows.remove(&info.key);
-            let rate = |now: u64, before: u64| match seconds {
-                Some(seconds) if seconds > 0.0 => now.saturating_sub(before) as f64 / seconds,
-                _ => 0.0,
-            };
-            let (messages_per_s, bytes_per_s, mut history) = match before {
-                Some(before) => (
-                    rate(info.sent, before.info.sent),
-                    rate(info.sent_bytes, before.info.sent_bytes),
-                    before.history,
-                ),
-                None => (0.0, 0.0, VecDeque::new()),
-            };
+            let mut history = before.map(|before| before.history).unwrap_or_default();
             if history.len() == HISTORY {
                 history.pop_front();
             }
-            history.push_back(messages_per_s.round() as u64);
-            rows.insert(info.key.clone(), Row { info, messages_per_s, bytes_per_s, history });
+            history.push_back(info.messages_per_s.round() as u64);
+            rows.insert(info.key.clone(), Row { info, history });
         }
         self.rows = rows;
     }
@@ -169,8 +149,10 @@ impl Routes {
         match self.sort {
             // As the map has them.
             Sort::Name => {}
-            Sort::Rate => rows.sort_by(|a, b| b.messages_per_s.total_cmp(&a.messages_per_s)),
-            Sort::Bytes => rows.sort_by(|a, b| b.bytes_per_s.total_cmp(&a.bytes_per_s)),
+            Sort::Rate => {
+                rows.sort_by(|a, b| b.info.messages_per_s.total_cmp(&a.info.messages_per_s));
+            }
+            Sort::Bytes => rows.sort_by_key(|row| Reverse(row.info.bytes_per_s)),
             Sort::Latency => rows.sort_by_key(|row| Reverse(row.info.latency_p99_us)),
             Sort::Queued => rows.sort_by_key(|row| Reverse(row.info.queued)),
             Sort::Dropped => rows.sort_by_key(|row| Reverse(row.info.dropped)),
@@ -245,18 +227,16 @@ fn printable(mut info: RouteInfo) -> RouteInfo {
 
 #[cfg(test)]
 mod tests {
-    use std::time::Duration;
-
     use super::*;
 
-    fn info(key: &str, state: &str, sent: u64) -> RouteInfo {
+    fn info(key: &str, state: &str, messages_per_s: u64) -> RouteInfo {
         RouteInfo {
             key: key.to_owned(),
             source: format!("ros2:/{key}"),
             destination: format!("zeromq:/{key}"),
             state: state.to_owned(),
-            sent,
-            sent_bytes: sent * 1000,
+            messages_per_s: messages_per_s as f64,
+            bytes_per_s: messages_per_s * 1000,
             ..RouteInfo::default()
         }
     }
@@ -266,38 +246,22 @@ mod tests {
     }
 
     #[test]
-    fn a_rate_is_what_came_between_two_replies() {
-        let (mut routes, begin) = (Routes::default(), Instant::now());
-        routes.update(vec![info("a", "active", 100)], begin);
-        assert_eq!(routes.shown()[0].messages_per_s, 0.0, "nobody knows how long these took");
-        routes.update(vec![info("a", "active", 160)], begin + Duration::from_secs(2));
-        let row = routes.shown()[0];
-        assert_eq!((row.messages_per_s, row.bytes_per_s), (30.0, 30_000.0));
-        // The bridge has started again.
-        routes.update(vec![info("a", "active", 5)], begin + Duration::from_secs(3));
-        assert_eq!(routes.shown()[0].messages_per_s, 0.0);
-        assert_eq!(routes.shown()[0].history, [0, 30, 0]);
-        routes.update(Vec::new(), begin + Duration::from_secs(4));
+    fn the_last_rates_are_kept_while_the_route_is_there() {
+        let mut routes = Routes::default();
+        for rate in 0..=HISTORY as u64 + 5 {
+            routes.update(vec![info("a", "active", rate)]);
+        }
+        assert_eq!(routes.shown()[0].history.len(), HISTORY);
+        assert_eq!(routes.shown()[0].history.back(), Some(&(HISTORY as u64 + 5)));
+        routes.update(Vec::new());
         assert!(routes.shown().is_empty());
     }
 
     #[test]
-    fn no_more_than_the_history_is_kept() {
-        let (mut routes, begin) = (Routes::default(), Instant::now());
-        for second in 0..=HISTORY as u64 + 5 {
-            let at = begin + Duration::from_secs(second);
-            routes.update(vec![info("a", "active", second * second)], at);
-        }
-        assert_eq!(routes.shown()[0].history.len(), HISTORY);
-    }
-
-    #[test]
     fn the_order_and_the_filter_are_the_users() {
-        let (mut routes, begin) = (Routes::default(), Instant::now());
-        let reply =
-            |a, b, c| vec![info("a", "active", a), info("b", "error", b), info("c", "waiting", c)];
-        routes.update(reply(0, 0, 0), begin);
-        routes.update(reply(10, 5, 20), begin + Duration::from_secs(1));
+        let mut routes = Routes::default();
+        let reply = [("a", "active", 10), ("b", "error", 5), ("c", "waiting", 20)];
+        routes.update(reply.map(|(key, state, rate)| info(key, state, rate)).into());
         assert_eq!(names(&routes), ["a", "b", "c"]);
         routes.sort = Sort::Rate;
         assert_eq!(names(&routes), ["c", "a", "b"]);
@@ -322,12 +286,12 @@ mod tests {
             latency_p99_us: 2500,
             ..info("left camera", "degraded", 7)
         };
-        routes.update(vec![waits, loses], Instant::now());
+        routes.update(vec![waits, loses]);
         let wanted = "\
 route        state     msg/s  MB/s  p50 ms  p99 ms  queued  dropped
 b            waiting     0.0  0.00    0.00    0.00       0        0
     a publisher
-left camera  degraded    0.0  0.00    0.12    2.50       0        5
+left camera  degraded    7.0  0.01    0.12    2.50       0        5
     queue_full 2, stalled 3";
         assert_eq!(routes.table(), wanted);
     }
@@ -335,7 +299,7 @@ left camera  degraded    0.0  0.00    0.12    2.50       0        5
     #[test]
     fn a_name_cannot_command_the_terminal() {
         let mut routes = Routes::default();
-        routes.update(vec![info("a\x1b[2J\nb", "active", 0)], Instant::now());
+        routes.update(vec![info("a\x1b[2J\nb", "active", 0)]);
         assert!(!routes.table().contains('\x1b'), "{:?}", routes.table());
         assert_eq!(routes.table().lines().count(), 2);
     }

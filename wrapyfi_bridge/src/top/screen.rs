@@ -216,8 +216,6 @@ fn draw_detail(frame: &mut Frame<'_>, row: &Row, area: Rect) {
 
 #[cfg(test)]
 mod tests {
-    use std::time::Instant;
-
     use ratatui::Terminal;
     use ratatui::backend::TestBackend;
     use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
@@ -225,22 +223,20 @@ mod tests {
     use super::*;
 
     fn screen() -> Screen {
-        let route = |key: &str, state: &str, sent| RouteInfo {
+        let route = |key: &str, state: &str, messages_per_s| RouteInfo {
             key: key.to_owned(),
             source: format!("ros2:/{key}"),
             destination: format!("zeromq:/{key}"),
             type_name: "std_msgs/msg/String".to_owned(),
             state: state.to_owned(),
             reason: if state == "active" { String::new() } else { "a broker".to_owned() },
-            sent,
+            messages_per_s,
             ..RouteInfo::default()
         };
         let mut routes = Routes::default();
-        let begin = Instant::now();
-        for second in 0..20 {
-            let reply =
-                vec![route("camera", "active", second * second), route("mic", "waiting", 0)];
-            routes.update(reply, begin + Duration::from_secs(second));
+        for rate in 0..38 {
+            let rate = f64::from(rate);
+            routes.update(vec![route("camera", "active", rate), route("mic", "waiting", 0.0)]);
         }
         Screen::new("/bridge".to_owned(), routes)
     }
@@ -297,7 +293,7 @@ mod tests {
         let mut screen = screen();
         press(&mut screen, &[KeyCode::PageDown, KeyCode::Down, KeyCode::Char('s')]);
         assert_eq!((screen.selected, screen.routes.sort), (1, Sort::Rate));
-        screen.routes.update(Vec::new(), Instant::now());
+        screen.routes.update(Vec::new());
         press(&mut screen, &[KeyCode::Down, KeyCode::End, KeyCode::Enter]);
         assert_eq!(screen.selected, 0);
         drawn(&screen, Duration::ZERO);

@@ -11,8 +11,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use wrapyfi_core::endpoint::{
-    AnnouncedDurability, Context, Discovered, Discovery, EndpointAddress, LearnError, Learned,
-    Middleware, QosPreset, Registry, Role, TopicSpec, Wake,
+    AnnouncedDurability, Context, Discovered, EndpointAddress, LearnError, Learned, Middleware,
+    QosPreset, Registry, Role, TopicSpec, Wake,
 };
 use wrapyfi_core::middleware::ros1::Ros1;
 use wrapyfi_core::middleware::ros2::environment::{self, DiscoveryRange};
@@ -23,7 +23,7 @@ use wrapyfi_yarp::name::{NameClient, NameServerConf};
 use super::door::{Answer, Knock, connect};
 use super::names::kinship;
 use super::{End, Graph, PATIENCE, Registered, elsewhere};
-use crate::command::list::has_told_all;
+use crate::discovery_watch::DiscoveryWatch;
 use crate::exit::Failure;
 use crate::middlewares::{self, Endpoints, Observer, Server};
 
@@ -70,11 +70,11 @@ impl Wanted {
 
 /// Place from which somebody looks: a command, or a bridge with the middlewares that it has.
 #[derive(Clone, Copy)]
-pub(super) struct Sight<'s> {
+pub struct Sight<'s> {
     /// Settings of the middlewares.
-    pub(super) endpoints: &'s Endpoints,
+    pub endpoints: &'s Endpoints,
     /// The middlewares of a bridge; those of a command are started for it.
-    pub(super) bridge: Option<&'s Registry>,
+    pub bridge: Option<&'s Registry>,
 }
 
 impl Sight<'_> {
@@ -132,8 +132,8 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
     discovery.only(Box::new(move |other| other == meant || kinship(&meant, other).is_some()));
     let deadline = begin + PATIENCE;
     // Until all is told: who is missing is as telling as who is there.
-    let mut seen =
-        watch(&mut end, discovery.as_mut(), |_, told| told || Instant::now() >= deadline);
+    let mut side = DiscoveryWatch::new(discovery);
+    let mut seen = watch(&mut end, &mut side, |_, told| told || Instant::now() >= deadline);
     if let (Some(graph), Ok(())) = (end.graph.clone(), &seen)
         && wanted.role != Role::Client
         && !wanted.is_there(&end)
@@ -143,19 +143,19 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
         let deadline = if is_narrow { deadline - elsewhere::WIDE } else { deadline };
         end.elsewhere = std::thread::scope(|scope| {
             let far = scope.spawn(|| elsewhere::look(&endpoints.ros2, &graph, wanted, false));
-            seen = watch(&mut end, discovery.as_mut(), |end, _| {
+            seen = watch(&mut end, &mut side, |end, _| {
                 Instant::now() >= deadline || wanted.is_there(end)
             });
             far.join().unwrap_or_default()
         });
         if is_narrow && sight.bridge.is_none() && !wanted.is_there(&end) {
             // Another configuration of the same domain needs an end of this one.
-            drop((discovery, observer));
+            drop((side, observer));
             end.elsewhere.extend(elsewhere::look(&endpoints.ros2, &graph, wanted, true));
             return end;
         }
     }
-    drop(discovery);
+    drop(side);
     if let Err(fault) = seen {
         end.away = Some(fault);
         return end;
@@ -211,21 +211,17 @@ fn graph(endpoints: &Endpoints) -> Graph {
 /// Looks until `is_over`, which is told whether the side has told all.
 fn watch(
     end: &mut End,
-    discovery: &mut dyn Discovery,
+    side: &mut DiscoveryWatch,
     mut is_over: impl FnMut(&End, bool) -> bool,
 ) -> Result<(), String> {
     let wake = Wake::new();
-    let mut since = Instant::now();
-    let begin = since;
+    let begin = Instant::now();
     loop {
-        let found = discovery.endpoints().map_err(|error| error.to_string())?;
-        if found != end.found {
-            since = Instant::now();
-            end.found = found;
-        }
-        let waits = discovery.waiting_for();
+        side.look().map_err(|error| error.to_string())?;
+        end.found.clone_from(&side.found);
+        let waits = side.discovery.waiting_for();
         // A server that accepts connections may need a moment to answer.
-        let told = has_told_all(discovery.is_complete(), since.elapsed()) && waits.is_none();
+        let told = side.has_told_all() && waits.is_none();
         if is_over(end, told) || begin.elapsed() >= PATIENCE {
             return match waits {
                 Some(what) => Err(format!("no answer from {what}")),

@@ -22,7 +22,7 @@ pub mod door;
 mod drops;
 mod elsewhere;
 pub mod judge;
-mod look;
+pub mod look;
 pub mod names;
 pub mod question;
 mod words;

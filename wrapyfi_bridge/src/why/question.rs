@@ -6,11 +6,12 @@
 //!   package/msg/Name                                         ┘
 //! ```
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-use wrapyfi_core::endpoint::{EndpointAddress, Registry, Role};
-use wrapyfi_core::engine::{Kind, Plan, Route, RouteStatus, Typing};
+use wrapyfi_core::endpoint::{EndpointAddress, Role};
+use wrapyfi_core::engine::{Applier, Kind, Plan, Route, RouteIndex, RouteStatus, Typing};
 use wrapyfi_core::types::MessageType;
 use wrapyfi_interfaces::store::TypeStore;
 
@@ -18,37 +19,18 @@ use super::look::{Sight, Wanted, look};
 use super::{End, RouteFacts, Unheard, Way};
 use crate::command::any;
 use crate::exit::Failure;
+use crate::in_force::InForce;
 use crate::middlewares::{self, Endpoints, Loaded, Undefined};
 use crate::node::Node;
 use crate::own_address::OwnAddress;
 
-/// Configuration that has a route.
-#[derive(Debug, Clone)]
-pub enum Configuration {
-    /// A file.
-    File(PathBuf),
-    /// A text that is built in, and a name for it.
-    Text(String, String),
-}
-
-/// A bridge that asks about itself.
-#[derive(Clone, Copy)]
-pub struct Bridge<'b> {
-    /// The middlewares of the routes.
-    pub registry: &'b Registry,
-    /// Present statuses of the routes.
-    pub status: &'b dyn Fn() -> Vec<RouteStatus>,
-    /// The bridge's node, whose namespace and remappings names go through.
-    pub node: &'b Node,
-}
-
-/// Question by name.
+/// Question of a command.
 #[derive(Debug, Clone)]
 pub struct Question {
     /// Name of a route, address of an endpoint, or a type.
     pub name: String,
-    /// Configuration that has the route.
-    pub config: Option<Configuration>,
+    /// Configuration file that has the route.
+    pub config: Option<PathBuf>,
     /// Folders of definitions.
     pub definitions: Vec<PathBuf>,
     /// Address at which others reach the nodes that look.
@@ -56,44 +38,42 @@ pub struct Question {
 }
 
 impl Question {
-    /// Finds out what can be found out about it, from where a command runs or a bridge.
+    /// Finds out what can be found out about it.
     ///
     /// # Errors
     /// Exit code 2 where the name means nothing, or the configuration has other faults.
-    pub fn ask(&self, bridge: Option<Bridge<'_>>) -> Result<Way, Failure> {
+    pub fn ask(&self) -> Result<Way, Failure> {
         let name = self.name.as_str();
-        if let Some(config) = &self.config {
-            return self.of_config(name, config, bridge);
+        if let Some(file) = &self.config {
+            return self.of_file(file);
         }
         match name.split('/').collect::<Vec<_>>()[..] {
             [package, "msg" | "srv", _] if !package.contains(':') => self.of_type(name),
             _ => {
                 let address = address(name).map_err(Failure::Usage)?;
                 let mut endpoints = Endpoints::default();
-                self.own.enter(&mut endpoints);
+                endpoints.reached_at(self.own);
                 let sight = Sight { endpoints: &endpoints, bridge: None };
                 Ok(of_address(&address, sight, any::definitions(&self.definitions)?))
             }
         }
     }
 
-    fn of_config(
-        &self,
-        name: &str,
-        config: &Configuration,
-        bridge: Option<Bridge<'_>>,
-    ) -> Result<Way, Failure> {
+    fn of_file(&self, path: &Path) -> Result<Way, Failure> {
+        let file = path.display().to_string();
         let mut undefined = Vec::new();
-        let (loaded, file) = match config {
-            Configuration::File(file) => {
-                (middlewares::load_noting(file, &mut undefined), file.display().to_string())
+        match middlewares::load_noting(path, &mut undefined) {
+            Ok(Loaded { mut endpoints, plan, types, .. }) => {
+                endpoints.reached_at(self.own);
+                let node = Node::bridge().map_err(Failure::usage)?;
+                let sight = Sight { endpoints: &endpoints, bridge: None };
+                let none = &|| Vec::new();
+                let configured =
+                    Configured { file: &file, plan: &plan, node: &node, sight, status: none };
+                configured.way(&self.name, types)
             }
-            Configuration::Text(text, name) => (middlewares::load_text(text, name), name.clone()),
-        };
-        let loaded = match loaded {
-            Ok(loaded) => loaded,
             Err(failure) => {
-                let is_meant = |one: &&Undefined| one.means(name);
+                let is_meant = |one: &&Undefined| one.means(&self.name);
                 let found = undefined.iter().find(is_meant).ok_or(failure)?;
                 let facts = RouteFacts {
                     name: found.route.clone(),
@@ -102,47 +82,8 @@ impl Question {
                     ..RouteFacts::default()
                 };
                 let title = found.route.clone();
-                return Ok(Way { title, route: Some(facts), ..Way::default() });
+                Ok(Way { title, route: Some(facts), ..Way::default() })
             }
-        };
-        let Loaded { mut endpoints, plan, types, .. } = loaded;
-        self.own.enter(&mut endpoints);
-        let usual;
-        let node = match bridge {
-            Some(bridge) => bridge.node,
-            None => {
-                usual = Node::bridge().map_err(Failure::usage)?;
-                &usual
-            }
-        };
-        let sight = Sight { endpoints: &endpoints, bridge: bridge.map(|bridge| bridge.registry) };
-        match route(&plan, node, name) {
-            Some((route, left_out)) => {
-                let mut facts = RouteFacts {
-                    name: route.name.clone(),
-                    file,
-                    left_out,
-                    ..RouteFacts::default()
-                };
-                facts.unheard = unheard(&plan, node, &route);
-                if facts.left_out.is_some() {
-                    let title = format!("{name} in {}", route.name);
-                    return Ok(Way { title, route: Some(facts), ..Way::default() });
-                }
-                Ok(of_route(&route, facts, node, sight, types, bridge))
-            }
-            None => match address(name) {
-                Ok(address) => Ok(of_address(&address, sight, types)),
-                Err(_) => {
-                    let known: Vec<_> =
-                        plan.routes.iter().take(20).map(|route| route.name.as_str()).collect();
-                    let known = known.join("\n  ");
-                    Err(Failure::Usage(format!(
-                        "{file} has no route {name:?}, and it is no middleware:/name; its routes are\n  \
-                         {known}"
-                    )))
-                }
-            },
         }
     }
 
@@ -168,6 +109,120 @@ impl Question {
     }
 }
 
+/// Routes, seen from where they run or would run.
+pub struct Configured<'c> {
+    /// Name of the configuration.
+    pub file: &'c str,
+    /// The routes.
+    pub plan: &'c Plan,
+    /// Node of the bridge, whose namespace and remappings names go through.
+    pub node: &'c Node,
+    /// Settings of the middlewares, and those of a bridge that runs the routes.
+    pub sight: Sight<'c>,
+    /// Present statuses of the routes; none where no bridge was asked.
+    pub status: &'c dyn Fn() -> Vec<RouteStatus>,
+}
+
+impl Configured<'_> {
+    /// Finds out what can be found out about the route or the endpoint that `name` means.
+    ///
+    /// # Errors
+    /// Exit code 2 where the name means nothing.
+    pub fn way(&self, name: &str, types: TypeStore) -> Result<Way, Failure> {
+        let Self { file, plan, node, sight, .. } = *self;
+        let index = plan.index(|address| node.resolve(address));
+        match route(plan, &index, name) {
+            Some((route, left_out)) => {
+                let mut facts = RouteFacts {
+                    name: route.name.clone(),
+                    file: file.to_owned(),
+                    left_out,
+                    ..RouteFacts::default()
+                };
+                facts.unheard = unheard(&index, &route);
+                if facts.left_out.is_some() {
+                    let title = format!("{name} in {}", route.name);
+                    return Ok(Way { title, route: Some(facts), ..Way::default() });
+                }
+                Ok(self.of_route(&route, facts, types))
+            }
+            None => match address(name) {
+                Ok(address) => Ok(of_address(&address, sight, types)),
+                Err(_) => {
+                    let known: Vec<_> =
+                        plan.routes.iter().take(20).map(|route| route.name.as_str()).collect();
+                    let known = known.join("\n  ");
+                    Err(Failure::Usage(format!(
+                        "{file} has no route {name:?}, and it is no middleware:/name; its routes are\n  \
+                         {known}"
+                    )))
+                }
+            },
+        }
+    }
+
+    /// Facts about a route: both ends, side by side.
+    fn of_route(&self, route: &Route, mut facts: RouteFacts, mut types: TypeStore) -> Way {
+        let Self { node, sight, .. } = *self;
+        let status = || {
+            let is_it = |one: &RouteStatus| one.name == route.name || one.name == route.ends();
+            (self.status)().into_iter().find(is_it)
+        };
+        let (before, begin) = (status(), Instant::now());
+        let is_service = matches!(route.kind, Kind::Service(_));
+        let (provider, taker) = match is_service {
+            false => (Role::Publisher, Role::Listener),
+            true => (Role::Server, Role::Client),
+        };
+        let is_learned = route.typing == Typing::Learned && !route.is_many();
+        let wanted = |end: &EndpointAddress, role| Wanted {
+            role,
+            is_learned: is_learned && role == provider,
+            listens: role == Role::Publisher
+                && !route.is_many()
+                && before.is_none()
+                && listens_on(&end.middleware),
+            ..Wanted::new(node.resolve(end), is_service)
+        };
+        let (at_source, at_destination) = (wanted(&route.from, provider), wanted(&route.to, taker));
+        // Nothing is learned at the destination.
+        let mut none = TypeStore::empty();
+        let (mut source, mut destination) = std::thread::scope(|scope| {
+            let source = scope.spawn(|| look(sight, &at_source, &mut types));
+            let destination = look(sight, &at_destination, &mut none);
+            let failed = |_panicked| {
+                let away = Some("looking at it failed: see the log".to_owned());
+                End { away, ..End::new(at_source.address.clone()) }
+            };
+            (source.join().unwrap_or_else(failed), destination)
+        });
+        if let Some(names) = &route.names {
+            let of_role = source.found.iter().filter(|one| one.role == provider);
+            let mut matching: Vec<_> =
+                of_role.map(|one| &one.name).filter(|name| route.target(name).is_some()).collect();
+            matching.dedup();
+            source.names = Some(matching.len());
+            facts.limit = Some((names.max_routes, matching.len()));
+        }
+        source.type_name = type_at(route, &route.from);
+        destination.type_name = type_at(route, &route.to);
+        source.qos = qos_at(route, &route.from);
+        destination.qos = qos_at(route, &route.to);
+        let running = status();
+        if let (Some(before), Some(now)) = (before, &running) {
+            let came = now.counters.received.saturating_sub(before.counters.received);
+            (source.heard, source.silent) = (came, Some(begin.elapsed()));
+        }
+        let destination = (!route.is_many()).then_some(destination);
+        let title = match route.name == route.ends() {
+            true => route.ends(),
+            false => format!("{}: {}", route.name, route.ends()),
+        };
+        let (route, source) = (Some(facts), Some(source));
+        Way { title, is_service, route, source, destination, running, known: Vec::new() }
+    }
+}
+
 /// Reads an address; ROS 1 is `ros`, and `ros1` as well.
 fn address(text: &str) -> Result<EndpointAddress, String> {
     let mut address: EndpointAddress = text
@@ -176,13 +231,9 @@ fn address(text: &str) -> Result<EndpointAddress, String> {
     if address.middleware == "ros1" {
         address.middleware = "ros".to_owned();
     }
-    let known = middlewares::Middlewares::names();
+    let known = middlewares::names();
     if !known.contains(&address.middleware.as_str()) {
-        return Err(format!(
-            "middleware {:?} is not available; available: {}",
-            address.middleware,
-            known.join(", ")
-        ));
+        return Err(middlewares::unknown(&address.middleware).to_string());
     }
     // Elsewhere a name is what is written.
     if address.middleware.starts_with("ros") && !address.name.starts_with('/') {
@@ -195,18 +246,13 @@ type LeftOutName = Option<(String, wrapyfi_core::engine::LeftOut)>;
 
 /// Route that a name means: by its name, its ends, or one of them; of a pattern the route that it makes for
 /// the name, or the reason that it makes none.
-fn route(plan: &Plan, node: &Node, name: &str) -> Option<(Route, LeftOutName)> {
+fn route(plan: &Plan, index: &RouteIndex<'_>, name: &str) -> Option<(Route, LeftOutName)> {
     let named = plan.routes.iter().find(|route| route.name == name || route.ends() == name);
     if let Some(route) = named {
         return Some((route.clone(), None));
     }
     let address = address(name).ok()?;
-    let meant = |end: &EndpointAddress| node.resolve(end) == address;
-    let single = || plan.routes.iter().filter(|route| !route.is_many());
-    let by_end = single()
-        .find(|route| meant(&route.from))
-        .or_else(|| single().find(|route| meant(&route.to)));
-    if let Some(route) = by_end {
+    if let Some(route) = index.written_at(&address) {
         return Some((route.clone(), None));
     }
     let many = || {
@@ -226,91 +272,22 @@ fn route(plan: &Plan, node: &Node, name: &str) -> Option<(Route, LeftOutName)> {
 }
 
 /// Route of the same file that publishes where this one listens.
-fn unheard(plan: &Plan, node: &Node, route: &Route) -> Option<Unheard> {
-    let all = plan.unheard(|address| node.resolve(address));
-    let found = all.into_iter().find(|one| one.listening == route.name)?;
-    Some(Unheard { text: found.to_string(), circle: circle(plan, node, route) })
+fn unheard(index: &RouteIndex<'_>, route: &Route) -> Option<Unheard> {
+    let found = index.unheard().into_iter().find(|one| one.listening == route.name)?;
+    Some(Unheard { text: found.to_string(), circle: circle(index, route) })
 }
 
 /// Addresses from the source of a route along the routes of the file, where they lead back to it; else
 /// none.
-fn circle(plan: &Plan, node: &Node, route: &Route) -> Vec<String> {
-    let begins = |place: &usize| plan.routes.get(*place).is_some_and(|one| one.name == route.name);
-    let circles = plan.circles(|address| node.resolve(address));
+fn circle(index: &RouteIndex<'_>, route: &Route) -> Vec<String> {
+    let circles = index.circles();
     // Only there and back is the usual pair of routes.
     let mut longer = circles.iter().filter(|circle| circle.places.len() > 2);
+    let begins = |place: &usize| index.at(*place).is_some_and(|one| one.name == route.name);
     let found = longer.find_map(|circle| Some((circle, circle.places.iter().position(begins)?)));
     let Some((circle, begin)) = found else { return Vec::new() };
     let ends = circle.ends.iter().cycle().skip(begin).take(circle.ends.len() + 1);
     ends.map(ToString::to_string).collect()
-}
-
-/// Facts about a route: both ends, side by side.
-fn of_route(
-    route: &Route,
-    mut facts: RouteFacts,
-    node: &Node,
-    sight: Sight<'_>,
-    mut types: TypeStore,
-    bridge: Option<Bridge<'_>>,
-) -> Way {
-    let status = || {
-        let all = bridge.map(|bridge| (bridge.status)()).unwrap_or_default();
-        let is_it = |one: &RouteStatus| one.name == route.name || one.name == route.ends();
-        all.into_iter().find(is_it)
-    };
-    let (before, begin) = (status(), Instant::now());
-    let is_service = matches!(route.kind, Kind::Service(_));
-    let (provider, taker) = match is_service {
-        false => (Role::Publisher, Role::Listener),
-        true => (Role::Server, Role::Client),
-    };
-    let is_learned = route.typing == Typing::Learned && !route.is_many();
-    let wanted = |end: &EndpointAddress, role| Wanted {
-        role,
-        is_learned: is_learned && role == provider,
-        listens: role == Role::Publisher
-            && !route.is_many()
-            && before.is_none()
-            && listens_on(&end.middleware),
-        ..Wanted::new(node.resolve(end), is_service)
-    };
-    let (at_source, at_destination) = (wanted(&route.from, provider), wanted(&route.to, taker));
-    // Nothing is learned at the destination.
-    let mut none = TypeStore::empty();
-    let (mut source, mut destination) = std::thread::scope(|scope| {
-        let source = scope.spawn(|| look(sight, &at_source, &mut types));
-        let destination = look(sight, &at_destination, &mut none);
-        let failed = |_panicked| {
-            let away = Some("looking at it failed: see the log".to_owned());
-            End { away, ..End::new(at_source.address.clone()) }
-        };
-        (source.join().unwrap_or_else(failed), destination)
-    });
-    if let Some(names) = &route.names {
-        let of_role = source.found.iter().filter(|one| one.role == provider);
-        let mut matching: Vec<_> =
-            of_role.map(|one| &one.name).filter(|name| route.target(name).is_some()).collect();
-        matching.dedup();
-        source.names = Some(matching.len());
-        facts.limit = Some((names.max_routes, matching.len()));
-    }
-    source.type_name = type_at(route, &route.from);
-    destination.type_name = type_at(route, &route.to);
-    source.qos = qos_at(route, &route.from);
-    destination.qos = qos_at(route, &route.to);
-    let running = status();
-    if let (Some(before), Some(now)) = (before, &running) {
-        let came = now.counters.received.saturating_sub(before.counters.received);
-        (source.heard, source.silent) = (came, Some(begin.elapsed()));
-    }
-    let destination = (!route.is_many()).then_some(destination);
-    let title = match route.name == route.ends() {
-        true => route.ends(),
-        false => format!("{}: {}", route.name, route.ends()),
-    };
-    let (route, source) = (Some(facts), Some(source));
-    Way { title, is_service, route, source, destination, running, known: Vec::new() }
 }
 
 /// True where listening for a moment disturbs nobody: no port is opened, and nobody is told.
@@ -346,7 +323,7 @@ fn qos_at(route: &Route, end: &EndpointAddress) -> Option<wrapyfi_core::endpoint
     if end.middleware != "ros2" || !matches!(route.kind, Kind::Topic(_)) {
         return None;
     }
-    let spec = route.topic_spec(end);
+    let spec = route.topic_spec_by(end, wrapyfi_core::middleware::ros2::follow_conventions);
     (!spec.match_peers).then(|| spec.pinned.apply(spec.qos))
 }
 
@@ -364,6 +341,29 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, mut types: TypeStore)
     Way { title: address.to_string(), is_service, source: Some(end), ..Way::default() }
 }
 
+/// Finds out about a name, from where the bridge runs and with what it runs.
+///
+/// # Errors
+/// As [`Question::ask`].
+pub(crate) fn explain(
+    node: &Node,
+    routes: &Applier,
+    in_force: &Mutex<InForce>,
+    name: &str,
+) -> Result<Way, Failure> {
+    let (registry, plan) = (routes.registry(), routes.plan());
+    let in_force = in_force.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    let InForce { file, endpoints, definitions } = &in_force;
+    let configured = Configured {
+        file,
+        plan: &plan,
+        node,
+        sight: Sight { endpoints, bridge: Some(&registry) },
+        status: &|| routes.status(),
+    };
+    configured.way(name, any::definitions(definitions)?)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -374,9 +374,13 @@ mod tests {
         load_text(&format!("routes:\n{lines}"), "x.yaml").unwrap().plan
     }
 
-    fn found(plan: &Plan, name: &str) -> Option<(String, bool)> {
+    fn index(plan: &Plan) -> RouteIndex<'_> {
         let node = Node::bridge().unwrap();
-        route(plan, &node, name).map(|(route, left_out)| (route.ends(), left_out.is_some()))
+        plan.index(|address| node.resolve(address))
+    }
+
+    fn found(plan: &Plan, name: &str) -> Option<(String, bool)> {
+        route(plan, &index(plan), name).map(|(route, left_out)| (route.ends(), left_out.is_some()))
     }
 
     #[test]
@@ -401,15 +405,14 @@ mod tests {
             "name: b, from: 'zeromq:/x', to: 'yarp:/x', type: Text",
             "name: c, from: 'yarp:/x', to: 'ros2:/x', type: Text",
         ]);
-        let node = Node::bridge().unwrap();
-        let around = circle(&ring, &node, &ring.routes[1]);
+        let around = circle(&index(&ring), &ring.routes[1]);
         assert_eq!(around, ["zeromq:/x", "yarp:/x", "ros2:/x", "zeromq:/x"]);
-        assert!(unheard(&ring, &node, &ring.routes[1]).is_some());
+        assert!(unheard(&index(&ring), &ring.routes[1]).is_some());
         let pair = plan(&[
             "from: 'ros2:/x', to: 'zeromq:/x', type: Text",
             "from: 'zeromq:/x', to: 'ros2:/x', type: Text",
         ]);
-        assert_eq!(circle(&pair, &node, &pair.routes[0]), [""; 0]);
-        assert!(unheard(&pair, &node, &pair.routes[0]).is_none());
+        assert_eq!(circle(&index(&pair), &pair.routes[0]), [""; 0]);
+        assert!(unheard(&index(&pair), &pair.routes[0]).is_none());
     }
 }

@@ -4,8 +4,9 @@
 //! others look as well. The ring itself wakes tasks, without a thread between.
 
 use std::future::poll_fn;
+use std::pin::pin;
 use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
-use std::task::{Poll, Waker};
+use std::task::{Context, Poll, Waker};
 use std::time::{Duration, Instant};
 
 use super::error::MethodError;
@@ -58,56 +59,58 @@ impl Bell {
         self.wake.ring();
     }
 
-    /// Waits on this thread until `look` finds the value, or the wait is over.
-    pub(super) fn wait<T>(
+    /// Waits until `look` finds the value, or the wait is over: with a `runtime`, which keeps the time, as a task;
+    /// without one it blocks its thread, and is ready at its first poll.
+    pub(super) async fn wait<T>(
         &self,
         wait: &mut Wait<'_>,
-        waited_for: impl Fn() -> String,
-        mut look: impl FnMut() -> Look<T>,
-    ) -> Result<T, MethodError> {
-        let _waiting = Waiting::new(self);
-        loop {
-            let again = match look() {
-                Look::Found(found) => return Ok(found),
-                Look::Again(again) => again,
-            };
-            let step = wait.check(&waited_for)?;
-            self.wake.wait(step.min(until(again)));
-        }
-    }
-
-    /// As [`Bell::wait`], for a task.
-    pub(super) async fn wait_async<T>(
-        &self,
-        wait: &mut Wait<'_>,
-        runtime: &Runtime,
+        runtime: Option<&Runtime>,
         waited_for: impl Fn() -> String,
         mut look: impl FnMut() -> Look<T>,
     ) -> Result<T, MethodError> {
         let _waiting = Waiting::new(self);
         let mut timer = None::<(Instant, Waker)>;
         poll_fn(|task| {
-            // Asked for before the look, so that a ring after the look is not lost.
-            self.wake.notify(task.waker());
-            let again = match look() {
-                Look::Found(found) => return Poll::Ready(Ok(found)),
-                Look::Again(again) => again,
-            };
-            let step = match wait.check(&waited_for) {
-                Ok(step) => step.min(until(again)),
-                Err(error) => return Poll::Ready(Err(error)),
-            };
-            let now = Instant::now();
-            let is_set = timer
-                .as_ref()
-                .is_some_and(|(at, waker)| *at > now && waker.will_wake(task.waker()));
-            if !is_set {
-                runtime.wake_at(now + step, task.waker().clone());
-                timer = Some((now + step, task.waker().clone()));
+            loop {
+                if runtime.is_some() {
+                    // Asked for before the look, so that a ring after the look is not lost.
+                    self.wake.notify(task.waker());
+                }
+                let again = match look() {
+                    Look::Found(found) => return Poll::Ready(Ok(found)),
+                    Look::Again(again) => again,
+                };
+                let step = match wait.check(&waited_for) {
+                    Ok(step) => step.min(until(again)),
+                    Err(error) => return Poll::Ready(Err(error)),
+                };
+                let Some(runtime) = runtime else {
+                    self.wake.wait(step);
+                    continue;
+                };
+                let now = Instant::now();
+                let is_set = timer
+                    .as_ref()
+                    .is_some_and(|(at, waker)| *at > now && waker.will_wake(task.waker()));
+                if !is_set {
+                    runtime.wake_at(now + step, task.waker().clone());
+                    timer = Some((now + step, task.waker().clone()));
+                }
+                return Poll::Pending;
             }
-            Poll::Pending
         })
         .await
+    }
+}
+
+/// Result of a future that blocks its thread where it waits.
+pub(super) fn at_once<T>(future: impl Future<Output = T>) -> T {
+    let mut future = pin!(future);
+    let mut task = Context::from_waker(Waker::noop());
+    loop {
+        if let Poll::Ready(result) = future.as_mut().poll(&mut task) {
+            return result;
+        }
     }
 }
 
@@ -132,18 +135,15 @@ mod tests {
                 std::thread::spawn(move || {
                     let stop = Stop::default();
                     let mut wait = Wait::new("A::b", &stop, Some(Duration::from_secs(60)));
-                    bell.wait(
-                        &mut wait,
-                        || "goods".into(),
-                        || {
-                            let mut goods = goods.lock().unwrap();
-                            if *goods == 0 {
-                                return Look::Again(None);
-                            }
-                            *goods -= 1;
-                            Look::Found(())
-                        },
-                    )
+                    let look = || {
+                        let mut goods = goods.lock().unwrap();
+                        if *goods == 0 {
+                            return Look::Again(None);
+                        }
+                        *goods -= 1;
+                        Look::Found(())
+                    };
+                    at_once(bell.wait(&mut wait, None, || "goods".into(), look))
                 })
             })
             .collect();
@@ -166,8 +166,7 @@ mod tests {
         let mut wait = Wait::new("A::b", &stop, None);
         let found = AtomicBool::new(false);
         let look = || if found.load(SeqCst) { Look::Found(7) } else { Look::Again(None) };
-        let mut wait =
-            std::pin::pin!(bell.wait_async(&mut wait, &runtime, || "seven".into(), look));
+        let mut wait = pin!(bell.wait(&mut wait, Some(&runtime), || "seven".into(), look));
         let flag = Arc::new(Flag(AtomicBool::new(false)));
         let waker = Arc::clone(&flag).into();
         let mut task = std::task::Context::from_waker(&waker);

@@ -59,11 +59,9 @@ fn queue_size(variable: &str) -> usize {
 mod zeromq {
     //! ZeroMQ: publishers run the broker where there is none, listeners never do.
 
-    use std::sync::Arc;
-
     use crate::communicator::resolve::Side;
     use crate::communicator::source::{Planned, Source, StartError, Wanted};
-    use crate::middleware::zeromq::{BrokerMode, NAME, ZeroMq, ZeroMqConfig};
+    use crate::middleware::zeromq::{BrokerMode, NAME, ZeroMqConfig};
     use crate::network::Place;
 
     pub(super) struct ZeroMqSource;
@@ -106,12 +104,7 @@ mod zeromq {
             config.broker = mode(brings_broker && !wanted.is_service);
             config.service_broker = mode(brings_broker && wanted.is_service);
             // Two sides, two instances: one instance does not hear itself.
-            let key = format!("{:?} {config:?}", wanted.side);
-            let start = move || {
-                let started = ZeroMq::start(&config).map_err(StartError::refused)?;
-                Ok(Arc::new(started) as _)
-            };
-            Ok(Planned { key, start: Box::new(start) })
+            Ok(Planned::new(format!("{:?} {config:?}", wanted.side), config))
         }
     }
 }
@@ -121,13 +114,12 @@ mod ros1 {
     //! ROS 1: one node for all publishers and servers of a context, one for its listeners and
     //! clients.
 
-    use std::sync::Arc;
     use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
     use super::queue_size;
     use crate::communicator::resolve::Side;
     use crate::communicator::source::{Planned, Source, StartError, Wanted};
-    use crate::middleware::ros1::{NAME, Ros1, Ros1Config};
+    use crate::middleware::ros1::{NAME, Ros1Config};
     use crate::network::Place;
 
     /// Name of a node without one, as in Wrapyfi.
@@ -153,11 +145,9 @@ mod ros1 {
         }
 
         fn plan(&self, wanted: &Wanted<'_>) -> Result<Planned, StartError> {
-            let ros_kwargs = wanted.options.map("ros_kwargs")?;
-            let text = |name| ros_kwargs.map(|kwargs| kwargs.text(name)).transpose();
-            let switch = |name| ros_kwargs.map(|kwargs| kwargs.switch(name)).transpose();
-            let named = text("node_name")?.flatten().unwrap_or(NODE);
-            let anonymous = switch("anonymous")?.flatten().unwrap_or(true);
+            let kwargs = wanted.options.part("ros_kwargs")?;
+            let named = kwargs.text("node_name")?.unwrap_or(NODE);
+            let anonymous = kwargs.switch("anonymous")?.unwrap_or(true);
             // Two sides, two nodes: a node does not hear itself.
             let side = if wanted.side == Side::Publisher { "" } else { "_in" };
             let node = if anonymous {
@@ -167,13 +157,9 @@ mod ros1 {
             };
             let mut config = Ros1Config::from_env().map_err(StartError::refused)?;
             config.node = Some(node.clone());
-            let is_insecure = switch("insecure")?.flatten().unwrap_or(false);
+            let is_insecure = kwargs.switch("insecure")?.unwrap_or(false);
             config.insecure.said(Place::Keyword, false, is_insecure);
-            let start = move || {
-                let started = Ros1::start(&config).map_err(StartError::refused)?;
-                Ok(Arc::new(started) as _)
-            };
-            Ok(Planned { key: node, start: Box::new(start) })
+            Ok(Planned::new(node, config))
         }
 
         fn queue_depth(&self) -> Option<usize> {
@@ -193,9 +179,9 @@ mod ros2 {
     use super::queue_size;
     use crate::communicator::resolve::Side;
     use crate::communicator::source::{Planned, Source, StartError, Wanted};
-    use crate::middleware::ros2::{CycloneConfig, Ros2, environment, join};
     use crate::node::args::RosArgs;
     use crate::node::{NodeName, NodeOptions};
+    use crate::start::Ros2Settings;
 
     /// Number of nodes without a name made in the process.
     static NAMELESS: AtomicU32 = AtomicU32::new(0);
@@ -224,9 +210,8 @@ mod ros2 {
         }
 
         fn plan(&self, wanted: &Wanted<'_>) -> Result<Planned, StartError> {
-            let ros2_kwargs = wanted.options.map("ros2_kwargs")?;
-            let named = ros2_kwargs.map(|kwargs| kwargs.text("node_name")).transpose()?.flatten();
-            let base = match named {
+            let kwargs = wanted.options.part("ros2_kwargs")?;
+            let base = match kwargs.text("node_name")? {
                 Some(name) => name.to_owned(),
                 None => format!("wrapyfi_{:x}_{}", std::process::id(), self.number),
             };
@@ -240,22 +225,15 @@ mod ros2 {
                     .map_err(StartError::refused)?,
             };
             let (name, args) = (node.fqn(), Arc::clone(&self.args));
-            let max_message_bytes = wanted.max_message_bytes;
-            let start = move || {
-                let environment = environment::read(|name| std::env::var(name).ok())
-                    .map_err(StartError::refused)?;
-                environment.log();
-                let mut config = CycloneConfig::from_environment(node, &environment);
-                config.max_message_bytes = config.max_message_bytes.max(max_message_bytes);
-                let joined = join(&config, &environment, None, &args.enclave);
-                let joined = joined.map_err(StartError::refused)?;
-                // Both sides use the rules for the node's own name.
-                let remap = move |topic: &str| {
-                    args.resolve_topic(&own, topic).map_err(|error| error.to_string())
-                };
-                Ok(Arc::new(Ros2::joined(joined, remap)) as _)
+            let mut settings = Ros2Settings::of_node(node, |name| std::env::var(name).ok())?;
+            let most = &mut settings.cyclone.max_message_bytes;
+            *most = wanted.max_message_bytes.max(*most);
+            settings.enclave.clone_from(&args.enclave);
+            // Both sides use the rules for the node's own name.
+            let remap = move |topic: &str| {
+                args.resolve_topic(&own, topic).map_err(|error| error.to_string())
             };
-            Ok(Planned { key: name, start: Box::new(start) })
+            Ok(Planned::new(name, settings.remapped(remap)))
         }
 
         fn queue_depth(&self) -> Option<usize> {
@@ -301,11 +279,9 @@ mod ros2 {
 mod yarp {
     //! YARP: the name server that YARP's own configuration names, as Wrapyfi's programs find it.
 
-    use std::sync::Arc;
-
-    use crate::communicator::option::{OptionError, Options};
+    use crate::communicator::option::Options;
     use crate::communicator::source::{Planned, Source, StartError, Wanted};
-    use crate::middleware::yarp::{Dialect, NAME, Yarp, YarpConfig};
+    use crate::middleware::yarp::{NAME, YarpConfig};
     use crate::network::Place;
 
     pub(super) struct YarpSource;
@@ -330,38 +306,17 @@ mod yarp {
         }
 
         fn plan(&self, wanted: &Wanted<'_>) -> Result<Planned, StartError> {
-            let kwargs = wanted.options.map("yarp_kwargs")?;
-            let text = |name: &str| kwargs.map(|kwargs| kwargs.text(name)).transpose();
-            let fault = |name: &str, found: &str, wanted: &str| OptionError {
-                name: name.to_owned(),
-                found: format!("{found:?}"),
-                wanted: wanted.to_owned(),
-            };
+            let kwargs = wanted.options.part("yarp_kwargs")?;
             let mut config = YarpConfig::from_env().map_err(StartError::refused)?;
-            if let Some(server) = text("name_server")?.flatten() {
-                let wanted = "a host and a port, such as 127.0.0.1:10000";
-                let parsed = server.parse();
-                let parsed = parsed.map_err(|_text| fault("name_server", server, wanted))?;
-                config.name_server = Some(parsed);
-            }
-            let ip = text("ip")?.flatten();
-            if let Some(ip) = ip {
-                let parsed = ip.parse();
-                let parsed =
-                    parsed.map_err(|_text| fault("ip", ip, "an address, such as 127.0.0.1"))?;
-                config.ip = Some(parsed);
-            }
-            let switch = kwargs.map(|kwargs| kwargs.switch("insecure")).transpose()?.flatten();
-            config.insecure.said(Place::Keyword, ip.is_some(), switch.unwrap_or(false));
-            if let Some(dialect) = text("dialect")?.flatten() {
-                config.dialect = dialect.parse::<Dialect>().map_err(StartError::refused)?;
-            }
+            config.name_server = kwargs.word("name_server")?.or(config.name_server);
+            let ip = kwargs.word("ip")?;
+            let is_insecure = kwargs.switch("insecure")?.unwrap_or(false);
+            config.insecure.said(Place::Keyword, ip.is_some(), is_insecure);
+            config.ip = ip.or(config.ip);
+            config.dialect = kwargs.word("dialect")?.unwrap_or(config.dialect);
             config.max_message_bytes = config.max_message_bytes.max(wanted.max_message_bytes);
             // Two sides, two instances: one instance does not hear itself.
-            let key = format!("{:?} {config:?}", wanted.side);
-            let start =
-                move || Ok(Arc::new(Yarp::start(&config).map_err(StartError::refused)?) as _);
-            Ok(Planned { key, start: Box::new(start) })
+            Ok(Planned::new(format!("{:?} {config:?}", wanted.side), config))
         }
     }
 }

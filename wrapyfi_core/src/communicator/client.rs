@@ -5,14 +5,17 @@
 //!   returns   ◀─────┘
 //! ```
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use super::bell::{Bell, Look};
+use super::bell::{Bell, Look, at_once};
+use super::context::Live;
 use super::error::MethodError;
 use super::listener::EndOptions;
 use super::rules::Rules;
+use super::runtime::Runtime;
 use super::session::{Gathered, Session};
+use super::wait::{lock, with_reason};
 use crate::endpoint::{self, Client, Counters, CountersSnapshot, EndpointAddress, Link, Request};
 use crate::types::{self, TypedError, Value};
 
@@ -27,10 +30,6 @@ pub(super) struct ClientEnd {
     timeout: Duration,
     bell: Bell,
     client: Mutex<Box<dyn Client>>,
-}
-
-pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl ClientEnd {
@@ -59,11 +58,7 @@ impl ClientEnd {
     }
 
     fn waited_for(&self) -> String {
-        let what = format!("a reply from {}", self.endpoint);
-        match lock(&self.client).link().waiting_for {
-            Some(reason) => format!("{what} ({reason})"),
-            None => what,
-        }
+        with_reason(format!("a reply from {}", self.endpoint), lock(&self.client).link())
     }
 }
 
@@ -101,15 +96,7 @@ impl Session {
     /// # Errors
     /// When an argument has no form, or a reply does not come.
     pub fn ask(&self, arguments: Vec<NamedArgument>) -> Result<Gathered, MethodError> {
-        let request = self.request(arguments)?;
-        let mut gathered = self.nothing();
-        for (index, client) in self.clients() {
-            let mut call = self.begin(client, &request)?;
-            let mut wait = self.begin_wait(None);
-            let result = client.bell.wait(&mut wait, || client.waited_for(), || call.look())?;
-            gathered.set(index, Some(self.replied(result)?));
-        }
-        Ok(gathered)
+        at_once(self.ask_by(None, arguments))
     }
 
     /// As [`Session::ask`], for a task.
@@ -117,19 +104,22 @@ impl Session {
     /// # Errors
     /// As [`Session::ask`].
     pub async fn ask_async(&self, arguments: Vec<NamedArgument>) -> Result<Gathered, MethodError> {
+        let live = self.live.upgrade();
+        self.ask_by(live.as_deref().map(Live::runtime), arguments).await
+    }
+
+    async fn ask_by(
+        &self,
+        runtime: Option<&Runtime>,
+        arguments: Vec<NamedArgument>,
+    ) -> Result<Gathered, MethodError> {
         let request = self.request(arguments)?;
         let mut gathered = self.nothing();
         for (index, client) in self.clients() {
             let mut call = self.begin(client, &request)?;
             let mut wait = self.begin_wait(None);
             let waited_for = || client.waited_for();
-            let result = match self.live.upgrade() {
-                Some(live) => {
-                    let runtime = live.runtime();
-                    client.bell.wait_async(&mut wait, runtime, waited_for, || call.look()).await?
-                }
-                None => client.bell.wait(&mut wait, waited_for, || call.look())?,
-            };
+            let result = client.bell.wait(&mut wait, runtime, waited_for, || call.look()).await?;
             gathered.set(index, Some(self.replied(result)?));
         }
         Ok(gathered)

@@ -1,18 +1,19 @@
 //! The context that communicators share: middlewares, defaults, configuration.
 //!
 //! ```text
-//!   Context ─ sources by name, default middleware, plug-ins, configuration, instances counted
+//!   CommunicatorContext ─ sources by name, default middleware, plug-ins, configuration, instances counted
 //!      └─ Live ─ the library's thread, middlewares that were started
 //!                made with the first instance, ended with the last
 //! ```
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak};
+use std::sync::{Arc, Mutex, OnceLock, Weak};
 
 use super::builtin;
 use super::config::Configuration;
 use super::runtime::Runtime;
 use super::source::{Running, Source, StartError, Wanted};
+use super::wait::lock;
 use crate::endpoint::Middleware;
 #[cfg(feature = "engine")]
 use crate::engine::ConfigError;
@@ -22,21 +23,21 @@ use wrapyfi_interfaces::store::TypeStore;
 
 /// Middlewares, defaults and configuration that communicators share. Cheap to clone.
 ///
-/// Most programs use the context of the process, [`Context::global`], without naming it. A
+/// Most programs use the context of the process, [`CommunicatorContext::global`], without naming it. A
 /// middleware starts when the first value needs it; all end with the last communicator.
 ///
 /// ```
 /// use std::sync::Arc;
-/// use wrapyfi_core::communicator::Context;
+/// use wrapyfi_core::communicator::CommunicatorContext;
 /// use wrapyfi_core::middleware::memory::Memory;
-/// let context = Context::builder()
+/// let context = CommunicatorContext::builder()
 ///     .only(Arc::new(Memory::new("memory")))
 ///     .default_middleware("memory")
 ///     .build();
 /// assert_eq!(context.middlewares(), ["memory"]);
 /// ```
 #[derive(Clone)]
-pub struct Context(Arc<Shared>);
+pub struct CommunicatorContext(Arc<Shared>);
 
 struct Shared {
     sources: BTreeMap<String, Arc<dyn Source>>,
@@ -76,15 +77,11 @@ pub(super) enum Found {
     Unknown,
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-impl Context {
+impl CommunicatorContext {
     /// The context of the process: every middleware of this crate, defaults from `WRAPYFI_*`.
     #[must_use]
     pub fn global() -> Self {
-        static GLOBAL: OnceLock<Context> = OnceLock::new();
+        static GLOBAL: OnceLock<CommunicatorContext> = OnceLock::new();
         GLOBAL.get_or_init(|| Self::builder().build()).clone()
     }
 
@@ -195,22 +192,22 @@ impl Live {
     }
 }
 
-impl Default for Context {
+impl Default for CommunicatorContext {
     fn default() -> Self {
         Self::global()
     }
 }
 
-impl std::fmt::Debug for Context {
+impl std::fmt::Debug for CommunicatorContext {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Context")
+        f.debug_struct("CommunicatorContext")
             .field("middlewares", &self.middlewares())
             .field("default_middleware", &self.0.default_middleware)
             .finish_non_exhaustive()
     }
 }
 
-/// Builder of a [`Context`].
+/// Builder of a [`CommunicatorContext`].
 pub struct ContextBuilder {
     sources: Vec<Arc<dyn Source>>,
     known: Vec<String>,
@@ -239,10 +236,10 @@ impl ContextBuilder {
     /// program, which reads them from [`RosArgs`](crate::node::args::RosArgs).
     ///
     /// ```
-    /// use wrapyfi_core::communicator::Context;
+    /// use wrapyfi_core::communicator::CommunicatorContext;
     /// use wrapyfi_core::node::{args::RosArgs, read_params_file};
     /// let args = RosArgs::parse(std::env::args().skip(1), read_params_file)?;
-    /// let context = Context::builder().ros_args(args).build();
+    /// let context = CommunicatorContext::builder().ros_args(args).build();
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     #[cfg(feature = "ros2")]
@@ -298,7 +295,7 @@ impl ContextBuilder {
 
     /// Makes the context.
     #[must_use]
-    pub fn build(self) -> Context {
+    pub fn build(self) -> CommunicatorContext {
         let from_environment = || {
             ["WRAPYFI_DEFAULT_MWARE", "WRAPYFI_DEFAULT_COMMUNICATOR"]
                 .into_iter()
@@ -307,7 +304,7 @@ impl ContextBuilder {
         let default_middleware = self.default_middleware.or_else(from_environment);
         let known = builtin::KNOWN.map(str::to_owned).into_iter().chain(self.known).collect();
         let sources = self.sources.into_iter().map(|source| (source.name().to_owned(), source));
-        Context(Arc::new(Shared {
+        CommunicatorContext(Arc::new(Shared {
             sources: sources.collect(),
             known,
             default_middleware: default_middleware.unwrap_or_else(|| "zeromq".to_owned()),

@@ -7,9 +7,10 @@
 
 use std::fmt;
 use std::marker::PhantomData;
+use std::ops::Deref;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::context::{Context, Live};
+use super::context::{CommunicatorContext, Live};
 use super::describe::{Class, Method, NamesMethod};
 use super::error::{ActivateError, MethodError};
 use super::mode::{Mode, Modes, NamesMode};
@@ -20,8 +21,15 @@ use super::session::{Session, ValueStatus};
 
 /// Modes and endpoints of one instance's registered methods; a field that `#[communicator]` adds.
 pub struct Instance<M> {
-    shared: Arc<Shared>,
-    methods: PhantomData<M>,
+    control: Control<M>,
+}
+
+impl<M> Deref for Instance<M> {
+    type Target = Control<M>;
+
+    fn deref(&self) -> &Control<M> {
+        &self.control
+    }
 }
 
 struct Shared {
@@ -30,7 +38,7 @@ struct Shared {
     slots: Vec<Mutex<Slot>>,
     /// Number of the instance among those of its class, from 0.
     number: usize,
-    context: Context,
+    context: CommunicatorContext,
     live: Arc<Live>,
 }
 
@@ -47,7 +55,7 @@ struct Slot {
 impl<M: Method> Instance<M> {
     /// A new instance of the class, with the modes that the configuration gives it.
     #[must_use]
-    pub fn new(context: &Context) -> Self {
+    pub fn new(context: &CommunicatorContext) -> Self {
         let class = M::CLASS;
         let shared = Arc::new(Shared {
             class,
@@ -57,19 +65,7 @@ impl<M: Method> Instance<M> {
             live: context.live(),
         });
         shared.configure();
-        Self { shared, methods: PhantomData }
-    }
-
-    /// Chooses the mode of a method.
-    ///
-    /// # Errors
-    /// When name or mode are unknown, the list is too short, or the method lacks what the mode needs.
-    pub fn activate(
-        &self,
-        method: impl NamesMethod<M>,
-        mode: impl NamesMode,
-    ) -> Result<(), ActivateError> {
-        self.shared.activate(method.find()?, &mode.modes()?)
+        Self { control: Control { shared, methods: PhantomData } }
     }
 
     /// The mode of a method.
@@ -78,26 +74,10 @@ impl<M: Method> Instance<M> {
         self.shared.slot(method.index()).map(|slot| slot.mode).unwrap_or_default()
     }
 
-    /// Closes every method's endpoints.
-    pub fn close(&self) {
-        self.shared.close_all();
-    }
-
-    /// Closes one method's endpoints.
-    pub fn close_method(&self, method: M) {
-        self.shared.close(method.index());
-    }
-
-    /// Status of the endpoints of each value of a method.
-    #[must_use]
-    pub fn status(&self, method: M) -> Vec<ValueStatus> {
-        self.shared.status(method.index())
-    }
-
     /// A handle for other threads.
     #[must_use]
     pub fn control(&self) -> Control<M> {
-        Control { shared: Arc::clone(&self.shared), methods: PhantomData }
+        self.control.clone()
     }
 
     /// Begins a call of the method at `index`.
@@ -161,7 +141,7 @@ impl<M: Method> Control<M> {
     /// [`MethodError::Ended`].
     ///
     /// # Errors
-    /// As [`Instance::activate`].
+    /// When name or mode are unknown, the list is too short, or the method lacks what the mode needs.
     pub fn activate(
         &self,
         method: impl NamesMethod<M>,
@@ -272,12 +252,14 @@ impl Shared {
         }
     }
 
+    fn not_opened(&self, index: usize) -> MethodError {
+        let waited_for = "its endpoints to open".to_owned();
+        MethodError::Ended { method: self.class.label(index), waited_for }
+    }
+
     /// Opens the endpoints of a method for `mode`; on the library's thread.
     fn open(&self, index: usize, mode: Mode, given: &[Given]) -> Result<Arc<Session>, MethodError> {
-        let ended = || MethodError::Ended {
-            method: self.class.label(index),
-            waited_for: "its endpoints to open".to_owned(),
-        };
+        let ended = || self.not_opened(index);
         let resolved = {
             let mut slot = self.slot(index).ok_or_else(ended)?;
             if slot.mode != mode {
@@ -382,9 +364,6 @@ impl Call {
     }
 
     fn gone(&self) -> MethodError {
-        MethodError::Ended {
-            method: self.shared.class.label(self.index),
-            waited_for: "its endpoints to open".to_owned(),
-        }
+        self.shared.not_opened(self.index)
     }
 }

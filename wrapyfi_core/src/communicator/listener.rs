@@ -6,15 +6,15 @@
 //! ```
 
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use super::bell::{Bell, Look};
 use super::error::MethodError;
 use super::rules::Rules;
 use super::runtime::Runtime;
-use super::wait::Wait;
-use crate::endpoint::{Counters, EndpointAddress, Link, Listener};
+use super::wait::{Wait, lock, with_reason};
+use crate::endpoint::{Clock, Counters, EndpointAddress, Link, Listener};
 use crate::types::Payload;
 
 /// Time between two looks at the peers while nothing rings.
@@ -29,6 +29,7 @@ pub(super) struct ListenerEnd {
     pub(super) should_wait: bool,
     pub(super) timeout: Option<Duration>,
     bell: Bell,
+    clock: Clock,
     state: Mutex<State>,
 }
 
@@ -54,7 +55,7 @@ impl ListenerEnd {
         context: &crate::endpoint::Context,
         options: EndOptions,
     ) -> Self {
-        let now = Instant::now();
+        let now = context.clock.now();
         Self {
             endpoint,
             rules: options.rules,
@@ -62,6 +63,7 @@ impl ListenerEnd {
             should_wait: options.should_wait,
             timeout: options.timeout,
             bell: Bell::new(context.wake.clone()),
+            clock: context.clock.clone(),
             state: Mutex::new(State {
                 listener,
                 held: VecDeque::new(),
@@ -71,32 +73,22 @@ impl ListenerEnd {
         }
     }
 
-    /// Takes the next message; waits for one if the option `should_wait` is set.
-    pub(super) fn take(&self, wait: &mut Wait<'_>) -> Result<Option<Payload>, MethodError> {
-        let first = self.take_now();
-        if first.is_some() || !self.should_wait {
-            return Ok(first);
-        }
-        self.bell.wait(wait, || self.waited_for(), || self.look()).map(Some)
-    }
-
-    /// As [`ListenerEnd::take`], for a task.
-    pub(super) async fn take_async(
+    /// Takes the next message; waits for one if the option `should_wait` is set, as [`Bell::wait`].
+    pub(super) async fn take(
         &self,
         wait: &mut Wait<'_>,
-        runtime: &Runtime,
+        runtime: Option<&Runtime>,
     ) -> Result<Option<Payload>, MethodError> {
         let first = self.take_now();
         if first.is_some() || !self.should_wait {
             return Ok(first);
         }
-        let waited_for = || self.waited_for();
-        self.bell.wait_async(wait, runtime, waited_for, || self.look()).await.map(Some)
+        self.bell.wait(wait, runtime, || self.waited_for(), || self.look()).await.map(Some)
     }
 
     /// Gives back a message that was taken for a call that failed.
     pub(super) fn put_back(&self, payload: Payload) {
-        self.lock().held.push_front(payload);
+        lock(&self.state).held.push_front(payload);
         self.bell.ring();
     }
 
@@ -106,26 +98,26 @@ impl ListenerEnd {
     }
 
     pub(super) fn link(&self) -> Link {
-        self.lock().listener.link()
+        lock(&self.state).listener.link()
     }
 
     fn look(&self) -> Look<Payload> {
         match self.take_now() {
             Some(payload) => Look::Found(payload),
             None => {
-                let mut state = self.lock();
-                self.review(&mut state, Instant::now());
+                let mut state = lock(&self.state);
+                self.review(&mut state, self.clock.now());
                 Look::Again(Some(state.review_at))
             }
         }
     }
 
     fn take_now(&self) -> Option<Payload> {
-        let mut state = self.lock();
+        let mut state = lock(&self.state);
         if let Some(payload) = state.held.pop_front() {
             return Some(payload);
         }
-        let now = Instant::now();
+        let now = self.clock.now();
         if now >= state.review_at {
             self.review(&mut state, now);
         }
@@ -154,14 +146,6 @@ impl ListenerEnd {
     }
 
     fn waited_for(&self) -> String {
-        let what = format!("a message on {}", self.endpoint);
-        match self.link().waiting_for {
-            Some(reason) => format!("{what} ({reason})"),
-            None => what,
-        }
-    }
-
-    fn lock(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        with_reason(format!("a message on {}", self.endpoint), self.link())
     }
 }

@@ -14,7 +14,7 @@
 //!
 //! ```
 //! use std::sync::Arc;
-//! use wrapyfi_core::communicator::{Context, Mode, communicator};
+//! use wrapyfi_core::communicator::{CommunicatorContext, Mode, communicator};
 //! use wrapyfi_core::middleware::memory::Memory;
 //!
 //! struct Mirror;
@@ -29,7 +29,7 @@
 //! }
 //!
 //! // Both ends in one process, on a bus of its own.
-//! let context = Context::builder().only(Arc::new(Memory::new("memory"))).build();
+//! let context = CommunicatorContext::builder().only(Arc::new(Memory::new("memory"))).build();
 //! let mut there = Mirror.communicator_in(&context);
 //! let mut here = Mirror.communicator_in(&context);
 //! there.activate(MirrorMethod::ReadMsg, Mode::Listen)?;
@@ -92,7 +92,7 @@ mod wait;
 
 pub use client::NamedArgument;
 pub use config::Configuration;
-pub use context::{Context, ContextBuilder};
+pub use context::{CommunicatorContext, ContextBuilder};
 pub use describe::{Class, Literal, Method, MethodSpec, NamesMethod, Register};
 pub use error::{ActivateError, MethodError};
 pub use instance::{Call, Control, Instance};

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use super::builtin::missing_feature;
 use super::client::ClientEnd;
-use super::context::{Context, Found, Live};
+use super::context::{CommunicatorContext, Found, Live};
 use super::error::MethodError;
 use super::listener::{EndOptions, ListenerEnd};
 use super::mode::Mode;
@@ -42,7 +42,7 @@ const MEDIA: usize = 10;
 pub(super) struct Opening<'a> {
     pub(super) method: String,
     pub(super) mode: Mode,
-    pub(super) context: &'a Context,
+    pub(super) context: &'a CommunicatorContext,
     pub(super) live: &'a Arc<Live>,
 }
 
@@ -154,10 +154,10 @@ impl Opening<'_> {
             Wanted { side, is_service, options: &options, max_message_bytes: limits.message_bytes };
         let middleware = self.live.middleware(source, &wanted).map_err(|error| match error {
             StartError::Option(fault) => self.option(fault),
-            StartError::Refused(reason) => MethodError::Start {
+            other => MethodError::Start {
                 method: self.method.clone(),
                 middleware: source.name().to_owned(),
-                reason,
+                reason: other.to_string(),
             },
         })?;
         self.mention(&options, source.name());
@@ -192,7 +192,7 @@ impl Opening<'_> {
         let in_ros = end.middleware.traits().ros_time;
         let (endpoint, counters) = (end.endpoint.clone(), context.counters);
         let publisher = Arc::new(PublisherEnd::new(endpoint, publisher, counters, options, in_ros));
-        self.live.runtime().watch(&publisher);
+        self.live.runtime().watch(Arc::downgrade(&publisher) as _);
         Ok(publisher)
     }
 
@@ -249,18 +249,16 @@ impl Opening<'_> {
     /// Type of a ROS message: that of the Rust type, or the one that is written.
     fn ros_type(&self, value: &Resolved, options: &Options) -> Result<MessageType, OptionError> {
         let written = options.text("message_type")?;
-        let unusable = |name: &str, reason: String| OptionError {
-            name: "message_type".to_owned(),
-            found: format!("{name:?}"),
-            wanted: format!("a type whose definition is found: {reason}"),
+        let fault = |name: &str, wanted: String| {
+            OptionError::new("message_type", format_args!("{name:?}"), wanted)
+        };
+        let unusable = |name: &str, reason: String| {
+            fault(name, format!("a type whose definition is found: {reason}"))
         };
         let ros_type = match (value.ros_type, written) {
             (Some(own), Some(other)) if own != other => {
-                return Err(OptionError {
-                    name: "message_type".to_owned(),
-                    found: format!("{other:?}"),
-                    wanted: format!("{own}, which is what the method returns, or left out"),
-                });
+                let wanted = format!("{own}, which is what the method returns, or left out");
+                return Err(fault(other, wanted));
             }
             // The definition is the one that the Rust type was generated from, whatever is
             // installed.
@@ -315,13 +313,9 @@ impl Opening<'_> {
                     DataType::Image if is_jpg(options)? => ServiceKind::CompressedImage,
                     DataType::Image => ServiceKind::Image,
                     DataType::Properties | DataType::RosMessage => {
-                        return Err(OptionError {
-                            name: "data type".to_owned(),
-                            found: data_type.to_string(),
-                            wanted: "NativeObject, Image or AudioChunk in modes request and reply \
-                                     (services of any ROS type are AnyClient and AnyServer)"
-                                .to_owned(),
-                        });
+                        let wanted = "NativeObject, Image or AudioChunk in modes request and reply \
+                                      (services of any ROS type are AnyClient and AnyServer)";
+                        return Err(OptionError::new("data type", data_type, wanted));
                     }
                 },
             };

@@ -88,6 +88,12 @@ pub struct OptionError {
     pub wanted: String,
 }
 
+impl OptionError {
+    pub(super) fn new(name: &str, found: impl fmt::Display, wanted: impl Into<String>) -> Self {
+        Self { name: name.to_owned(), found: found.to_string(), wanted: wanted.into() }
+    }
+}
+
 impl Options {
     pub(super) fn from_literals<E>(
         pairs: &[(&'static str, Literal)],
@@ -162,7 +168,7 @@ impl Options {
         match value {
             Some(OptionValue::Text(text)) => Ok(Some(text)),
             None => Ok(None),
-            Some(other) => Err(Self::fault(name, other, "a text")),
+            Some(other) => Err(OptionError::new(name, other, "a text")),
         }
     }
 
@@ -176,10 +182,12 @@ impl Options {
     {
         self.text(name)?
             .map(|text| {
-                text.parse().map_err(|error: T::Err| OptionError {
-                    name: name.to_owned(),
-                    found: format!("{text:?}"),
-                    wanted: format!("another one: {error}"),
+                text.parse().map_err(|error: T::Err| {
+                    OptionError::new(
+                        name,
+                        format_args!("{text:?}"),
+                        format!("another one: {error}"),
+                    )
                 })
             })
             .transpose()
@@ -193,8 +201,13 @@ impl Options {
         match self.get(name) {
             Some(OptionValue::Map(map)) => Ok(Some(map)),
             None => Ok(None),
-            Some(other) => Err(Self::fault(name, other, "a map")),
+            Some(other) => Err(OptionError::new(name, other, "a map")),
         }
+    }
+
+    /// Options inside the option `name`; none where it is not written.
+    pub(super) fn part(&self, name: &str) -> Result<Self, OptionError> {
+        Ok(self.map(name)?.cloned().unwrap_or_default())
     }
 
     fn read<T>(
@@ -204,12 +217,8 @@ impl Options {
         read: impl FnOnce(&OptionValue) -> Option<T>,
     ) -> Result<Option<T>, OptionError> {
         self.get(name)
-            .map(|value| read(value).ok_or_else(|| Self::fault(name, value, wanted)))
+            .map(|value| read(value).ok_or_else(|| OptionError::new(name, value, wanted)))
             .transpose()
-    }
-
-    pub(super) fn fault(name: &str, found: &OptionValue, wanted: &str) -> OptionError {
-        OptionError { name: name.to_owned(), found: found.to_string(), wanted: wanted.to_owned() }
     }
 }
 

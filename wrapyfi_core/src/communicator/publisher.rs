@@ -6,15 +6,15 @@
 //! ```
 
 use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use super::bell::{Bell, Look};
 use super::error::MethodError;
 use super::listener::EndOptions;
 use super::rules::Rules;
-use super::runtime::Runtime;
-use super::wait::Wait;
+use super::runtime::{Runtime, Watched};
+use super::wait::{Wait, lock, with_reason};
 use crate::endpoint::{Counters, DropReason, EndpointAddress, Link, PublishError, Publisher};
 use crate::types::Payload;
 
@@ -82,7 +82,7 @@ impl PublisherEnd {
     /// When the payload has no form on the wire.
     pub(super) fn send(&self, payload: &Payload) -> Result<(), PublishError> {
         let started = Instant::now();
-        let mut state = self.lock();
+        let mut state = lock(&self.state);
         match state.publisher.publish(payload) {
             Ok(bytes) => {
                 self.counters.sent(bytes, started.elapsed());
@@ -104,19 +104,6 @@ impl PublisherEnd {
         }
     }
 
-    /// Looks at the listeners; instant of the next look.
-    pub(super) fn look(&self, now: Instant) -> Option<Instant> {
-        let mut state = self.lock();
-        let review = state.publisher.review(now);
-        self.note(&state);
-        drop(state);
-        for warning in &review.warnings {
-            tracing::warn!("{}: {warning}", self.endpoint);
-        }
-        self.changed.ring();
-        review.next
-    }
-
     /// Notes the link. The caller holds the lock, so that of two looks at once the newer one is
     /// noted last.
     fn note(&self, state: &State) -> Link {
@@ -129,19 +116,13 @@ impl PublisherEnd {
         link
     }
 
-    /// Waits for the first listener, if the option `should_wait` is set.
-    pub(super) fn await_listener(&self, wait: &mut Wait<'_>) -> Result<(), MethodError> {
-        self.changed.wait(wait, || self.waited_for(), || self.established())
-    }
-
-    /// As [`PublisherEnd::await_listener`], for a task.
-    pub(super) async fn await_listener_async(
+    /// Waits for the first listener, if the option `should_wait` is set, as [`Bell::wait`].
+    pub(super) async fn await_listener(
         &self,
         wait: &mut Wait<'_>,
-        runtime: &Runtime,
+        runtime: Option<&Runtime>,
     ) -> Result<(), MethodError> {
-        let waited_for = || self.waited_for();
-        self.changed.wait_async(wait, runtime, waited_for, || self.established()).await
+        self.changed.wait(wait, runtime, || self.waited_for(), || self.established()).await
     }
 
     fn established(&self) -> Look<()> {
@@ -160,19 +141,26 @@ impl PublisherEnd {
 
     /// Connection of the publisher now. Sends go by it from here on.
     pub(super) fn link(&self) -> Link {
-        self.note(&self.lock())
+        self.note(&lock(&self.state))
     }
 
     fn waited_for(&self) -> String {
-        let what = format!("a listener of {}", self.endpoint);
-        match self.link().waiting_for {
-            Some(reason) => format!("{what} ({reason})"),
-            None => what,
-        }
+        with_reason(format!("a listener of {}", self.endpoint), self.link())
     }
+}
 
-    fn lock(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+impl Watched for PublisherEnd {
+    /// Looks at the listeners.
+    fn look(&self, now: Instant) -> Option<Instant> {
+        let mut state = lock(&self.state);
+        let review = state.publisher.review(now);
+        self.note(&state);
+        drop(state);
+        for warning in &review.warnings {
+            tracing::warn!("{}: {warning}", self.endpoint);
+        }
+        self.changed.ring();
+        review.next
     }
 }
 

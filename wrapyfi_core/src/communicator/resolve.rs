@@ -7,7 +7,7 @@
 
 use super::describe::{Class, MethodSpec, Register};
 use super::error::MethodError;
-use super::option::{OptionValue, Options};
+use super::option::{OptionError, OptionValue, Options};
 use crate::types::{DataType, TypedError, Value, to_value};
 
 /// An argument of a call: its place and value.
@@ -97,10 +97,8 @@ impl FirstCall<'_> {
     }
 
     fn fault(&self, name: &str, found: &OptionValue) -> MethodError {
-        MethodError::Option {
-            method: self.method.clone(),
-            fault: Options::fault(name, found, "a text"),
-        }
+        let fault = OptionError::new(name, found, "a text");
+        MethodError::Option { method: self.method.clone(), fault }
     }
 
     /// Value of the argument that a text names with `$`, or the text itself.

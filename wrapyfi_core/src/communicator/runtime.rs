@@ -10,22 +10,26 @@
 //! way is as short as the endpoint's. Work that may take long, such as starting a middleware, is
 //! done here, where it blocks no task of an executor.
 
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Mutex, Weak};
 use std::task::Waker;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use super::publisher::PublisherEnd;
-use super::server::ServerEnd;
+use super::wait::lock;
 use crate::endpoint::Wake;
 
 /// Longest time between two looks at the publishers.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 /// Shortest time between two looks, because jobs ring the same bell.
 const LOOK_AT_MOST: Duration = Duration::from_millis(1);
+
+/// An end that the thread looks at.
+pub(super) trait Watched: Send + Sync {
+    /// Looks; instant of the next look. A server that wants none is forgotten.
+    fn look(&self, now: Instant) -> Option<Instant>;
+}
 
 type Job = Box<dyn FnOnce() + Send>;
 
@@ -46,39 +50,11 @@ struct Shared {
 #[derive(Default)]
 struct Work {
     jobs: Vec<Job>,
-    publishers: Vec<Weak<PublisherEnd>>,
+    publishers: Vec<Weak<dyn Watched>>,
     /// Servers that keep replies.
-    servers: Vec<Weak<ServerEnd>>,
-    timers: BinaryHeap<Reverse<Timer>>,
-}
-
-/// Timer of a task; ordered by time, then by number.
-struct Timer(Instant, u64, Waker);
-
-impl PartialEq for Timer {
-    fn eq(&self, other: &Self) -> bool {
-        (self.0, self.1) == (other.0, other.1)
-    }
-}
-
-impl Eq for Timer {}
-
-impl PartialOrd for Timer {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for Timer {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        (self.0, self.1).cmp(&(other.0, other.1))
-    }
-}
-
-impl Shared {
-    fn lock(&self) -> MutexGuard<'_, Work> {
-        self.work.lock().unwrap_or_else(PoisonError::into_inner)
-    }
+    servers: Vec<Weak<dyn Watched>>,
+    /// Tasks by the time at which they are woken, and a number.
+    timers: BTreeMap<(Instant, u64), Waker>,
 }
 
 impl Runtime {
@@ -103,27 +79,26 @@ impl Runtime {
             job();
             return;
         }
-        self.shared.lock().jobs.push(Box::new(job));
+        lock(&self.shared.work).jobs.push(Box::new(job));
         self.shared.bell.ring();
     }
 
     /// Wakes a task at `at`.
     pub(super) fn wake_at(&self, at: Instant, waker: Waker) {
         let number = self.shared.next.fetch_add(1, Relaxed);
-        self.shared.lock().timers.push(Reverse(Timer(at, number, waker)));
+        lock(&self.shared.work).timers.insert((at, number), waker);
         self.shared.bell.ring();
     }
 
     /// Watches a publisher for as long as it lives.
-    pub(super) fn watch(&self, publisher: &Arc<PublisherEnd>) {
-        self.shared.lock().publishers.push(Arc::downgrade(publisher));
+    pub(super) fn watch(&self, publisher: Weak<dyn Watched>) {
+        lock(&self.shared.work).publishers.push(publisher);
         self.shared.bell.ring();
     }
 
     /// Sends the replies that a server keeps, as soon as their clients hear.
-    pub(super) fn flush(&self, server: &Arc<ServerEnd>) {
-        let server = Arc::downgrade(server);
-        let mut work = self.shared.lock();
+    pub(super) fn flush(&self, server: Weak<dyn Watched>) {
+        let mut work = lock(&self.shared.work);
         if !work.servers.iter().any(|known| known.ptr_eq(&server)) {
             work.servers.push(server);
         }
@@ -141,7 +116,7 @@ impl Drop for Runtime {
     fn drop(&mut self) {
         self.shared.is_over.store(true, Relaxed);
         self.shared.bell.ring();
-        let thread = self.thread.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let thread = lock(&self.thread).take();
         if let Some(thread) = thread
             // A job may drop the last reference on this very thread, which cannot join itself.
             && thread.thread().id() != std::thread::current().id()
@@ -160,7 +135,7 @@ impl Shared {
             let now = Instant::now();
             let due = self.wake_due(now).unwrap_or(LOOK_EVERY);
             let rang = self.bell.wait(due.min(look_at.saturating_duration_since(now)));
-            let jobs = std::mem::take(&mut self.lock().jobs);
+            let jobs = std::mem::take(&mut lock(&self.work).jobs);
             jobs.into_iter().for_each(|job| job());
             let now = Instant::now();
             if rang {
@@ -175,7 +150,7 @@ impl Shared {
             }
         }
         // Jobs that were submitted before the stop have callers that wait for them.
-        let jobs = std::mem::take(&mut self.lock().jobs);
+        let jobs = std::mem::take(&mut lock(&self.work).jobs);
         jobs.into_iter().for_each(|job| job());
     }
 
@@ -183,45 +158,35 @@ impl Shared {
     fn wake_due(&self, now: Instant) -> Option<Duration> {
         loop {
             let timer = {
-                let mut work = self.lock();
-                match work.timers.peek() {
-                    None => return None,
-                    Some(Reverse(timer)) if timer.0 > now => return Some(timer.0 - now),
-                    Some(_) => work.timers.pop(),
+                let mut work = lock(&self.work);
+                let first = work.timers.first_entry()?;
+                let at = first.key().0;
+                if at > now {
+                    return Some(at - now);
                 }
+                first.remove()
             };
-            if let Some(Reverse(timer)) = timer {
-                timer.2.wake();
-            }
+            timer.wake();
         }
     }
 
     /// Looks at every publisher and flushes servers; instant of the next look that one of them wants.
     fn look(&self, now: Instant) -> Option<Instant> {
-        let (flushed, looked) = (self.flush(now), self.look_at_publishers(now));
-        flushed.into_iter().chain(looked).min()
-    }
-
-    fn flush(&self, now: Instant) -> Option<Instant> {
-        let servers = std::mem::take(&mut self.lock().servers);
+        let servers = std::mem::take(&mut lock(&self.work).servers);
         let mut next = None;
         for server in servers {
-            let again = server.upgrade().and_then(|server| server.flush(now));
-            if let Some(again) = again {
-                next = Some(next.map_or(again, |next: Instant| next.min(again)));
-                self.lock().servers.push(server);
+            let again = server.upgrade().and_then(|server| server.look(now));
+            if again.is_some() {
+                lock(&self.work).servers.push(server);
             }
+            next = next.into_iter().chain(again).min();
         }
-        next
-    }
-
-    fn look_at_publishers(&self, now: Instant) -> Option<Instant> {
         let publishers: Vec<_> = {
-            let mut work = self.lock();
+            let mut work = lock(&self.work);
             work.publishers.retain(|publisher| publisher.strong_count() > 0);
             work.publishers.iter().filter_map(Weak::upgrade).collect()
         };
-        publishers.iter().filter_map(|publisher| publisher.look(now)).min()
+        publishers.iter().filter_map(|publisher| publisher.look(now)).chain(next).min()
     }
 }
 

@@ -11,16 +11,16 @@ use std::time::{Duration, Instant};
 
 use serde::de::DeserializeOwned;
 
-use super::bell::{Bell, Look};
-use super::client::lock;
+use super::bell::{Bell, Look, at_once};
+use super::context::Live;
 use super::error::MethodError;
 use super::listener::EndOptions;
 use super::rules::Rules;
-use super::runtime::Runtime;
+use super::runtime::{Runtime, Watched};
 use super::session::Session;
-use super::wait::to_stderr;
+use super::wait::{lock, to_stderr};
 use crate::endpoint::{
-    self, Call, Counters, CountersSnapshot, EndpointAddress, Link, RequestId, Server,
+    self, Call, Clock, Counters, CountersSnapshot, EndpointAddress, Link, RequestId, Server,
 };
 use crate::types::{self, from_value};
 use wrapyfi_data::returned::Returned;
@@ -39,6 +39,7 @@ pub(super) struct ServerEnd {
     counters: Arc<Counters>,
     should_wait: bool,
     bell: Bell,
+    clock: Clock,
     state: Mutex<Serving>,
 }
 
@@ -60,7 +61,8 @@ impl ServerEnd {
             counters: Arc::clone(&context.counters),
             should_wait: options.should_wait,
             bell: Bell::new(context.wake.clone()),
-            state: Mutex::new(Serving { server, say_at: Instant::now() }),
+            clock: context.clock.clone(),
+            state: Mutex::new(Serving { server, say_at: context.clock.now() }),
         }
     }
 
@@ -76,25 +78,15 @@ impl ServerEnd {
         format!("a request to {}", self.endpoint)
     }
 
-    /// Sends kept replies whose clients hear now; instant of the next try, where some are left.
-    pub(super) fn flush(&self, now: Instant) -> Option<Instant> {
-        let mut state = lock(&self.state);
-        if state.server.kept() == 0 {
-            return None;
-        }
-        state.server.flush();
-        (state.server.kept() > 0).then(|| now + FLUSH_EVERY)
-    }
-
     /// Leaves kept replies to the library's thread, because the method may never be called again.
     fn leave_kept_to(self: &Arc<Self>, runtime: &Runtime) {
         if lock(&self.state).server.kept() > 0 {
-            runtime.flush(self);
+            runtime.flush(Arc::downgrade(self) as _);
         }
     }
 
     /// Takes the next request that can be served.
-    fn look(&self) -> Look<Option<endpoint::IncomingRequest>> {
+    fn take(&self) -> Look<Option<endpoint::IncomingRequest>> {
         let mut state = lock(&self.state);
         loop {
             match state.server.take() {
@@ -107,7 +99,7 @@ impl ServerEnd {
     }
 
     fn say(&self, state: &mut Serving, error: &dyn std::fmt::Display) {
-        let now = Instant::now();
+        let now = self.clock.now();
         if now >= state.say_at {
             tracing::warn!("{}: {error}", self.endpoint);
             state.say_at = now + SAY_EVERY;
@@ -132,10 +124,22 @@ impl ServerEnd {
     }
 }
 
+impl Watched for ServerEnd {
+    /// Sends kept replies whose clients hear now.
+    fn look(&self, now: Instant) -> Option<Instant> {
+        let mut state = lock(&self.state);
+        if state.server.kept() == 0 {
+            return None;
+        }
+        state.server.flush();
+        (state.server.kept() > 0).then(|| now + FLUSH_EVERY)
+    }
+}
+
 impl Drop for ServerEnd {
     fn drop(&mut self) {
         let end = Instant::now() + LINGER;
-        while self.flush(Instant::now()).is_some() && Instant::now() < end {
+        while self.look(Instant::now()).is_some() && Instant::now() < end {
             std::thread::sleep(FLUSH_EVERY);
         }
     }
@@ -231,9 +235,7 @@ impl Session {
     /// # Errors
     /// When the wait is ended.
     pub fn hear(&self) -> Result<Option<Heard<'_>>, MethodError> {
-        let Some((index, server)) = self.servers().next() else { return Ok(None) };
-        let request = self.next_request(server)?;
-        Ok(self.heard(index, request))
+        at_once(self.hear_by(None))
     }
 
     /// As [`Session::hear`], for a task.
@@ -241,9 +243,18 @@ impl Session {
     /// # Errors
     /// As [`Session::hear`].
     pub async fn hear_async(&self) -> Result<Option<Heard<'_>>, MethodError> {
+        let live = self.live.upgrade();
+        self.hear_by(live.as_deref().map(Live::runtime)).await
+    }
+
+    async fn hear_by(&self, runtime: Option<&Runtime>) -> Result<Option<Heard<'_>>, MethodError> {
         let Some((index, server)) = self.servers().next() else { return Ok(None) };
-        let request = self.next_request_async(server).await?;
-        Ok(self.heard(index, request))
+        let request = self.next_request(server, runtime).await?;
+        Ok(request.map(|endpoint::IncomingRequest { id, request, .. }| {
+            // The server offers a function, so the request is always a call that can be read.
+            let call = request.into_call().unwrap_or_default();
+            Heard { session: self, call, asked: Some((index, id)), first: index }
+        }))
     }
 
     /// Answers with the value at `index`. The client of the first value is answered at once; those
@@ -257,11 +268,7 @@ impl Session {
         index: usize,
         value: &R,
     ) -> Result<(), MethodError> {
-        let Some(server) = self.server(index) else { return Ok(()) };
-        if index != heard.first {
-            heard.asked = self.next_request(server)?.map(|request| (index, request.id));
-        }
-        self.answered(server, heard, value)
+        at_once(self.answer_by(None, heard, index, value))
     }
 
     /// As [`Session::answer`], for a task.
@@ -274,9 +281,21 @@ impl Session {
         index: usize,
         value: &R,
     ) -> Result<(), MethodError> {
-        let Some(server) = self.server(index) else { return Ok(()) };
+        let live = self.live.upgrade();
+        self.answer_by(live.as_deref().map(Live::runtime), heard, index, value).await
+    }
+
+    async fn answer_by<K, R: Returned<K>>(
+        &self,
+        runtime: Option<&Runtime>,
+        heard: &mut Heard<'_>,
+        index: usize,
+        value: &R,
+    ) -> Result<(), MethodError> {
+        let server = self.channels.get(index).and_then(|channel| channel.server.as_ref());
+        let Some(server) = server else { return Ok(()) };
         if index != heard.first {
-            let request = self.next_request_async(server).await?;
+            let request = self.next_request(server, runtime).await?;
             heard.asked = request.map(|request| (index, request.id));
         }
         self.answered(server, heard, value)
@@ -323,37 +342,18 @@ impl Session {
         }
     }
 
-    fn heard(&self, index: usize, request: Option<endpoint::IncomingRequest>) -> Option<Heard<'_>> {
-        let endpoint::IncomingRequest { id, request, .. } = request?;
-        // The server offers a function, so the request is always a call that can be read.
-        let call = request.into_call().unwrap_or_default();
-        Some(Heard { session: self, call, asked: Some((index, id)), first: index })
-    }
-
-    fn next_request(
+    async fn next_request(
         &self,
         server: &ServerEnd,
+        runtime: Option<&Runtime>,
     ) -> Result<Option<endpoint::IncomingRequest>, MethodError> {
-        server.bell.wait(&mut self.begin_wait(None), || server.waited_for(), || server.look())
-    }
-
-    async fn next_request_async(
-        &self,
-        server: &ServerEnd,
-    ) -> Result<Option<endpoint::IncomingRequest>, MethodError> {
-        let Some(live) = self.live.upgrade() else { return self.next_request(server) };
         let mut wait = self.begin_wait(None);
-        let waited_for = || server.waited_for();
-        server.bell.wait_async(&mut wait, live.runtime(), waited_for, || server.look()).await
+        server.bell.wait(&mut wait, runtime, || server.waited_for(), || server.take()).await
     }
 
     fn servers(&self) -> impl Iterator<Item = (usize, &Arc<ServerEnd>)> {
         let channels = self.channels.iter().enumerate();
         channels.filter_map(|(index, channel)| Some((index, channel.server.as_ref()?)))
-    }
-
-    fn server(&self, index: usize) -> Option<&Arc<ServerEnd>> {
-        self.channels.get(index)?.server.as_ref()
     }
 }
 

@@ -10,12 +10,14 @@
 use std::sync::{Arc, Weak};
 use std::time::Duration;
 
+use super::bell::at_once;
 use super::client::ClientEnd;
 use super::context::Live;
 use super::error::MethodError;
 use super::listener::ListenerEnd;
 use super::oneshot;
 use super::publisher::PublisherEnd;
+use super::runtime::Runtime;
 use super::server::ServerEnd;
 use super::wait::{Stop, Wait};
 use crate::endpoint::{CountersSnapshot, EndpointAddress, Link};
@@ -100,15 +102,7 @@ impl Session {
     /// # Errors
     /// When a wait ends without a message. Messages of other values are kept for the next call.
     pub fn gather(&self) -> Result<Gathered, MethodError> {
-        let mut guard = GatherGuard { session: self, gathered: self.nothing() };
-        // Values that are waited for come first, so that the others are taken when they are newest.
-        for waits in [true, false] {
-            for (index, listener) in self.listeners().filter(|(_, it)| it.should_wait == waits) {
-                let payload = listener.take(&mut self.begin_wait(listener.timeout))?;
-                guard.gathered.set(index, payload);
-            }
-        }
-        Ok(std::mem::take(&mut guard.gathered))
+        at_once(self.gather_by(None))
     }
 
     /// As [`Session::gather`], for a task.
@@ -116,13 +110,18 @@ impl Session {
     /// # Errors
     /// As [`Session::gather`].
     pub async fn gather_async(&self) -> Result<Gathered, MethodError> {
-        let Some(live) = self.live.upgrade() else { return self.gather() };
+        let live = self.live.upgrade();
+        self.gather_by(live.as_deref().map(Live::runtime)).await
+    }
+
+    async fn gather_by(&self, runtime: Option<&Runtime>) -> Result<Gathered, MethodError> {
         // The guard also works where the task is dropped while it waits.
         let mut guard = GatherGuard { session: self, gathered: self.nothing() };
+        // Values that are waited for come first, so that the others are taken when they are newest.
         for waits in [true, false] {
             for (index, listener) in self.listeners().filter(|(_, it)| it.should_wait == waits) {
                 let mut wait = self.begin_wait(listener.timeout);
-                let payload = listener.take_async(&mut wait, live.runtime()).await?;
+                let payload = listener.take(&mut wait, runtime).await?;
                 guard.gathered.set(index, payload);
             }
         }
@@ -160,10 +159,7 @@ impl Session {
     /// # Errors
     /// When a wait ends without a listener.
     pub fn await_listeners(&self) -> Result<(), MethodError> {
-        for publisher in self.publishers().filter(|publisher| !publisher.is_established()) {
-            publisher.await_listener(&mut self.begin_wait(publisher.timeout))?;
-        }
-        Ok(())
+        at_once(self.await_listeners_by(None))
     }
 
     /// As [`Session::await_listeners`], for a task.
@@ -171,10 +167,13 @@ impl Session {
     /// # Errors
     /// As [`Session::await_listeners`].
     pub async fn await_listeners_async(&self) -> Result<(), MethodError> {
+        let live = self.live.upgrade();
+        self.await_listeners_by(live.as_deref().map(Live::runtime)).await
+    }
+
+    async fn await_listeners_by(&self, runtime: Option<&Runtime>) -> Result<(), MethodError> {
         for publisher in self.publishers().filter(|publisher| !publisher.is_established()) {
-            let Some(live) = self.live.upgrade() else { return self.await_listeners() };
-            let mut wait = self.begin_wait(publisher.timeout);
-            publisher.await_listener_async(&mut wait, live.runtime()).await?;
+            publisher.await_listener(&mut self.begin_wait(publisher.timeout), runtime).await?;
         }
         Ok(())
     }

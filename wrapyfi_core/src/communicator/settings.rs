@@ -22,19 +22,14 @@ pub(super) fn for_middlewares(options: &Options) -> Result<Map, OptionError> {
         map.insert("persistent", persistent);
     }
     // The program at the other end of YARP counts as Wrapyfi's, unless the option says otherwise.
-    let yarp = options.map("yarp_kwargs")?;
-    let told = yarp.map(|yarp| yarp.switch("wrapyfi_images")).transpose()?.flatten();
+    let told = options.part("yarp_kwargs")?.switch("wrapyfi_images")?;
     map.insert("wrapyfi_images", told.unwrap_or(true));
     Ok(map)
 }
 
 /// Error of a ROS message without a type.
 pub(super) fn untyped() -> OptionError {
-    OptionError {
-        name: "message_type".to_owned(),
-        found: "not given".to_owned(),
-        wanted: "the type of the message, as package/msg/Type".to_owned(),
-    }
+    OptionError::new("message_type", "not given", "the type of the message, as package/msg/Type")
 }
 
 pub(super) fn other_kind(
@@ -42,11 +37,7 @@ pub(super) fn other_kind(
     found: &dyn std::fmt::Display,
     wanted: DataType,
 ) -> OptionError {
-    OptionError {
-        name: name.to_owned(),
-        found: found.to_string(),
-        wanted: format!("a type that carries {wanted}"),
-    }
+    OptionError::new(name, found, format!("a type that carries {wanted}"))
 }
 
 pub(super) fn is_jpg(options: &Options) -> Result<bool, OptionError> {
@@ -61,15 +52,10 @@ pub(super) fn is_jpg(options: &Options) -> Result<bool, OptionError> {
 /// choose between libraries of Python.
 pub(super) fn jpeg_quality(options: &Options) -> Result<Option<u8>, OptionError> {
     let Some(OptionValue::Map(settings)) = options.get("jpg") else { return Ok(None) };
-    let fault = |name: &str, found: &OptionValue, wanted: &str| OptionError {
-        name: name.to_owned(),
-        found: found.to_string(),
-        wanted: wanted.to_owned(),
-    };
     for (name, value) in settings.iter() {
         if !["quality", "encoder", "logging_level"].contains(&name) {
             let wanted = "quality, encoder or logging_level";
-            return Err(fault(&format!("jpg({name})"), value, wanted));
+            return Err(OptionError::new(&format!("jpg({name})"), value, wanted));
         }
     }
     let wanted = "a whole number from 0 to 100";
@@ -77,7 +63,7 @@ pub(super) fn jpeg_quality(options: &Options) -> Result<Option<u8>, OptionError>
         None | Some(OptionValue::Nothing) => Ok(None),
         // OpenCV takes 0 for the least there is, which is 1.
         Some(OptionValue::Integer(quality @ 0..=100)) => Ok(Some((*quality).clamp(1, 100) as u8)),
-        Some(other) => Err(fault("quality", other, wanted)),
+        Some(other) => Err(OptionError::new("quality", other, wanted)),
     }
 }
 
@@ -96,11 +82,10 @@ pub(super) fn qos(options: &Options) -> Result<Option<QosPreset>, OptionError> {
             "default" => Ok(QosPreset::Default),
             "sensor_data" => Ok(QosPreset::SensorData),
             "latched" => Ok(QosPreset::Latched),
-            other => Err(OptionError {
-                name: "qos".to_owned(),
-                found: format!("{other:?}"),
-                wanted: "default, sensor_data or latched".to_owned(),
-            }),
+            other => {
+                let wanted = "default, sensor_data or latched";
+                Err(OptionError::new("qos", format_args!("{other:?}"), wanted))
+            }
         })
         .transpose()
 }
@@ -109,11 +94,7 @@ pub(super) fn color_order(options: &Options) -> Result<Encoding, OptionError> {
     match options.text("encoding")? {
         None | Some("bgr8") => Ok(Encoding::Bgr8),
         Some("rgb8") => Ok(Encoding::Rgb8),
-        Some(other) => Err(OptionError {
-            name: "encoding".to_owned(),
-            found: format!("{other:?}"),
-            wanted: "bgr8 or rgb8".to_owned(),
-        }),
+        Some(other) => Err(OptionError::new("encoding", format_args!("{other:?}"), "bgr8 or rgb8")),
     }
 }
 
@@ -130,7 +111,7 @@ pub(super) fn plugins(plugins: &Plugins, options: &Options) -> Result<Plugins, O
             OptionValue::Map(devices) if is_map => {
                 let pairs = devices.iter().map(|(from, to)| match to {
                     OptionValue::Text(to) => Ok((from.to_owned(), to.clone())),
-                    other => Err(Options::fault(name, other, "devices by device")),
+                    other => Err(OptionError::new(name, other, "devices by device")),
                 });
                 maps.push((name, DeviceOption::Map(pairs.collect::<Result<_, _>>()?)));
             }
@@ -140,10 +121,9 @@ pub(super) fn plugins(plugins: &Plugins, options: &Options) -> Result<Plugins, O
     if maps.is_empty() {
         return Ok(plugins.clone());
     }
-    let maps = DeviceMaps::from_options(maps).map_err(|error| OptionError {
-        name: "load_…_device or map_…_devices".to_owned(),
-        found: "not usable".to_owned(),
-        wanted: format!("other devices: {error}"),
+    let maps = DeviceMaps::from_options(maps).map_err(|error| {
+        let (name, wanted) = ("load_…_device or map_…_devices", format!("other devices: {error}"));
+        OptionError::new(name, "not usable", wanted)
     })?;
     Ok(plugins.clone().with_devices(maps))
 }

@@ -7,9 +7,11 @@
 
 use std::sync::Arc;
 
-use super::option::{OptionError, Options};
+use super::option::Options;
 use super::resolve::Side;
 use crate::endpoint::Middleware;
+use crate::start::MiddlewareSettings;
+pub use crate::start::StartError;
 
 /// A middleware that a communicator may use by its name.
 ///
@@ -61,22 +63,10 @@ pub struct Planned {
     pub start: Box<dyn FnOnce() -> Result<Arc<dyn Middleware>, StartError> + Send>,
 }
 
-/// Error of starting a middleware.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum StartError {
-    /// An option has a value that it cannot have.
-    #[error(transparent)]
-    Option(#[from] OptionError),
-    /// The middleware refuses to start, in its own words.
-    #[error("{0}")]
-    Refused(String),
-}
-
-impl StartError {
-    /// Makes [`StartError::Refused`] of the middleware's own error.
-    pub fn refused(reason: impl std::fmt::Display) -> Self {
-        Self::Refused(reason.to_string())
+impl Planned {
+    /// An instance that starts with these settings.
+    pub fn new(key: String, settings: impl MiddlewareSettings + Send + 'static) -> Self {
+        Self { key, start: Box::new(move || Ok(Arc::new(settings.start()?) as _)) }
     }
 }
 

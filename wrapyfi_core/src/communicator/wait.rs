@@ -2,9 +2,11 @@
 
 use std::io::Write as _;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::SeqCst};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::error::MethodError;
+use crate::endpoint::Link;
 
 /// Time after which a wait logs the thing that it waits for, the first time.
 const SAY_AFTER: Duration = Duration::from_secs(1);
@@ -19,6 +21,19 @@ pub(super) fn to_stderr(line: std::fmt::Arguments<'_>) -> bool {
     // A closed standard error is no reason to fail.
     drop(writeln!(std::io::stderr(), "{line}"));
     true
+}
+
+/// The thing that is waited for, with the reason that it cannot come at the moment.
+pub(super) fn with_reason(what: String, link: Link) -> String {
+    match link.waiting_for {
+        Some(reason) => format!("{what} ({reason})"),
+        None => what,
+    }
+}
+
+/// Locks what no panic leaves half changed.
+pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Switch that ends the waits of one method.

@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use wrapyfi_core::communicator::{ActivateError, Context, Method, MethodError, Mode, communicator};
+use wrapyfi_core::communicator::{
+    ActivateError, CommunicatorContext, Method, MethodError, Mode, communicator,
+};
 use wrapyfi_core::middleware::memory::Memory;
 use wrapyfi_core::types::{Properties, Value};
 
@@ -37,7 +39,7 @@ fn a_middleware_nobody_knows_is_a_mistake_and_none_is_no_middleware() {
 fn a_middleware_without_services_says_so() {
     let refused = Arc::new(Memory::new("memory"));
     refused.refuse_to_open(Some("closed today"));
-    let context = Context::builder().only(refused).build();
+    let context = CommunicatorContext::builder().only(refused).build();
     let mut nobody = Nobody.communicator_in(&context);
     nobody.activate(NobodyMethod::Ask, Mode::Request).unwrap();
     let error = nobody.ask().unwrap_err();

@@ -2,14 +2,17 @@
 
 use std::sync::Arc;
 
-use wrapyfi_core::communicator::{Context, communicator};
+use wrapyfi_core::communicator::{CommunicatorContext, communicator};
 use wrapyfi_core::middleware::memory::Memory;
 use wrapyfi_core::types::{
     AudioChunk, Encoding, Image, RawPixels, SampleFormat, Stamp, Tensor, Value,
 };
 
-pub(super) fn context() -> Context {
-    Context::builder().only(Arc::new(Memory::new("memory"))).default_middleware("memory").build()
+pub(super) fn context() -> CommunicatorContext {
+    CommunicatorContext::builder()
+        .only(Arc::new(Memory::new("memory")))
+        .default_middleware("memory")
+        .build()
 }
 
 pub(super) fn image(width: u32) -> Image {
@@ -89,7 +92,7 @@ impl Robot {
     }
 }
 
-pub(super) fn robot(context: &Context) -> RobotCommunicator {
+pub(super) fn robot(context: &CommunicatorContext) -> RobotCommunicator {
     Robot { runs: 0 }.communicator_in(context)
 }
 

@@ -3,7 +3,7 @@
 use std::sync::mpsc::RecvTimeoutError;
 use std::time::Duration;
 
-use wrapyfi_core::communicator::{Context, MethodError, Mode, communicator};
+use wrapyfi_core::communicator::{CommunicatorContext, MethodError, Mode, communicator};
 use wrapyfi_core::types::{AudioChunk, Encoding, Image, RawPixels, SampleFormat, Stamp, Tensor};
 
 /// Long enough for the slowest machine; reached only by failures.
@@ -72,12 +72,16 @@ impl Robot {
     }
 }
 
-fn robot(context: &Context) -> RobotCommunicator {
+fn robot(context: &CommunicatorContext) -> RobotCommunicator {
     Robot { turn: 0 }.communicator_in(context)
 }
 
 /// Every data type arrives as it was returned.
-pub fn what_is_published_is_heard(mware: &str, here: &Context, there: &Context) {
+pub fn what_is_published_is_heard(
+    mware: &str,
+    here: &CommunicatorContext,
+    there: &CommunicatorContext,
+) {
     let (mut ours, mut theirs) = (robot(here), robot(there));
     for method in [RobotMethod::State, RobotMethod::Camera, RobotMethod::Ear] {
         ours.activate(method, Mode::Publish).unwrap();
@@ -100,7 +104,11 @@ pub fn what_is_published_is_heard(mware: &str, here: &Context, there: &Context) 
 }
 
 /// A value that goes out by transceive comes back by reemit.
-pub fn transceive_meets_reemit(mware: &str, here: &Context, there: &Context) {
+pub fn transceive_meets_reemit(
+    mware: &str,
+    here: &CommunicatorContext,
+    there: &CommunicatorContext,
+) {
     let (mut ours, mut theirs) = (robot(here), robot(there));
     ours.activate(RobotMethod::Chat, Mode::Transceive).unwrap();
     theirs.activate(RobotMethod::Chat, Mode::Reemit).unwrap();
@@ -114,7 +122,7 @@ pub fn transceive_meets_reemit(mware: &str, here: &Context, there: &Context) {
 }
 
 /// One instance publishes, then listens, then publishes again.
-pub fn modes_change(mware: &str, here: &Context, there: &Context) {
+pub fn modes_change(mware: &str, here: &CommunicatorContext, there: &CommunicatorContext) {
     let (mut ours, mut theirs) = (robot(here), robot(there));
     for (mode, other) in [
         (Mode::Publish, Mode::Listen),
@@ -146,7 +154,7 @@ pub fn modes_change(mware: &str, here: &Context, there: &Context) {
 }
 
 /// A call runs elsewhere.
-pub fn a_request_is_replied(mware: &str, here: &Context, there: &Context) {
+pub fn a_request_is_replied(mware: &str, here: &CommunicatorContext, there: &CommunicatorContext) {
     let (mut ours, mut theirs) = (robot(here), robot(there));
     ours.activate(RobotMethod::Add, Mode::Request).unwrap();
     theirs.activate(RobotMethod::Add, Mode::Reply).unwrap();
@@ -161,7 +169,7 @@ pub fn a_request_is_replied(mware: &str, here: &Context, there: &Context) {
 }
 
 /// A wait ends in time where nobody publishes.
-pub fn a_wait_ends_in_time(mware: &str, here: &Context) {
+pub fn a_wait_ends_in_time(mware: &str, here: &CommunicatorContext) {
     let mut ours = robot(here);
     ours.activate(RobotMethod::State, Mode::Listen).unwrap();
     let error = ours.state(mware, 20).unwrap_err().to_string();

@@ -5,6 +5,7 @@ pub mod seeds;
 mod services;
 mod transport;
 
+use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -15,7 +16,7 @@ use wrapyfi_core::endpoint::{
     Listener, Middleware, NameFilter, OpenError, PublishError, Publisher, Registry, Review, Sample,
     Server, ServiceSpec, TakeError, TopicSpec, Traits,
 };
-use wrapyfi_core::engine::{Available, Config, Plan};
+use wrapyfi_core::engine::{Available, Config, Plan, Route};
 use wrapyfi_core::middleware::memory::Memory;
 use wrapyfi_core::types::{MessageType, Payload, ServiceKind, Value};
 use wrapyfi_interfaces::parser::Dialect;
@@ -378,17 +379,32 @@ pub fn types() -> TypeStore {
     TypeStore::new(Dialect::Ros2, BTreeMap::<PathBuf, String>::new())
 }
 
+thread_local! {
+    /// Routes that were read before: of the time of a simulation, most went into compiling the same few patterns.
+    static READ: RefCell<BTreeMap<String, Route>> = RefCell::default();
+}
+
 /// A plan of routes as a file has them, between buses `a`, `b` and `c`.
 pub fn plan(routes: &[String]) -> Plan {
-    if routes.is_empty() {
-        return Plan::default();
-    }
-    let text: String = routes.iter().map(|route| format!("  - {{ {route} }}\n")).collect();
+    let read = |text: &String| {
+        let known = READ.with_borrow(|known| known.get(text).cloned());
+        known.unwrap_or_else(|| {
+            let route = read(text);
+            READ.with_borrow_mut(|known| known.insert(text.clone(), route.clone()));
+            route
+        })
+    };
+    Plan { routes: routes.iter().map(read).collect() }
+}
+
+fn read(route: &str) -> Route {
+    let text = format!("  - {{ {route} }}\n");
     let config: Config<NoEndpoints> =
         Config::from_yaml(&format!("routes:\n{text}"), "bridge.yaml").expect("a configuration");
     let known =
         ["a", "b", "c"].map(|name| Available { name, check_topic: &|_| Ok(()), options: &[] });
-    Plan::new(&config, &known, &mut types(), "bridge.yaml").expect("a plan")
+    let plan = Plan::new(&config, &known, &mut types(), "bridge.yaml").expect("a plan");
+    plan.routes.into_iter().next().expect("a route")
 }
 
 /// Waits for a condition, long.

@@ -14,7 +14,7 @@ use std::fmt;
 use std::hash::{Hash, Hasher};
 use std::sync::{Mutex, OnceLock, PoisonError};
 
-use wrapyfi_interfaces::dynamic::{Plan, PlanError};
+use wrapyfi_interfaces::dynamic::{PlanError, TypePlan};
 use wrapyfi_interfaces::store::ResolvedType;
 
 /// Largest number of types that a process may know.
@@ -40,7 +40,7 @@ struct Known {
     dds: String,
     hash: String,
     resolved: ResolvedType,
-    plan: Plan,
+    plan: TypePlan,
     has_header: bool,
     has_stamp: bool,
 }
@@ -150,7 +150,7 @@ impl RosType {
 
     /// Layout by which messages of the type are read and written.
     #[must_use]
-    pub fn plan(self) -> &'static Plan {
+    pub fn plan(self) -> &'static TypePlan {
         &self.0.plan
     }
 }

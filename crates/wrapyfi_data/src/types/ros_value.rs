@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   message ─────▶ dict of its fields      sequences of numbers ─▶ arrays (uint8[] too)
-//!   dict ────────▶ JSON ─▶ Plan::from_json ─▶ fields
+//!   dict ────────▶ JSON ─▶ TypePlan::from_json ─▶ fields
 //!     └─ arrays of the field's own number type ─── in bulk ──▲
 //! ```
 

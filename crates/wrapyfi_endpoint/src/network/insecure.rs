@@ -30,13 +30,22 @@ pub enum Place {
 
 /// Permission to listen on addresses that other machines reach, where nothing is authenticated or
 /// encrypted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Insecure {
     /// True when the word `insecure` was given at a place that counts.
     pub is_allowed: bool,
     /// Place at which the address was given.
     pub place: Place,
 }
+
+/// Equal where they permit the same: the place where a word was said makes no other setting of it.
+impl PartialEq for Insecure {
+    fn eq(&self, other: &Self) -> bool {
+        self.is_allowed == other.is_allowed
+    }
+}
+
+impl Eq for Insecure {}
 
 impl From<bool> for Insecure {
     fn from(is_allowed: bool) -> Self {

@@ -1,10 +1,13 @@
 //! Network rules that all middlewares share: names of machines, and permission to listen.
 //!
 //! * [`Hosts`]: names of machines that the configuration maps to addresses.
+//! * [`Variables`]: settings from the environment.
 //! * [`Insecure`]: the one rule for addresses that other machines reach.
 
 mod hosts;
 mod insecure;
+mod variables;
 
 pub use hosts::{Hosts, facing, is_of_this_machine};
 pub use insecure::{Insecure, Place, ReachedByOthers, is_on};
+pub use variables::{VariableError, Variables, variable};

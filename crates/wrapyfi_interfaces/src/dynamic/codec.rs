@@ -7,11 +7,11 @@ use bytes::Bytes;
 use super::scalar::{Scalar, with_scalar};
 use super::shape::{ElementShape, FieldShape, Op, Run, Shape, same};
 use super::value::with_elements;
-use super::{DynamicMessage, DynamicValue, Plan, Primitives, ValueError};
+use super::{DynamicMessage, DynamicValue, Primitives, TypePlan, ValueError};
 use crate::cdr::{CdrError, CdrParts, CdrReader, CdrWriter};
 use crate::parser::{Container, Primitive};
 
-impl Plan {
+impl TypePlan {
     /// Reads a serialised message of at most `max_bytes`, in either byte order. Its `uint8[]`
     /// fields share the memory of `cdr`. As in ROS 2, bounds are not checked.
     ///
@@ -24,11 +24,11 @@ impl Plan {
         read_message(&mut CdrReader::new(cdr)?, &self.shape)
     }
 
-    /// As [`Plan::decode`], for what must be of this type and no other: nothing but the padding of
+    /// As [`TypePlan::decode`], for what must be of this type and no other: nothing but the padding of
     /// DDS may follow the last field.
     ///
     /// # Errors
-    /// As [`Plan::decode`], and [`CdrError::Trailing`].
+    /// As [`TypePlan::decode`], and [`CdrError::Trailing`].
     pub fn decode_exact(&self, cdr: &Bytes, max_bytes: usize) -> Result<DynamicMessage, CdrError> {
         /// DDS fills whole words of four bytes.
         const MOST_PADDING: usize = 3;

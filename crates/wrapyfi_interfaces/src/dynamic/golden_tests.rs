@@ -6,7 +6,7 @@ use bytes::Bytes;
 use serde_json::Value;
 
 use super::shape::ElementShape;
-use super::{DynamicMessage, DynamicValue, Plan, Primitives};
+use super::{DynamicMessage, DynamicValue, Primitives, TypePlan};
 use crate::cdr::CdrError;
 use crate::parser::Container;
 use crate::store::TypeStore;
@@ -17,7 +17,7 @@ const LIMIT: usize = 1 << 20;
 /// Plans by type, compiled when first asked for.
 struct Plans {
     store: TypeStore,
-    compiled: BTreeMap<String, Plan>,
+    compiled: BTreeMap<String, TypePlan>,
 }
 
 impl Plans {
@@ -25,7 +25,7 @@ impl Plans {
         Self { store: store(), compiled: BTreeMap::new() }
     }
 
-    fn of(&mut self, name: &str) -> &Plan {
+    fn of(&mut self, name: &str) -> &TypePlan {
         let store = &mut self.store;
         self.compiled
             .entry(name.to_owned())

@@ -8,10 +8,10 @@ use super::json_number::FromJson;
 use super::scalar::{Scalar, with_scalar};
 use super::shape::{ElementShape, FieldShape, Shape};
 use super::value::with_elements;
-use super::{DynamicMessage, DynamicValue, Plan, Primitives, ValueError};
+use super::{DynamicMessage, DynamicValue, Primitives, TypePlan, ValueError};
 use crate::parser::Container;
 
-impl Plan {
+impl TypePlan {
     /// Reads a message from JSON: an object with fields by name. Fields that are missing have
     /// their default value. The serialised message must not exceed `max_bytes`.
     ///

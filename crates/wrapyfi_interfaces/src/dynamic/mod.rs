@@ -1,7 +1,7 @@
 //! Messages of types that become known while running.
 //!
 //! ```text
-//!   TypeDescription ──Plan::compile──▶ Plan ─┬─ decode ◀── CDR bytes, either byte order
+//!   TypeDescription ──TypePlan::compile──▶ TypePlan ─┬─ decode ◀── CDR bytes, either byte order
 //!                                            ├─ encode ──▶ CDR parts, little-endian
 //!                                            ├─ from_json ◀─▶ to_json
 //!                                            └─ default_message
@@ -27,7 +27,7 @@ mod value;
 
 pub use error::{PlanError, ValueError};
 pub use message::DynamicMessage;
-pub use plan::{MAX_FIXED_SIZE, MAX_FIXED_VALUES, Plan};
+pub use plan::{MAX_FIXED_SIZE, MAX_FIXED_VALUES, TypePlan};
 pub use value::{DynamicValue, Primitives};
 
 #[cfg(test)]

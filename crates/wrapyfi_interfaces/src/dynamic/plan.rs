@@ -37,24 +37,24 @@ const VALUES_PER_BYTE: usize = 8;
 /// assert_eq!(serde_json::to_string(&again).unwrap(), r#"{"sensor":"left","celsius":[20.5,21.0]}"#);
 /// ```
 #[derive(Clone)]
-pub struct Plan {
+pub struct TypePlan {
     pub(super) shape: Arc<Shape>,
 }
 
 /// Plans are equal when names and types are, all the way down.
-impl PartialEq for Plan {
+impl PartialEq for TypePlan {
     fn eq(&self, other: &Self) -> bool {
         same(&self.shape, &other.shape)
     }
 }
 
-impl fmt::Debug for Plan {
+impl fmt::Debug for TypePlan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_tuple("Plan").field(&self.shape.name).finish()
+        f.debug_tuple("TypePlan").field(&self.shape.name).finish()
     }
 }
 
-impl Plan {
+impl TypePlan {
     /// Compiles a type. The description may come from anywhere: it is checked in full.
     ///
     /// # Errors

@@ -17,15 +17,15 @@ fn resolved(text: &str) -> ResolvedType {
     ResolvedType::from_text(Dialect::Ros2, &name, text).unwrap()
 }
 
-fn plan(text: &str) -> Plan {
+fn plan(text: &str) -> TypePlan {
     resolved(text).plan().unwrap()
 }
 
-fn plan_of(name: &str) -> Plan {
+fn plan_of(name: &str) -> TypePlan {
     test_data::store().resolve_name(name).unwrap().plan().unwrap()
 }
 
-fn refuse(plan: &Plan, json: &Value) -> String {
+fn refuse(plan: &TypePlan, json: &Value) -> String {
     plan.from_json(json, LIMIT).unwrap_err().to_string()
 }
 
@@ -195,7 +195,7 @@ fn descriptions_from_anywhere_are_checked() {
     let refuse = |change: &dyn Fn(&mut TypeDescription)| {
         let mut description = good.description().clone();
         change(&mut description);
-        Plan::compile(&description).unwrap_err().to_string()
+        TypePlan::compile(&description).unwrap_err().to_string()
     };
     assert_eq!(
         refuse(&|d| d.referenced_type_descriptions.clear()),
@@ -372,7 +372,7 @@ proptest! {
 
 thread_local! {
     /// Compiled once for all cases of the properties.
-    static PLANS: Vec<Plan> = {
+    static PLANS: Vec<TypePlan> = {
         let mut store = test_data::store();
         ["test_msgs/msg/Arrays", "test_msgs/msg/WStrings", "golden_msgs/msg/Bounded",
             "golden_msgs/msg/EmptyHolder", "sensor_msgs/msg/PointCloud2", "golden_msgs/msg/Alignment"]

@@ -6,7 +6,7 @@
 //!   standard types, at hand here ───────────┤       │
 //!   a ROS 2 type ───────────────────────────┘       │        Rules: which is which
 //!                                                   ▼          ▼
-//!                     ROS 2 type (ament index, or made from it) ─▶ Plan
+//!                     ROS 2 type (ament index, or made from it) ─▶ PairPlan
 //!                                                                   │
 //!            ROS 1 bytes ◀──────────────── to_ros1, to_cdr ─────────┴──────▶ CDR
 //! ```
@@ -41,6 +41,6 @@ mod vector_tests;
 pub use definition::{Definition, ServiceDefinition};
 pub use error::{DefinitionError, PairError, TranscodeError, TypedField};
 pub use names::ros1_name;
-pub use plan::{BadText, Note, Options, Plan, Transcoded};
+pub use plan::{BadText, Note, Options, PairPlan, Transcoded};
 pub use rules::Rules;
 pub use types::{ServicePlan, Types};

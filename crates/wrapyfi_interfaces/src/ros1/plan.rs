@@ -27,7 +27,7 @@ const GROWTH: usize = 64;
 ///
 /// ```
 /// use wrapyfi_interfaces::parser::{Dialect, TypeName};
-/// use wrapyfi_interfaces::ros1::{Options, Plan, Rules};
+/// use wrapyfi_interfaces::ros1::{Options, PairPlan, Rules};
 /// use wrapyfi_interfaces::store::ResolvedType;
 /// let resolve = |dialect, name, text| {
 ///     let name = TypeName::parse(dialect, name).unwrap();
@@ -35,7 +35,7 @@ const GROWTH: usize = 64;
 /// };
 /// let ros1 = resolve(Dialect::Ros1, "demo/Reading", "string sensor\nfloat64[] celsius\n");
 /// let ros2 = resolve(Dialect::Ros2, "demo/msg/Reading", "string sensor\nfloat64[] celsius\n");
-/// let plan = Plan::compile(&ros1, &ros2, &Rules::built_in()).unwrap();
+/// let plan = PairPlan::compile(&ros1, &ros2, &Rules::built_in()).unwrap();
 ///
 /// let bytes = b"\x01\0\0\0A\x01\0\0\0\0\0\0\0\0\0\xf0\x3f"; // "A", [1.0]
 /// let mut cdr = Vec::new();
@@ -46,7 +46,7 @@ const GROWTH: usize = 64;
 /// assert_eq!(again, bytes);
 /// ```
 #[derive(Clone)]
-pub struct Plan {
+pub struct PairPlan {
     inner: Arc<Inner>,
 }
 
@@ -57,7 +57,7 @@ struct Inner {
     to_ros1: Program,
     notes: Vec<Note>,
     /// Reads big-endian messages, which are rare.
-    big_endian: dynamic::Plan,
+    big_endian: dynamic::TypePlan,
 }
 
 /// Difference of a pair of types: a part that is not carried, or that is carried under another
@@ -156,10 +156,10 @@ impl Transcoded {
     }
 }
 
-impl fmt::Debug for Plan {
+impl fmt::Debug for PairPlan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Inner { ros1, ros2, to_ros2, to_ros1, notes, .. } = &*self.inner;
-        f.debug_struct("Plan")
+        f.debug_struct("PairPlan")
             .field("ros1", ros1)
             .field("ros2", ros2)
             .field("to_ros2", &to_ros2.ops.len())
@@ -169,7 +169,7 @@ impl fmt::Debug for Plan {
     }
 }
 
-impl Plan {
+impl PairPlan {
     /// Compiles a pair of types. That the two belong together is taken for granted; messages inside
     /// them must be counterparts by rule or by name.
     ///

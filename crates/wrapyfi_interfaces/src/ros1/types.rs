@@ -15,7 +15,7 @@ use super::definition::{Definition, ServiceDefinition, parse_name};
 use super::derive;
 use super::error::{DefinitionError, PairError};
 use super::names::is_service_part;
-use super::plan::Plan;
+use super::plan::PairPlan;
 use super::rules::Rules;
 use super::standard;
 use crate::parser::{Dialect, InterfaceKind, TypeName};
@@ -53,9 +53,9 @@ pub struct ServicePlan {
     /// Name of the ROS 2 service.
     pub ros2: TypeName,
     /// Plan of the message that the client sends.
-    pub request: Plan,
+    pub request: PairPlan,
     /// Plan of the message that the server answers.
-    pub response: Plan,
+    pub response: PairPlan,
 }
 
 impl fmt::Debug for Types {
@@ -311,31 +311,31 @@ impl Types {
     /// The plan for a ROS 1 message and the ROS 2 type it becomes.
     ///
     /// # Errors
-    /// As [`Types::ros2_type`] and [`Plan::compile`].
-    pub fn plan(&mut self, ros1: &Definition) -> Result<Plan, PairError> {
+    /// As [`Types::ros2_type`] and [`PairPlan::compile`].
+    pub fn plan(&mut self, ros1: &Definition) -> Result<PairPlan, PairError> {
         let ros2 = self.ros2_type(ros1.resolved())?;
-        Plan::compile(ros1.resolved(), &ros2, &self.rules)
+        PairPlan::compile(ros1.resolved(), &ros2, &self.rules)
     }
 
     /// The plan for a ROS 1 message and a ROS 2 type that the user chose.
     ///
     /// # Errors
-    /// As [`Types::ros2_type_named`] and [`Plan::compile`].
-    pub fn plan_to(&mut self, ros1: &Definition, ros2: &TypeName) -> Result<Plan, PairError> {
+    /// As [`Types::ros2_type_named`] and [`PairPlan::compile`].
+    pub fn plan_to(&mut self, ros1: &Definition, ros2: &TypeName) -> Result<PairPlan, PairError> {
         let ros2 = self.ros2_type_named(ros2)?;
-        Plan::compile(ros1.resolved(), &ros2, &self.rules)
+        PairPlan::compile(ros1.resolved(), &ros2, &self.rules)
     }
 
     /// Definition and plan for what is published to ROS 1 from a ROS 2 type: under the ROS 1 name that
     /// the user chose, else the likeliest that is known.
     ///
     /// # Errors
-    /// [`DefinitionError::Unknown`] where nobody has the ROS 1 type yet, and as [`Plan::compile`].
+    /// [`DefinitionError::Unknown`] where nobody has the ROS 1 type yet, and as [`PairPlan::compile`].
     pub fn towards_ros1(
         &mut self,
         ros2: &TypeName,
         ros1: Option<&str>,
-    ) -> Result<(Definition, Plan), PairError> {
+    ) -> Result<(Definition, PairPlan), PairError> {
         let definition = match ros1 {
             Some(name) => self.definition(name)?,
             None => self.likeliest(ros2, Self::definition_of)?,
@@ -348,7 +348,7 @@ impl Types {
     /// one it becomes.
     ///
     /// # Errors
-    /// As [`Types::service_definition`] and [`Plan::compile`].
+    /// As [`Types::service_definition`] and [`PairPlan::compile`].
     pub fn service_plan(
         &mut self,
         ros1: &str,
@@ -395,7 +395,7 @@ impl Types {
                 Some(part) => part,
                 None => self.made_for_ros2(ros1, &name.derived(suffix))?,
             };
-            Plan::compile(ros1, &ros2, &self.rules)
+            PairPlan::compile(ros1, &ros2, &self.rules)
         };
         let request = plan(definition.request(), "_Request")?;
         let response = plan(definition.response(), "_Response")?;

@@ -7,7 +7,7 @@ use hmac_sha256::Hash;
 use serde_json::Value;
 
 use super::standard::tests::names;
-use super::{Options, Plan, Rules, Transcoded, Types};
+use super::{Options, PairPlan, Rules, Transcoded, Types};
 use crate::parser::{Dialect, TypeName};
 use crate::store::TypeStore;
 use crate::test_data::{path, unhex};
@@ -26,7 +26,7 @@ fn sha256(text: &str) -> String {
 }
 
 /// Plans by the part they are for, with checksum and text.
-fn plans(types: &mut Types, vector: &Value) -> (BTreeMap<&'static str, Plan>, String, String) {
+fn plans(types: &mut Types, vector: &Value) -> (BTreeMap<&'static str, PairPlan>, String, String) {
     let name = text(vector, "type");
     if text(vector, "kind") == "srv" {
         let plan = types.service_plan(name, None).unwrap();

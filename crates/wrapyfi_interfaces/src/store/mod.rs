@@ -5,7 +5,7 @@
 //!   a folder of packages ─ <pkg>/msg/*.msg ─────────────────────────────── TypeStore::resolve ┤
 //!   a full definition text (ROS 1 connection header, MCAP) ─ ResolvedType::from_text ─────────┤
 //!                                                                                             ▼
-//!                   RIHS01 hash, ROS 1 checksum, full text, Plan  ◀──────────────── ResolvedType
+//!                   RIHS01 hash, ROS 1 checksum, full text, TypePlan  ◀──────────────── ResolvedType
 //! ```
 //!
 //! Definitions are checked before they are read: up to [`MAX_DEFINITION_SIZE`], nested up to

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::text::{parse_full, ros1_builtin, write_full};
 use super::{Looked, Md5Error, ResolveError, bundled, md5};
 use crate::description::{DescribeError, MAX_TYPES, TypeDescription, describe};
-use crate::dynamic::{Plan, PlanError};
+use crate::dynamic::{PlanError, TypePlan};
 use crate::hash::type_hash;
 use crate::parser::{Dialect, Element, InterfaceKind, MessageDefinition, TypeName};
 
@@ -112,7 +112,7 @@ impl ResolvedType {
         &self.definitions
     }
 
-    /// The type description, from which a [`Plan`](crate::dynamic::Plan) is compiled.
+    /// The type description, from which a [`TypePlan`](crate::dynamic::TypePlan) is compiled.
     #[must_use]
     pub fn description(&self) -> &TypeDescription {
         &self.description
@@ -128,8 +128,8 @@ impl ResolvedType {
     ///
     /// # Errors
     /// When its fixed arrays are too large.
-    pub fn plan(&self) -> Result<Plan, PlanError> {
-        Plan::compile(&self.description)
+    pub fn plan(&self) -> Result<TypePlan, PlanError> {
+        TypePlan::compile(&self.description)
     }
 
     /// The ROS 1 checksum of the definition as it stands. That of a ROS 2 definition is the one of

@@ -117,26 +117,6 @@ pub enum GetError {
     },
 }
 
-/// Error of removing a parameter.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum UndeclareError {
-    /// No parameter of this name is declared.
-    #[error(
-        "parameter {name} is not declared by this node; `ros2 param list` shows those that are"
-    )]
-    NotDeclared {
-        /// The name.
-        name: String,
-    },
-    /// The parameter is read-only and stays as long as the node lives.
-    #[error("parameter {name} is read-only and stays as long as its node")]
-    ReadOnly {
-        /// The name.
-        name: String,
-    },
-}
-
 /// Error of setting a parameter.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]

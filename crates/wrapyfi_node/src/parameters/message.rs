@@ -3,42 +3,10 @@
 use wrapyfi_interfaces::rcl_interfaces::msg;
 
 use super::{Parameter, ParameterDescriptor, ParameterRange};
-use crate::ParameterType;
-use wrapyfi_data::types::UnknownType;
 
 impl From<Parameter> for msg::Parameter {
     fn from(parameter: Parameter) -> Self {
         Self { name: parameter.name, value: parameter.value.into() }
-    }
-}
-
-impl TryFrom<msg::ParameterDescriptor> for ParameterDescriptor {
-    type Error = UnknownType;
-
-    /// Reads a descriptor. Of several ranges, which the definition has no room for, the first
-    /// counts.
-    fn try_from(message: msg::ParameterDescriptor) -> Result<Self, UnknownType> {
-        let parameter_type =
-            ParameterType::from_number(message.r#type).ok_or(UnknownType(message.r#type))?;
-        let integer = message.integer_range.first().map(|range| ParameterRange::Integer {
-            from: range.from_value,
-            to: range.to_value,
-            step: range.step,
-        });
-        let double = message.floating_point_range.first().map(|range| ParameterRange::Double {
-            from: range.from_value,
-            to: range.to_value,
-            step: range.step,
-        });
-        Ok(Self {
-            name: message.name,
-            parameter_type,
-            description: message.description,
-            additional_constraints: message.additional_constraints,
-            read_only: message.read_only,
-            dynamic_typing: message.dynamic_typing,
-            range: integer.or(double),
-        })
     }
 }
 

@@ -26,7 +26,7 @@ mod validators;
 mod watch;
 
 pub use descriptor::{ParameterDescriptor, ParameterRange};
-pub use error::{DeclareError, GetError, SetError, UndeclareError};
+pub use error::{DeclareError, GetError, SetError};
 pub use qos_overrides::{
     DurabilityOverride, EndpointRole, HistoryOverride, LivelinessOverride, QosOverrideError,
     QosOverrides, ReliabilityOverride,

@@ -29,11 +29,11 @@ impl fmt::Display for EndpointRole {
 }
 
 macro_rules! words {
-    ($(#[$doc:meta])* $name:ident { $($variant:ident = $word:literal,)* }) => {
+    ($(#[$doc:meta])* $visibility:vis $name:ident { $($variant:ident = $word:literal,)* }) => {
         $(#[$doc])*
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
         #[allow(missing_docs)] // the names are the documentation
-        pub enum $name {
+        $visibility enum $name {
             $($variant,)*
         }
 
@@ -58,7 +58,7 @@ macro_rules! words {
 
 words! {
     /// Delivery effort.
-    ReliabilityOverride {
+    pub ReliabilityOverride {
         SystemDefault = "system_default",
         Reliable = "reliable",
         BestEffort = "best_effort",
@@ -68,7 +68,7 @@ words! {
 
 words! {
     /// Treatment of a listener that comes late: transient local sends it the last messages.
-    DurabilityOverride {
+    pub DurabilityOverride {
         SystemDefault = "system_default",
         TransientLocal = "transient_local",
         Volatile = "volatile",
@@ -78,7 +78,7 @@ words! {
 
 words! {
     /// Number of messages that an endpoint keeps until they are delivered.
-    HistoryOverride {
+    pub HistoryOverride {
         SystemDefault = "system_default",
         KeepLast = "keep_last",
         KeepAll = "keep_all",
@@ -87,7 +87,7 @@ words! {
 
 words! {
     /// Way in which a publisher asserts that it is alive.
-    LivelinessOverride {
+    pub LivelinessOverride {
         SystemDefault = "system_default",
         Automatic = "automatic",
         ManualByTopic = "manual_by_topic",
@@ -169,46 +169,22 @@ pub enum QosOverrideError {
     Declare(#[from] DeclareError),
 }
 
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Policy {
-    AvoidRosNamespaceConventions,
-    Deadline,
-    Depth,
-    Durability,
-    History,
-    Lifespan,
-    Liveliness,
-    LivelinessLeaseDuration,
-    Reliability,
+words! {
+    /// A policy, by its name.
+    Policy {
+        AvoidRosNamespaceConventions = "avoid_ros_namespace_conventions",
+        Deadline = "deadline",
+        Depth = "depth",
+        Durability = "durability",
+        History = "history",
+        Lifespan = "lifespan",
+        Liveliness = "liveliness",
+        LivelinessLeaseDuration = "liveliness_lease_duration",
+        Reliability = "reliability",
+    }
 }
 
 impl Policy {
-    const ALL: [Self; 9] = [
-        Self::AvoidRosNamespaceConventions,
-        Self::Deadline,
-        Self::Depth,
-        Self::Durability,
-        Self::History,
-        Self::Lifespan,
-        Self::Liveliness,
-        Self::LivelinessLeaseDuration,
-        Self::Reliability,
-    ];
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::AvoidRosNamespaceConventions => "avoid_ros_namespace_conventions",
-            Self::Deadline => "deadline",
-            Self::Depth => "depth",
-            Self::Durability => "durability",
-            Self::History => "history",
-            Self::Lifespan => "lifespan",
-            Self::Liveliness => "liveliness",
-            Self::LivelinessLeaseDuration => "liveliness_lease_duration",
-            Self::Reliability => "reliability",
-        }
-    }
-
     /// Values that the policy can have, in words.
     fn allowed(self) -> String {
         match self {
@@ -298,20 +274,22 @@ impl ParameterStore {
         let id = id.map(|id| format!("_{id}")).unwrap_or_default();
         let prefix = format!("qos_overrides.{topic}.{role}{id}.");
         // A subscription has no lifespan.
-        let has = |one: Policy| one != Policy::Lifespan || role == EndpointRole::Publisher;
-        let may_change =
-            || Policy::ALL.into_iter().filter(|one| has(*one) && profile.get(*one).is_some());
+        let has = |one: &Policy| *one != Policy::Lifespan || role == EndpointRole::Publisher;
+        let may_change = || {
+            let all = Policy::WORDS.iter().filter_map(|word| Policy::from_word(word));
+            all.filter(|one| has(one) && profile.get(*one).is_some())
+        };
         let mut changed = QosOverrides::default();
         // All policies are checked before any is declared, so that an error declares none.
         for (parameter, value) in self.overrides() {
             let Some(name) = parameter.strip_prefix(&prefix) else { continue };
-            let policy = may_change().find(|policy| policy.name() == name).ok_or_else(|| {
+            let policy = may_change().find(|policy| policy.word() == name).ok_or_else(|| {
                 QosOverrideError::Policy {
                     parameter: parameter.clone(),
                     topic: topic.to_owned(),
                     role,
                     policy: name.to_owned(),
-                    allowed: match may_change().map(Policy::name).collect::<Vec<_>>() {
+                    allowed: match may_change().map(Policy::word).collect::<Vec<_>>() {
                         none if none.is_empty() => "none".to_owned(),
                         names => names.join(", "),
                     },
@@ -321,18 +299,18 @@ impl ParameterStore {
                 parameter: parameter.clone(),
                 topic: topic.to_owned(),
                 role,
-                policy: policy.name(),
+                policy: policy.word(),
                 value: value.to_string().chars().take(SHOWN).collect(),
                 found: value.parameter_type(),
                 allowed: policy.allowed(),
             })?;
         }
         for policy in may_change() {
-            let name = format!("{prefix}{}", policy.name());
+            let name = format!("{prefix}{}", policy.word());
             let Some(default) = profile.get(policy) else { continue };
             if self.describe(&name).is_none() {
                 let descriptor = ParameterDescriptor::new(name)
-                    .with_description(format!("Policy {} of the {role} of {topic}.", policy.name()))
+                    .with_description(format!("Policy {} of the {role} of {topic}.", policy.word()))
                     .read_only();
                 self.declare(descriptor, default)?;
             }

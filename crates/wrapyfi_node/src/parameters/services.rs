@@ -18,69 +18,21 @@ use crate::ParameterValue;
 /// Bytes that a value or a descriptor takes in a reply beside its texts and numbers.
 const FIXED_BYTES: usize = 64;
 
-/// One of the services.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum ParameterService {
-    /// `~/describe_parameters`
-    Describe,
-    /// `~/get_parameters`
-    Get,
-    /// `~/get_parameter_types`
-    GetTypes,
-    /// `~/list_parameters`
-    List,
-    /// `~/set_parameters`
-    Set,
-    /// `~/set_parameters_atomically`
-    SetAtomically,
+node_services! {
+    /// One of the services.
+    ParameterService {
+        Describe: DescribeParameters = "describe_parameters",
+        Get: GetParameters = "get_parameters",
+        GetTypes: GetParameterTypes = "get_parameter_types",
+        List: ListParameters = "list_parameters",
+        Set: SetParameters = "set_parameters",
+        SetAtomically: SetParametersAtomically = "set_parameters_atomically",
+    }
 }
 
 impl ParameterService {
-    /// All services, in the order in which nodes offer them.
-    pub const ALL: [Self; 6] =
-        [Self::Describe, Self::Get, Self::GetTypes, Self::List, Self::Set, Self::SetAtomically];
-
     /// Number of requests and replies that nodes keep of each service.
     pub const DEPTH: u32 = 1000;
-
-    /// Name behind that of the node, for instance `get_parameters`.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Describe => "describe_parameters",
-            Self::Get => "get_parameters",
-            Self::GetTypes => "get_parameter_types",
-            Self::List => "list_parameters",
-            Self::Set => "set_parameters",
-            Self::SetAtomically => "set_parameters_atomically",
-        }
-    }
-
-    /// ROS name of the service's type, for instance `rcl_interfaces/srv/GetParameters`.
-    #[must_use]
-    pub fn type_name(self) -> &'static str {
-        match self {
-            Self::Describe => DescribeParameters::ROS_TYPE,
-            Self::Get => GetParameters::ROS_TYPE,
-            Self::GetTypes => GetParameterTypes::ROS_TYPE,
-            Self::List => ListParameters::ROS_TYPE,
-            Self::Set => SetParameters::ROS_TYPE,
-            Self::SetAtomically => SetParametersAtomically::ROS_TYPE,
-        }
-    }
-
-    /// Type hashes of the service.
-    #[must_use]
-    pub fn hashes(self) -> ServiceHashes {
-        match self {
-            Self::Describe => ServiceHashes::of::<DescribeParameters>(),
-            Self::Get => ServiceHashes::of::<GetParameters>(),
-            Self::GetTypes => ServiceHashes::of::<GetParameterTypes>(),
-            Self::List => ServiceHashes::of::<ListParameters>(),
-            Self::Set => ServiceHashes::of::<SetParameters>(),
-            Self::SetAtomically => ServiceHashes::of::<SetParametersAtomically>(),
-        }
-    }
 }
 
 impl ParameterStore {

@@ -11,7 +11,7 @@ use super::validators::Validators;
 use super::watch::Watches;
 use super::{
     DeclareError, GetError, MAX_NAME_BYTES, MAX_PARAMETERS, ParameterDescriptor, ParameterWatch,
-    SHOWN, SetError, UndeclareError, list,
+    SHOWN, SetError, list,
 };
 use crate::{NODE_SWITCHES, NodeName, ParameterType, ParameterValue};
 use wrapyfi_data::types::Stamp;
@@ -188,24 +188,6 @@ impl ParameterStore {
         if self.declared.len() >= MAX_PARAMETERS {
             return Err(DeclareError::TooMany { name: owned(), limit: MAX_PARAMETERS });
         }
-        Ok(())
-    }
-
-    /// Removes a parameter that is not read-only.
-    ///
-    /// # Errors
-    /// When no parameter of this name is declared, or it is read-only.
-    pub fn undeclare(&mut self, name: &str) -> Result<(), UndeclareError> {
-        let owned = || name.to_owned();
-        match self.declared.get(name) {
-            None => return Err(UndeclareError::NotDeclared { name: owned() }),
-            Some(declared) if declared.descriptor.read_only => {
-                return Err(UndeclareError::ReadOnly { name: owned() });
-            }
-            Some(_) => self.declared.remove(name),
-        };
-        let deleted = vec![Parameter { name: owned(), value: ParameterValue::NotSet }];
-        self.publish(Changes { deleted, ..Changes::default() });
         Ok(())
     }
 

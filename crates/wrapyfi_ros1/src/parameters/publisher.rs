@@ -6,17 +6,19 @@
 //! ```
 
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Weak};
 
-use tokio::sync::Notify;
+use tokio::sync::{Notify, watch};
 
 use super::values::{to_xml, under};
 use super::watched;
-use crate::core::{Core, Lingers};
-use crate::xmlrpc;
+use crate::core::Core;
+use crate::xmlrpc::{self, text};
 use wrapyfi_data::EncodeError;
 use wrapyfi_data::types::{DataType, Payload};
-use wrapyfi_endpoint::{Context, Counters, DropReason, Link, PublishError, Publisher, TopicSpec};
+use wrapyfi_endpoint::{
+    Context, Counters, DropReason, Link, Mutex, PublishError, Publisher, TopicSpec,
+};
 
 /// Sets one namespace.
 pub(crate) struct ParameterPublisher {
@@ -39,16 +41,12 @@ struct Queue {
     /// The publisher is gone.
     closed: bool,
     /// Held while something waits.
-    lingers: Option<Lingers>,
+    lingers: Option<watch::Receiver<()>>,
 }
 
 impl Outbox {
     /// Parameters that may wait for the master.
     const LIMIT: usize = 10_000;
-
-    fn queue(&self) -> MutexGuard<'_, Queue> {
-        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
-    }
 }
 
 impl ParameterPublisher {
@@ -68,7 +66,7 @@ impl ParameterPublisher {
 async fn send(core: Weak<Core>, outbox: Arc<Outbox>, counters: Arc<Counters>) {
     loop {
         let (next, closed) = {
-            let mut queue = outbox.queue();
+            let mut queue = outbox.queue.lock();
             let next = queue.parameters.pop_front();
             if next.is_none() {
                 queue.lingers = None;
@@ -86,10 +84,11 @@ async fn send(core: Weak<Core>, outbox: Arc<Outbox>, counters: Arc<Counters>) {
         if !watched::setting(&core, &key, value.as_ref()) {
             continue;
         }
-        let done = match value {
-            Some(value) => core.master.set_param(&key, value).await,
-            None => core.master.delete_param(&key).await,
+        let (method, params) = match value {
+            Some(value) => ("setParam", vec![text(&key), value]),
+            None => ("deleteParam", vec![text(&key)]),
         };
+        let done = core.master.ask(method, params).await;
         watched::was_set(&core, &key, done.is_ok());
         if let Err(error) = done {
             counters.dropped(DropReason::SendFailed);
@@ -113,7 +112,7 @@ impl Publisher for ParameterPublisher {
         if let Some(reason) = self.core.fault() {
             return Err(PublishError::Transport { topic: self.key.clone(), reason });
         }
-        let mut queue = self.outbox.queue();
+        let mut queue = self.outbox.queue.lock();
         if queue.parameters.len().saturating_add(properties.len()) > Outbox::LIMIT {
             let (topic, depth) = (self.key.clone(), Outbox::LIMIT);
             return Err(PublishError::QueueFull { topic, depth });
@@ -122,7 +121,7 @@ impl Publisher for ParameterPublisher {
             queue.parameters.push_back((under(&self.key, name), to_xml(value)));
         }
         if queue.lingers.is_none() {
-            queue.lingers = Some(self.core.lingering.begin());
+            queue.lingers = Some(self.core.lingering.subscribe());
         }
         drop(queue);
         self.outbox.work.notify_one();
@@ -138,7 +137,7 @@ impl Publisher for ParameterPublisher {
 impl Drop for ParameterPublisher {
     fn drop(&mut self) {
         // Waiting changes are still sent, and then the task ends.
-        self.outbox.queue().closed = true;
+        self.outbox.queue.lock().closed = true;
         self.outbox.work.notify_one();
     }
 }

@@ -6,7 +6,7 @@
 //! ```
 
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::values::{Flat, flatten, size, to_value, within};
@@ -14,7 +14,7 @@ use crate::core::Core;
 use crate::xmlrpc;
 use wrapyfi_data::DecodeError;
 use wrapyfi_data::types::{Map, ParameterValue, Properties, Value};
-use wrapyfi_endpoint::{Context, Link, Listener, Sample, TakeError, TopicSpec, Wake};
+use wrapyfi_endpoint::{Context, Link, Listener, Mutex, Sample, TakeError, TopicSpec, Wake};
 
 /// Answers of the master are younger than this.
 const LONGEST_ASKED: Duration = Duration::from_secs(60);
@@ -30,13 +30,13 @@ pub(crate) struct Watched {
 
 #[derive(Default)]
 struct State {
-    book: Book,
+    parameters: KnownParameters,
     received_at: Option<Instant>,
 }
 
 /// Parameters of a namespace that are known, and the changes that the listener has not taken yet.
 #[derive(Debug, Default)]
-struct Book {
+struct KnownParameters {
     /// The master has said something.
     heard: bool,
     /// Parameters as the master said last, or as this node has set them since.
@@ -49,7 +49,7 @@ struct Book {
     own: BTreeMap<String, Option<Instant>>,
 }
 
-impl Book {
+impl KnownParameters {
     /// Takes what the master said to a question of `asked`.
     fn heard(&mut self, flat: Flat, asked: Instant) {
         self.heard = true;
@@ -107,15 +107,11 @@ impl Watched {
         &self.context.wake
     }
 
-    fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     pub(super) fn give(&self, value: &xmlrpc::Value, asked: Instant) {
-        let mut state = self.state();
+        let mut state = self.state.lock();
         let flat = flatten(value.clone());
-        state.book.heard(flat, asked);
-        let news = !state.book.untold.is_empty() || !state.book.faults.is_empty();
+        state.parameters.heard(flat, asked);
+        let news = !state.parameters.untold.is_empty() || !state.parameters.faults.is_empty();
         if !news {
             return;
         }
@@ -138,7 +134,7 @@ pub(super) fn setting(core: &Core, path: &str, value: Option<&xmlrpc::Value>) ->
     let mut needed = None;
     for_each(core, path, |watched, name| {
         let Some(value) = one(name) else { return };
-        let differs = watched.state().book.setting(name, &value);
+        let differs = watched.state.lock().parameters.setting(name, &value);
         needed = Some(needed.unwrap_or(false) | differs);
     });
     // A parameter without a listener has no known value.
@@ -147,7 +143,7 @@ pub(super) fn setting(core: &Core, path: &str, value: Option<&xmlrpc::Value>) ->
 
 /// The master has what this node has set, unless it refused.
 pub(super) fn was_set(core: &Core, path: &str, done: bool) {
-    for_each(core, path, |watched, name| watched.state().book.was_set(name, done));
+    for_each(core, path, |watched, name| watched.state.lock().parameters.was_set(name, done));
 }
 
 /// Every listener here to whose namespace a parameter belongs, and its name there.
@@ -184,17 +180,17 @@ impl ParameterListener {
 
 impl Listener for ParameterListener {
     fn take(&mut self) -> Result<Option<Sample>, TakeError> {
-        let mut state = self.watched.state();
-        if let Some(why) = state.book.faults.pop_front() {
+        let mut state = self.watched.state.lock();
+        if let Some(why) = state.parameters.faults.pop_front() {
             let expected = "a parameter that ROS 2 has a type for".to_owned();
             return Err(DecodeError::Mismatch { expected, actual: why }.into());
         }
-        let begins = self.whole && state.book.heard && !state.book.known.is_empty();
-        if state.book.untold.is_empty() && !begins {
+        let begins = self.whole && state.parameters.heard && !state.parameters.known.is_empty();
+        if state.parameters.untold.is_empty() && !begins {
             return Ok(None);
         }
-        let changes = std::mem::take(&mut state.book.untold);
-        let told = if self.whole { state.book.known.clone() } else { changes };
+        let changes = std::mem::take(&mut state.parameters.untold);
+        let told = if self.whole { state.parameters.known.clone() } else { changes };
         self.whole = false;
         self.told = true;
         let received_at = state.received_at.unwrap_or_else(Instant::now);
@@ -203,8 +199,8 @@ impl Listener for ParameterListener {
     }
 
     fn discard(&mut self) -> bool {
-        let mut state = self.watched.state();
-        if state.book.faults.pop_front().is_some() {
+        let mut state = self.watched.state.lock();
+        if state.parameters.faults.pop_front().is_some() {
             return true;
         }
         // Whoever comes later begins with all of them. What nobody was told yet still waits.
@@ -231,8 +227,8 @@ mod tests {
         Flat { parameters: Properties::from(pairs), faults: Vec::new() }
     }
 
-    fn told(book: &mut Book) -> Vec<(String, ParameterValue)> {
-        std::mem::take(&mut book.untold).into_iter().collect()
+    fn told(parameters: &mut KnownParameters) -> Vec<(String, ParameterValue)> {
+        std::mem::take(&mut parameters.untold).into_iter().collect()
     }
 
     fn one(name: &str, value: impl Into<ParameterValue>) -> (String, ParameterValue) {
@@ -241,58 +237,58 @@ mod tests {
 
     #[test]
     fn all_are_told_first_then_what_changed_and_what_vanished() {
-        let (mut book, now) = (Book::default(), Instant::now());
-        book.heard(flat([("a", 1), ("b", 2)]), now);
-        assert_eq!(told(&mut book), [one("a", 1_i64), one("b", 2_i64)]);
-        book.heard(flat([("a", 1), ("b", 3)]), now);
-        assert_eq!(told(&mut book), [one("b", 3_i64)]);
-        book.heard(flat([("b", 3)]), now);
-        assert_eq!(told(&mut book), [one("a", ParameterValue::NotSet)]);
-        book.heard(flat([("b", 3)]), now);
-        assert_eq!(told(&mut book), []);
+        let (mut parameters, now) = (KnownParameters::default(), Instant::now());
+        parameters.heard(flat([("a", 1), ("b", 2)]), now);
+        assert_eq!(told(&mut parameters), [one("a", 1_i64), one("b", 2_i64)]);
+        parameters.heard(flat([("a", 1), ("b", 3)]), now);
+        assert_eq!(told(&mut parameters), [one("b", 3_i64)]);
+        parameters.heard(flat([("b", 3)]), now);
+        assert_eq!(told(&mut parameters), [one("a", ParameterValue::NotSet)]);
+        parameters.heard(flat([("b", 3)]), now);
+        assert_eq!(told(&mut parameters), []);
     }
 
     #[test]
     fn what_this_node_sets_is_not_told_and_others_are_heard_after_it() {
-        let (mut book, before) = (Book::default(), Instant::now());
-        book.heard(flat([("a", 1)]), before);
-        told(&mut book);
-        assert!(book.setting("a", &ParameterValue::Integer(2)));
+        let (mut parameters, before) = (KnownParameters::default(), Instant::now());
+        parameters.heard(flat([("a", 1)]), before);
+        told(&mut parameters);
+        assert!(parameters.setting("a", &ParameterValue::Integer(2)));
         // Asked before it was set, or while.
-        book.heard(flat([("a", 1)]), before);
-        book.was_set("a", true);
-        book.heard(flat([("a", 1)]), before);
-        assert_eq!(told(&mut book), []);
-        assert!(!book.setting("a", &ParameterValue::Integer(2)), "it is so already");
+        parameters.heard(flat([("a", 1)]), before);
+        parameters.was_set("a", true);
+        parameters.heard(flat([("a", 1)]), before);
+        assert_eq!(told(&mut parameters), []);
+        assert!(!parameters.setting("a", &ParameterValue::Integer(2)), "it is so already");
         let after = Instant::now() + Duration::from_millis(1);
-        book.heard(flat([("a", 2)]), after);
-        assert_eq!(told(&mut book), []);
-        book.heard(flat([("a", 1)]), after);
-        assert_eq!(told(&mut book), [one("a", 1_i64)], "set back by somebody else");
-        assert!(book.setting("a", &ParameterValue::NotSet));
-        book.was_set("a", true);
-        book.heard(flat([]), Instant::now() + Duration::from_millis(1));
-        assert_eq!(told(&mut book), []);
+        parameters.heard(flat([("a", 2)]), after);
+        assert_eq!(told(&mut parameters), []);
+        parameters.heard(flat([("a", 1)]), after);
+        assert_eq!(told(&mut parameters), [one("a", 1_i64)], "set back by somebody else");
+        assert!(parameters.setting("a", &ParameterValue::NotSet));
+        parameters.was_set("a", true);
+        parameters.heard(flat([]), Instant::now() + Duration::from_millis(1));
+        assert_eq!(told(&mut parameters), []);
     }
 
     #[test]
     fn what_the_master_refused_it_says_itself() {
-        let (mut book, now) = (Book::default(), Instant::now());
-        book.heard(flat([("a", 1)]), now);
-        told(&mut book);
-        assert!(book.setting("a", &ParameterValue::Integer(2)));
-        book.was_set("a", false);
-        book.heard(flat([("a", 1)]), now);
-        assert_eq!(told(&mut book), [one("a", 1_i64)]);
+        let (mut parameters, now) = (KnownParameters::default(), Instant::now());
+        parameters.heard(flat([("a", 1)]), now);
+        told(&mut parameters);
+        assert!(parameters.setting("a", &ParameterValue::Integer(2)));
+        parameters.was_set("a", false);
+        parameters.heard(flat([("a", 1)]), now);
+        assert_eq!(told(&mut parameters), [one("a", 1_i64)]);
     }
 
     #[test]
     fn a_fault_is_told_once_while_it_stays_the_same() {
-        let (mut book, now) = (Book::default(), Instant::now());
+        let (mut parameters, now) = (KnownParameters::default(), Instant::now());
         for (why, count) in [("no", 1), ("no", 0), ("never", 1)] {
             let faults = vec![("rows".to_owned(), why.to_owned())];
-            book.heard(Flat { parameters: Properties::new(), faults }, now);
-            assert_eq!(std::mem::take(&mut book.faults).len(), count, "{why}");
+            parameters.heard(Flat { parameters: Properties::new(), faults }, now);
+            assert_eq!(std::mem::take(&mut parameters.faults).len(), count, "{why}");
         }
     }
 }

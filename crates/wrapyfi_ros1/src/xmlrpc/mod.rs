@@ -111,7 +111,7 @@ pub fn texts<T: Into<String>>(items: impl IntoIterator<Item = T>) -> Value {
 /// When a value has no form in XML.
 pub fn encode_call(method: &str, params: Vec<Value>) -> Result<String, XmlRpcError> {
     let call = MethodCall { name: method.into(), params };
-    call.to_xml().map(|xml| declared(&xml)).map_err(|error| unwritable(&error))
+    written(call.to_xml())
 }
 
 /// Reads a call.
@@ -131,7 +131,7 @@ pub fn decode_call(body: &[u8]) -> Result<Call, XmlRpcError> {
 pub fn encode_reply(reply: Reply) -> Result<String, XmlRpcError> {
     let value =
         Value::Array(vec![Value::Integer(reply.status), Value::String(reply.text), reply.value]);
-    MethodResponse { value }.to_xml().map(|xml| declared(&xml)).map_err(|error| unwritable(&error))
+    written(MethodResponse { value }.to_xml())
 }
 
 /// Writes that a call could not be run at all.
@@ -139,8 +139,7 @@ pub fn encode_reply(reply: Reply) -> Result<String, XmlRpcError> {
 /// # Errors
 /// When the text has no form in XML.
 pub fn encode_fault(text: &str) -> Result<String, XmlRpcError> {
-    let fault = Fault::new(1, text.to_owned());
-    FaultResponse { fault }.to_xml().map(|xml| declared(&xml)).map_err(|error| unwritable(&error))
+    written(FaultResponse { fault: Fault::new(1, text.to_owned()) }.to_xml())
 }
 
 /// Reads an answer.
@@ -169,21 +168,19 @@ pub fn decode_reply(body: &[u8]) -> Result<Reply, XmlRpcError> {
     }
 }
 
-fn declared(xml: &str) -> String {
-    format!("<?xml version=\"1.0\"?>\n{xml}\n")
+fn written(xml: Result<String, dxr::Error>) -> Result<String, XmlRpcError> {
+    let unwritable =
+        |error: dxr::Error| XmlRpcError::Unwritable { reason: shortened(&error.to_string()) };
+    xml.map(|xml| format!("<?xml version=\"1.0\"?>\n{xml}\n")).map_err(unwritable)
 }
 
 fn malformed(what: &'static str, xml: &str) -> XmlRpcError {
     XmlRpcError::Malformed { what, reason: format!("{:?}", shortened(xml)) }
 }
 
-fn unwritable(error: &dxr::Error) -> XmlRpcError {
-    XmlRpcError::Unwritable { reason: shortened(&error.to_string()) }
-}
-
 /// Foreign text for a log line.
-fn shortened(text: &str) -> String {
-    const SHOWN: usize = 200;
+pub(crate) fn shortened(text: &str) -> String {
+    const SHOWN: usize = 400;
     match text.char_indices().nth(SHOWN) {
         None => text.to_owned(),
         Some((end, _)) => format!("{}…", text.get(..end).unwrap_or_default()),

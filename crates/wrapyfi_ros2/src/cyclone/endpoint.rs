@@ -23,11 +23,37 @@ use super::qos::{EndpointQos, QosObject};
 use super::sequence::Gaps;
 use super::serdata::Sample;
 
+/// Call that creates a writer or a reader.
+type Create = unsafe extern "C" fn(
+    cyclors::dds_entity_t,
+    cyclors::dds_entity_t,
+    *const cyclors::dds_qos_t,
+    *const cyclors::dds_listener_t,
+) -> cyclors::dds_entity_t;
+
 /// Fields drop in this order: the entity before its topic, both before the events.
 struct Endpoint {
     entity: Entity,
     _topic: Entity,
     events: Arc<Events>,
+}
+
+impl Endpoint {
+    /// An endpoint of `topic`, a DDS topic and type name.
+    fn new(
+        create: Create,
+        participant: &Entity,
+        topic: (&str, &str),
+        qos: &QosObject,
+        listener: &Listener,
+        events: Arc<Events>,
+    ) -> Result<Self, ReturnCode> {
+        let topic = participant.topic(topic.0, topic.1)?;
+        let (participant, topic_handle) = (participant.handle(), topic.handle());
+        // SAFETY: QoS and listener are copied by the call; `events` lives as long as the endpoint.
+        let created = unsafe { create(participant, topic_handle, qos.as_ptr(), listener.as_ptr()) };
+        Ok(Self { entity: Entity::adopt(created)?, _topic: topic, events })
+    }
 }
 
 impl Drop for Endpoint {
@@ -52,6 +78,12 @@ pub(crate) enum WriteFault {
     Message(String),
 }
 
+impl From<ReturnCode> for WriteFault {
+    fn from(code: ReturnCode) -> Self {
+        Self::Code(code)
+    }
+}
+
 impl RawWriter {
     /// A writer of `topic`, a DDS topic and type name.
     pub(crate) fn new(
@@ -60,52 +92,41 @@ impl RawWriter {
         qos: &EndpointQos<'_>,
         events: Arc<Events>,
     ) -> Result<Self, ReturnCode> {
-        let topic = participant.topic(topic.0, topic.1)?;
-        let qos = QosObject::for_writer(qos);
-        let listener = Listener::for_writer(&events);
-        // SAFETY: QoS and listener are copied by the call; `events` lives as long as the writer.
-        let entity = Entity::adopt(unsafe {
-            cyclors::dds_create_writer(
-                participant.handle(),
-                topic.handle(),
-                qos.as_ptr(),
-                listener.as_ptr(),
-            )
-        })?;
-        Ok(Self(Endpoint { entity, _topic: topic, events }))
+        let (qos, listener) = (QosObject::for_writer(qos), Listener::for_writer(&events));
+        let create = cyclors::dds_create_writer;
+        Endpoint::new(create, participant, topic, &qos, &listener, events).map(Self)
     }
 
     /// Writes the message made of `parts`.
     pub(crate) fn write(&self, parts: &[&[u8]]) -> Result<(), WriteFault> {
-        let handle = self.0.entity.handle();
-        let mut sertype = ptr::null();
-        // SAFETY: writes one pointer, which stays valid while the writer lives.
-        ReturnCode::check(unsafe { cyclors::dds_get_entity_sertype(handle, &raw mut sertype) })
-            .map_err(WriteFault::Code)?;
+        let (handle, sertype) = (self.0.entity.handle(), self.sertype()?);
         // SAFETY: the type of a writer that `self` keeps alive.
         let sample = unsafe { Sample::from_parts(sertype, parts) }.map_err(WriteFault::Message)?;
         // SAFETY: the call consumes the reference, also when it fails.
-        ReturnCode::check(unsafe { cyclors::dds_writecdr(handle, sample.into_raw()) })
-            .map_err(WriteFault::Code)?;
+        ReturnCode::check(unsafe { cyclors::dds_writecdr(handle, sample.into_raw()) })?;
         Ok(())
+    }
+
+    /// The type of the writer, which is valid while the writer lives.
+    fn sertype(&self) -> Result<*const cyclors::ddsi_sertype, ReturnCode> {
+        let mut sertype = ptr::null();
+        let handle = self.0.entity.handle();
+        // SAFETY: writes one pointer.
+        ReturnCode::check(unsafe { cyclors::dds_get_entity_sertype(handle, &raw mut sertype) })?;
+        Ok(sertype)
     }
 
     /// Writes a sample without data, so that [`RawWriter::all_acknowledged`] tells whether the
     /// readers matched now take part: a volatile reader passes over what was written before it
     /// heard of its writer, and neither side is told.
     pub(crate) fn probe(&self) -> Result<(), WriteFault> {
-        let handle = self.0.entity.handle();
-        let mut sertype = ptr::null();
-        // SAFETY: writes one pointer, which stays valid while the writer lives.
-        ReturnCode::check(unsafe { cyclors::dds_get_entity_sertype(handle, &raw mut sertype) })
-            .map_err(WriteFault::Code)?;
+        let (handle, sertype) = (self.0.entity.handle(), self.sertype()?);
         // SAFETY: the type of a writer that `self` keeps alive.
         let sample = unsafe { Sample::empty(sertype) }
             .ok_or_else(|| WriteFault::Message("no memory for a sample".to_owned()))?;
         // SAFETY: the call consumes the reference, also when it fails; it keeps status and time,
         // which `dds_writecdr` would reset.
-        ReturnCode::check(unsafe { cyclors::dds_forwardcdr(handle, sample.into_raw()) })
-            .map_err(WriteFault::Code)?;
+        ReturnCode::check(unsafe { cyclors::dds_forwardcdr(handle, sample.into_raw()) })?;
         Ok(())
     }
 
@@ -173,19 +194,10 @@ impl RawReader {
         qos: &EndpointQos<'_>,
         events: Arc<Events>,
     ) -> Result<Self, ReturnCode> {
-        let topic = participant.topic(topic.0, topic.1)?;
-        let qos = QosObject::for_reader(qos);
-        let listener = Listener::for_reader(&events);
-        // SAFETY: QoS and listener are copied by the call; `events` lives as long as the reader.
-        let entity = Entity::adopt(unsafe {
-            cyclors::dds_create_reader(
-                participant.handle(),
-                topic.handle(),
-                qos.as_ptr(),
-                listener.as_ptr(),
-            )
-        })?;
-        Ok(Self { endpoint: Endpoint { entity, _topic: topic, events }, gaps: Gaps::default() })
+        let (qos, listener) = (QosObject::for_reader(qos), Listener::for_reader(&events));
+        let create = cyclors::dds_create_reader;
+        let endpoint = Endpoint::new(create, participant, topic, &qos, &listener, events)?;
+        Ok(Self { endpoint, gaps: Gaps::default() })
     }
 
     /// The next message, unless it is larger than `max_bytes`.

@@ -11,7 +11,6 @@
 #![allow(unsafe_code)]
 
 use std::ffi::c_void;
-use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{
@@ -100,7 +99,7 @@ impl Events {
         self.ring();
     }
 
-    fn refused(&self, policy: u32, peer: Peer) {
+    fn refused(&self, policy: u32, peer: &str) {
         self.policy.store(policy, Relaxed);
         // The endpoint's owner tells the user, with names and values.
         _ = catch_unwind(AssertUnwindSafe(|| {
@@ -113,32 +112,12 @@ impl Events {
         self.ring();
     }
 
-    fn add_lost(&self, change: i32) {
-        self.add(&self.lost, change);
-    }
-
     fn add(&self, counter: &AtomicU64, change: i32) {
         // News without a change, such as a publisher that is alive again, wakes nobody.
         if let Ok(change @ 1..) = u64::try_from(change) {
             counter.fetch_add(change, Relaxed);
             self.ring();
         }
-    }
-}
-
-/// Kind of the endpoints that an endpoint is matched with.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Peer {
-    Publisher,
-    Subscriber,
-}
-
-impl fmt::Display for Peer {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Publisher => "a publisher",
-            Self::Subscriber => "a subscriber",
-        })
     }
 }
 
@@ -219,110 +198,48 @@ impl Drop for Listener {
     }
 }
 
-/// Runs `react` on the events behind a callback's argument.
-///
-/// # Safety
-/// `arg` is the pointer that [`Listener::new`] stored, and its `Arc` is alive.
-unsafe fn with(arg: *mut c_void, react: impl FnOnce(&Events)) {
-    // SAFETY: by this function's contract.
-    if let Some(events) = unsafe { arg.cast::<Events>().as_ref() } {
-        react(events);
-    }
+/// Callbacks that run a reaction on the events behind their argument.
+macro_rules! callbacks {
+    ($($name:ident($status:ident: $type:ident) |$events:ident| $react:expr;)*) => {$(
+        unsafe extern "C" fn $name(_: i32, $status: cyclors::$type, arg: *mut c_void) {
+            // SAFETY: Cyclone passes the pointer that `Listener::new` stored, whose `Arc` is alive.
+            if let Some($events) = unsafe { arg.cast::<Events>().as_ref() } {
+                $react
+            }
+        }
+    )*};
+}
+
+callbacks! {
+    on_reader_matched(status: dds_subscription_matched_status_t)
+        |events| events.set_matched(status.current_count);
+    on_writer_matched(status: dds_publication_matched_status_t)
+        |events| events.set_matched(status.current_count);
+    on_lost(status: dds_sample_lost_status_t)
+        |events| events.add(&events.lost, status.total_count_change);
+    on_rejected(status: dds_sample_rejected_status_t)
+        // A reliable writer sends a rejected sample again; only the others have lost it.
+        |events| match events.reliability {
+            Reliability::Reliable => events.ring(),
+            Reliability::BestEffort => events.add(&events.lost, status.total_count_change),
+        };
+    on_writer_refused(status: dds_requested_incompatible_qos_status_t)
+        |events| events.refused(status.last_policy_id, "a publisher");
+    on_reader_refused(status: dds_offered_incompatible_qos_status_t)
+        |events| events.refused(status.last_policy_id, "a subscriber");
+    on_writer_late(status: dds_requested_deadline_missed_status_t)
+        |events| events.add(&events.deadlines, status.total_count_change);
+    on_late(status: dds_offered_deadline_missed_status_t)
+        |events| events.add(&events.deadlines, status.total_count_change);
+    on_writer_alive_or_not(status: dds_liveliness_changed_status_t)
+        |events| events.add(&events.livelinesses, status.not_alive_count_change);
+    on_not_alive(status: dds_liveliness_lost_status_t)
+        |events| events.add(&events.livelinesses, status.total_count_change);
 }
 
 unsafe extern "C" fn on_data(_: i32, arg: *mut c_void) {
-    // SAFETY: Cyclone passes the listener's argument.
-    unsafe { with(arg, Events::ring) }
-}
-
-unsafe extern "C" fn on_reader_matched(
-    _: i32,
-    status: cyclors::dds_subscription_matched_status_t,
-    arg: *mut c_void,
-) {
-    // SAFETY: as above.
-    unsafe { with(arg, |events| events.set_matched(status.current_count)) }
-}
-
-unsafe extern "C" fn on_writer_matched(
-    _: i32,
-    status: cyclors::dds_publication_matched_status_t,
-    arg: *mut c_void,
-) {
-    // SAFETY: as above.
-    unsafe { with(arg, |events| events.set_matched(status.current_count)) }
-}
-
-unsafe extern "C" fn on_lost(_: i32, status: cyclors::dds_sample_lost_status_t, arg: *mut c_void) {
-    // SAFETY: as above.
-    unsafe { with(arg, |events| events.add_lost(status.total_count_change)) }
-}
-
-unsafe extern "C" fn on_rejected(
-    _: i32,
-    status: cyclors::dds_sample_rejected_status_t,
-    arg: *mut c_void,
-) {
-    // A reliable writer sends a rejected sample again; only the others have lost it.
-    // SAFETY: as above.
-    unsafe {
-        with(arg, |events| match events.reliability {
-            Reliability::Reliable => events.ring(),
-            Reliability::BestEffort => events.add_lost(status.total_count_change),
-        });
+    // SAFETY: as those above.
+    if let Some(events) = unsafe { arg.cast::<Events>().as_ref() } {
+        events.ring();
     }
-}
-
-unsafe extern "C" fn on_writer_refused(
-    _: i32,
-    status: cyclors::dds_requested_incompatible_qos_status_t,
-    arg: *mut c_void,
-) {
-    // SAFETY: as above.
-    unsafe { with(arg, |events| events.refused(status.last_policy_id, Peer::Publisher)) }
-}
-
-unsafe extern "C" fn on_reader_refused(
-    _: i32,
-    status: cyclors::dds_offered_incompatible_qos_status_t,
-    arg: *mut c_void,
-) {
-    // SAFETY: as above.
-    unsafe { with(arg, |events| events.refused(status.last_policy_id, Peer::Subscriber)) }
-}
-
-unsafe extern "C" fn on_writer_late(
-    _: i32,
-    status: cyclors::dds_requested_deadline_missed_status_t,
-    arg: *mut c_void,
-) {
-    // SAFETY: as above.
-    unsafe { with(arg, |events| events.add(&events.deadlines, status.total_count_change)) }
-}
-
-unsafe extern "C" fn on_late(
-    _: i32,
-    status: cyclors::dds_offered_deadline_missed_status_t,
-    arg: *mut c_void,
-) {
-    // SAFETY: as above.
-    unsafe { with(arg, |events| events.add(&events.deadlines, status.total_count_change)) }
-}
-
-unsafe extern "C" fn on_writer_alive_or_not(
-    _: i32,
-    status: cyclors::dds_liveliness_changed_status_t,
-    arg: *mut c_void,
-) {
-    // SAFETY: as above.
-    unsafe { with(arg, |events| events.add(&events.livelinesses, status.not_alive_count_change)) }
-}
-
-unsafe extern "C" fn on_not_alive(
-    _: i32,
-    status: cyclors::dds_liveliness_lost_status_t,
-    arg: *mut c_void,
-) {
-    // SAFETY: as above.
-    unsafe { with(arg, |events| events.add(&events.livelinesses, status.total_count_change)) }
 }

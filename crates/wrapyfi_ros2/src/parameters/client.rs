@@ -4,9 +4,8 @@ use std::collections::HashSet;
 
 use wrapyfi_interfaces::rcl_interfaces::msg;
 use wrapyfi_interfaces::rcl_interfaces::srv::{
-    DescribeParameters, DescribeParameters_Request, GetParameterTypes, GetParameterTypes_Request,
-    GetParameters, GetParameters_Request, ListParameters, ListParameters_Request, SetParameters,
-    SetParameters_Request, SetParametersAtomically, SetParametersAtomically_Request,
+    GetParameterTypes, GetParameterTypes_Request, GetParameters, GetParameters_Request,
+    ListParameters, ListParameters_Request, SetParameters, SetParameters_Request,
 };
 
 use super::asker::Asker;
@@ -15,7 +14,7 @@ use crate::graph::Peers;
 use crate::{Ros2, ServiceOptions};
 use wrapyfi_data::types::{ParameterType, ParameterValue, Properties};
 use wrapyfi_endpoint::Wake;
-use wrapyfi_node::parameters::{Parameter, ParameterDescriptor, ParameterService};
+use wrapyfi_node::parameters::{Parameter, ParameterService};
 
 /// Reads and sets the parameters of another node. Every method waits for the node: as long as the
 /// time-out of the options, for each request that it takes. Clients of services are opened when they
@@ -42,9 +41,7 @@ pub struct ParameterClient {
     list: Option<Asker<ListParameters>>,
     get: Option<Asker<GetParameters>>,
     types: Option<Asker<GetParameterTypes>>,
-    describe: Option<Asker<DescribeParameters>>,
     set: Option<Asker<SetParameters>>,
-    set_together: Option<Asker<SetParametersAtomically>>,
 }
 
 /// The client of a service, opened at its first use.
@@ -85,9 +82,7 @@ impl ParameterClient {
             list: None,
             get: None,
             types: None,
-            describe: None,
             set: Some(set),
-            set_together: None,
         })
     }
 
@@ -142,42 +137,6 @@ impl ParameterClient {
         Ok(found)
     }
 
-    /// All parameters with their values.
-    ///
-    /// # Errors
-    /// When the node is absent or does not answer.
-    pub fn get_all(&mut self) -> Result<Properties, ParameterClientError> {
-        let names = self.list()?;
-        self.get(&names)
-    }
-
-    /// Descriptions of these parameters: purpose, type and permitted values.
-    ///
-    /// # Errors
-    /// As [`ParameterClient::get`].
-    pub fn describe<N: AsRef<str>>(
-        &mut self,
-        names: &[N],
-    ) -> Result<Vec<ParameterDescriptor>, ParameterClientError> {
-        let mut found = Vec::new();
-        for names in names.chunks(CHUNK) {
-            let names: Vec<String> = names.iter().map(|name| name.as_ref().to_owned()).collect();
-            let asker = asker!(self, describe, Describe);
-            let request = DescribeParameters_Request { names: names.clone() };
-            let descriptors = asker.ask(&request)?.descriptors;
-            if descriptors.len() != names.len() {
-                let fault = asker.fault(counts(descriptors.len(), names.len()));
-                self.check_declared(&names)?;
-                return Err(fault);
-            }
-            for descriptor in descriptors {
-                let read = ParameterDescriptor::try_from(descriptor);
-                found.push(read.map_err(|error| asker.fault(error.to_string()))?);
-            }
-        }
-        Ok(found)
-    }
-
     /// Sets parameters, each for itself; one without a value is deleted, where the node allows it. An
     /// empty list takes the type that the node has declared.
     ///
@@ -204,21 +163,6 @@ impl ParameterClient {
             return Ok(());
         }
         Err(ParameterClientError::Refused { node: self.node.clone(), refused, of })
-    }
-
-    /// Sets all of these parameters, or none of them.
-    ///
-    /// # Errors
-    /// As [`ParameterClient::set`].
-    pub fn set_atomically(&mut self, properties: &Properties) -> Result<(), ParameterClientError> {
-        let parameters = self.typed(properties)?;
-        let asker = asker!(self, set_together, SetAtomically);
-        let result = asker.ask(&SetParametersAtomically_Request { parameters })?.result;
-        if result.successful {
-            return Ok(());
-        }
-        let (node, of) = (self.node.clone(), properties.len());
-        Err(ParameterClientError::RefusedTogether { node, of, reason: result.reason })
     }
 
     /// Values in the order of `names`, or none where the node lacks one of them.

@@ -63,16 +63,6 @@ pub enum ParameterClientError {
         /// Parameters in the request.
         of: usize,
     },
-    /// The node set none of the parameters, which were to be set together.
-    #[error("node {node} refused to set {of} parameters together: {reason}")]
-    RefusedTogether {
-        /// Full name of the node.
-        node: String,
-        /// Parameters in the request.
-        of: usize,
-        /// Reason in the words of the node.
-        reason: String,
-    },
     /// The node answered what no node should.
     #[error("{service} of node {node} answered what cannot be used: {fault}")]
     Reply {

@@ -1,7 +1,7 @@
 //! The parameters of other nodes: read, written, and watched.
 //!
 //! ```text
-//!   ParameterClient ─ list, get, describe, set ─▶ /node/list_parameters … set_parameters_atomically
+//!   ParameterClient ─ list, get, set ─▶ /node/list_parameters, get_parameters, set_parameters
 //!   RemoteParameters ─ list, get once, and after a restart ─▶ the same services
 //!                    ◀─ what changed ──────────────────────── /parameter_events
 //!     listener, publisher: endpoints whose messages are properties, `ros2:/node` with type Properties

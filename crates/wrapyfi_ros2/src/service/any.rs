@@ -1,16 +1,16 @@
 //! Services of any type whose definition is known, with requests and replies as named fields.
 //!
 //! ```text
-//!   DynamicMessage ─ Plan ─ CDR ─▶ Ros2Client ═══ DDS ═══▶ Ros2Server ─ CDR ─ Plan ─▶ DynamicMessage
+//!   DynamicMessage ─ TypePlan ─ CDR ─▶ Ros2Client ═══ DDS ═══▶ Ros2Server ─ CDR ─ TypePlan ─▶ DynamicMessage
 //! ```
 
 use std::time::Instant;
 
-use wrapyfi_interfaces::dynamic::{DynamicMessage, Plan};
+use wrapyfi_interfaces::dynamic::{DynamicMessage, TypePlan};
 
 use super::client::Ros2Client;
 use super::server::Ros2Server;
-use super::{ServiceOptions, form};
+use super::{ServiceOptions, codec};
 use crate::Ros2;
 use crate::graph::Peers;
 use wrapyfi_data::DecodeError;
@@ -83,7 +83,7 @@ impl AnyClient {
 
     /// Plan by which requests are read and written, for instance from JSON.
     #[must_use]
-    pub fn request_plan(&self) -> &'static Plan {
+    pub fn request_plan(&self) -> &'static TypePlan {
         self.service.request().plan()
     }
 
@@ -233,7 +233,7 @@ impl AnyServer {
 
     /// Plan by which replies are read and written, for instance from JSON.
     #[must_use]
-    pub fn response_plan(&self) -> &'static Plan {
+    pub fn response_plan(&self) -> &'static TypePlan {
         self.service.response().plan()
     }
 
@@ -241,7 +241,7 @@ impl AnyServer {
     /// (or `successful`) that is false, and a text.
     #[must_use]
     pub fn error_reply(&self, text: &str) -> Option<DynamicMessage> {
-        form::error_reply(self.service, text)
+        codec::error_reply(self.service, text)
     }
 
     /// Clients there are now.

@@ -1,8 +1,8 @@
 //! Calls a service by the bytes of its requests and replies.
 //!
 //! ```text
-//!   Request ─ Form ─ CDR ─▶ Calls ─ a server is there ─▶ CdrClient
-//!   Reply ◀─ Form ◀─ CDR ─────────────────────────────── CdrClient
+//!   Request ─ ServiceCodec ─ CDR ─▶ Calls ─ a server is there ─▶ CdrClient
+//!   Reply ◀─ ServiceCodec ◀─ CDR ─────────────────────────────── CdrClient
 //! ```
 //!
 //! A call made before a server is found waits for it: no request is sent before both halves of the
@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use bytes::Bytes;
 
 use super::LOOK_AGAIN;
-use super::form::Form;
+use super::codec::ServiceCodec;
 use crate::any::ringing;
 use crate::graph::{CdrClient, GraphError, Peers, ServiceMapping};
 use crate::{Ros2, no_service};
@@ -26,7 +26,7 @@ use wrapyfi_endpoint::{CallError, Context, Link, OpenError, Request, ServiceSpec
 /// Calls one service.
 pub(in super::super) struct Ros2Client {
     cdr: Box<dyn CdrClient>,
-    form: Form,
+    codec: ServiceCodec,
     mapping: ServiceMapping,
     context: Context,
     dropped: Throttle,
@@ -41,14 +41,16 @@ impl Ros2Client {
         depth: u32,
         context: &Context,
     ) -> Result<WireClient<Self>, OpenError> {
-        let form =
-            Form::new(&ServiceSpec { service: ros2.resolve(&spec.service)?, ..spec.clone() })?;
-        let cdr = ros2.graph().client(&form.describe(depth), ringing(&context.wake));
+        let codec = ServiceCodec::new(&ServiceSpec {
+            service: ros2.resolve(&spec.service)?,
+            ..spec.clone()
+        })?;
+        let cdr = ros2.graph().client(&codec.describe(depth), ringing(&context.wake));
         let cdr = cdr.map_err(|error| no_service(spec, &error))?;
         let (mapping, context) = (ros2.graph().service_mapping(), context.clone());
-        let (service, pending) = (form.spec.service.clone(), spec.pending);
+        let (service, pending) = (codec.spec.service.clone(), spec.pending);
         let wire =
-            Self { cdr, form, mapping, context: context.clone(), dropped: Throttle::default() };
+            Self { cdr, codec, mapping, context: context.clone(), dropped: Throttle::default() };
         Ok(WireClient::new(wire, &service, pending, &context))
     }
 
@@ -79,7 +81,7 @@ impl ClientWire for Ros2Client {
     type Written = Bytes;
 
     fn write(&self, request: &Request, _: Instant) -> Result<(Bytes, usize), EncodeError> {
-        let cdr = self.form.encode_request(request)?;
+        let cdr = self.codec.encode_request(request)?;
         let bytes = cdr.len();
         Ok((cdr, bytes))
     }
@@ -91,10 +93,10 @@ impl ClientWire for Ros2Client {
         loop {
             match self.cdr.take() {
                 Ok(Some(reply)) => {
-                    let (form, service) = (&self.form, calls.service().to_owned());
+                    let (codec, service) = (&self.codec, calls.service().to_owned());
                     let (bytes, now) = (reply.cdr.len(), calls.clock().now());
                     calls.answered(reply.sequence, bytes, now, || {
-                        match form.decode_reply(&reply.cdr) {
+                        match codec.decode_reply(&reply.cdr) {
                             Ok(Ok(payload)) => Ok(payload),
                             Ok(Err(reason)) => Err(CallError::Refused { service, reason }),
                             Err(fault) => Err(CallError::Reply { service, fault }),
@@ -105,7 +107,7 @@ impl ClientWire for Ros2Client {
                 // A reply that cannot be read names no call: its call will say that it waited.
                 Err(error) => {
                     if let Some(unlogged_before) = self.dropped.pass(calls.clock().now()) {
-                        let service = &self.form.spec.service;
+                        let service = &self.codec.spec.service;
                         tracing::warn!(service, unlogged_before, "dropped a reply: {error}");
                     }
                     let Some(reason) = super::drop_reason(&error) else { return };
@@ -130,7 +132,7 @@ impl ClientWire for Ros2Client {
     }
 
     fn link(&self) -> Link {
-        let name = &self.form.spec.service;
+        let name = &self.codec.spec.service;
         let (peers, waiting_for) = match self.cdr.servers() {
             Peers::Ready(servers) => (servers, None),
             Peers::None => (0, Some(format!("a server of {name}"))),

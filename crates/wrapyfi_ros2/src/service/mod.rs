@@ -3,14 +3,14 @@
 //! ```text
 //!   AnyClient  (named fields)   ┐                                     ┌  AnyServer  (named fields)
 //!   Client     (functions, any) ┴▶ Ros2Client ═══ DDS ═══▶ Ros2Server ┴▶ Server     (functions, any)
-//!                                  Form: how requests and replies are written
+//!                                  ServiceCodec: how requests and replies are written
 //! ```
 //!
 //! Time-outs, late replies, and how many may be under way at once are [`wrapyfi_endpoint`]'s.
 
 mod any;
 mod client;
-mod form;
+mod codec;
 pub(super) mod replies;
 mod server;
 
@@ -18,7 +18,7 @@ use std::time::Duration;
 
 pub use any::{AnyClient, AnyRequest, AnyServer};
 pub(super) use client::Ros2Client;
-pub use form::returned;
+pub use codec::returned;
 pub(super) use server::Ros2Server;
 
 use super::graph::GraphError;

@@ -1,8 +1,8 @@
 //! Serves a service by the bytes of its requests and replies.
 //!
 //! ```text
-//!   CdrServer ─ CDR ─▶ Requests ─ Form ─▶ take
-//!   CdrServer ◀─ the client hears ◀─ kept ◀─ CDR ◀─ Form ◀─ reply
+//!   CdrServer ─ CDR ─▶ Requests ─ ServiceCodec ─▶ take
+//!   CdrServer ◀─ the client hears ◀─ kept ◀─ CDR ◀─ ServiceCodec ◀─ reply
 //! ```
 //!
 //! A reply is not sent before its client's half of the match is there: discovery may bring a request
@@ -13,7 +13,7 @@ use std::time::Instant;
 
 use bytes::Bytes;
 
-use super::form::Form;
+use super::codec::ServiceCodec;
 use super::replies::{Replies, Reply, Unsent};
 use crate::any::ringing;
 use crate::graph::{GraphError, Peers, RequestId};
@@ -29,7 +29,7 @@ use wrapyfi_endpoint::{Context, DropReason, Link, OpenError, Request, ServeError
 /// Serves one service.
 pub(in super::super) struct Ros2Server {
     replies: Replies,
-    form: Form,
+    codec: ServiceCodec,
     context: Context,
     /// Replies that were not heard, as far as they are counted.
     unheard: u64,
@@ -51,15 +51,17 @@ impl Ros2Server {
         depth: u32,
         context: &Context,
     ) -> Result<WireServer<Self>, OpenError> {
-        let form =
-            Form::new(&ServiceSpec { service: ros2.resolve(&spec.service)?, ..spec.clone() })?;
+        let codec = ServiceCodec::new(&ServiceSpec {
+            service: ros2.resolve(&spec.service)?,
+            ..spec.clone()
+        })?;
         let (mark, bell) = (spec.mark.as_ref(), ringing(&context.wake));
-        let cdr = ros2.graph().server_marked(&form.describe(depth), mark, bell);
+        let cdr = ros2.graph().server_marked(&codec.describe(depth), mark, bell);
         let cdr = cdr.map_err(|error| no_service(spec, &error))?;
-        let replies = Replies::new(cdr, &form.spec.service, spec.pending, &context.clock);
-        let spec = form.spec.clone();
+        let replies = Replies::new(cdr, &codec.spec.service, spec.pending, &context.clock);
+        let spec = codec.spec.clone();
         let requests = Arc::new(Requests::new(&spec, context));
-        let wire = Self { replies, form, context: context.clone(), unheard: 0 };
+        let wire = Self { replies, codec, context: context.clone(), unheard: 0 };
         Ok(WireServer::new(wire, requests, &spec))
     }
 
@@ -79,9 +81,9 @@ impl Ros2Server {
 
     /// Tells a client why it has no reply, where its type has room for it.
     fn tell(&mut self, id: RequestId, why: &str) -> Result<Option<usize>, GraphError> {
-        let Some(cdr) = self.form.error_reply(why) else { return Ok(None) };
+        let Some(cdr) = self.codec.error_reply(why) else { return Ok(None) };
         let bytes = cdr.len();
-        let until = ends(self.context.clock.now(), self.form.spec.timeout);
+        let until = ends(self.context.clock.now(), self.codec.spec.timeout);
         self.replies.send(Reply { id, cdr, until })?;
         Ok(Some(bytes))
     }
@@ -92,12 +94,12 @@ impl Ros2Server {
         if !matches!(error, GraphError::Timeout { .. })
             && let Err(error) = self.tell(id, &error.to_string())
         {
-            tracing::debug!(service = self.form.spec.service, %error, "a refusal was not sent");
+            tracing::debug!(service = self.codec.spec.service, %error, "a refusal was not sent");
         }
     }
 
     fn transport(&self, error: &GraphError) -> ServeError {
-        let (service, reason) = (self.form.spec.service.clone(), error.to_string());
+        let (service, reason) = (self.codec.spec.service.clone(), error.to_string());
         ServeError::Transport { service, reason }
     }
 }
@@ -119,27 +121,27 @@ impl ServerWire for Ros2Server {
                 };
                 self.context.counters.received(0);
                 self.context.counters.dropped(reason);
-                let (service, fault) = (self.form.spec.service.clone(), error.to_string());
+                let (service, fault) = (self.codec.spec.service.clone(), error.to_string());
                 return Err(ServeError::Request { service, fault, reason });
             }
         };
-        let until = ends(self.context.clock.now(), self.form.spec.timeout);
+        let until = ends(self.context.clock.now(), self.codec.spec.timeout);
         let bytes = taken.cdr.len();
         let refused = requests.put(Ask { id: taken.id, cdr: taken.cdr, until }, bytes);
         refused.map_err(|(Ask { id, .. }, error)| {
             if let Err(unsent) = self.tell(id, &error.to_string()) {
-                tracing::debug!(service = self.form.spec.service, %unsent, "a refusal was not sent");
+                tracing::debug!(service = self.codec.spec.service, %unsent, "a refusal was not sent");
             }
             error
         })
     }
 
     fn read(&self, ask: &Ask) -> Result<Request, DecodeError> {
-        self.form.decode_request(&ask.cdr)
+        self.codec.decode_request(&ask.cdr)
     }
 
     fn write(&self, _ask: &Ask, payload: &Payload) -> Result<Bytes, EncodeError> {
-        self.form.encode_reply(payload)
+        self.codec.encode_reply(payload)
     }
 
     fn send(
@@ -156,12 +158,12 @@ impl ServerWire for Ros2Server {
             Err(why) => self.tell(id, why),
         };
         self.count_losses();
-        let service = || self.form.spec.service.clone();
+        let service = || self.codec.spec.service.clone();
         match (sent, why) {
             (Ok(None), Some(why)) => Err(ServeError::Reply {
                 service: service(),
                 fault: EncodeError::Unrepresentable {
-                    format: self.form.spec.kind.ros_type(),
+                    format: self.codec.spec.kind.ros_type(),
                     what: format!("an error ({why})"),
                     path: "$".to_owned(),
                     remedy:

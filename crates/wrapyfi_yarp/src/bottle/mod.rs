@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   01 01 00 00  02 00 00 00 …  ──decode──▶  Bottle { values: [Int32(1), Int32(2)] }  ──▶  "1 2"
-//!   00 00 00 00  05 00 00 00 …  ◀──encode──          (serde: any other format)        ◀──
+//!   00 00 00 00  05 00 00 00 …  ◀──encode──                                           ◀──
 //! ```
 //!
 //! Strings and blobs share the bytes they were read from. A list of numbers of one type is copied
@@ -10,10 +10,8 @@
 
 mod error;
 mod kind;
-mod property;
 mod read;
 mod scan;
-mod serde;
 mod text_read;
 mod text_write;
 mod value;
@@ -22,9 +20,7 @@ mod write;
 use bytes::Bytes;
 
 pub use error::{BottleError, EncodeError, TextError};
-pub use property::Property;
 pub use scan::BottleScan;
-pub use text_read::text_is_complete;
 pub(crate) use text_write::significant;
 pub use value::{Text, Value, Vocab, Vocab64};
 
@@ -170,8 +166,7 @@ impl Bottle {
 
     /// The text form, on one line, with every byte of its strings. As in YARP, reading it back loses
     /// the widths of numbers, dictionaries (they become lists), letters of vocabs beyond ASCII, and
-    /// strings that are `null`, `inf` or `nan`, which have no quotes. Use serde where nothing may be
-    /// lost.
+    /// strings that are `null`, `inf` or `nan`, which have no quotes.
     #[must_use]
     pub fn to_text_bytes(&self) -> Vec<u8> {
         let mut text = Vec::new();
@@ -188,15 +183,6 @@ impl Bottle {
         match element {
             Value::List(list) => list.values.get(1),
             _ => self.values.get(index + 1),
-        }
-    }
-
-    /// The whole list that begins with `key`: in `(limits 0 10) 7`, `limits 0 10`.
-    #[must_use]
-    pub fn find_group(&self, key: &str) -> Option<&Self> {
-        match self.keyed(key)? {
-            (_, Value::List(list)) => Some(list),
-            _ => None,
         }
     }
 

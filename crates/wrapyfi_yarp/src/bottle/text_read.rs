@@ -14,15 +14,6 @@ use super::error::TextError;
 use super::{Bottle, Text, Value, Vocab, Vocab64};
 use crate::{Dialect, Limits};
 
-/// True when `text` is a whole bottle: no open quote, bracket or brace. YARP's text carriers go on
-/// with the next line otherwise.
-#[must_use]
-pub fn text_is_complete(text: &[u8]) -> bool {
-    let mut words = Words::new(text, Separators::Blanks);
-    while words.next().is_some() {}
-    words.round == 0 && words.curly == 0 && !words.quoted
-}
-
 /// Reads words into values.
 pub(super) struct TextReader<'a> {
     dialect: Dialect,
@@ -42,7 +33,7 @@ impl<'a> TextReader<'a> {
             return Err(TextError::TooDeep { limit });
         }
         let mut values = Vec::new();
-        for word in Words::new(text, Separators::BlanksAndCommas) {
+        for word in Words::new(text) {
             self.elements_left = self
                 .elements_left
                 .checked_sub(1)
@@ -119,20 +110,13 @@ fn blob(text: &[u8]) -> Bytes {
             _ => 0,
         },
     };
-    Words::new(text, Separators::BlanksAndCommas).map(byte).collect()
-}
-
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Separators {
-    Blanks,
-    BlanksAndCommas,
+    Words::new(text).map(byte).collect()
 }
 
 /// The words of a text, in order. One that is not finished at the end is dropped.
 struct Words<'a> {
     text: &'a [u8],
     at: usize,
-    separators: Separators,
     quoted: bool,
     /// Open `(` less closing `)`; below zero, nothing separates any more.
     round: i64,
@@ -141,13 +125,12 @@ struct Words<'a> {
 }
 
 impl<'a> Words<'a> {
-    fn new(text: &'a [u8], separators: Separators) -> Self {
-        Self { text, at: 0, separators, quoted: false, round: 0, curly: 0 }
+    fn new(text: &'a [u8]) -> Self {
+        Self { text, at: 0, quoted: false, round: 0, curly: 0 }
     }
 
     fn separates(&self, byte: u8) -> bool {
-        let separator = matches!(byte, b' ' | b'\t' | b'\n' | b'\r')
-            || (byte == b',' && self.separators == Separators::BlanksAndCommas);
+        let separator = matches!(byte, b' ' | b'\t' | b'\n' | b'\r' | b',');
         separator && !self.quoted && self.round == 0 && self.curly == 0
     }
 }

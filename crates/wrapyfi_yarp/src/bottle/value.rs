@@ -108,15 +108,6 @@ impl Value {
         }
     }
 
-    /// The bytes, where this is a blob.
-    #[must_use]
-    pub fn as_blob(&self) -> Option<&Bytes> {
-        match self {
-            Self::Blob(bytes) => Some(bytes),
-            _ => None,
-        }
-    }
-
     /// True when the value is `word`, as a vocab or as a string: YARP's commands come as either. Of
     /// a vocab, only as many letters count as it can hold.
     #[must_use]
@@ -146,9 +137,55 @@ value_from! {
     Text => String, Bytes => Blob, Bottle => List,
 }
 
-/// Up to four letters in 32 bits, the first in the lowest byte.
-#[derive(Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Vocab(pub i32);
+/// Words of a few letters, as numbers.
+macro_rules! vocab {
+    ($(#[$doc:meta])* $name:ident($int:ty), $letters:literal) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, PartialEq, Eq, Hash)]
+        pub struct $name(pub $int);
+
+        impl $name {
+            /// The first letters of `word`, as many as there is room for.
+            #[must_use]
+            pub fn new(word: &str) -> Self {
+                Self::from_bytes(word.as_bytes())
+            }
+
+            /// The first of `bytes`, as many as there is room for. Each is added as a signed number,
+            /// as YARP does: letters beyond ASCII come out odd, but the same.
+            #[must_use]
+            pub fn from_bytes(bytes: &[u8]) -> Self {
+                let letters = bytes.iter().take($letters).enumerate();
+                Self(letters.fold(0, |code: $int, (place, &letter)| {
+                    let letter = <$int>::from(letter.cast_signed());
+                    code.wrapping_add(letter.wrapping_shl(8 * place as u32))
+                }))
+            }
+
+            /// The letters without the zeros that pad them.
+            #[must_use]
+            pub fn letters(self) -> Vec<u8> {
+                self.0.to_le_bytes().into_iter().filter(|&letter| letter != 0).collect()
+            }
+        }
+
+        impl fmt::Debug for $name {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                write!(f, "[{}]", String::from_utf8_lossy(&self.letters()))
+            }
+        }
+    };
+}
+
+vocab! {
+    /// Up to four letters in 32 bits, the first in the lowest byte.
+    Vocab(i32), 4
+}
+
+vocab! {
+    /// Up to eight letters in 64 bits, the first in the lowest byte; YARP 4 only.
+    Vocab64(i64), 8
+}
 
 impl Vocab {
     /// True, written `[1]` and `true`.
@@ -159,72 +196,11 @@ impl Vocab {
     pub const OK: Self = Self(0x6b6f);
     /// False in the structures of YARP's interfaces, and "it was not done" in replies: `[fail]`.
     pub const FAIL: Self = Self(0x6c69_6166);
-
-    /// The first four bytes of `word`.
-    #[must_use]
-    pub fn new(word: &str) -> Self {
-        Self::from_bytes(word.as_bytes())
-    }
-
-    /// The first four of `bytes`. Each is added as a signed number, as YARP does: letters beyond
-    /// ASCII come out odd, but the same.
-    #[must_use]
-    pub fn from_bytes(bytes: &[u8]) -> Self {
-        let letters = bytes.iter().take(4).enumerate();
-        Self(letters.fold(0, |code: i32, (place, &letter)| {
-            code.wrapping_add(i32::from(letter.cast_signed()).wrapping_shl(8 * place as u32))
-        }))
-    }
-
-    /// The letters without the zeros that pad them.
-    #[must_use]
-    pub fn letters(self) -> Vec<u8> {
-        self.0.to_le_bytes().into_iter().filter(|&letter| letter != 0).collect()
-    }
 }
 
 impl From<bool> for Vocab {
     fn from(value: bool) -> Self {
         if value { Self::TRUE } else { Self::FALSE }
-    }
-}
-
-impl fmt::Debug for Vocab {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "[{}]", String::from_utf8_lossy(&self.letters()))
-    }
-}
-
-/// Up to eight letters in 64 bits, the first in the lowest byte; YARP 4 only.
-#[derive(Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Vocab64(pub i64);
-
-impl Vocab64 {
-    /// The first eight bytes of `word`.
-    #[must_use]
-    pub fn new(word: &str) -> Self {
-        Self::from_bytes(word.as_bytes())
-    }
-
-    /// The first eight of `bytes`, each added as a signed number.
-    #[must_use]
-    pub fn from_bytes(bytes: &[u8]) -> Self {
-        let letters = bytes.iter().take(8).enumerate();
-        Self(letters.fold(0, |code: i64, (place, &letter)| {
-            code.wrapping_add(i64::from(letter.cast_signed()).wrapping_shl(8 * place as u32))
-        }))
-    }
-
-    /// The letters without the zeros that pad them.
-    #[must_use]
-    pub fn letters(self) -> Vec<u8> {
-        self.0.to_le_bytes().into_iter().filter(|&letter| letter != 0).collect()
-    }
-}
-
-impl fmt::Debug for Vocab64 {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "[{}]", String::from_utf8_lossy(&self.letters()))
     }
 }
 

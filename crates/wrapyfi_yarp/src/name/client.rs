@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   NAME_SERVER query /cam\n ──▶          one line, answered by lines up to "*** end of message":
-//!                                         query, register, unregister, list, set, check, route, announce
+//!                                         query, register, unregister, list, set, announce
 //!   CONNACK admin, d, subscribe … ──▶     over text_ack, answered by a bottle: subscribe, get, topics
 //! ```
 //!
@@ -23,12 +23,9 @@ use super::environment::Environment;
 use super::exchange::{Exchange, ExchangeError, shown};
 use super::name_fault;
 use super::reply::{self, AnswerReader, Lined};
-use crate::port::names::{NameRequest, Registration};
+use crate::port::names::{Later, NameRequest, Names, NamesError, Registration};
 use crate::wire::{Command, Step};
 use crate::{Bottle, Limits, Value};
-
-mod register;
-mod seam;
 
 /// Time for which YARP's own programs wait for a name server.
 pub const DEFAULT_TIMEOUT: Duration = Duration::from_secs(10);
@@ -73,18 +70,6 @@ pub enum NameError {
     },
 }
 
-/// Rule by which a persistent connection ends by itself.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Persistence {
-    /// Never.
-    #[default]
-    Open,
-    /// Connection that lasts with its sender.
-    From,
-    /// Connection that lasts with its receiver.
-    To,
-}
-
 /// A connection that the name server makes whenever both ports are there.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PersistentConnection {
@@ -92,8 +77,6 @@ pub struct PersistentConnection {
     pub src: String,
     /// Receiver, perhaps with a carrier.
     pub dest: String,
-    /// Rule by which the connection ends by itself.
-    pub persistence: Persistence,
 }
 
 /// Most requests at once. YARP's name server has room for five connections that wait; whoever finds none
@@ -164,7 +147,7 @@ impl NameClient {
         self
     }
 
-    /// The same with other limits on answers.
+    /// The same with other limits of what an answer may be.
     #[must_use]
     pub fn with_limits(mut self, limits: Limits) -> Self {
         Arc::make_mut(&mut self.0).limits = limits;
@@ -284,36 +267,6 @@ impl NameClient {
         self.ask(["bot", "get", name, key].map(Value::from).into_iter().collect()).await
     }
 
-    /// True when a property has this value; `None` where the name server does not know the port.
-    pub async fn check(
-        &self,
-        name: &str,
-        key: &str,
-        value: &Value,
-    ) -> Result<Option<bool>, NameError> {
-        self.checked(name)?;
-        let words = [Value::from("check"), name.into(), key.into(), value.clone()];
-        let command = Bottle::from_iter(words).to_text();
-        let answer = self.one_line(&command, "\n").await?;
-        match answer.lines.first() {
-            None => Ok(None),
-            Some(line) if line.ends_with(b" present true") => Ok(Some(true)),
-            Some(line) if line.ends_with(b" present false") => Ok(Some(false)),
-            Some(line) => Err(self.nonsense(&command, line)),
-        }
-    }
-
-    /// Carrier and name by which one port should connect to another, as in `tcp://cam`.
-    pub async fn route(&self, from: &str, to: &str) -> Result<String, NameError> {
-        self.checked(from)?;
-        self.checked(to)?;
-        let command = format!("route {from} {to}");
-        let answer = self.one_line(&command, "\n").await?;
-        let line = answer.lines.first().cloned().unwrap_or_default();
-        let way = std::str::from_utf8(&line).ok().and_then(|line| Some(line.rsplit_once(" = ")?.1));
-        way.map(str::to_owned).ok_or_else(|| self.nonsense(&command, &line))
-    }
-
     /// Says that a port is there, which makes persistent connections happen, or that it does not
     /// answer.
     pub async fn announce(&self, name: &str, alive: bool) -> Result<(), NameError> {
@@ -325,18 +278,8 @@ impl NameClient {
 
     /// Asks for a connection whenever both ports are there. The receiver may have a carrier before
     /// it: `tcp://view`.
-    pub async fn subscribe(
-        &self,
-        src: &str,
-        dest: &str,
-        persistence: Persistence,
-    ) -> Result<(), NameError> {
-        let mode = match persistence {
-            Persistence::Open => None,
-            Persistence::From => Some("from"),
-            Persistence::To => Some("to"),
-        };
-        self.ok(["subscribe", src, dest].into_iter().chain(mode)).await
+    pub async fn subscribe(&self, src: &str, dest: &str) -> Result<(), NameError> {
+        self.ok(["subscribe", src, dest]).await
     }
 
     /// Takes that back. A connection that exists stays.
@@ -359,12 +302,7 @@ impl NameClient {
         let read = |entry: &Value| {
             let entry = entry.as_list()?;
             let text = |key: &str| entry.find(key).and_then(Value::as_str).map(str::to_owned);
-            let persistence = match text("mode").as_deref() {
-                Some("from") => Persistence::From,
-                Some("to") => Persistence::To,
-                _ => Persistence::Open,
-            };
-            Some(PersistentConnection { src: text("src")?, dest: text("dest")?, persistence })
+            Some(PersistentConnection { src: text("src")?, dest: text("dest")? })
         };
         entries
             .map(|entry| {
@@ -448,6 +386,35 @@ impl NameClient {
         }
     }
 
+    /// The line that asks for it.
+    fn register_command(&self, request: &NameRequest) -> Result<String, NameError> {
+        let NameRequest { name, carrier, host, port, type_name } = request;
+        // The name server completes these.
+        self.checked(&match name.strip_prefix('=') {
+            Some(tail) => format!("/{tail}"),
+            None => name.clone(),
+        })?;
+        let mut command = format!("register {name}");
+        let some = carrier.is_some() || host.is_some() || port.is_some() || type_name.is_some();
+        if some {
+            let word = |word: &Option<String>| word.clone().unwrap_or_else(|| "...".to_owned());
+            // As YARP asks for any port, depending on whether a type follows.
+            let any = if type_name.is_some() { "-1" } else { "..." };
+            let port = port.map_or_else(|| any.to_owned(), |port| port.to_string());
+            for word in [word(carrier), word(host), port].iter().chain(type_name) {
+                if word.is_empty()
+                    || word.contains(|letter: char| letter.is_whitespace() || letter == '"')
+                {
+                    let reason = format!("cannot be registered with {word:?}");
+                    return Err(NameError::BadName { name: name.clone(), reason });
+                }
+                command.push(' ');
+                command.push_str(word);
+            }
+        }
+        Ok(command)
+    }
+
     fn checked(&self, name: &str) -> Result<(), NameError> {
         match name_fault(name, self.0.limits.max_name_bytes) {
             None => Ok(()),
@@ -470,10 +437,80 @@ impl NameClient {
     }
 }
 
+/// Ports ask their name server through this.
+impl Names for NameClient {
+    fn register<'a>(&'a self, request: &'a NameRequest) -> Later<'a, Registration> {
+        Box::pin(async { Ok(Self::register(self, request).await?) })
+    }
+
+    fn query<'a>(&'a self, name: &'a str) -> Later<'a, Option<Registration>> {
+        Box::pin(async { Ok(Self::query(self, name).await?) })
+    }
+
+    fn unregister<'a>(&'a self, name: &'a str) -> Later<'a, ()> {
+        Box::pin(async { Ok(Self::unregister(self, name).await?) })
+    }
+
+    fn announce<'a>(&'a self, name: &'a str, alive: bool) -> Later<'a, ()> {
+        Box::pin(async move { Ok(Self::announce(self, name, alive).await?) })
+    }
+
+    fn set<'a>(&'a self, name: &'a str, key: &'a str, values: &'a [String]) -> Later<'a, ()> {
+        Box::pin(async move {
+            let values: Vec<_> = values.iter().map(|value| Value::from(value.as_str())).collect();
+            Self::set(self, name, key, &values).await?;
+            Ok(())
+        })
+    }
+
+    fn get<'a>(&'a self, name: &'a str, key: &'a str) -> Later<'a, Vec<String>> {
+        Box::pin(async move {
+            let values = Self::get(self, name, key).await?;
+            let text = |value: Value| match value {
+                Value::String(text) => text.to_string_lossy().into_owned(),
+                other => Bottle::from(vec![other]).to_text(),
+            };
+            Ok(values.into_iter().map(text).collect())
+        })
+    }
+}
+
+impl From<NameError> for NamesError {
+    fn from(error: NameError) -> Self {
+        match error {
+            NameError::BadName { .. } | NameError::Refused { .. } => {
+                Self::Refused(error.to_string())
+            }
+            NameError::Nonsense { answer, .. } => Self::Nonsense(answer),
+            NameError::Exchange { .. } => Self::Unreachable(error.to_string()),
+        }
+    }
+}
+
 /// True when a string can go between blanks as it is, and is read as a string again.
 fn plain(text: &[u8]) -> bool {
     let word = |byte: &u8| byte.is_ascii_alphanumeric() || b"/_:-.+".contains(byte);
     text.iter().all(word)
         && text.first().is_some_and(|byte| byte.is_ascii_alphabetic() || *byte == b'/')
         && !matches!(text, b"true" | b"false" | b"null" | b"inf" | b"nan")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_wanted_is_left_to_the_name_server() {
+        let client = NameClient::new(NameServerConf::default());
+        let command = |request: &NameRequest| client.register_command(request).unwrap();
+        let named = |name: &str| NameRequest { name: name.to_owned(), ..NameRequest::default() };
+        assert_eq!(command(&named("/cam")), "register /cam");
+        let placed =
+            NameRequest { host: Some("127.0.0.1".into()), port: Some(10_444), ..named("/cam") };
+        assert_eq!(command(&placed), "register /cam ... 127.0.0.1 10444");
+        let typed = NameRequest { type_name: Some("yarp/image".into()), ..named("/x") };
+        assert_eq!(command(&typed), "register /x ... ... -1 yarp/image");
+        let group = NameRequest { carrier: Some("mcast".into()), ..named("...") };
+        assert_eq!(command(&group), "register ... mcast ... ...");
+    }
 }

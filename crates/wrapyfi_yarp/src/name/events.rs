@@ -58,7 +58,6 @@ pub struct NameEvents {
     stream: TcpStream,
     buffer: BytesMut,
     reader: TextReader,
-    strange: u64,
 }
 
 impl NameEvents {
@@ -76,7 +75,7 @@ impl NameEvents {
             })
             .await?;
         let reader = TextReader::new(client.limits());
-        Ok(Self { client: client.clone(), stream, buffer, reader, strange: 0 })
+        Ok(Self { client: client.clone(), stream, buffer, reader })
     }
 
     /// The next change, however long it takes; messages that are no changes are counted and left
@@ -95,20 +94,13 @@ impl NameEvents {
                     return Err(exchange.closed());
                 }
                 Step::Event(Incoming { command: Command::Data { .. }, body }) => {
-                    match self.read(&body) {
-                        Some(event) => return Ok(event),
-                        None => self.strange += 1,
+                    if let Some(event) = self.read(&body) {
+                        return Ok(event);
                     }
                 }
-                Step::Event(_) => self.strange += 1,
+                Step::Event(_) => {}
             }
         }
-    }
-
-    /// Messages that told no change.
-    #[must_use]
-    pub fn strange(&self) -> u64 {
-        self.strange
     }
 
     fn read(&self, body: &Body) -> Option<NameEvent> {

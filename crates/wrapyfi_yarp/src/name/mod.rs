@@ -4,19 +4,16 @@
 //!   environment, yarp.conf ──▶ NameClient ──query, register, …──▶ name server
 //!                                  │                                 │
 //!                     Registrar ───┘ (registers again)               └──▶ NameEvents: [add] /cam
-//!   connect(names, "/cam", "/view") ──▶ asks /cam to open a connection to /view
 //! ```
 //!
 //! * [`conf`] and [`environment`]: where the name server is, and how this machine names its ports.
 //! * [`client`]: requests, each bounded in time and size.
-//! * [`connect`]: what `yarp connect`, `yarp disconnect`, `yarp exists` and `yarp ping` do.
 //! * [`registrar`]: keeps ports registered when the name server is started again.
 //! * [`events`]: what is registered and unregistered, as it happens.
 //! * [`multicast`]: finding a name server without any configuration.
 
 pub mod client;
 pub mod conf;
-pub mod connect;
 pub mod environment;
 pub mod events;
 pub mod multicast;
@@ -32,7 +29,8 @@ pub use contact::Target;
 pub(crate) use contact::name_fault;
 pub use environment::Environment;
 pub use events::NameEvent;
+pub(crate) use exchange::Exchange;
 pub use exchange::ExchangeError;
 pub use multicast::DISCOVERY_GROUP;
-pub use registrar::{Registrar, RegistrationGuard};
+pub use registrar::Registrar;
 pub(crate) use reply::{read_answer, registration};

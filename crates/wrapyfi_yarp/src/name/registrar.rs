@@ -1,7 +1,7 @@
 //! Keeps ports registered, whatever happens to the name server.
 //!
 //! ```text
-//!            register("/cam") ──▶ RegistrationGuard ── dropped or unregister() ──▶ unregistered
+//!            register("/cam") … unregister("/cam")
 //!                 │
 //!   Registrar ────┴── one connection to the name server, open all the time
 //!                       │ it ends              ──▶ wait for the name server, register all again
@@ -30,10 +30,8 @@ use wrapyfi_retry::restart::restarted;
 use super::client::{NameClient, NameError};
 use super::exchange::{Exchange, ExchangeError};
 use super::reply;
-use crate::port::names::{NameRequest, Registration};
+use crate::port::names::{Later, NameRequest, Names, Registration};
 use crate::wire::{Carrier, Command};
-
-mod seam;
 
 /// Settings by which ports are kept registered.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -66,7 +64,7 @@ pub struct RegistrarStatus {
     pub failure: Option<String>,
 }
 
-/// Keeps ports registered. Cheap to clone; ends with its last clone and the last [`RegistrationGuard`].
+/// Keeps ports registered. Cheap to clone; ends with its last clone.
 #[derive(Debug, Clone)]
 pub struct Registrar(Arc<RegistrarTask>);
 
@@ -103,14 +101,6 @@ struct Wanted {
     taken: bool,
 }
 
-/// A port that is kept registered. Dropping it stops that and, without waiting, unregisters it.
-#[derive(Debug)]
-pub struct RegistrationGuard {
-    registrar: Registrar,
-    at: Registration,
-    done: bool,
-}
-
 impl Registrar {
     /// Starts without names; nothing is connected before the first one. Runs on the current tokio
     /// runtime.
@@ -143,66 +133,6 @@ impl Registrar {
     pub fn status(&self) -> watch::Receiver<RegistrarStatus> {
         self.0.shared.status.subscribe()
     }
-
-    /// Registers a port and keeps it registered at the address it got. Listen there, then
-    /// [`RegistrationGuard::announce`] it.
-    ///
-    /// # Errors
-    /// When the name server does not answer or refuses: nothing is kept then.
-    pub async fn register(&self, request: &NameRequest) -> Result<RegistrationGuard, NameError> {
-        let at = self.client().register(request).await?;
-        Ok(self.keep(at, request.type_name.clone()))
-    }
-
-    /// Keeps a port that is registered already.
-    #[must_use]
-    pub fn keep(&self, at: Registration, type_name: Option<String>) -> RegistrationGuard {
-        self.0.shared.insert(at.clone(), type_name);
-        RegistrationGuard { registrar: self.clone(), at, done: false }
-    }
-}
-
-impl RegistrationGuard {
-    /// Name and address under which the port is registered.
-    #[must_use]
-    pub fn registration(&self) -> &Registration {
-        &self.at
-    }
-
-    /// Sets a property, now and whenever the port is registered again.
-    ///
-    /// # Errors
-    /// When the name server does not answer or refuses.
-    pub async fn set(&self, key: &str, values: Vec<crate::Value>) -> Result<(), NameError> {
-        self.registrar.client().set(&self.at.name, key, &values).await?;
-        self.registrar.0.shared.change(&self.at.name, |wanted| {
-            wanted.properties.insert(key.to_owned(), values);
-        });
-        Ok(())
-    }
-
-    /// Says that the port listens, which makes persistent connections happen; again whenever it is
-    /// registered again.
-    ///
-    /// # Errors
-    /// When the name server does not answer.
-    pub async fn announce(&self) -> Result<(), NameError> {
-        self.registrar.0.shared.change(&self.at.name, |wanted| wanted.announced = true);
-        self.registrar.client().announce(&self.at.name, true).await
-    }
-
-    /// Stops keeping the port, and unregisters it unless somebody else has its name by now.
-    ///
-    /// # Errors
-    /// When the name server does not answer; the port is no longer kept all the same.
-    pub async fn unregister(mut self) -> Result<(), NameError> {
-        self.done = true;
-        let shared = &self.registrar.0.shared;
-        match shared.forget(&self.at.name) {
-            Some(wanted) => release(&shared.client, &wanted).await,
-            None => Ok(()),
-        }
-    }
 }
 
 /// Unregisters a port, unless somebody else has its name by now.
@@ -217,22 +147,49 @@ async fn release(client: &NameClient, wanted: &Wanted) -> Result<(), NameError> 
     }
 }
 
-impl Drop for RegistrationGuard {
-    fn drop(&mut self) {
-        if self.done {
-            return;
+/// For ports: whatever registers through this stays registered until it unregisters.
+impl Names for Registrar {
+    fn register<'a>(&'a self, request: &'a NameRequest) -> Later<'a, Registration> {
+        Box::pin(async {
+            let at = self.client().register(request).await?;
+            // Groups belong to a port that opens them again; their numbers mean nothing later.
+            if at.carrier != "mcast" {
+                self.0.shared.insert(at.clone(), request.type_name.clone());
+            }
+            Ok(at)
+        })
+    }
+
+    fn query<'a>(&'a self, name: &'a str) -> Later<'a, Option<Registration>> {
+        Names::query(self.client(), name)
+    }
+
+    fn unregister<'a>(&'a self, name: &'a str) -> Later<'a, ()> {
+        Box::pin(async move {
+            match self.0.shared.forget(name) {
+                Some(wanted) => Ok(release(self.client(), &wanted).await?),
+                None => Ok(self.client().unregister(name).await?),
+            }
+        })
+    }
+
+    fn announce<'a>(&'a self, name: &'a str, alive: bool) -> Later<'a, ()> {
+        if alive {
+            self.0.shared.change(name, |wanted| wanted.announced = true);
         }
-        let shared = &self.registrar.0.shared;
-        let Some(wanted) = shared.forget(&self.at.name) else { return };
-        let client = shared.client.clone();
-        // Without a runtime the process is ending: yarp clean will find out.
-        if let Ok(runtime) = tokio::runtime::Handle::try_current() {
-            runtime.spawn(async move {
-                if let Err(error) = release(&client, &wanted).await {
-                    tracing::warn!(target: "wrapyfi_yarp::name", %error, "port stays registered");
-                }
-            });
-        }
+        Names::announce(self.client(), name, alive)
+    }
+
+    fn set<'a>(&'a self, name: &'a str, key: &'a str, values: &'a [String]) -> Later<'a, ()> {
+        self.0.shared.change(name, |wanted| {
+            let values = values.iter().map(|value| value.as_str().into()).collect();
+            wanted.properties.insert(key.to_owned(), values);
+        });
+        Names::set(self.client(), name, key, values)
+    }
+
+    fn get<'a>(&'a self, name: &'a str, key: &'a str) -> Later<'a, Vec<String>> {
+        Names::get(self.client(), name, key)
     }
 }
 

@@ -9,10 +9,9 @@ use tokio::sync::{Notify, oneshot};
 use super::core::{Core, Input, Sink};
 use super::datagrams;
 use super::inbox::Delivery;
-use super::message::{Payload, Received};
+use super::message::{PortPayload, Received};
 use super::session::{Answer, Data, Event, Session, SessionError};
 use super::target::Way;
-use crate::Bottle;
 use crate::wire::http::{self, Request};
 use crate::wire::{Body, Carrier, Command, Fault, Opening, mjpeg};
 
@@ -65,18 +64,19 @@ impl Entered {
         let core = &self.core;
         let Data { body, envelope, reply } = data;
         let is_text = matches!(body, Body::Text(_));
-        let payload = match Payload::received(body, core.network.dialect(), core.network.limits()) {
-            Ok(payload) => payload,
-            Err(fault) => {
-                core.counters.count(&fault);
-                return Answer::Nothing;
-            }
-        };
+        let payload =
+            match PortPayload::received(body, core.network.dialect(), core.network.limits()) {
+                Ok(payload) => payload,
+                Err(fault) => {
+                    core.counters.count(&fault);
+                    return Answer::Nothing;
+                }
+            };
         self.hand(self.received(payload, envelope, is_text), reply).await
     }
 
     /// Hands over what came without a session, and waits for room.
-    pub(super) async fn put(&self, payload: Payload, envelope: Option<bytes::Bytes>) {
+    pub(super) async fn put(&self, payload: PortPayload, envelope: Option<bytes::Bytes>) {
         self.messages.fetch_add(1, Ordering::Relaxed);
         self.hand(self.received(payload, envelope, false), false).await;
     }
@@ -85,50 +85,31 @@ impl Entered {
         let core = &self.core;
         match &core.sink {
             Sink::Handler(handler) => handler(received, reply).await,
-            Sink::Nobody => {
-                core.leave_unread();
-                Answer::Nothing
-            }
+            Sink::Nobody => Answer::Nothing,
             Sink::Inbox(inbox) => {
-                let (mut answered, mut taken) = (None, None);
-                let reply = (reply && core.role.replies).then(|| {
-                    let (sender, receiver) = oneshot::channel();
-                    answered = Some(receiver);
-                    sender
-                });
-                let told = core.role.when_taken.then(|| {
-                    let (sender, receiver) = oneshot::channel();
-                    taken = Some(receiver);
-                    sender
-                });
-                if !inbox.put(Delivery { received, reply, taken: told }).await {
-                    return Answer::Nothing;
-                }
+                let (told, taken) = match core.role.when_taken {
+                    true => Some(oneshot::channel()).unzip(),
+                    false => (None, None),
+                };
+                let is_open = inbox.put(Delivery { received, taken: told }).await;
                 // Dropped with the queue when the port closes: then nobody is left to be told.
-                if let Some(taken) = taken {
+                if let Some(taken) = taken.filter(|_| is_open) {
                     taken.await.ok();
                 }
-                match answered {
-                    // Whoever asks waits: forgotten requests are answered, too.
-                    Some(answered) => {
-                        let empty = |_dropped| Answer::Bottle(Bottle::new());
-                        answered.await.unwrap_or_else(empty)
-                    }
-                    None => Answer::Nothing,
-                }
+                Answer::Nothing
             }
         }
     }
 
     /// Hands data over when there is room now; datagrams cannot be held back.
-    pub(super) async fn offer(&self, payload: Payload, envelope: Option<bytes::Bytes>) {
+    pub(super) async fn offer(&self, payload: PortPayload, envelope: Option<bytes::Bytes>) {
         self.messages.fetch_add(1, Ordering::Relaxed);
         let received = self.received(payload, envelope, false);
         match &self.core.sink {
             Sink::Handler(handler) => drop(handler(received, false).await),
-            Sink::Nobody => self.core.leave_unread(),
+            Sink::Nobody => {}
             Sink::Inbox(inbox) => {
-                if !inbox.try_put(Delivery { received, reply: None, taken: None }) {
+                if !inbox.try_put(Delivery { received, taken: None }) {
                     self.core.counters.add("inbox_full");
                 }
             }
@@ -137,7 +118,7 @@ impl Entered {
 
     fn received(
         &self,
-        payload: Payload,
+        payload: PortPayload,
         envelope: Option<bytes::Bytes>,
         is_text: bool,
     ) -> Received {

@@ -10,7 +10,7 @@
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::pin::Pin;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::AtomicU64;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
@@ -40,7 +40,7 @@ pub(super) enum Sink {
     Inbox(Arc<Inbox>),
     /// Function, called on the connection's own task.
     Handler(Box<dyn Fn(Received, bool) -> Answering + Send + Sync>),
-    /// No destination: messages are counted, and acknowledged all the same.
+    /// No destination: messages are acknowledged all the same.
     Nobody,
 }
 
@@ -51,8 +51,6 @@ pub(super) struct Role {
     pub(super) outputs: bool,
     /// True when there may be one output only, for requests.
     pub(super) client: bool,
-    /// True when the owner answers.
-    pub(super) replies: bool,
     /// Strict readers acknowledge when a message was taken.
     pub(super) when_taken: bool,
     /// Room of each output's queue.
@@ -66,7 +64,6 @@ impl Default for Role {
         Self {
             outputs: false,
             client: false,
-            replies: false,
             when_taken: false,
             queue: 1,
             overflow: Overflow::default(),
@@ -124,8 +121,6 @@ pub(super) struct Core {
     pub(super) connected: watch::Sender<Connected>,
     /// One output is added at a time.
     pub(super) adding: tokio::sync::Mutex<()>,
-    /// Messages that nobody read.
-    pub(super) unread: AtomicU64,
     pub(super) closing: watch::Sender<bool>,
     closed: watch::Sender<bool>,
 }
@@ -195,7 +190,6 @@ impl Core {
             connections: Mutex::default(),
             connected: watch::Sender::new(Connected::default()),
             adding: tokio::sync::Mutex::new(()),
-            unread: AtomicU64::new(0),
             closing: watch::Sender::new(false),
             closed: watch::Sender::new(false),
         });
@@ -325,10 +319,5 @@ impl Core {
     /// A connection whose peer reads from now on.
     pub(super) fn reversed(&self, stream: TcpStream) -> Link {
         Link::reversed(stream, self.network.link_options())
-    }
-
-    /// Counts a message that nobody read.
-    pub(super) fn leave_unread(&self) {
-        self.unread.fetch_add(1, Ordering::Relaxed);
     }
 }

@@ -17,7 +17,7 @@ use tokio::net::UdpSocket;
 use super::connection::Entered;
 use super::core::Core;
 use super::link::LinkError;
-use super::message::Payload;
+use super::message::PortPayload;
 use super::names::NameRequest;
 use super::outbox::Outbox;
 use super::outputs::Kind;
@@ -223,7 +223,7 @@ async fn read(core: &Core, entered: &Entered, socket: &UdpSocket) -> io::Error {
             Ok(Some(message)) => {
                 if let Command::Data { envelope: fresh, .. } = message.command {
                     envelope = fresh.or(envelope);
-                    match Payload::received(
+                    match PortPayload::received(
                         message.body,
                         core.network.dialect(),
                         core.network.limits(),

@@ -12,7 +12,6 @@ use std::sync::{Mutex, PoisonError};
 use tokio::sync::{Notify, Semaphore, oneshot};
 
 use super::message::Received;
-use super::session::Answer;
 
 /// Rule by which an input port keeps messages until they are read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -44,8 +43,6 @@ pub enum Acknowledge {
 #[derive(Debug)]
 pub(super) struct Delivery {
     pub(super) received: Received,
-    /// Present when the sender welcomes an answer.
-    pub(super) reply: Option<oneshot::Sender<Answer>>,
     /// Signal that the message has left the queue.
     pub(super) taken: Option<oneshot::Sender<()>>,
 }

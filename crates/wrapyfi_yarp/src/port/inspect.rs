@@ -6,13 +6,11 @@
 //!   ─▶ [list] [in]
 //! ```
 
-use bytes::Bytes;
 use tokio::time::timeout;
 
-use super::link::{Link, LinkError};
+use super::link::LinkError;
 use super::network::Network;
-use super::tools::{ADMIN, AdminError};
-use crate::wire::{Carrier, Command, Sender};
+use super::tools::AdminError;
 use crate::{Bottle, Value};
 
 /// Directions of a port, as its program has set them up. Most programs of YARP leave both open.
@@ -40,8 +38,9 @@ pub struct Inspection {
 }
 
 impl Network {
-    /// Asks a port what it is and how it is connected. `contact` is its address (`127.0.0.1:10002`);
-    /// the name server is asked for it where there is none.
+    /// Asks a port how it is connected and, where `whole`, what it is: a port of YARP starts
+    /// `lsb_release` before it says that. `contact` is its address (`127.0.0.1:10002`); the name
+    /// server is asked for it where there is none.
     ///
     /// # Errors
     /// As [`AdminError`].
@@ -49,39 +48,11 @@ impl Network {
         &self,
         name: &str,
         contact: Option<&str>,
-    ) -> Result<Inspection, AdminError> {
-        self.inspected(name, contact, true).await
-    }
-
-    /// As [`Network::inspect`], of its connections alone: a port of YARP starts `lsb_release` before it says what
-    /// it is.
-    ///
-    /// # Errors
-    /// As [`AdminError`].
-    pub async fn inspect_connections(
-        &self,
-        name: &str,
-        contact: Option<&str>,
-    ) -> Result<Inspection, AdminError> {
-        self.inspected(name, contact, false).await
-    }
-
-    async fn inspected(
-        &self,
-        name: &str,
-        contact: Option<&str>,
         whole: bool,
     ) -> Result<Inspection, AdminError> {
-        let looked_up;
-        let contact = match contact {
-            Some(contact) => contact,
-            None => {
-                looked_up = self.registered(name).await?.contact();
-                &looked_up
-            }
-        };
+        let contact = self.contact(name, contact).await?;
         let limit = self.0.timeouts.admin;
-        let asked = timeout(limit, self.interview(name, contact, whole)).await;
+        let asked = timeout(limit, self.interview(name, &contact, whole)).await;
         let asked = asked.unwrap_or(Err(LinkError::Timeout(limit)));
         asked.map_err(|error| AdminError::Port { name: name.to_owned(), error })
     }
@@ -92,30 +63,14 @@ impl Network {
         contact: &str,
         whole: bool,
     ) -> Result<Inspection, LinkError> {
-        let options = self.link_options();
-        let sender = Sender::new(ADMIN);
-        let (mut link, _) = Link::open(contact, Carrier::TextAck, &sender, &[], &options).await?;
-        let mut ask = async |request: Bottle| {
-            let unsendable = |error: crate::bottle::EncodeError| LinkError::Unsendable {
-                carrier: Carrier::TextAck,
-                reason: error.to_string(),
-            };
-            let payload: Bytes = request.encode(self.dialect()).map_err(unsendable)?.into();
-            let answer = link.request(&Command::Admin, &payload).await?.unwrap_or_default();
-            if answer.is_empty() {
-                return Ok(Bottle::new());
-            }
-            Bottle::decode(&answer, self.dialect(), self.limits())
-                .map(|(bottle, _)| bottle)
-                .map_err(LinkError::from)
-        };
+        let mut link = self.open_admin(contact).await?;
+        let mut ask = async |request: Bottle| self.ask_over(&mut link, &request).await;
         let words = |words: [&str; 2]| words.map(Value::vocab);
         let mut itself: Bottle = words(["prop", "get"]).into_iter().collect();
         itself.push(name);
         let itself = if whole { ask(itself).await? } else { Bottle::new() };
         let outputs = ask(words(["list", "out"]).into_iter().collect()).await?;
         let inputs = ask(words(["list", "in"]).into_iter().collect()).await?;
-        // The answers stand even where the port did not hear the goodbye.
         link.quit().await.ok();
         let names = |list: Bottle| {
             let names = list.into_iter().filter_map(|value| value.as_str().map(str::to_owned));
@@ -144,7 +99,7 @@ fn read(itself: &Bottle) -> (Option<Modes>, Option<String>) {
 mod tests {
     use super::*;
     use crate::Limits;
-    use crate::port::{InputOptions, OutputOptions, PortOptions};
+    use crate::port::{Answer, InputOptions, OutputOptions, PortOptions};
 
     #[test]
     fn what_yarps_ports_say_is_read() {
@@ -167,7 +122,7 @@ mod tests {
         writer.connect("tcp://reader").await.unwrap();
         let client = network.open_rpc_client("/ask", &PortOptions::default()).await.unwrap();
         let options = PortOptions { rpc: true, ..PortOptions::default() };
-        let server = network.open_rpc_server("/rpc", &options).await.unwrap();
+        let server = network.serve("/rpc", &options, async |_, _| Answer::Nothing).await.unwrap();
         for (name, modes, type_name, inputs, outputs) in [
             ("/reader", (true, false, false), None, vec!["/writer".to_owned()], vec![]),
             ("/writer", (false, true, false), Some("yarp/image"), vec![], vec!["/reader".into()]),
@@ -183,12 +138,12 @@ mod tests {
             };
             let contact = network.query(name).await.unwrap().unwrap().contact();
             for contact in [None, Some(contact.as_str())] {
-                assert_eq!(network.inspect(name, contact).await.unwrap(), wanted, "{name}");
+                assert_eq!(network.inspect(name, contact, true).await.unwrap(), wanted, "{name}");
             }
         }
         let wanted = Inspection { outputs: vec!["/reader".to_owned()], ..Inspection::default() };
-        assert_eq!(network.inspect_connections("/writer", None).await.unwrap(), wanted);
+        assert_eq!(network.inspect("/writer", None, false).await.unwrap(), wanted);
         drop((reader, writer, client, server));
-        assert!(network.inspect("/nobody", None).await.is_err());
+        assert!(network.inspect("/nobody", None, true).await.is_err());
     }
 }

@@ -9,7 +9,7 @@ use crate::sig::Stamp;
 use crate::wire::{Body, BodyError, Fault};
 use crate::{Bottle, Dialect, Limits};
 
-/// Format of the bytes of a [`Payload`].
+/// Format of the bytes of a [`PortPayload`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum PayloadKind {
     /// A serialised object as binary carriers bring it: a bottle, or an image, a sound, a vector,
@@ -22,14 +22,14 @@ pub enum PayloadKind {
 
 /// Bytes of a message: shared, never copied on their way through a port.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Payload {
+pub struct PortPayload {
     /// The bytes.
     pub bytes: Bytes,
     /// Format of the bytes.
     pub kind: PayloadKind,
 }
 
-impl Payload {
+impl PortPayload {
     /// A serialised object.
     pub fn object(bytes: impl Into<Bytes>) -> Self {
         Self { bytes: bytes.into(), kind: PayloadKind::Bottle }
@@ -92,8 +92,8 @@ pub trait Fate: std::fmt::Debug + Send + Sync {
 /// A message to write.
 #[derive(Debug, Clone, Default)]
 pub struct Message {
-    /// Payload to send.
-    pub payload: Payload,
+    /// PortPayload to send.
+    pub payload: PortPayload,
     /// The text that goes with it: a [`Stamp`] usually. Cut at the first byte below 32 by readers.
     pub envelope: Option<Bytes>,
     /// Receiver of the losses: it is told of targets that do not get the message.
@@ -103,7 +103,7 @@ pub struct Message {
 impl Message {
     /// A message without envelope.
     #[must_use]
-    pub fn new(payload: Payload) -> Self {
+    pub fn new(payload: PortPayload) -> Self {
         Self { payload, ..Self::default() }
     }
 
@@ -122,8 +122,8 @@ impl Message {
 /// A message that came.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Received {
-    /// Payload that was sent.
-    pub payload: Payload,
+    /// PortPayload that was sent.
+    pub payload: PortPayload,
     /// The last envelope of its connection.
     pub envelope: Option<Bytes>,
     /// The name of the sender, as it said.

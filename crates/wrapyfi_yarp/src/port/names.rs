@@ -85,9 +85,6 @@ pub trait Names: Send + Sync + 'static {
 
     /// The values of a property; none when there is none.
     fn get<'a>(&'a self, name: &'a str, key: &'a str) -> Later<'a, Vec<String>>;
-
-    /// The ports whose names begin with the components of `prefix`; all for an empty one.
-    fn list<'a>(&'a self, prefix: &'a str) -> Later<'a, Vec<Registration>>;
 }
 
 #[derive(Debug, Default)]
@@ -185,15 +182,5 @@ impl Names for NameTable {
         let key = (name.to_owned(), key.to_owned());
         let values = self.table().properties.get(&key).cloned().unwrap_or_default();
         Box::pin(async { Ok(values) })
-    }
-
-    fn list<'a>(&'a self, prefix: &'a str) -> Later<'a, Vec<Registration>> {
-        let table = self.table();
-        let under = |name: &str| {
-            let rest = name.strip_prefix(prefix.trim_end_matches('/'));
-            rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('/') || prefix.is_empty())
-        };
-        let found = table.ports.values().filter(|port| under(&port.name)).cloned().collect();
-        Box::pin(async { Ok(found) })
     }
 }

@@ -78,7 +78,7 @@ impl Network {
     /// A network with a [`NameTable`] of its own, YARP 3 and the default limits, until told
     /// otherwise.
     pub fn builder() -> NetworkBuilder {
-        NetworkBuilder {
+        NetworkBuilder(Shared {
             names: Arc::new(NameTable::new()),
             dialect: Dialect::default(),
             limits: Limits::default(),
@@ -88,7 +88,7 @@ impl Network {
             max_datagram: MAX_DATAGRAM,
             environment: Environment::default(),
             rooms: || Box::new(Boundless),
-        }
+        })
     }
 
     /// Name server of the network.
@@ -131,17 +131,7 @@ impl Network {
 
 /// Settings of a [`Network`].
 #[must_use]
-pub struct NetworkBuilder {
-    names: Arc<dyn Names>,
-    dialect: Dialect,
-    limits: Limits,
-    timeouts: Timeouts,
-    listen: IpAddr,
-    host: Option<String>,
-    max_datagram: usize,
-    environment: Environment,
-    rooms: Rooms,
-}
+pub struct NetworkBuilder(Shared);
 
 impl std::fmt::Debug for NetworkBuilder {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -157,74 +147,53 @@ impl NetworkBuilder {
 
     /// Looks names up there, too.
     pub fn shared_names(self, names: Arc<dyn Names>) -> Self {
-        Self { names, ..self }
+        Self(Shared { names, ..self.0 })
     }
 
     /// Encodes and decodes bottles so. [`Network::probe_dialect`] finds out what a port speaks.
     pub fn dialect(self, dialect: Dialect) -> Self {
-        Self { dialect, ..self }
+        Self(Shared { dialect, ..self.0 })
     }
 
     /// Refuses what exceeds these.
     pub fn limits(self, limits: Limits) -> Self {
-        Self { limits, ..self }
+        Self(Shared { limits, ..self.0 })
     }
 
     /// Waits so long.
     pub fn timeouts(self, timeouts: Timeouts) -> Self {
-        Self { timeouts, ..self }
+        Self(Shared { timeouts, ..self.0 })
     }
 
     /// Listens on this address only, instead of on all.
     pub fn listen(self, listen: IpAddr) -> Self {
-        Self { listen, ..self }
+        Self(Shared { listen, ..self.0 })
     }
 
     /// Registers ports under this host, instead of under the one that the name server sees.
     pub fn host(self, host: impl Into<String>) -> Self {
-        Self { host: Some(host.into()), ..self }
+        Self(Shared { host: Some(host.into()), ..self.0 })
     }
 
     /// Largest datagram of udp and mcast, in bytes with their prefix of 8; at most 65499.
     pub fn max_datagram(self, bytes: usize) -> Self {
-        Self { max_datagram: bytes, ..self }
+        Self(Shared { max_datagram: bytes, ..self.0 })
     }
 
     /// Opens ports under the names, at the numbers and addresses that these variables give them:
     /// [`Environment::port_naming`], [`Environment::own_ip`].
     pub fn environment(self, environment: Environment) -> Self {
-        Self { environment, ..self }
+        Self(Shared { environment, ..self.0 })
     }
 
     /// Counts what waits for a peer, or has begun to come from one, in the rooms that this makes.
     pub fn rooms(self, rooms: Rooms) -> Self {
-        Self { rooms, ..self }
+        Self(Shared { rooms, ..self.0 })
     }
 
     /// The network.
     #[must_use]
     pub fn build(self) -> Network {
-        let Self {
-            names,
-            dialect,
-            limits,
-            timeouts,
-            listen,
-            host,
-            max_datagram,
-            environment,
-            rooms,
-        } = self;
-        Network(Arc::new(Shared {
-            names,
-            dialect,
-            limits,
-            timeouts,
-            listen,
-            host,
-            max_datagram,
-            environment,
-            rooms,
-        }))
+        Network(Arc::new(self.0))
     }
 }

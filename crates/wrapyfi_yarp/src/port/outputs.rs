@@ -130,17 +130,14 @@ impl Core {
         if self.role.client {
             let link = RpcLink::new(contact.clone(), carrier, sender.clone(), options);
             link.connect().await?;
-            let kind = Kind::Rpc(Arc::new(link));
-            let name = name.to_owned();
-            self.enter_output(|id| Output {
-                id,
+            self.enter_output(
                 name,
                 carrier,
                 carrier_text,
                 contact,
-                kind,
-                socket: None,
-            });
+                Kind::Rpc(Arc::new(link)),
+                None,
+            );
             return Ok(());
         }
         if carrier == Carrier::Mcast {
@@ -150,17 +147,7 @@ impl Core {
                 self.leave_group(group).await;
                 return Err(error);
             }
-            let kind = Kind::Group(group);
-            let name = name.to_owned();
-            self.enter_output(|id| Output {
-                id,
-                name,
-                carrier,
-                carrier_text,
-                contact,
-                kind,
-                socket: None,
-            });
+            self.enter_output(name, carrier, carrier_text, contact, Kind::Group(group), None);
             return Ok(());
         }
         let (mut link, number) = Link::open(&contact, carrier, sender, &[], &options).await?;
@@ -198,16 +185,8 @@ impl Core {
         socket: Option<Arc<std::os::fd::OwnedFd>>,
     ) {
         let outbox = Arc::new(Outbox::of(self));
-        let (name, kind) = (name.to_owned(), Kind::Queue(Arc::clone(&outbox)));
-        let id = self.enter_output(|id| Output {
-            id,
-            name,
-            carrier,
-            carrier_text,
-            contact,
-            kind,
-            socket,
-        });
+        let kind = Kind::Queue(Arc::clone(&outbox));
+        let id = self.enter_output(name, carrier, carrier_text, contact, kind, socket);
         let core = Arc::clone(self);
         tokio::spawn(async move {
             // Also when the task is dropped with its runtime.
@@ -225,10 +204,20 @@ impl Core {
         });
     }
 
-    fn enter_output(&self, output: impl FnOnce(u64) -> Output) -> u64 {
+    /// Puts an output on the list; its number there.
+    fn enter_output(
+        &self,
+        name: &str,
+        carrier: Carrier,
+        carrier_text: String,
+        contact: String,
+        kind: Kind,
+        socket: Option<Arc<std::os::fd::OwnedFd>>,
+    ) -> u64 {
         let mut connections = self.connections();
-        let id = Self::new_id(&mut connections);
-        connections.outputs.push(output(id));
+        let (id, name) = (Self::new_id(&mut connections), name.to_owned());
+        let output = Output { id, name, carrier, carrier_text, contact, kind, socket };
+        connections.outputs.push(output);
         self.ring(&connections);
         id
     }

@@ -11,7 +11,7 @@ use tokio::time::timeout;
 use super::connection::Entered;
 use super::core::Core;
 use super::link::LinkError;
-use super::message::Payload;
+use super::message::PortPayload;
 use super::room::{Begun, progress};
 use crate::liveness;
 use crate::wire::mjpeg::{self, MjpegReader};
@@ -70,7 +70,7 @@ async fn read(
     loop {
         match reader.poll(&mut buffer) {
             Ok(Step::Event(picture)) => {
-                entered.put(Payload::raw(picture.jpeg), picture.envelope).await;
+                entered.put(PortPayload::raw(picture.jpeg), picture.envelope).await;
             }
             Ok(Step::Need(more)) => {
                 buffer.reserve(more.max(8 * 1024));

@@ -6,14 +6,13 @@
 
 use std::net::SocketAddr;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 
 use tokio::sync::watch;
 
 use super::Counters;
 use super::core::{Connected, Core, Owner, Role, Sink};
 use super::inbox::{Acknowledge, Inbox, Reading};
-use super::message::{Message, Payload, Received};
+use super::message::{Message, PortPayload, Received};
 use super::network::Network;
 use super::open::{OpenError, PortOptions};
 use super::outbox::Overflow;
@@ -160,12 +159,6 @@ macro_rules! every_port {
                 self.owner.core.connected.subscribe()
             }
 
-            /// Messages that came where nobody reads.
-            #[must_use]
-            pub fn unread(&self) -> u64 {
-                self.owner.core.unread.load(Ordering::Relaxed)
-            }
-
             /// Sends what waits, says goodbye and unregisters. Dropping the port does the same
             /// without waiting for it, as long as its runtime lives.
             pub async fn close(self) {
@@ -207,7 +200,7 @@ macro_rules! writers {
             /// # Errors
             /// When the network's dialect lacks a type in it.
             pub fn write_bottle(&self, bottle: &Bottle) -> Result<Written, EncodeError> {
-                let payload = Payload::bottle(bottle, self.owner.core.network.dialect())?;
+                let payload = PortPayload::bottle(bottle, self.owner.core.network.dialect())?;
                 Ok(self.write(Message::new(payload)))
             }
 

@@ -92,7 +92,7 @@ impl RpcLink {
 
 /// Error of a request.
 #[derive(Debug, thiserror::Error)]
-pub enum CallError {
+pub enum RpcError {
     /// No server is connected.
     #[error("port {0} is connected to no server: call RpcClient::connect, or use `yarp connect`")]
     NotConnected(
@@ -173,36 +173,36 @@ impl RpcClient {
     /// time, its connection is closed and the next call opens another one.
     ///
     /// # Errors
-    /// As [`CallError`].
+    /// As [`RpcError`].
     pub async fn call(
         &self,
         request: &Bottle,
         after: Duration,
-    ) -> Result<Option<Bottle>, CallError> {
+    ) -> Result<Option<Bottle>, RpcError> {
         let network = &self.owner.core.network;
         let bytes = request.encode(network.dialect())?.into();
         let Some(reply) = self.call_bytes(&bytes, after).await? else { return Ok(None) };
         let read = Bottle::decode_either(&reply, network.dialect(), network.limits());
         let server = || self.server().map_or_else(String::new, |(name, _)| name);
         read.map(|(reply, _)| Some(reply))
-            .map_err(|error| CallError::Reply { server: server(), error })
+            .map_err(|error| RpcError::Reply { server: server(), error })
     }
 
     /// As [`RpcClient::call`], with the bytes of a bottle, and those of the reply.
     ///
     /// # Errors
-    /// As [`CallError`].
+    /// As [`RpcError`].
     pub async fn call_bytes(
         &self,
         request: &Bytes,
         after: Duration,
-    ) -> Result<Option<Bytes>, CallError> {
-        let none = || CallError::NotConnected(self.owner.core.name.clone());
+    ) -> Result<Option<Bytes>, RpcError> {
+        let none = || RpcError::NotConnected(self.owner.core.name.clone());
         let (server, link) = self.server().ok_or_else(none)?;
         match timeout(after, link.call(request)).await {
             Ok(Ok(reply)) => Ok(reply),
-            Ok(Err(error)) => Err(CallError::Link { server, error }),
-            Err(_) => Err(CallError::Timeout { server, after }),
+            Ok(Err(error)) => Err(RpcError::Link { server, error }),
+            Err(_) => Err(RpcError::Timeout { server, after }),
         }
     }
 

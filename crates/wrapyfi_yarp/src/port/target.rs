@@ -112,7 +112,7 @@ fn picture(message: &Message) -> Result<Bytes, LinkError> {
     if message.payload.kind != PayloadKind::Raw || !bytes.starts_with(&[0xff, 0xd8]) {
         return Err(LinkError::Unsendable {
             carrier: Carrier::Mjpeg,
-            reason: "only JPEG files go over mjpeg: write them as Payload::raw".to_owned(),
+            reason: "only JPEG files go over mjpeg: write them as PortPayload::raw".to_owned(),
         });
     }
     Ok(match &message.envelope {

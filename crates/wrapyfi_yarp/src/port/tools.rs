@@ -2,7 +2,6 @@
 
 use std::time::Duration;
 
-use bytes::Bytes;
 use tokio::time::timeout;
 
 use super::link::{Link, LinkError, LinkOptions};
@@ -13,7 +12,7 @@ use crate::wire::{Carrier, Command, Sender};
 use crate::{Bottle, Dialect, Value};
 
 /// Name of those who administer.
-pub(super) const ADMIN: &str = "admin";
+const ADMIN: &str = "admin";
 
 /// Error of a request to a port.
 #[derive(Debug, thiserror::Error)]
@@ -76,20 +75,12 @@ impl Network {
         self.names().query(name).await
     }
 
-    /// The ports under a prefix, all for an empty one.
-    ///
-    /// # Errors
-    /// When the name server fails.
-    pub async fn list(&self, prefix: &str) -> Result<Vec<Registration>, NamesError> {
-        self.names().list(prefix).await
-    }
-
     /// True when a port of this name is registered and answers.
     pub async fn exists(&self, name: &str) -> bool {
         let Ok(Some(port)) = self.query(name).await else { return false };
         let version = std::iter::once(Value::vocab("ver")).collect();
         let contact = port.contact();
-        let asked = self.ask(&contact, Carrier::TextAck, &version);
+        let asked = self.ask(&contact, &version);
         // A dead host answers nothing at all: no reason to wait as long as for a connection.
         let answer = timeout(Duration::from_secs(2), asked).await;
         matches!(answer, Ok(Ok(answer)) if answer.get(0).is_some_and(|word| word.is_word("ver")))
@@ -100,9 +91,29 @@ impl Network {
     /// # Errors
     /// As [`AdminError`].
     pub async fn admin(&self, name: &str, request: &Bottle) -> Result<Bottle, AdminError> {
-        let port = self.registered(name).await?;
-        let asked = self.ask(&port.contact(), Carrier::TextAck, request).await;
+        self.admin_at(name, None, request).await
+    }
+
+    async fn admin_at(
+        &self,
+        name: &str,
+        contact: Option<&str>,
+        request: &Bottle,
+    ) -> Result<Bottle, AdminError> {
+        let asked = self.ask(&self.contact(name, contact).await?, request).await;
         asked.map_err(|error| AdminError::Port { name: name.to_owned(), error })
+    }
+
+    /// The address of a port: `known`, or the one that the name server tells.
+    pub(super) async fn contact(
+        &self,
+        name: &str,
+        known: Option<&str>,
+    ) -> Result<String, AdminError> {
+        match known {
+            Some(known) => Ok(known.to_owned()),
+            None => Ok(self.registered(name).await?.contact()),
+        }
     }
 
     /// Connects two ports: `carrier` as in `yarp connect`, with qualifiers; `tcp` when `None`.
@@ -161,17 +172,6 @@ impl Network {
         self.remove_output(source, None, destination).await
     }
 
-    /// The names that a port has outputs to, or inputs from.
-    ///
-    /// # Errors
-    /// As [`AdminError`].
-    pub async fn connections(&self, name: &str, outputs: bool) -> Result<Vec<String>, AdminError> {
-        let direction = if outputs { "out" } else { "in" };
-        let request = [Value::vocab("list"), Value::vocab(direction)].into_iter().collect();
-        let answer = self.admin(name, &request).await?;
-        Ok(answer.into_iter().filter_map(|value| value.as_str().map(str::to_owned)).collect())
-    }
-
     /// Finds out which dialect a port speaks, by the bytes of a number that it keeps for us.
     ///
     /// The property `wrapyfi_probe` stays at that port. A port that waits for a reply tells
@@ -186,7 +186,7 @@ impl Network {
         // As text, so that the port itself chooses the type.
         let words = [Value::vocab("prop"), Value::vocab("set"), KEY.into(), 1.5.into()];
         let set = words.into_iter().collect();
-        self.ask(&port.contact(), Carrier::TextAck, &set).await.map_err(failed)?;
+        self.ask(&port.contact(), &set).await.map_err(failed)?;
         let get: Bottle =
             [Value::vocab("prop"), Value::vocab("get"), KEY.into()].into_iter().collect();
         let asked = async {
@@ -209,7 +209,7 @@ impl Network {
         }
     }
 
-    pub(super) async fn registered(&self, name: &str) -> Result<Registration, AdminError> {
+    async fn registered(&self, name: &str) -> Result<Registration, AdminError> {
         let bare = split_destination(name).map_or_else(|| name.to_owned(), |(_, name)| name);
         self.query(&bare).await?.ok_or_else(|| AdminError::Unknown(name.to_owned()))
     }
@@ -221,13 +221,7 @@ impl Network {
         contact: Option<&str>,
         request: &Bottle,
     ) -> Result<(), AdminError> {
-        let answer = match contact {
-            None => self.admin(name, request).await?,
-            Some(contact) => {
-                let asked = self.ask(contact, Carrier::TextAck, request).await;
-                asked.map_err(|error| AdminError::Port { name: name.to_owned(), error })?
-            }
-        };
+        let answer = self.admin_at(name, contact, request).await?;
         if answer.get(0).and_then(Value::as_i64) == Some(0) {
             return Ok(());
         }
@@ -237,31 +231,36 @@ impl Network {
     }
 
     /// One administrative request over a connection of its own.
-    pub(super) async fn ask(
+    async fn ask(&self, contact: &str, request: &Bottle) -> Result<Bottle, LinkError> {
+        let asked = async {
+            let mut link = self.open_admin(contact).await?;
+            self.ask_over(&mut link, request).await
+        };
+        let limit = self.0.timeouts.admin;
+        timeout(limit, asked).await.unwrap_or(Err(LinkError::Timeout(limit)))
+    }
+
+    pub(super) async fn open_admin(&self, contact: &str) -> Result<Link, LinkError> {
+        let (sender, options) = (Sender::new(ADMIN), self.link_options());
+        let opened = Link::open(contact, Carrier::TextAck, &sender, &[], &options).await;
+        opened.map(|(link, _)| link)
+    }
+
+    /// One of several administrative requests over a connection.
+    pub(super) async fn ask_over(
         &self,
-        contact: &str,
-        carrier: Carrier,
+        link: &mut Link,
         request: &Bottle,
     ) -> Result<Bottle, LinkError> {
-        let limit = self.0.timeouts.admin;
-        let unsendable = |error: crate::bottle::EncodeError| LinkError::Unsendable {
-            carrier,
+        let payload = request.encode(self.dialect()).map_err(|error| LinkError::Unsendable {
+            carrier: link.carrier(),
             reason: error.to_string(),
-        };
-        let payload: Bytes = request.encode(self.dialect()).map_err(unsendable)?.into();
-        let asked = async {
-            let options = self.link_options();
-            let (mut link, _) =
-                Link::open(contact, carrier, &Sender::new(ADMIN), &[], &options).await?;
-            let answer = link.request(&Command::Admin, &payload).await?;
-            let answer = answer.unwrap_or_default();
-            if answer.is_empty() {
-                return Ok(Bottle::new());
-            }
-            let (bottle, _) = Bottle::decode(&answer, self.dialect(), self.limits())?;
-            Ok(bottle)
-        };
-        timeout(limit, asked).await.unwrap_or(Err(LinkError::Timeout(limit)))
+        })?;
+        let answer = link.request(&Command::Admin, &payload.into()).await?.unwrap_or_default();
+        if answer.is_empty() {
+            return Ok(Bottle::new());
+        }
+        Ok(Bottle::decode(&answer, self.dialect(), self.limits())?.0)
     }
 
     /// Sends `~/name` and goodbye over a text connection: how senders of datagrams end.

@@ -15,11 +15,9 @@ use tokio::net::TcpStream;
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 
-use super::names::ServerNames;
 use super::shared::Shared;
 use crate::name::{NameEvent, Target};
 use crate::port::Counters;
-use crate::port::names::Names;
 use crate::wire::{Carrier, Command, Fault, Sender, Step, admin, header, message};
 use crate::{Dialect, Limits};
 
@@ -135,8 +133,8 @@ pub(super) async fn connect(destination: &str, shared: &Arc<Shared>) -> Result<S
     if !target.name.starts_with('/') {
         return Err(unknown());
     }
-    let names = ServerNames(Arc::clone(shared));
-    let found = names.query(&target.name).await.ok().flatten().ok_or_else(unknown)?;
+    let found = shared.state().registry.find(&target.name, &target.network);
+    let found = found.ok_or_else(unknown)?;
     let mut sender = Sender::new(&*shared.own.name);
     let carrier = match sender.qualify(&target.carrier) {
         "" => Carrier::Tcp,

@@ -54,14 +54,12 @@ mod events;
 mod front;
 mod http;
 mod links;
-mod names;
 mod options;
 mod registry;
 mod reply;
 mod shared;
 mod subscriptions;
 
-pub use names::ServerNames;
 pub use options::{NameServerLimits, NameServerOptions};
 
 #[doc(hidden)]
@@ -219,12 +217,6 @@ impl NameServer {
         let own = &self.shared.own;
         NameClient::new(NameServerConf { host: own.host.clone(), port: own.port })
             .with_namespace(&*own.name)
-    }
-
-    /// Names of the server, for ports of this process: no connection is made.
-    #[must_use]
-    pub fn names(&self) -> ServerNames {
-        ServerNames(Arc::clone(&self.shared))
     }
 
     /// Numbers of the server's names, connections and commands.

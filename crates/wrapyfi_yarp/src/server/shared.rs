@@ -103,6 +103,11 @@ impl Shared {
         outcome
     }
 
+    /// Notes that a port does not answer.
+    pub(super) fn doubt(&self, name: &str) {
+        self.state().subscriptions.doubt(name, self.started.elapsed());
+    }
+
     pub(super) fn status(&self) -> NameServerStatus {
         NameServerStatus {
             names: self.state().registry.len(),

@@ -11,7 +11,7 @@ use bytes::Bytes;
 
 use super::image_header::{IMAGE_HEADER_BYTES, ImageError, ImageHeader};
 use super::pixel::PixelCode;
-use crate::{Bottle, Dialect, Limits};
+use crate::Limits;
 
 /// Layout of the rows of an image behind its header.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -165,14 +165,6 @@ impl Image {
         (0..rows).filter_map(|y| self.row(y))
     }
 
-    /// The pixel at column `x` of row `y`.
-    #[must_use]
-    pub fn pixel_at(&self, x: usize, y: usize) -> Option<&[u8]> {
-        let size = self.header.pixel_bytes;
-        let start = x.checked_mul(size)?;
-        self.row(y)?.get(start..start.checked_add(size)?)
-    }
-
     /// The pixels without padding: shared where rows have none, copied otherwise.
     #[must_use]
     pub fn packed(&self) -> Bytes {
@@ -200,29 +192,6 @@ impl Image {
             data.resize(data.len() + header.stride - header.row_bytes(), 0);
         }
         Ok(Self { header, data: data.into() })
-    }
-
-    /// The image that a bottle is: images come so over text carriers.
-    ///
-    /// # Errors
-    /// When the bottle is something else.
-    pub fn from_bottle(bottle: &Bottle, limits: &Limits) -> Result<Self, ImageError> {
-        let bytes = bottle.encode(Dialect::V3);
-        let bytes = bytes.map_err(|error| ImageError::Bottle { reason: error.to_string() })?;
-        Self::decode(&bytes.into(), limits)
-    }
-
-    /// The image as a bottle: the same bytes, with names.
-    ///
-    /// # Errors
-    /// When a size exceeds 31 bits.
-    pub fn to_bottle(&self) -> Result<Bottle, ImageError> {
-        let bytes = self.encode()?.into();
-        let limits = Limits { max_message_bytes: usize::MAX, ..Limits::default() };
-        match Bottle::decode(&bytes, Dialect::V3, &limits) {
-            Ok((bottle, _)) => Ok(bottle),
-            Err(error) => Err(ImageError::Bottle { reason: error.to_string() }),
-        }
     }
 }
 

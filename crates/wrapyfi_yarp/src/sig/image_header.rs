@@ -126,12 +126,6 @@ pub enum ImageError {
         /// The code.
         pixel: PixelCode,
     },
-    /// A bottle that is no image.
-    #[error("the bottle is no image: {reason}")]
-    Bottle {
-        /// Fault of the bottle.
-        reason: String,
-    },
 }
 
 impl ImageHeader {

@@ -131,20 +131,6 @@ impl Sound {
         Ok(Self::planar(per_channel, channels, frequency_hz, data.into()))
     }
 
-    /// A sound of samples as YARP has them: all of one channel, then all of the next.
-    ///
-    /// # Errors
-    /// When `samples` are not equally many for so many channels.
-    pub fn from_planar(
-        samples: &[i16],
-        channels: usize,
-        frequency_hz: i32,
-    ) -> Result<Self, SoundError> {
-        let per_channel = per_channel(samples.len(), channels)?;
-        let data: Vec<u8> = samples.iter().flat_map(|sample| sample.to_le_bytes()).collect();
-        Ok(Self::planar(per_channel, channels, frequency_hz, data.into()))
-    }
-
     fn planar(samples: usize, channels: usize, frequency_hz: i32, data: Bytes) -> Self {
         Self { samples, channels, frequency_hz, data, markers: Bytes::new() }
     }
@@ -249,36 +235,10 @@ impl Sound {
         &self.data
     }
 
-    /// YARP 4's list of markers as it came, with its code and count; empty in V3. It is passed on
-    /// as it is.
-    #[must_use]
-    pub const fn markers(&self) -> &Bytes {
-        &self.markers
-    }
-
-    /// The samples of one channel, counted from 0; none of a channel that is not there.
-    pub fn channel(&self, channel: usize) -> impl Iterator<Item = i16> {
-        let samples = self.all();
-        let from = channel.checked_mul(self.samples).filter(|_| channel < self.channels);
-        let of_channel = from
-            .and_then(|from| samples.get(from..from.checked_add(self.samples)?))
-            .unwrap_or_default();
-        of_channel.iter().map(|sample| i16::from_le_bytes(*sample))
-    }
-
-    /// All samples, one channel after the other.
-    #[must_use]
-    pub fn to_planar(&self) -> Vec<i16> {
-        self.all().iter().map(|sample| i16::from_le_bytes(*sample)).collect()
-    }
-
     /// All samples, the channels of one moment together.
     #[must_use]
     pub fn to_interleaved(&self) -> Vec<i16> {
         let samples = self.all();
-        if self.channels <= 1 {
-            return self.to_planar();
-        }
         let mut interleaved = Vec::with_capacity(samples.len());
         for moment in 0..self.samples {
             let of_moment = samples.iter().skip(moment).step_by(self.samples);

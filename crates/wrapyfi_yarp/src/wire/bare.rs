@@ -22,7 +22,7 @@ pub const ACK: [u8; 4] = *b"ACK\0";
 enum State {
     Command,
     Text { scanned: usize },
-    Payload { command: Command, scan: Box<BottleScan> },
+    PortPayload { command: Command, scan: Box<BottleScan> },
 }
 
 /// Reads messages off a stream.
@@ -74,7 +74,7 @@ impl BareReader {
                     buffer.advance(1);
                     Command::from_text(&line)
                 }
-                State::Payload { command, scan } => {
+                State::PortPayload { command, scan } => {
                     let found = match scan.advance(buffer) {
                         Ok(found) => found,
                         // A code that one dialect lacks shows that the sender speaks the other.
@@ -104,7 +104,7 @@ impl BareReader {
                 return Ok(Step::Event(Incoming { command, body }));
             }
             let scan = Box::new(BottleScan::new(self.dialect, &self.limits));
-            self.state = State::Payload { command, scan };
+            self.state = State::PortPayload { command, scan };
         }
     }
 
@@ -114,7 +114,7 @@ impl BareReader {
         match &self.state {
             State::Command if rest == 0 => None,
             State::Command => Some(Fault::Truncated(COMMAND.saturating_sub(rest))),
-            State::Text { .. } | State::Payload { .. } => Some(Fault::Truncated(1)),
+            State::Text { .. } | State::PortPayload { .. } => Some(Fault::Truncated(1)),
         }
     }
 }

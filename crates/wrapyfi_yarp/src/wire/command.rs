@@ -182,7 +182,7 @@ impl Body {
 pub struct Incoming {
     /// Command of the message.
     pub command: Command,
-    /// Payload; empty for commands without one.
+    /// PortPayload; empty for commands without one.
     pub body: Body,
 }
 

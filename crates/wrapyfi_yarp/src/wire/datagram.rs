@@ -5,7 +5,7 @@
 //!                                                     all of one message in a row ─▶ index …
 //! ```
 
-use bytes::{Bytes, BytesMut};
+use bytes::BytesMut;
 
 use super::command::Incoming;
 use super::message::{Found, MessageReader};
@@ -16,8 +16,6 @@ use crate::Limits;
 pub const PREFIX: usize = 8;
 /// Largest datagram that YARP sends, prefix included.
 pub const MAX_DATAGRAM: usize = 65_499;
-/// Counter of a datagram that only wakes its receiver.
-pub const WAKE: i32 = -1;
 
 /// A datagram with its prefix.
 #[must_use]
@@ -155,12 +153,6 @@ impl Assembler {
     }
 }
 
-/// The datagram that wakes a receiver.
-#[must_use]
-pub fn wake() -> Bytes {
-    seal(WAKE, &[0; 10]).into()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -214,7 +206,7 @@ mod tests {
         datagram[9] ^= 1;
         assert_eq!(open(&datagram), Err(Fault::BadDatagram(13)));
         assert_eq!(open(&[1, 2, 3]), Err(Fault::BadDatagram(3)));
-        let wake = wake();
+        let wake = seal(-1, &[0; 10]);
         assert_eq!(wake[..8], [0x76, 0x68, 0x8a, 0xe3, 0xff, 0xff, 0xff, 0xff]);
         assert_eq!(Assembler::new(&Limits::default()).push(&wake), Ok(None));
     }

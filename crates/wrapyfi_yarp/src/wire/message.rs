@@ -45,7 +45,7 @@ enum State {
         left: usize,
         scanned: usize,
     },
-    Payload {
+    PortPayload {
         command: Command,
         left: usize,
     },
@@ -68,12 +68,6 @@ impl MessageReader {
     #[must_use]
     pub fn new(limits: &Limits) -> Self {
         Self { state: State::Index, max_message_bytes: limits.max_message_bytes, stray: 0 }
-    }
-
-    /// True between two messages, where a connection may end.
-    #[must_use]
-    pub fn is_between(&self) -> bool {
-        matches!(self.state, State::Index)
     }
 
     /// Reads on.
@@ -144,7 +138,7 @@ impl MessageReader {
                         return Ok(Step::Need(1));
                     }
                 }
-                State::Payload { command, left } => {
+                State::PortPayload { command, left } => {
                     let Some(bytes) = take(buffer, *left) else {
                         return Ok(Step::Need(*left - buffer.len()));
                     };
@@ -167,7 +161,7 @@ impl MessageReader {
     }
 
     fn follow(&mut self, command: Command, left: usize) {
-        self.state = State::Payload { command, left };
+        self.state = State::PortPayload { command, left };
     }
 
     /// Fault of a stream that ends here with `rest` bytes unread; `None` where it may end.
@@ -178,7 +172,7 @@ impl MessageReader {
             State::Index => Some(Fault::NoIndex(self.stray + rest)),
             State::Command { left }
             | State::Text { left, .. }
-            | State::Payload { left, .. }
+            | State::PortPayload { left, .. }
             | State::Skip { left } => Some(Fault::Truncated(left.saturating_sub(rest))),
         }
     }

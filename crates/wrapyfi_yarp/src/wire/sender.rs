@@ -74,12 +74,6 @@ impl Sender {
         bare
     }
 
-    /// True when this is the name of a port: two connections of one such name do not live together.
-    #[must_use]
-    pub fn is_rooted(&self) -> bool {
-        self.name.starts_with('/')
-    }
-
     /// The modifier that the receiver must apply, if there is one.
     #[must_use]
     pub fn receiver_modifier(&self) -> Option<&str> {
@@ -145,7 +139,6 @@ mod tests {
         assert_eq!(read, sender);
         assert_eq!(read.carrier_text(Carrier::Tcp), "tcp+recv.priority+a.b+flag");
         assert_eq!(read.receiver_modifier(), Some("priority"));
-        assert!(read.is_rooted());
     }
 
     #[test]

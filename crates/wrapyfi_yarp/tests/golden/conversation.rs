@@ -55,7 +55,7 @@ pub(crate) fn datagrams(name: &str) -> Vec<Vec<u8>> {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Sent {
     pub(crate) envelope: Option<Bytes>,
-    /// Payload as a binary carrier brings it.
+    /// PortPayload as a binary carrier brings it.
     pub(crate) payload: Bytes,
     pub(crate) reply: bool,
 }

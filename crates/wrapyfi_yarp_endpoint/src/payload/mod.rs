@@ -33,11 +33,11 @@ mod tests;
 mod word;
 
 use bytes::Bytes;
-use wrapyfi_yarp::port::{Payload as Bytewise, PayloadKind};
+use wrapyfi_yarp::port::{PayloadKind, PortPayload as Bytewise};
 use wrapyfi_yarp::{Dialect, sig};
 
 use super::intrinsics::CAMERA_INFO;
-use super::options::{Form, YarpOptions};
+use super::options::{BottleFormat, YarpOptions};
 use element::Writer;
 use wrapyfi_data::types::{DataType, MessageType, NativeObject, Payload, Stamp};
 use wrapyfi_endpoint::TopicSpec;
@@ -69,7 +69,7 @@ pub fn encode(
     options: &YarpOptions,
     dialect: Dialect,
 ) -> Result<Outgoing, EncodeError> {
-    let form = options.bottle.unwrap_or_default();
+    let format = options.bottle.unwrap_or_default();
     let writer = Writer { dialect, limits: &spec.limits };
     let wanted = spec.message_type.data_type();
     if let (DataType::Image, Payload::Image(image)) = (wanted, payload)
@@ -83,14 +83,14 @@ pub fn encode(
     let (bytes, stamp) = match (wanted, payload) {
         (DataType::NativeObject, Payload::NativeObject(object)) => {
             let bytes = if spec.message_type == MessageType::Text {
-                native::encode_text(object, form, writer)?
+                native::encode_text(object, format, writer)?
             } else {
-                native::encode(object, form, &spec.plugins, writer)?
+                native::encode(object, format, &spec.plugins, writer)?
             };
             (bytes, Some(object.stamp))
         }
         (DataType::Properties, Payload::Properties(properties)) => {
-            (native::encode(&properties.to_value(), form, &spec.plugins, writer)?, None)
+            (native::encode(&properties.to_value(), format, &spec.plugins, writer)?, None)
         }
         (DataType::Image, Payload::Image(image)) => {
             (image::encode(image, spec, options, dialect)?, Some(image.stamp))
@@ -182,7 +182,7 @@ fn decode_as(
             sound::decode(bytes, options, dialect, limits, stamp).map(Payload::from)
         }
         (message_type, _) => {
-            let form = options.bottle.unwrap_or_default();
+            let format = options.bottle.unwrap_or_default();
             let bottle = native::bottle(bytes, dialect, limits)?;
             let object = |value| NativeObject {
                 stamp: sent_at.unwrap_or_default(),
@@ -190,14 +190,14 @@ fn decode_as(
                 value,
             };
             if message_type == MessageType::Text {
-                return Ok(object(native::decode_text(&bottle, form)).into());
+                return Ok(object(native::decode_text(&bottle, format)).into());
             }
-            let form = if kind == DataType::Properties && form != Form::Json {
-                Form::Property
+            let format = if kind == DataType::Properties && format != BottleFormat::Json {
+                BottleFormat::Property
             } else {
-                form
+                format
             };
-            let value = native::decode(&bottle, form, &spec.plugins, dialect, limits)?;
+            let value = native::decode(&bottle, format, &spec.plugins, dialect, limits)?;
             received_as(object(value).into(), message_type, spec.color_order, limits, now)
         }
     }

@@ -10,7 +10,7 @@ use bytes::Bytes;
 use wrapyfi_yarp::bottle::Frame;
 use wrapyfi_yarp::{Bottle, Dialect, Value as Element};
 
-use super::super::options::Form;
+use super::super::options::BottleFormat;
 use super::element::{self, Writer};
 use super::fault;
 use wrapyfi_data::Limits;
@@ -63,14 +63,16 @@ pub(super) fn single(text: impl Into<Bytes>) -> Bottle {
 /// Writes an object.
 pub(super) fn encode(
     value: &Value,
-    form: Form,
+    format: BottleFormat,
     plugins: &Plugins,
     writer: Writer<'_>,
 ) -> Result<Vec<u8>, EncodeError> {
-    let bottle = match (form, value) {
-        (Form::Json, _) => single(json::encode_with(value, plugins)?),
-        (Form::Bottle, _) | (Form::Property, Value::Map(_)) => writer.bottle(value)?,
-        (Form::Property, other) => {
+    let bottle = match (format, value) {
+        (BottleFormat::Json, _) => single(json::encode_with(value, plugins)?),
+        (BottleFormat::Bottle, _) | (BottleFormat::Property, Value::Map(_)) => {
+            writer.bottle(value)?
+        }
+        (BottleFormat::Property, other) => {
             return Err(EncodeError::Mismatch {
                 expected: "a dict, whose pairs become a Property (bottle: property)".to_owned(),
                 actual: format!("a {}", other.kind()),
@@ -83,13 +85,13 @@ pub(super) fn encode(
 /// Reads an object.
 pub(super) fn decode(
     bottle: &Bottle,
-    form: Form,
+    format: BottleFormat,
     plugins: &Plugins,
     dialect: Dialect,
     limits: &Limits,
 ) -> Result<Value, DecodeError> {
-    match (form, bottle.values.as_slice()) {
-        (Form::Json, [Element::String(text)]) => {
+    match (format, bottle.values.as_slice()) {
+        (BottleFormat::Json, [Element::String(text)]) => {
             let read = json::decode_or_text(&text.clone().into_bytes(), limits, plugins);
             // A string of YARP may hold any bytes.
             match str::from_utf8(text.as_bytes()) {
@@ -97,8 +99,8 @@ pub(super) fn decode(
                 Err(_) => Ok(element::to_value(&Element::String(text.clone()), dialect)),
             }
         }
-        (Form::Json | Form::Bottle, _) => Ok(element::to_list(bottle, dialect)),
-        (Form::Property, pairs) => {
+        (BottleFormat::Json | BottleFormat::Bottle, _) => Ok(element::to_list(bottle, dialect)),
+        (BottleFormat::Property, pairs) => {
             let bottle = match pairs {
                 [Element::Dict(whole)] => whole,
                 _ => bottle,
@@ -112,7 +114,7 @@ pub(super) fn decode(
 /// Writes a text: one string, or with `bottle: true` the bottle whose text form it is.
 pub(super) fn encode_text(
     value: &Value,
-    form: Form,
+    format: BottleFormat,
     writer: Writer<'_>,
 ) -> Result<Vec<u8>, EncodeError> {
     let Some(text) = value.as_str() else {
@@ -121,9 +123,9 @@ pub(super) fn encode_text(
             actual: format!("a {}", value.kind()),
         });
     };
-    let bottle = match form {
-        Form::Json => single(text.to_owned()),
-        Form::Bottle | Form::Property => typed(text, writer)?,
+    let bottle = match format {
+        BottleFormat::Json => single(text.to_owned()),
+        BottleFormat::Bottle | BottleFormat::Property => typed(text, writer)?,
     };
     bytes(&bottle, writer.dialect)
 }
@@ -137,9 +139,9 @@ pub(super) fn typed(text: &str, writer: Writer<'_>) -> Result<Bottle, EncodeErro
 
 /// Reads a text: that of the only string, or else the text form of the bottle, as `yarp read` shows
 /// it. Bytes that are not UTF-8 become U+FFFD: a `std_msgs/msg/String` has no others.
-pub(super) fn decode_text(bottle: &Bottle, form: Form) -> Value {
-    match (form, bottle.values.as_slice()) {
-        (Form::Json, [Element::String(text)]) => text.to_string_lossy().into_owned().into(),
+pub(super) fn decode_text(bottle: &Bottle, format: BottleFormat) -> Value {
+    match (format, bottle.values.as_slice()) {
+        (BottleFormat::Json, [Element::String(text)]) => text.to_string_lossy().into_owned().into(),
         _ => bottle.to_text().into(),
     }
 }

@@ -11,7 +11,7 @@
 use bytes::Bytes;
 use wrapyfi_yarp::{Bottle, Dialect, Value as Element};
 
-use super::super::options::{Form, YarpOptions};
+use super::super::options::{BottleFormat, YarpOptions};
 use super::element::{self, Writer};
 use super::{fault, native, positional};
 use wrapyfi_data::types::{
@@ -23,22 +23,22 @@ use wrapyfi_endpoint::{Call, Request, ServiceSpec};
 /// First word of the reply of a server that fails.
 pub(super) const FAIL: &str = "fail";
 
-/// Form in which the service's requests are written: JSON unless the service is one of ROS.
+/// BottleFormat in which the service's requests are written: JSON unless the service is one of ROS.
 /// Pictures and sound are always JSON.
-fn form(spec: &ServiceSpec, options: &YarpOptions) -> Form {
+fn format(spec: &ServiceSpec, options: &YarpOptions) -> BottleFormat {
     let usual = match spec.kind {
-        ServiceKind::Ros(_) => Form::Bottle,
-        _ => Form::Json,
+        ServiceKind::Ros(_) => BottleFormat::Bottle,
+        _ => BottleFormat::Json,
     };
     match spec.kind.data_type() {
         DataType::NativeObject => options.bottle.unwrap_or(usual),
-        _ => Form::Json,
+        _ => BottleFormat::Json,
     }
 }
 
 /// True when requests and replies of the service are JSON, which has no dialects.
 pub fn is_json(spec: &ServiceSpec, options: &YarpOptions) -> bool {
-    !matches!(spec.kind, ServiceKind::Ros(_)) && form(spec, options) == Form::Json
+    !matches!(spec.kind, ServiceKind::Ros(_)) && format(spec, options) == BottleFormat::Json
 }
 
 /// Writes a request: the bytes of a bottle. Option `command` goes before its arguments.
@@ -52,8 +52,8 @@ pub fn encode_request(
     dialect: Dialect,
 ) -> Result<Bytes, EncodeError> {
     let writer = Writer { dialect, limits: &spec.limits };
-    let arguments = match (form(spec, options), spec.kind) {
-        (Form::Json, _) => native::single(requests::encode_request(request, spec)?),
+    let arguments = match (format(spec, options), spec.kind) {
+        (BottleFormat::Json, _) => native::single(requests::encode_request(request, spec)?),
         (_, ServiceKind::Ros(service)) => {
             let fields = positional::call(service.request(), request, spec.limits.message_bytes)?;
             positional::write(&fields, writer)?
@@ -101,7 +101,7 @@ fn decode_request_as(
     if !words.is_empty() && bottle.values.starts_with(&words.values) {
         bottle.values.drain(..words.len());
     }
-    if form(spec, options) == Form::Json
+    if format(spec, options) == BottleFormat::Json
         && let [Element::String(text)] = bottle.values.as_slice()
         && text.as_bytes().trim_ascii_start().starts_with(b"[")
     {
@@ -149,8 +149,8 @@ pub fn encode_reply(
             });
         }
     };
-    let bottle = match (form(spec, options), spec.kind) {
-        (Form::Json, _) => native::single(json::encode_with(&value, &spec.plugins)?),
+    let bottle = match (format(spec, options), spec.kind) {
+        (BottleFormat::Json, _) => native::single(json::encode_with(&value, &spec.plugins)?),
         (_, ServiceKind::Ros(service)) => {
             let limit = spec.limits.message_bytes;
             positional::write_reply(&positional::reply(service.response(), &value, limit)?, writer)?
@@ -190,8 +190,8 @@ pub fn encode_error(
     options: &YarpOptions,
     dialect: Dialect,
 ) -> Bytes {
-    let bottle = match form(spec, options) {
-        Form::Json => native::single(requests::encode_error(text)),
+    let bottle = match format(spec, options) {
+        BottleFormat::Json => native::single(requests::encode_error(text)),
         _ => Bottle { values: vec![Element::vocab(FAIL), Element::string(text)] },
     };
     // Neither a vocab of 32 bits nor a string lacks a form.
@@ -224,8 +224,8 @@ fn decode_reply_as(
     now: Stamp,
 ) -> Result<Result<Payload, String>, DecodeError> {
     let bottle = native::bottle(bytes, dialect, &spec.limits)?;
-    let form = form(spec, options);
-    if let (Form::Json, [Element::String(text)]) = (form, bottle.values.as_slice()) {
+    let format = format(spec, options);
+    if let (BottleFormat::Json, [Element::String(text)]) = (format, bottle.values.as_slice()) {
         // Pictures and sound come as native objects, too: as arrays.
         let native = ServiceSpec { kind: ServiceKind::NativeObject, ..spec.clone() };
         return match requests::decode_reply(&text.clone().into_bytes(), &native, now)? {
@@ -240,7 +240,7 @@ fn decode_reply_as(
     if let Some(text) = failure(&bottle) {
         return Ok(Err(text));
     }
-    let value = native::decode(&bottle, form, &spec.plugins, dialect, &spec.limits)?;
+    let value = native::decode(&bottle, format, &spec.plugins, dialect, &spec.limits)?;
     requests::received(value.into(), spec, now).map(Ok)
 }
 
@@ -253,7 +253,7 @@ pub(super) fn failure(bottle: &Bottle) -> Option<String> {
     }
     Some(match rest {
         [] => "the server answered [fail] without a reason".to_owned(),
-        rest => native::decode_text(&Bottle { values: rest.to_vec() }, Form::Json)
+        rest => native::decode_text(&Bottle { values: rest.to_vec() }, BottleFormat::Json)
             .as_str()
             .unwrap_or_default()
             .to_owned(),

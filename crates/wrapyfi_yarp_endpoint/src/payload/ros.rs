@@ -17,7 +17,7 @@ use wrapyfi_interfaces::dynamic::{DynamicMessage, DynamicValue};
 use wrapyfi_yarp::{Dialect, Value as Element};
 
 use super::super::intrinsics::CAMERA_INFO;
-use super::super::options::{Form, YarpOptions};
+use super::super::options::{BottleFormat, YarpOptions};
 use super::element::Writer;
 use super::numbers::Width;
 use super::{base, camera, command, fault, frames, joints, laser, native, numbers, sensors};
@@ -47,7 +47,7 @@ pub(super) fn encode(
     let fields = fields(message, spec)?;
     let name = message.ros_type.name();
     let bytes = match (name, Width::of(name), options.bottle) {
-        (_, _, Some(Form::Json)) => {
+        (_, _, Some(BottleFormat::Json)) => {
             native::bytes(&native::single(json::encode_with(&fields, &spec.plugins)?), dialect)?
         }
         (JOINTS, _, None) if command::is_for(spec, options) => {
@@ -118,11 +118,11 @@ fn pairs(
     dialect: Dialect,
 ) -> Result<Map, DecodeError> {
     let bottle = native::bottle(bytes, dialect, &spec.limits)?;
-    let form = match bottle.values.as_slice() {
-        [Element::String(_)] => Form::Json,
-        _ => Form::Property,
+    let format = match bottle.values.as_slice() {
+        [Element::String(_)] => BottleFormat::Json,
+        _ => BottleFormat::Property,
     };
-    let value = native::decode(&bottle, form, &spec.plugins, dialect, &spec.limits)?;
+    let value = native::decode(&bottle, format, &spec.plugins, dialect, &spec.limits)?;
     match named(value, &ros_type.plan().default_message()) {
         Value::Map(fields) => Ok(fields),
         other => Err(fault::mismatch(

@@ -24,7 +24,7 @@ use std::path::PathBuf;
 use clap::{Parser, ValueEnum};
 use serde::{Deserialize, Serialize};
 use wrapyfi_communicator_examples::{log_to_stderr, pause};
-use wrapyfi_core::communicator::{Context, Mode, communicator};
+use wrapyfi_core::communicator::{CommunicatorContext, Mode, communicator};
 
 /// Does part of the work and mirrors the rest.
 #[derive(Parser)]
@@ -80,7 +80,7 @@ fn main() -> anyhow::Result<()> {
     let mode = |step| if here.contains(&step) { Mode::Publish } else { Mode::Listen };
     let mut pipeline = match config {
         Some(file) => {
-            Context::global().load_config(file)?;
+            CommunicatorContext::global().load_config(file)?;
             Pipeline::default().communicator()
         }
         None => {

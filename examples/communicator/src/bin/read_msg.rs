@@ -55,14 +55,14 @@ mod tests {
     use std::sync::Arc;
     use std::thread;
 
-    use wrapyfi_core::communicator::Context;
+    use wrapyfi_core::communicator::CommunicatorContext;
     use wrapyfi_core::middleware::memory::Memory;
 
     use super::*;
 
     #[test]
     fn a_message_is_mirrored() {
-        let context = Context::builder().only(Arc::new(Memory::new("zeromq"))).build();
+        let context = CommunicatorContext::builder().only(Arc::new(Memory::new("zeromq"))).build();
         for modes in [["publish", "listen"], ["reply", "request"]] {
             let mut mirrors = [(); 2].map(|()| MirrorCls.communicator_in(&context));
             for (mirror, mode) in mirrors.iter_mut().zip(modes) {

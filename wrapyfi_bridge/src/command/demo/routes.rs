@@ -84,7 +84,7 @@ mod tests {
         to.sort();
         to.dedup();
         assert_eq!(to.len(), TOPICS.len() + 1);
-        let known = middlewares::Middlewares::names();
+        let known = middlewares::names();
         let ends = plan.routes.iter().flat_map(|route| [&route.from, &route.to]);
         assert!(ends.into_iter().all(|end| known.contains(&end.middleware.as_str())));
         let light = plan.routes.last().unwrap();

@@ -26,7 +26,7 @@ fn fields_in_another_order_are_found() {
     let two = format!("A[] all\n{SEPARATOR}MSG: demo/A\nuint8 a\nstring c\n");
     let compile = |one: &str, two: &str| {
         let one = resolve(Dialect::Ros1, "demo/L", one);
-        Plan::compile(&one, &resolve(Dialect::Ros2, "demo/msg/L", two), &Rules::built_in())
+        PairPlan::compile(&one, &resolve(Dialect::Ros2, "demo/msg/L", two), &Rules::built_in())
     };
     let plan = compile(&one, &two).unwrap();
     let bytes = b"\x02\0\0\0\x01\0\0\0A\x01\x02\0\0\0BB\x02";
@@ -192,7 +192,7 @@ fn booleans_are_0_or_1_and_times_keep_their_bits() {
     let two = one.replace("time", "builtin_interfaces/Time");
     let ros1 = resolve(Dialect::Ros1, "demo/L", &one);
     let ros2 = resolve(Dialect::Ros2, "demo/msg/L", &two);
-    let plan = Plan::compile(&ros1, &ros2, &Rules::built_in()).unwrap();
+    let plan = PairPlan::compile(&ros1, &ros2, &Rules::built_in()).unwrap();
     let element = b"\0\0\0\x80\0\0\0\0\x02\0\0\x05\0\0\0\0";
     let bytes = [b"\x03\0\0\0".as_slice(), &element.repeat(103)].concat();
     let (cdr, done) = to_cdr(&plan, &bytes).unwrap();

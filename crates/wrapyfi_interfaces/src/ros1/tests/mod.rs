@@ -13,21 +13,21 @@ fn resolve(dialect: Dialect, name: &str, text: &str) -> ResolvedType {
 }
 
 /// Types `demo/A` with these fields; types they refer to behind `=` lines.
-fn compile(ros1: &str, ros2: &str) -> Result<Plan, PairError> {
+fn compile(ros1: &str, ros2: &str) -> Result<PairPlan, PairError> {
     compile_with(&Rules::built_in(), ros1, ros2)
 }
 
-fn compile_with(rules: &Rules, ros1: &str, ros2: &str) -> Result<Plan, PairError> {
+fn compile_with(rules: &Rules, ros1: &str, ros2: &str) -> Result<PairPlan, PairError> {
     let ros1 = resolve(Dialect::Ros1, "demo/A", ros1);
-    Plan::compile(&ros1, &resolve(Dialect::Ros2, "demo/msg/A", ros2), rules)
+    PairPlan::compile(&ros1, &resolve(Dialect::Ros2, "demo/msg/A", ros2), rules)
 }
 
-fn to_cdr(plan: &Plan, ros1: &[u8]) -> Result<(Vec<u8>, Transcoded), TranscodeError> {
+fn to_cdr(plan: &PairPlan, ros1: &[u8]) -> Result<(Vec<u8>, Transcoded), TranscodeError> {
     let mut out = Vec::new();
     plan.to_cdr(ros1, &Options::default(), &mut out).map(|done| (out, done))
 }
 
-fn to_ros1(plan: &Plan, cdr: &[u8]) -> Result<(Vec<u8>, Transcoded), TranscodeError> {
+fn to_ros1(plan: &PairPlan, cdr: &[u8]) -> Result<(Vec<u8>, Transcoded), TranscodeError> {
     let mut out = Vec::new();
     plan.to_ros1(cdr, 0, &Options::default(), &mut out).map(|done| (out, done))
 }
@@ -38,7 +38,7 @@ fn read(ros2: &str, cdr: &[u8]) -> serde_json::Value {
     plan.decode_exact(&bytes::Bytes::copy_from_slice(cdr), 1 << 20).unwrap().to_json()
 }
 
-fn notes(plan: &Plan) -> Vec<String> {
+fn notes(plan: &PairPlan) -> Vec<String> {
     plan.notes().iter().map(ToString::to_string).collect()
 }
 

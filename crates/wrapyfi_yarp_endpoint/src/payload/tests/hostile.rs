@@ -47,7 +47,7 @@ fn all(bytes: &Bytes, dialect: Dialect) {
         ServiceKind::resolve("std_srvs/srv/SetBool", &mut TypeStore::generated()).unwrap();
     for kind in ServiceKind::ALL.into_iter().chain([trigger]) {
         let spec = ServiceSpec::new("/s", kind);
-        for bottle in [None, Some(Form::Bottle), Some(Form::Property)] {
+        for bottle in [None, Some(BottleFormat::Bottle), Some(BottleFormat::Property)] {
             let options = YarpOptions { bottle, ..YarpOptions::default() };
             _ = decode_request(bytes, &spec, &options, dialect);
             _ = decode_reply(bytes, &spec, &options, dialect, NOW);
@@ -57,7 +57,7 @@ fn all(bytes: &Bytes, dialect: Dialect) {
 
 /// Messages of every kind, to be cut and changed.
 fn seeds() -> Vec<Bytes> {
-    let sound = sig::Sound::from_planar(&[1, 2, 3, 4], 2, 8000).unwrap();
+    let sound = sig::Sound::from_interleaved(&[1, 2, 3, 4], 2, 8000).unwrap();
     let image = sig::Image::from_packed(sig::PixelCode::Rgb, 2, 2, vec![7; 12].into()).unwrap();
     let matrix = sig::Matrix::new(2, 2, vec![1.0, 2.0, 3.0, 4.0]).unwrap();
     vec![

@@ -11,7 +11,7 @@ mod services;
 
 use bytes::Bytes;
 use wrapyfi_interfaces::store::TypeStore;
-use wrapyfi_yarp::port::Payload as Bytewise;
+use wrapyfi_yarp::port::PortPayload as Bytewise;
 use wrapyfi_yarp::{Bottle, Dialect, sig};
 
 use super::*;
@@ -179,7 +179,8 @@ fn an_envelope_is_the_stamp_and_the_other_way_round() {
     assert_eq!(written(&payload, &object).unwrap().stamp.unwrap().time_s, 12.5);
 
     let sound = topic(MessageType::AudioChunk, []);
-    let silence = sig::Sound::from_planar(&[0, 0], 1, 8000).unwrap().encode(Dialect::V3).unwrap();
+    let silence =
+        sig::Sound::from_interleaved(&[0, 0], 1, 8000).unwrap().encode(Dialect::V3).unwrap();
     let silence = Bytewise::object(silence);
     let options = YarpOptions::default();
     for (envelope, stamp) in [

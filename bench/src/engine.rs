@@ -1,0 +1,199 @@
+//! What the engine takes of a message: a route in memory, against a loop over endpoints of the same bus.
+//!
+//! ```text
+//!   route   publisher ─▶ /in ─▶ listener, route-worker, publisher ─▶ /out ─▶ listener
+//!   loop    publisher ─▶ /in ─▶ listener, a thread,     publisher ─▶ /out ─▶ listener
+//! ```
+//!
+//! CPU time of this process, so that what else runs on the machine counts little: nothing but the two ends and what is
+//! between them works meanwhile.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::Duration;
+
+use anyhow::{Context as _, Result};
+use rustix::time::{ClockId, clock_gettime};
+use wrapyfi_core::endpoint::{Context, Listener, Middleware as _, Publisher, Registry, TopicSpec};
+use wrapyfi_core::engine::{Engine, Plan, Route};
+use wrapyfi_core::middleware::memory::Memory;
+use wrapyfi_core::types::Payload;
+
+use crate::clock;
+use crate::payload::{Kind, Maker};
+use crate::report::Limit::{AtMost, Shown};
+use crate::report::{Target, quantile};
+
+/// Turns of each side.
+const ROUNDS: usize = 15;
+/// Messages of a turn: one under way at a time, and all at once.
+const ALONE: u32 = 2_000;
+const BURST: u32 = 1_000;
+const BURSTS: u32 = 20;
+
+/// Microseconds a message.
+#[derive(Default)]
+struct Times {
+    /// From publish to taken, median, one under way.
+    latency: Vec<f64>,
+    /// CPU of the process, one under way.
+    cpu: Vec<f64>,
+    /// CPU of the process, a thousand at once.
+    burst: Vec<f64>,
+}
+
+/// Figure of a turn.
+type Figure = fn(&Times) -> &Vec<f64>;
+
+/// The two outer ends.
+struct Ends {
+    publisher: Box<dyn Publisher>,
+    listener: Box<dyn Listener>,
+    context: Context,
+}
+
+fn spec(topic: &str, kind: Kind) -> TopicSpec {
+    let mut spec = TopicSpec::new(topic, kind.message_type());
+    spec.queue.depth = BURST as usize;
+    spec
+}
+
+/// CPU time of this process, in nanoseconds.
+fn cpu() -> u64 {
+    let time = clock_gettime(ClockId::ProcessCPUTime);
+    time.tv_sec.unsigned_abs() * 1_000_000_000 + time.tv_nsec.unsigned_abs()
+}
+
+#[allow(clippy::cast_precision_loss)]
+fn each(nanos: u64, messages: u32) -> f64 {
+    nanos as f64 / 1e3 / f64::from(messages)
+}
+
+impl Ends {
+    fn open(bus: &Memory, kind: Kind) -> Result<Self> {
+        let context = Context::default();
+        let listener = bus.open_listener(&spec("/out", kind), &context)?;
+        let publisher = bus.open_publisher(&spec("/in", kind), &Context::default())?;
+        Ok(Self { publisher, listener, context })
+    }
+
+    fn take(&mut self) -> Result<()> {
+        while self.listener.take()?.is_none() {
+            let rang = self.context.wake.wait(Duration::from_secs(10));
+            anyhow::ensure!(rang, "a message that did not arrive");
+        }
+        Ok(())
+    }
+
+    fn turn(&mut self, payload: &Payload, times: &mut Times) -> Result<()> {
+        let mut latency = Vec::new();
+        let before = cpu();
+        for _ in 0..ALONE {
+            let start = clock::now();
+            self.publisher.publish(payload)?;
+            self.take()?;
+            latency.push(each(clock::now() - start, 1));
+        }
+        times.cpu.push(each(cpu() - before, ALONE));
+        times.latency.push(quantile(&latency, 0.5));
+        let before = cpu();
+        for _ in 0..BURSTS {
+            for _ in 0..BURST {
+                self.publisher.publish(payload)?;
+            }
+            for _ in 0..BURST {
+                self.take()?;
+            }
+        }
+        times.burst.push(each(cpu() - before, BURSTS * BURST));
+        Ok(())
+    }
+}
+
+/// Carries without an engine until it is told to end.
+fn carry(bus: &Memory, kind: Kind, is_over: &AtomicBool) -> Result<()> {
+    let context = Context::default();
+    let mut listener = bus.open_listener(&spec("/in", kind), &context)?;
+    let mut publisher = bus.open_publisher(&spec("/out", kind), &Context::default())?;
+    while !is_over.load(Relaxed) {
+        while let Some(sample) = listener.take()? {
+            publisher.publish(&sample.payload)?;
+        }
+        context.wake.wait(Duration::from_millis(100));
+    }
+    Ok(())
+}
+
+/// Waits until what is between the ends is open.
+fn wait_open(ends: &mut Ends, payload: &Payload) -> Result<()> {
+    for _ in 0..1000 {
+        // Nobody may listen yet: what is refused now is not an error.
+        _ = ends.publisher.publish(payload);
+        ends.context.wake.wait(Duration::from_millis(10));
+        if ends.listener.take()?.is_some() {
+            while ends.context.wake.wait(Duration::from_millis(200)) {
+                while ends.listener.take()?.is_some() {}
+            }
+            return Ok(());
+        }
+    }
+    anyhow::bail!("nothing arrives in memory")
+}
+
+/// Measures both by turns.
+pub(crate) fn run() -> Result<Vec<Target>> {
+    let mut targets = Vec::new();
+    for kind in [Kind::Small, Kind::VgaRgb] {
+        let payload = Maker::new(kind)?.payload(1);
+        let (routed, looped) = (Arc::new(Memory::new("memory")), Memory::new("memory"));
+        let mut registry = Registry::new();
+        registry.register(routed.clone());
+        let [from, to] = ["memory:/in".parse()?, "memory:/out".parse()?];
+        let mut route = Route::topic(from, to, kind.message_type());
+        route.policy.queue.depth = BURST as usize;
+        let engine = Engine::new(Plan { routes: vec![route] }, &registry);
+        let running = engine.start().context("starting the route")?;
+        let is_over = AtomicBool::new(false);
+        let [mut route, mut bare] = [Times::default(), Times::default()];
+        std::thread::scope(|scope| {
+            let carrier = scope.spawn(|| carry(&looped, kind, &is_over));
+            let measured = (|| {
+                let mut ends = [Ends::open(&routed, kind)?, Ends::open(&looped, kind)?];
+                for ends in &mut ends {
+                    wait_open(ends, &payload)?;
+                }
+                let [on_route, on_loop] = &mut ends;
+                for _ in 0..ROUNDS {
+                    on_route.turn(&payload, &mut route)?;
+                    on_loop.turn(&payload, &mut bare)?;
+                }
+                Ok(())
+            })();
+            is_over.store(true, Relaxed);
+            let carried = carrier.join().unwrap_or_else(|_| anyhow::bail!("the loop panicked"));
+            measured.and(carried)
+        })?;
+        drop(running.stop());
+        let figures: [(&str, &str, Figure); 3] = [
+            ("one under way, CPU", "", |times| &times.cpu),
+            ("one under way, latency", "└ ", |times| &times.latency),
+            ("a thousand at once, CPU", "", |times| &times.burst),
+        ];
+        for (what, is_shown, of) in figures {
+            let both = [of(&route), of(&bare)];
+            let more: Vec<f64> =
+                both[0].iter().zip(both[1]).map(|(one, other)| one - other).collect();
+            let [with, without] = both.map(|times| quantile(times, 0.5));
+            targets.push(Target::of(
+                format!(
+                    "{is_shown}engine above raw endpoints in memory, {}, {what}: us a message",
+                    kind.title()
+                ),
+                if is_shown.is_empty() { AtMost(2.0) } else { Shown },
+                &more,
+                format!("{with:.2} - {without:.2} us"),
+            ));
+        }
+    }
+    Ok(targets)
+}

@@ -1,0 +1,258 @@
+//! Ways and payloads by turns: one table, the promises about them, one plot.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::time::Duration;
+
+use anyhow::Result;
+
+use crate::case::Case;
+use crate::case::Way::{
+    self, OurPublisher, PythonForward, PythonHop, RawDds, RawZmq, RosToZmq, RustForward, RustHop,
+    ZmqToRos,
+};
+use crate::micro::Micro;
+use crate::payload::Kind::{self, FileMib, FullHdRgb, Small, U8Rgb200, VgaJpeg, VgaRgb};
+use crate::proc;
+use crate::report::Limit::{self, AtLeast, AtMost, Shown};
+use crate::report::{Target, quantile};
+use crate::turn::{Bench, Phase, Turn};
+use crate::worker::{Order, Report};
+
+/// Turns of each case by round: a turn that failed is missing.
+#[derive(Default)]
+pub(crate) struct Ways(BTreeMap<Case, BTreeMap<u32, Turn>>);
+
+/// Figure of a turn.
+type Figure = fn(&Turn) -> f64;
+
+fn p50(turn: &Turn) -> f64 {
+    quantile(&turn.paced.report.latency_us, 0.5)
+}
+
+fn lost(report: &Report) -> u32 {
+    (report.sent + report.refused).saturating_sub(report.received)
+}
+
+impl Ways {
+    /// Adds a turn.
+    pub(crate) fn add(&mut self, round: u32, case: Case, turn: Turn) {
+        self.0.entry(case).or_default().insert(round, turn);
+    }
+
+    /// Figure of a case in each round, by payload and way.
+    fn series(&self, way: Way, payload: Kind, is_other: bool, of: Figure) -> BTreeMap<u32, f64> {
+        let turns = self.0.get(&Case { payload, way, is_other });
+        turns.into_iter().flatten().map(|(round, turn)| (*round, of(turn))).collect()
+    }
+
+    /// Ratio of one figure to another in each round that has both, and medians of the two.
+    fn ratio(
+        &self,
+        what: String,
+        limit: Limit,
+        (above, below): (&BTreeMap<u32, f64>, &BTreeMap<u32, f64>),
+        unit: &str,
+    ) -> Option<Target> {
+        let pairs = || above.iter().filter_map(|(round, one)| Some((*one, *below.get(round)?)));
+        let rounds: Vec<f64> = pairs().map(|(above, below)| above / below).collect();
+        let middle =
+            |of: fn((f64, f64)) -> f64| quantile(&pairs().map(of).collect::<Vec<_>>(), 0.5);
+        let parts = format!("{:.1} / {:.1} {unit}", middle(|it| it.0), middle(|it| it.1));
+        (!rounds.is_empty()).then(|| Target::of(what, limit, &rounds, parts))
+    }
+
+    /// Promises that these turns decide.
+    pub(crate) fn targets(&self, micro: &Micro) -> Vec<Target> {
+        let mut targets = Vec::new();
+        for (way, kind, limit) in [
+            (ZmqToRos, VgaRgb, 1.3),
+            (RosToZmq, VgaRgb, 1.3),
+            (ZmqToRos, VgaJpeg, 1.15),
+            (RosToZmq, VgaJpeg, 1.15),
+        ] {
+            // A picture is base64 on ZeroMQ; a file goes as it is.
+            let text = if way == ZmqToRos { "decode" } else { "encode" };
+            let base64 =
+                if kind == VgaRgb { micro.us(&format!("base64/{text} vga-rgb")) } else { 0.0 };
+            let dds = self.series(RawDds, kind, false, p50);
+            let mut hops = self.series(RawZmq, kind, false, p50);
+            hops.retain(|round, _| dds.contains_key(round));
+            hops.iter_mut().for_each(|(round, it)| *it += dds.get(round).unwrap_or(&0.0) + base64);
+            let what =
+                format!("{}, {}, p50 against raw hops and base64", way.title(), kind.title());
+            let bridge = self.series(way, kind, false, p50);
+            targets.extend(self.ratio(what, AtMost(limit), (&bridge, &hops), "us"));
+        }
+        for (kind, limit) in [(U8Rgb200, 4.0), (VgaJpeg, 1.0)] {
+            let what = format!("one hop of a {}, p50, Python against us", kind.title());
+            let both = [PythonHop, RustHop].map(|way| self.series(way, kind, false, p50));
+            targets.extend(self.ratio(what, AtLeast(limit), (&both[0], &both[1]), "us"));
+        }
+        let costs: [(&str, &str, Figure); 2] = [
+            ("messages a second", "", |turn| turn.window.rate()),
+            ("CPU of the sending process", "us", |turn| turn.window.source_us),
+        ];
+        for kind in [Small, FileMib] {
+            for (figure, unit, of) in costs {
+                let what = format!(
+                    "our ZeroMQ publisher against libzmq's PUB, {}, {figure}",
+                    kind.title()
+                );
+                let limit = if unit.is_empty() { AtLeast(1.0) } else { AtMost(1.0) };
+                let both = [OurPublisher, RawZmq].map(|way| self.series(way, kind, false, of));
+                targets.extend(self.ratio(what, limit, (&both[0], &both[1]), unit));
+            }
+        }
+        for case in self.0.keys().filter(|case| case.is_other) {
+            let what = format!(
+                "{}, {}, p50, this program against the other (5 % more counts as the same)",
+                case.way.title(),
+                case.payload.title()
+            );
+            let both = [false, true].map(|other| self.series(case.way, case.payload, other, p50));
+            targets.extend(self.ratio(what, AtMost(1.05), (&both[0], &both[1]), "us"));
+        }
+        targets
+    }
+
+    /// A row for each way and payload: latency, delivery, throughput, CPU, memory.
+    pub(crate) fn table(&self) -> String {
+        let mut text = String::from(
+            "Microseconds. p50: median of the rounds' medians, with their range; p99 of all messages; both at a fixed rate, from \
+             when a message was due. messages/s with few under way. CPU a message at the fixed rate: of all processes, and \
+             between the ends. RSS in MiB.\n\n\
+             | way | payload | p50 | range | p99 | lost | twice | messages/s | CPU | CPU between | RSS | RSS between |\n\
+             | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
+        );
+        for (case, turns) in &self.0 {
+            let of = |figure: Figure| turns.values().map(figure).collect::<Vec<f64>>();
+            let middle = |figure: Figure| quantile(&of(figure), 0.5);
+            let halves = of(p50);
+            let both = |count: fn(&Report) -> u32| -> u32 {
+                let phases = turns.values().flat_map(|it| [&it.paced, &it.window]);
+                phases.map(|Phase { report, .. }| count(report)).sum()
+            };
+            let all: Vec<f64> =
+                turns.values().flat_map(|it| it.paced.report.latency_us.clone()).collect();
+            _ = writeln!(
+                text,
+                "| {}{} | {} | {:.0} | {:.0} to {:.0} | {:.0} | {} | {} | {:.0} | {:.0} | {:.0} | {:.0} | {:.0} |",
+                case.way.title(),
+                if case.is_other { ", the other program" } else { "" },
+                case.payload.title(),
+                quantile(&halves, 0.5),
+                quantile(&halves, 0.0),
+                quantile(&halves, 1.0),
+                quantile(&all, 0.99),
+                both(lost),
+                both(|report| report.duplicates),
+                middle(|it| it.window.rate()),
+                middle(|it| it.paced.cpu_us),
+                middle(|it| it.paced.middle_us),
+                middle(|it| it.rss_mib),
+                middle(|it| it.middle_rss_mib),
+            );
+        }
+        text
+    }
+
+    /// Bars of the medians on a logarithmic axis, 10 us to 1 s, as SVG.
+    pub(crate) fn plot(&self) -> String {
+        const LEFT: f64 = 480.0;
+        const DECADE: f64 = 110.0;
+        let at = |micros: f64| LEFT + (micros.log10().clamp(1.0, 6.0) - 1.0) * DECADE;
+        let height = 17 * self.0.len() + 40;
+        let mut text = format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"1110\" height=\"{height}\" font-family=\"sans-serif\" \
+             font-size=\"12\" role=\"img\" aria-label=\"Latency of ways and payloads\">\n\
+             <rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n"
+        );
+        for (decade, label) in (1..).zip(["10 us", "100 us", "1 ms", "10 ms", "100 ms", "1 s"]) {
+            let x = at(10_f64.powi(decade));
+            _ = writeln!(
+                text,
+                "<path d=\"M{x:.0} 24V{height}\" stroke=\"#d8dee4\"/><text x=\"{x:.0}\" y=\"16\" \
+                 text-anchor=\"middle\">{label}</text>"
+            );
+        }
+        for (row, (case, turns)) in self.0.iter().enumerate() {
+            let (y, end) =
+                (17 * row + 30, at(quantile(&turns.values().map(p50).collect::<Vec<_>>(), 0.5)));
+            let colour = match case.way {
+                RawZmq | OurPublisher | RawDds => "#8b949e",
+                ZmqToRos | RosToZmq => "#0969da",
+                RustHop | RustForward => "#1a7f37",
+                PythonHop | PythonForward => "#bc4c00",
+            };
+            _ = writeln!(
+                text,
+                "<text x=\"{:.0}\" y=\"{}\" text-anchor=\"end\">{}, {}{}</text>\
+                 <rect x=\"{LEFT}\" y=\"{y}\" width=\"{:.1}\" height=\"13\" fill=\"{colour}\"/>",
+                LEFT - 8.0,
+                y + 11,
+                case.payload.title(),
+                case.way.title(),
+                if case.is_other { ", the other program" } else { "" },
+                end - LEFT,
+            );
+        }
+        text + "</svg>\n"
+    }
+}
+
+/// 1080p frames at 30 Hz through the bridge: losses and growth of its memory.
+pub(crate) fn stream(bench: &Bench, seconds: u32) -> Result<Vec<Target>> {
+    let mut line = bench.line(Case { way: ZmqToRos, payload: FullHdRgb, is_other: false })?;
+    line.ask(&Order::Warm)?;
+    let bridge = line.middle.get(1).map_or(0, crate::child::Child::id);
+    line.source.tell(&Order::Paced { count: seconds * 30, hz: 30.0 })?;
+    let settle = seconds / 6;
+    std::thread::sleep(Duration::from_secs(settle.into()));
+    let before = proc::rss_mib(bridge);
+    let report: Report = line.source.answer()?;
+    let grown = (proc::rss_mib(bridge) - before) * 60.0 / f64::from((seconds - settle).max(1));
+    let Report { sent, duplicates, .. } = report;
+    Ok(vec![
+        Target::once(
+            "1080p RGB at 30 Hz, ZeroMQ to ROS 2, reliable: lost or twice",
+            AtMost(0.0),
+            f64::from(lost(&report) + duplicates),
+            format!("of {sent} in {seconds} s"),
+        ),
+        Target::once(
+            "the same: growth of the bridge's memory, MiB a minute",
+            if seconds < 60 { Shown } else { AtMost(1.0) },
+            grown,
+            format!("from {before:.0} MiB after {settle} s"),
+        ),
+    ])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn turn(micros: f64) -> Turn {
+        let latency_us = vec![micros];
+        let report = Report { sent: 1, received: 1, latency_us, ..Report::default() };
+        Turn { paced: Phase { report, ..Phase::default() }, ..Turn::default() }
+    }
+
+    /// Turns of one round are compared with each other: a round in which all is slow changes nothing.
+    #[test]
+    fn ratios_are_of_rounds() {
+        let mut ways = Ways::default();
+        for round in 1..=6 {
+            let slow = if round % 2 == 0 { 10.0 } else { 1.0 };
+            let case = |is_other| Case { way: RawZmq, payload: Small, is_other };
+            ways.add(round, case(false), turn(30.0 * slow));
+            ways.add(round, case(true), turn(10.0 * slow));
+        }
+        let both = [false, true].map(|other| ways.series(RawZmq, Small, other, p50));
+        let target = ways.ratio(String::new(), AtMost(3.0), (&both[0], &both[1]), "us").unwrap();
+        assert!(crate::report::table(&[target]).contains("| 3.00: 30.0 / 10.0 us |  | met |"));
+        assert_eq!(ways.table().lines().count(), 6);
+        assert_eq!(ways.plot().matches("<rect x=").count(), 2);
+    }
+}

@@ -1,0 +1,106 @@
+//! The routes of a plan by the addresses that their ends have on their middlewares: where they meet.
+
+use std::collections::BTreeMap;
+
+use super::plan::Plan;
+use super::route::{Kind, Route, Types};
+use wrapyfi_data::types::MessageType;
+use wrapyfi_endpoint::{EndpointAddress, Role};
+
+/// A route of a plan.
+pub(super) struct Placed<'p> {
+    /// Place in the plan.
+    pub(super) place: usize,
+    pub(super) route: &'p Route,
+    /// Source, with the name that it has on its middleware.
+    pub(super) from: EndpointAddress,
+    /// Destination, with the name that it has there.
+    pub(super) to: EndpointAddress,
+}
+
+/// Index of a plan's routes.
+pub struct RouteIndex<'p> {
+    pub(super) all: Vec<Placed<'p>>,
+    /// Places of the written routes that carry messages or calls, by their sources.
+    pub(super) taking: BTreeMap<EndpointAddress, Vec<usize>>,
+}
+
+impl Plan {
+    /// Indexes the routes. `resolve` gives an address the name that it has on its middleware.
+    #[must_use]
+    pub fn index(&self, resolve: impl Fn(&EndpointAddress) -> EndpointAddress) -> RouteIndex<'_> {
+        let mut taking: BTreeMap<EndpointAddress, Vec<usize>> = BTreeMap::new();
+        let mut all = Vec::with_capacity(self.routes.len());
+        for (place, route) in self.routes.iter().enumerate() {
+            let (from, to) = (resolve(&route.from), resolve(&route.to));
+            if !route.is_many() && !has_parameters(route) {
+                taking.entry(from.clone()).or_default().push(place);
+            }
+            all.push(Placed { place, route, from, to });
+        }
+        RouteIndex { all, taking }
+    }
+}
+
+impl<'p> RouteIndex<'p> {
+    /// Route with one name whose source is `address`, else one whose destination it is.
+    #[must_use]
+    pub fn written_at(&self, address: &EndpointAddress) -> Option<&'p Route> {
+        let written = || self.all.iter().filter(|it| !it.route.is_many());
+        let taking = written().find(|it| it.from == *address);
+        taking.or_else(|| written().find(|it| it.to == *address)).map(|it| it.route)
+    }
+
+    /// Route at a place of the plan.
+    #[must_use]
+    pub fn at(&self, place: usize) -> Option<&'p Route> {
+        self.all.get(place).map(|it| it.route)
+    }
+
+    /// Written routes that carry messages or calls from `address`.
+    pub(super) fn taking_from(
+        &self,
+        role: Role,
+        address: &EndpointAddress,
+    ) -> impl Iterator<Item = &Placed<'p>> {
+        let places = self.taking.get(address).into_iter().flatten();
+        places.filter_map(|it| self.all.get(*it)).filter(move |it| it.route.role() == role)
+    }
+}
+
+/// True for a route of parameters, which are their node's, whoever set them, and are not set again where they
+/// are the same already.
+pub(super) fn has_parameters(route: &Route) -> bool {
+    match route.kind {
+        Kind::Topic(Types { from, to }) => [from, to].contains(&MessageType::Properties),
+        Kind::Service(_) => false,
+    }
+}
+
+#[cfg(test)]
+pub(super) mod testing {
+    use wrapyfi_interfaces::store::TypeStore;
+
+    use super::super::config::Config;
+    use super::super::plan::Plan;
+    use super::super::plan_address::Available;
+    use super::RouteIndex;
+    use wrapyfi_endpoint::EndpointAddress;
+
+    /// Plan of routes between the middlewares a, b and c, each as an entry of `routes` has it.
+    pub(in super::super) fn plan(routes: &[&str]) -> Plan {
+        let lines = routes.iter().map(|route| format!("  - {{ {route} }}\n")).collect::<String>();
+        let config: Config<()> = Config::from_yaml(&format!("routes:\n{lines}"), "x.yaml").unwrap();
+        let available =
+            ["a", "b", "c"].map(|name| Available { name, check_topic: &|_| Ok(()), options: &[] });
+        Plan::new(&config, &available, &mut TypeStore::generated(), "x.yaml").unwrap()
+    }
+
+    /// Index of it where relative names are what they are for a node.
+    pub(in super::super) fn index(plan: &Plan) -> RouteIndex<'_> {
+        plan.index(|address| {
+            let name = format!("/{}", address.name.trim_start_matches('/'));
+            EndpointAddress { name, ..address.clone() }
+        })
+    }
+}

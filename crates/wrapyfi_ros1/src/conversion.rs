@@ -1,0 +1,192 @@
+//! Conversion between the messages of a ROS 1 topic and payloads, chosen by the topic's type.
+//!
+//! ```text
+//!   Wrapyfi's types    ROS 1 bytes ◀─ codec::ros1 ─▶ payload
+//!   any other type     ROS 1 bytes ◀─ plan ─▶ CDR    one for each pair of definitions: a publisher
+//!                                                    shows its own when the connection begins
+//! ```
+
+use bytes::Bytes;
+use wrapyfi_interfaces::ros1::{Options, PairPlan, TranscodeError, Types};
+
+use super::NAME;
+use super::core::Core;
+use super::header::Header;
+use super::publication::fitted;
+use wrapyfi_data::types::{MessageType, Payload, RosMessage, RosType};
+use wrapyfi_data::{DecodeError, EncodeError, Limits};
+use wrapyfi_endpoint::codec::ros1::{self, Ros1Type};
+use wrapyfi_endpoint::{OpenError, TopicSpec};
+
+/// Any type: a publisher says which.
+pub(super) const ANY: &str = "*";
+
+/// Type that a subscriber names in its connection header; `None` where ROS 1 has none for
+/// `message_type`.
+pub(super) fn wanted(core: &Core, message_type: MessageType) -> Option<Ros1Type> {
+    let MessageType::Ros(ros_type) = message_type else { return Ros1Type::of(message_type) };
+    // The name is for people; which definition it is the publisher shows.
+    let mut types = core.types();
+    types.add_ros2(ros_type.resolved());
+    let likely = types.towards_ros1(ros_type.resolved().name(), None);
+    let name = likely.map_or_else(|_e| ANY.to_owned(), |(definition, _)| definition.ros1_name());
+    Some(Ros1Type { name, md5: ANY.to_owned(), definition: String::new() })
+}
+
+/// Type that a publisher announces, and the plan that converts CDR to it where no codec of its own
+/// exists; `None` where ROS 1 has no such type.
+pub(super) fn offered(
+    core: &Core,
+    spec: &TopicSpec,
+) -> Result<Option<(Ros1Type, Option<PairPlan>)>, OpenError> {
+    let message_type = spec.message_type;
+    let MessageType::Ros(ros_type) = message_type else {
+        return Ok(Ros1Type::of(message_type).map(|known| (known, None)));
+    };
+    let mut types = core.types();
+    // Whoever resolved it may have looked where this node does not.
+    types.add_ros2(ros_type.resolved());
+    let towards = types.towards_ros1(ros_type.resolved().name(), None);
+    let pair = towards.and_then(|(definition, _)| {
+        let plan = PairPlan::compile(definition.resolved(), ros_type.resolved(), types.rules())?;
+        Ok((definition, plan))
+    });
+    match pair {
+        Ok((definition, plan)) => {
+            let (name, md5) = (definition.ros1_name(), definition.md5sum().to_owned());
+            let definition = definition.text().to_owned();
+            Ok(Some((Ros1Type { name, md5, definition }, Some(plan))))
+        }
+        Err(error) => Err(OpenError::UnsupportedType {
+            middleware: NAME,
+            message_type,
+            remedy: error.to_string(),
+        }),
+    }
+}
+
+/// The plan for what a publisher shows in its header, where the type has no codec of its own.
+pub(super) fn publisher_plan(
+    core: &Core,
+    header: &Header,
+    message_type: MessageType,
+) -> Result<Option<PairPlan>, String> {
+    let MessageType::Ros(ros_type) = message_type else { return Ok(None) };
+    let name = header.get("type").unwrap_or(ANY);
+    let told = header.get("md5sum").zip(header.get("message_definition"));
+    plan(&mut core.types(), name, told, ros_type).map(Some).map_err(|error| {
+        format!("it sends {name}, which cannot be received as {ros_type}: {error}")
+    })
+}
+
+fn plan(
+    types: &mut Types,
+    name: &str,
+    told: Option<(&str, &str)>,
+    ros_type: RosType,
+) -> Result<PairPlan, String> {
+    let definition = match told {
+        // Some nodes show nothing.
+        None | Some(("*", "")) => types.definition(name),
+        Some((md5sum, text)) => types.show(name, md5sum, text),
+    };
+    let definition = definition.map_err(|error| error.to_string())?;
+    let (rules, wanted) = (types.rules(), ros_type.resolved().name());
+    let belong = rules.ros2_names(definition.name()).contains(wanted)
+        || rules.ros1_names(wanted).contains(definition.name());
+    if !belong {
+        return Err("it is the counterpart of another type; name that as the type".to_owned());
+    }
+    PairPlan::compile(definition.resolved(), ros_type.resolved(), rules).map_err(|e| e.to_string())
+}
+
+/// Converts ROS 1 bytes by `plan` into a message of `ros_type`, whose size may differ from that of ROS 1.
+pub(super) fn from_ros1(
+    bytes: &Bytes,
+    plan: &PairPlan,
+    ros_type: RosType,
+    limits: &Limits,
+) -> Result<RosMessage, DecodeError> {
+    let options = Options { message_bytes: limits.message_bytes, ..Options::default() };
+    let mut cdr = Vec::new();
+    plan.to_cdr(bytes, &options, &mut cdr).map_err(|error| fault(&error))?;
+    Ok(RosMessage::new(ros_type, cdr))
+}
+
+/// Converts a message by `plan` into ROS 1 bytes.
+pub(super) fn to_ros1(
+    message: &RosMessage,
+    plan: &PairPlan,
+    sequence: u32,
+    limits: &Limits,
+) -> Result<Vec<u8>, EncodeError> {
+    let options = Options { message_bytes: limits.message_bytes, ..Options::default() };
+    let mut bytes = Vec::new();
+    let done = plan.to_ros1(&message.cdr, sequence, &options, &mut bytes);
+    done.map_err(|error| unwritable(message.ros_type, error))?;
+    Ok(bytes)
+}
+
+/// Reads a message.
+pub(super) fn decode(
+    message: &Bytes,
+    plan: Option<&PairPlan>,
+    spec: &TopicSpec,
+) -> Result<Payload, DecodeError> {
+    let TopicSpec { message_type, limits, plugins, .. } = spec;
+    let (MessageType::Ros(ros_type), Some(plan)) = (message_type, plan) else {
+        return ros1::decode(message, *message_type, limits, plugins);
+    };
+    from_ros1(message, plan, *ros_type, limits).map(Payload::from)
+}
+
+fn unwritable(ros_type: RosType, error: TranscodeError) -> EncodeError {
+    match error {
+        TranscodeError::TooLarge { actual, limit } => {
+            EncodeError::TooLarge { actual: actual as u64, limit: limit as u64 }
+        }
+        other => EncodeError::Unrepresentable {
+            format: "ROS 1",
+            what: format!("a malformed {ros_type}: {other}"),
+            path: "$".to_owned(),
+            remedy: "look at its publisher".to_owned(),
+        },
+    }
+}
+
+fn fault(error: &TranscodeError) -> DecodeError {
+    match error {
+        TranscodeError::TooLarge { actual, limit } => DecodeError::TooLarge {
+            what: "message",
+            path: "$".to_owned(),
+            actual: *actual as u64,
+            limit: *limit as u64,
+        },
+        other => DecodeError::Malformed {
+            format: "ROS 1",
+            path: "$".to_owned(),
+            reason: other.to_string(),
+        },
+    }
+}
+
+/// Writes a message, in pieces.
+pub(super) fn encode(
+    payload: &Payload,
+    plan: Option<&PairPlan>,
+    sequence: u32,
+    spec: &TopicSpec,
+) -> Result<Vec<Bytes>, EncodeError> {
+    let TopicSpec { message_type, limits, plugins, color_order, .. } = spec;
+    match (payload, message_type, plan) {
+        (Payload::RosMessage(message), MessageType::Ros(ros_type), Some(plan))
+            if message.ros_type == *ros_type =>
+        {
+            Ok(vec![to_ros1(message, plan, sequence, limits)?.into()])
+        }
+        _ => {
+            let payload = fitted(payload, *message_type, *color_order, limits)?;
+            ros1::encode(&payload, *message_type, sequence, limits, plugins)
+        }
+    }
+}

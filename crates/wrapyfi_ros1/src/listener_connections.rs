@@ -1,0 +1,477 @@
+//! A topic that is received: one connection to each of its publishers.
+//!
+//! ```text
+//!   publishers (master) ─ update ─▶ [ connection task … ] ─▶ inbox ─▶ Ros1Listener::take
+//!     requestTopic ─▶ connect ─▶ header ─▶ messages ─▶ lost: back-off, again while it is listed
+//! ```
+//!
+//! A publisher that the master no longer lists keeps its connection until it closes it, and is asked once
+//! more then: a master that was restarted knows nobody at first. Under policy `block` a task that finds no room stops reading,
+//! and TCP holds its publisher back.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Weak};
+use std::time::{Duration, Instant};
+
+use bytes::Bytes;
+use tokio::net::TcpStream;
+use tokio::sync::Notify;
+use tokio::task::AbortHandle;
+use tokio::time::timeout;
+use wrapyfi_interfaces::ros1::PairPlan;
+
+use super::config::NodeUri;
+use super::conversion;
+use super::core::Core;
+use super::header::Header;
+use super::probe::request_topic;
+use super::splitter::{self, Piece, Splitter};
+use super::subscriber::BusLink;
+use super::tcpros;
+use super::xmlrpc::shortened;
+use wrapyfi_data::types::MessageType;
+use wrapyfi_endpoint::backoff::Backoff;
+use wrapyfi_endpoint::codec::ros1::Ros1Type;
+use wrapyfi_endpoint::restart::restarted;
+use wrapyfi_endpoint::{
+    BridgeMark, Counters, DropReason, Keeping, Mutex, PROGRESS, Sender, Share, Waits, Wake,
+};
+
+/// Field of a connection header: the mark of a bridge that publishes a topic by pattern.
+pub(super) const MARK: &str = "wrapyfi_bridge";
+
+/// Most publishers of one topic.
+const MAX_PUBLISHERS: usize = 256;
+/// Longest time that the latched message of a publisher waits for room, whatever the queue's
+/// policy: those of many publishers come at once, and none of them comes again.
+const KEPT_WAITS: Duration = Duration::from_secs(1);
+
+/// A message as it came.
+#[derive(Debug)]
+pub(super) struct Arrival {
+    pub(super) message: Bytes,
+    pub(super) received_at: Instant,
+    /// Number of the publisher that sent it.
+    pub(super) source: u64,
+    /// True when the publisher sends its last message to new subscribers.
+    pub(super) latched: bool,
+    /// Plan that converts the message, where its type has no codec of its own.
+    pub(super) plan: Option<PairPlan>,
+}
+
+impl Waits for Arrival {
+    fn bytes(&self) -> usize {
+        self.message.len()
+    }
+}
+
+/// Type and size of the messages that a listener accepts.
+pub(super) struct Wanted {
+    pub(super) wire_type: Ros1Type,
+    pub(super) message_type: MessageType,
+    /// Largest message in bytes.
+    pub(super) limit: usize,
+    /// Publishers whose mark names this middleware are passed over.
+    pub(super) shun: Option<String>,
+}
+
+pub(super) struct ListenerConnections {
+    core: Weak<Core>,
+    topic: String,
+    wanted: Wanted,
+    inbox: Sender<Arrival>,
+    peers: Mutex<Peers>,
+}
+
+#[derive(Default)]
+struct Peers {
+    by_uri: BTreeMap<NodeUri, Peer>,
+    /// Publishers that latched, are gone, and were not told of.
+    departed: Vec<u64>,
+    closed: bool,
+}
+
+/// One publisher.
+#[derive(Default)]
+struct Peer {
+    shared: Arc<Shared>,
+    /// The master names it.
+    listed: bool,
+    /// The socket at its end, while messages flow.
+    address: Option<String>,
+    /// True when the publisher sends its last message to new subscribers.
+    latches: bool,
+    /// Reason why the last try to connect failed.
+    fault: Option<String>,
+    task: Option<AbortHandle>,
+    /// Last message of a publisher that latches: one that comes again with a new connection is no
+    /// news.
+    last: Option<(usize, u64)>,
+}
+
+/// State that the connection to a publisher shares with its task.
+#[derive(Default)]
+struct Shared {
+    id: u64,
+    /// Signal that the master named the publisher again: it may have something new.
+    again: Notify,
+    messages: AtomicU64,
+    bytes: AtomicU64,
+}
+
+impl ListenerConnections {
+    pub(super) fn new(
+        core: &Arc<Core>,
+        topic: &str,
+        wanted: Wanted,
+        inbox: Sender<Arrival>,
+    ) -> Arc<Self> {
+        Arc::new(Self {
+            core: Arc::downgrade(core),
+            topic: topic.to_owned(),
+            wanted,
+            inbox,
+            peers: Mutex::default(),
+        })
+    }
+
+    pub(super) fn wake(&self) -> &Wake {
+        &self.inbox.context().wake
+    }
+
+    pub(super) fn counters(&self) -> &Counters {
+        self.inbox.counters()
+    }
+
+    pub(super) fn type_name(&self) -> &str {
+        &self.wanted.wire_type.name
+    }
+
+    /// Publishers that are connected, and why those are not that are not.
+    pub(super) fn connected(&self) -> (usize, Option<String>) {
+        let peers = self.peers.lock();
+        let up = peers.by_uri.values().filter(|peer| peer.address.is_some());
+        let core = self.core.upgrade();
+        let hint = |uri: &NodeUri| {
+            core.as_ref().map_or("", |core| core.master.whereabouts.hint(&uri.host))
+        };
+        let why = peers.by_uri.iter().find_map(|(uri, peer)| {
+            let reason = peer.fault.as_ref()?;
+            Some(format!("publisher {uri}: {reason}{}", hint(uri)))
+        });
+        (up.count(), why)
+    }
+
+    /// Number of the connected publishers that latch: all, some or none.
+    pub(super) fn keeping(&self) -> Keeping {
+        let peers = self.peers.lock();
+        let up = peers.by_uri.values().filter(|peer| peer.address.is_some());
+        Keeping::of(up.map(|peer| peer.latches))
+    }
+
+    /// A publisher that latched and has gone.
+    pub(super) fn departed(&self) -> Option<u64> {
+        self.peers.lock().departed.pop()
+    }
+
+    /// Connections of the subscription, for the slave API.
+    pub(super) fn links(&self) -> Vec<BusLink> {
+        let peers = self.peers.lock();
+        let link = |(uri, peer): (&NodeUri, &Peer)| {
+            let address = peer.address.as_ref()?;
+            Some(BusLink {
+                id: peer.shared.id,
+                peer: uri.to_string(),
+                address: address.clone(),
+                connected: true,
+                messages: peer.shared.messages.load(Relaxed),
+                bytes: peer.shared.bytes.load(Relaxed),
+            })
+        };
+        peers.by_uri.iter().filter_map(link).collect()
+    }
+
+    /// Ends all connections for good.
+    pub(super) fn close(&self) {
+        let mut peers = self.peers.lock();
+        peers.closed = true;
+        for peer in std::mem::take(&mut peers.by_uri).into_values() {
+            peer.task.iter().for_each(AbortHandle::abort);
+        }
+    }
+
+    /// Takes what the master says about who publishes.
+    pub(super) fn update(self: &Arc<Self>, publishers: &[NodeUri]) {
+        let Some(core) = self.core.upgrade() else { return };
+        let mut peers = self.peers.lock();
+        if peers.closed {
+            return;
+        }
+        for (uri, peer) in &mut peers.by_uri {
+            peer.listed = publishers.contains(uri);
+        }
+        let Peers { by_uri, departed, .. } = &mut *peers;
+        by_uri.retain(|_, peer| {
+            let stays = peer.listed || peer.address.is_some();
+            if !stays {
+                peer.task.iter().for_each(AbortHandle::abort);
+                peer.depart(departed);
+            }
+            stays
+        });
+        for uri in publishers {
+            if let Some(peer) = peers.by_uri.get(uri) {
+                peer.shared.again.notify_one();
+                continue;
+            }
+            if peers.by_uri.len() >= MAX_PUBLISHERS {
+                tracing::warn!(
+                    topic = self.topic,
+                    "ROS 1: publisher {uri} is left out: {MAX_PUBLISHERS} are the limit"
+                );
+                break;
+            }
+            let shared = Arc::new(Shared { id: core.next_id(), ..Shared::default() });
+            let connection = Connection {
+                connections: Arc::clone(self),
+                uri: uri.clone(),
+                shared: Arc::clone(&shared),
+                latched: false,
+                plan: None,
+            };
+            let peer = Peer { shared, listed: true, ..Peer::default() };
+            peers.by_uri.insert(uri.clone(), peer);
+            let (connections, at) = (Arc::clone(self), uri.clone());
+            let task = restarted(
+                format!("the connection to publisher {uri} of {}", self.topic),
+                move |what| _ = connections.note(&at, Err(what)),
+                move || connection.clone().keep(),
+            );
+            let task = core.handle.spawn(task).abort_handle();
+            if let Some(peer) = peers.by_uri.get_mut(uri) {
+                peer.task = Some(task);
+            }
+        }
+        drop(peers);
+        self.wake().ring();
+    }
+
+    /// Notes how a connection is: where it leads, or why there is none. False where nobody wants it
+    /// any more.
+    fn note(&self, uri: &NodeUri, state: Result<(String, bool), String>) -> bool {
+        let mut peers = self.peers.lock();
+        let Peers { by_uri, departed, .. } = &mut *peers;
+        let Some(peer) = by_uri.get_mut(uri) else { return false };
+        let stays = peer.listed || state.is_ok() || peer.address.is_some();
+        let changed = match state {
+            Ok((address, latches)) => {
+                peer.fault = None;
+                peer.latches = latches;
+                // A departure that was not reported yet is over.
+                departed.retain(|id| *id != peer.shared.id);
+                peer.address.replace(address).is_none()
+            }
+            Err(reason) => {
+                let is_news = peer.fault.as_ref() != Some(&reason);
+                let was_up = peer.address.take().is_some();
+                // A connection that ends is made again at once; what that comes to is worth the one line.
+                if was_up {
+                    tracing::debug!(topic = self.topic, %uri, reason, "ROS 1: disconnected");
+                } else if is_news && peer.listed {
+                    tracing::warn!(topic = self.topic, "ROS 1: publisher {uri}: {reason}");
+                }
+                peer.fault = Some(reason);
+                // A connection that broke is made again; a node that is gone cannot be reached.
+                if !was_up || !stays {
+                    peer.depart(departed);
+                }
+                was_up || is_news
+            }
+        };
+        if !stays {
+            by_uri.remove(uri);
+        }
+        drop(peers);
+        if changed {
+            self.wake().ring();
+        }
+        stays
+    }
+
+    /// True for the message that a publisher which latches sent last, when it comes once more with
+    /// a new connection.
+    fn came_before(&self, uri: &NodeUri, message: &Bytes, first: bool) -> bool {
+        use std::hash::{DefaultHasher, Hasher as _};
+        let mut hasher = DefaultHasher::new();
+        hasher.write(message);
+        let print = Some((message.len(), hasher.finish()));
+        let mut peers = self.peers.lock();
+        let Some(peer) = peers.by_uri.get_mut(uri) else { return false };
+        let again = first && peer.last == print;
+        peer.last = print;
+        again
+    }
+}
+
+impl Peer {
+    /// Notes that the publisher is gone, and forgets its last message: should it come back, that is
+    /// news.
+    fn depart(&mut self, departed: &mut Vec<u64>) {
+        if self.last.take().is_some() {
+            departed.push(self.shared.id);
+        }
+    }
+}
+
+/// The task of one publisher.
+#[derive(Clone)]
+struct Connection {
+    connections: Arc<ListenerConnections>,
+    uri: NodeUri,
+    shared: Arc<Shared>,
+    latched: bool,
+    plan: Option<PairPlan>,
+}
+
+impl Connection {
+    /// Connects, receives, and connects again while the master names the publisher.
+    async fn keep(mut self) {
+        let mut backoff = Backoff::of_process(self.shared.id);
+        loop {
+            let reason = match self.open().await {
+                Ok(stream) => {
+                    let address = stream.peer_addr().map(|a| a.to_string()).unwrap_or_default();
+                    if !self.connections.note(&self.uri, Ok((address, self.latched))) {
+                        return;
+                    }
+                    backoff.reset();
+                    self.receive(stream).await
+                }
+                Err(Closed::Shunned) => {
+                    // It may be another publication when the master names it again.
+                    self.shared.again.notified().await;
+                    continue;
+                }
+                Err(Closed::Fault(reason)) => reason,
+            };
+            if !self.connections.note(&self.uri, Err(reason)) {
+                return;
+            }
+            // Sooner where the master says that the publisher has something new.
+            _ = timeout(backoff.wait(), self.shared.again.notified()).await;
+        }
+    }
+
+    /// A connection on which messages follow, or why there is none.
+    async fn open(&mut self) -> Result<TcpStream, Closed> {
+        let core =
+            self.connections.core.upgrade().ok_or_else(|| "the node has ended".to_owned())?;
+        let (host, port) = request_topic(&core, &self.uri, &self.connections.topic).await?;
+        let wire_type = &self.connections.wanted.wire_type;
+        let own = Header::new()
+            .with("callerid", core.name.full())
+            .with("topic", &self.connections.topic)
+            .with("type", &wire_type.name)
+            .with("md5sum", &wire_type.md5)
+            .with("message_definition", &wire_type.definition)
+            .with("tcp_nodelay", "1");
+        let mut stream = tcpros::connect(&host, port).await?;
+        let header = tcpros::greet(&mut stream, &own).await.map_err(|error| error.to_string())?;
+        if let Some(error) = header.get("error") {
+            return Err(Closed::Fault(format!(
+                "it refuses: {}; wanted is {} [{}]: have both use the same definition",
+                shortened(error),
+                wire_type.name,
+                wire_type.md5
+            )));
+        }
+        let came_through = |shunned: &String| {
+            let mark = header.get(MARK).and_then(|mark| mark.parse::<BridgeMark>().ok());
+            mark.is_some_and(|mark| mark.came_through(shunned))
+        };
+        if self.connections.wanted.shun.as_ref().is_some_and(came_through) {
+            tracing::debug!(topic = self.connections.topic, uri = %self.uri, "ROS 1: a bridge's, passed over");
+            return Err(Closed::Shunned);
+        }
+        let (name, md5) = (header.get("type").unwrap_or("*"), header.get("md5sum").unwrap_or("*"));
+        if !wire_type.fits(md5) {
+            return Err(Closed::Fault(format!(
+                "it sends {} [{}], wanted is {} [{}]: have both use the same definition",
+                shortened(name),
+                shortened(md5),
+                wire_type.name,
+                wire_type.md5
+            )));
+        }
+        self.plan =
+            conversion::publisher_plan(&core, &header, self.connections.wanted.message_type)
+                .map_err(|error| shortened(&error))?;
+        self.latched = header.is_set("latching");
+        Ok(stream)
+    }
+
+    /// Receives until the connection ends; why it did.
+    async fn receive(&self, mut stream: TcpStream) -> String {
+        let (mut splitter, share) =
+            (Splitter::new(self.connections.wanted.limit), Share::default());
+        let counters = self.connections.inbox.counters();
+        let mut first = true;
+        loop {
+            loop {
+                let message = match splitter.next() {
+                    Ok(None) => break,
+                    Ok(Some(Piece::Message(message))) => message,
+                    Ok(Some(Piece::Oversize(size))) => {
+                        counters.received(size);
+                        counters.dropped(DropReason::Oversize);
+                        first = false;
+                        continue;
+                    }
+                    Err(lost) => return lost.to_string(),
+                };
+                let size = message.len() + 4;
+                counters.received(size);
+                self.shared.messages.fetch_add(1, Relaxed);
+                self.shared.bytes.fetch_add(size as u64, Relaxed);
+                let is_first = std::mem::take(&mut first);
+                if self.latched && self.connections.came_before(&self.uri, &message, is_first) {
+                    counters.dropped(DropReason::Duplicate);
+                    continue;
+                }
+                self.deliver(message, is_first).await;
+            }
+            if let Err(ended) = splitter::read(&mut stream, &mut splitter, &share, PROGRESS).await {
+                if splitter.begun() > 0 {
+                    counters.received(splitter.begun());
+                    counters.dropped(ended.drop_reason());
+                }
+                return ended.to_string();
+            }
+        }
+    }
+
+    /// Puts a message into the inbox, under policy `block` when there is room; so too the one that a
+    /// publisher kept for us.
+    async fn deliver(&self, message: Bytes, is_first: bool) {
+        let inbox = &self.connections.inbox;
+        let (source, latched, plan) = (self.shared.id, self.latched, self.plan.clone());
+        let kept_waits = if latched && is_first { KEPT_WAITS } else { Duration::ZERO };
+        let received_at = inbox.context().clock.now();
+        let arrival = Arrival { message, received_at, source, latched, plan };
+        inbox.place(arrival, inbox.patience().max(kept_waits)).await;
+    }
+}
+
+/// Reason why there is no connection.
+enum Closed {
+    /// The publisher is a bridge's, which takes it from where this listener's messages go.
+    Shunned,
+    Fault(String),
+}
+
+impl From<String> for Closed {
+    fn from(reason: String) -> Self {
+        Self::Fault(reason)
+    }
+}

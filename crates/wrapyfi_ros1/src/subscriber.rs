@@ -1,0 +1,278 @@
+//! One subscriber of a publication: its queue and its socket.
+//!
+//! ```text
+//!   publisher's thread:  push ─ queue empty ─▶ socket            no thread between
+//!                             └ socket full ─▶ [ begun │ … ] ─▶ task: socket writable ─▶ socket
+//!                                              full: the oldest goes, counted
+//! ```
+//!
+//! A subscriber that does not read fills its own queue only.
+
+use std::collections::VecDeque;
+use std::io::{self, IoSlice};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::Duration;
+
+use bytes::Bytes;
+use tokio::io::Interest;
+use tokio::net::TcpStream;
+use tokio::sync::Notify;
+use tokio::time::timeout;
+
+use wrapyfi_endpoint::{Counters, DropReason, Mutex, Share, Waits};
+
+/// Longest time that the last messages have after their publisher went.
+const LINGER: Duration = Duration::from_secs(1);
+/// Bytes that a subscriber may send: it has nothing to say.
+const CHATTER: usize = 64 * 1024;
+
+/// A message as it goes on the wire: its size, and its pieces.
+#[derive(Debug, Clone)]
+pub(super) struct Frame(Arc<Content>);
+
+#[derive(Debug)]
+struct Content {
+    pieces: Box<[Bytes]>,
+    /// A subscriber did not get it, and that is counted.
+    missed: AtomicBool,
+}
+
+impl Frame {
+    /// `None` for what no size can say.
+    pub(super) fn new(pieces: Vec<Bytes>) -> Option<Self> {
+        let size: usize = pieces.iter().map(Bytes::len).sum();
+        let size = u32::try_from(size).ok()?;
+        let size = Bytes::copy_from_slice(&size.to_le_bytes());
+        let pieces = std::iter::once(size).chain(pieces).collect();
+        Some(Self(Arc::new(Content { pieces, missed: AtomicBool::new(false) })))
+    }
+
+    /// Counts that a subscriber did not get it: once, however many.
+    fn missed(&self, reason: DropReason, counters: &Counters) {
+        if !self.0.missed.swap(true, Relaxed) {
+            counters.undelivered(reason, self.len());
+        }
+    }
+
+    /// Bytes, the size included.
+    pub(super) fn len(&self) -> usize {
+        self.0.pieces.iter().map(Bytes::len).sum()
+    }
+}
+
+impl Waits for Frame {
+    fn bytes(&self) -> usize {
+        self.len()
+    }
+}
+
+/// One connection of a topic, as the slave API tells it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct BusLink {
+    /// Number of the connection in this node.
+    pub(super) id: u64,
+    /// The other end: a node's name, or the address of its XML-RPC server.
+    pub(super) peer: String,
+    /// The socket at the other end.
+    pub(super) address: String,
+    /// Messages flow.
+    pub(super) connected: bool,
+    /// Messages so far.
+    pub(super) messages: u64,
+    /// Bytes so far.
+    pub(super) bytes: u64,
+}
+
+pub(super) struct Subscriber {
+    id: u64,
+    peer: String,
+    address: String,
+    stream: TcpStream,
+    queue: Mutex<Queue>,
+    work: Notify,
+}
+
+#[derive(Default)]
+struct Queue {
+    /// Messages, and where they are counted.
+    frames: VecDeque<(Frame, Arc<Counters>)>,
+    share: Share,
+    /// Bytes of the first frame that are on their way.
+    written: usize,
+    messages: u64,
+    bytes: u64,
+    /// True when nothing more is accepted; queued messages are still sent.
+    finishing: bool,
+    /// The connection is gone.
+    broken: bool,
+}
+
+impl Subscriber {
+    pub(super) fn new(id: u64, peer: &str, address: String, stream: TcpStream) -> Self {
+        Self {
+            id,
+            peer: peer.to_owned(),
+            address,
+            stream,
+            queue: Mutex::default(),
+            work: Notify::new(),
+        }
+    }
+
+    /// Sends a message, now or when the subscriber has read; of more than `depth` the oldest goes.
+    pub(super) fn push(&self, frame: &Frame, depth: usize, counters: &Arc<Counters>) {
+        let mut queue = self.queue.lock();
+        if queue.broken || queue.finishing {
+            return frame.missed(queue.end(), counters);
+        }
+        if queue.frames.len() >= depth.max(1) {
+            // A message that has begun must end.
+            let begun = usize::from(queue.written > 0);
+            let Some((oldest, of)) = queue.frames.remove(begun) else {
+                return frame.missed(DropReason::SendQueueFull, counters);
+            };
+            queue.share.give(oldest.len());
+            oldest.missed(DropReason::SendQueueFull, &of);
+        }
+        if !queue.share.take(frame.len()) {
+            return frame.missed(DropReason::OverBudget, counters);
+        }
+        queue.frames.push_back((frame.clone(), Arc::clone(counters)));
+        if queue.frames.len() == 1 {
+            queue.flush(&self.stream);
+        }
+        if !queue.frames.is_empty() || queue.broken {
+            self.work.notify_one();
+        }
+    }
+
+    /// Has the connection end when what is queued is sent.
+    pub(super) fn finish(&self) {
+        self.queue.lock().finishing = true;
+        self.work.notify_one();
+    }
+
+    pub(super) fn link(&self) -> BusLink {
+        let queue = self.queue.lock();
+        BusLink {
+            id: self.id,
+            peer: self.peer.clone(),
+            address: self.address.clone(),
+            connected: !queue.broken,
+            messages: queue.messages,
+            bytes: queue.bytes,
+        }
+    }
+
+    /// Writes what the publisher's thread could not, until either end closes. What waits then is lost.
+    pub(super) async fn run(&self) {
+        self.write().await;
+        let mut queue = self.queue.lock();
+        queue.broken = true;
+        let reason = queue.end();
+        for (frame, counters) in std::mem::take(&mut queue.frames) {
+            queue.share.give(frame.len());
+            frame.missed(reason, &counters);
+        }
+    }
+
+    async fn write(&self) {
+        let mut heard = 0_usize;
+        loop {
+            let (pending, finishing) = {
+                let queue = self.queue.lock();
+                if queue.broken {
+                    return;
+                }
+                (!queue.frames.is_empty(), queue.finishing)
+            };
+            if finishing {
+                if pending {
+                    _ = timeout(LINGER, self.drain()).await;
+                }
+                return;
+            }
+            let interest =
+                if pending { Interest::READABLE | Interest::WRITABLE } else { Interest::READABLE };
+            tokio::select! {
+                () = self.work.notified() => {}
+                ready = self.stream.ready(interest) => {
+                    let Ok(ready) = ready else { break };
+                    if ready.is_writable() {
+                        self.queue.lock().flush(&self.stream);
+                    }
+                    if ready.is_readable() && !self.listen(&mut heard) {
+                        break;
+                    }
+                }
+            }
+        }
+    }
+
+    async fn drain(&self) {
+        while self.stream.writable().await.is_ok() {
+            let mut queue = self.queue.lock();
+            queue.flush(&self.stream);
+            if queue.frames.is_empty() || queue.broken {
+                return;
+            }
+        }
+    }
+
+    /// Reads what a subscriber has no business to send; false when it is gone.
+    fn listen(&self, heard: &mut usize) -> bool {
+        let mut bytes = [0; 256];
+        match self.stream.try_read(&mut bytes) {
+            Ok(0) => false,
+            Ok(read) => {
+                *heard += read;
+                if *heard > CHATTER {
+                    tracing::warn!(peer = self.peer, "ROS 1: a subscriber that sends was cut off");
+                }
+                *heard <= CHATTER
+            }
+            Err(error) => error.kind() == io::ErrorKind::WouldBlock,
+        }
+    }
+}
+
+impl Queue {
+    /// Reason as which the waiting messages are counted when the connection ends.
+    fn end(&self) -> DropReason {
+        if self.finishing { DropReason::Closed } else { DropReason::ConnectionLost }
+    }
+
+    /// Writes until the socket takes no more.
+    fn flush(&mut self, stream: &TcpStream) {
+        while let Some((frame, _)) = self.frames.front() {
+            let mut skip = self.written;
+            let mut slices = Vec::with_capacity(frame.0.pieces.len());
+            for piece in &frame.0.pieces {
+                let rest = piece.get(skip..).unwrap_or_default();
+                skip = skip.saturating_sub(piece.len());
+                if !rest.is_empty() {
+                    slices.push(IoSlice::new(rest));
+                }
+            }
+            match stream.try_write_vectored(&slices) {
+                Ok(bytes) => {
+                    self.written += bytes;
+                    self.bytes += bytes as u64;
+                }
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => return,
+                Err(_) => {
+                    self.broken = true;
+                    return;
+                }
+            }
+            let size = frame.len();
+            if self.written >= size {
+                self.share.give(size);
+                self.frames.pop_front();
+                self.written = 0;
+                self.messages += 1;
+            }
+        }
+    }
+}

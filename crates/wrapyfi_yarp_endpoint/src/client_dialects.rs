@@ -1,0 +1,185 @@
+//! Dialect and format of a request, which its reply takes on.
+//!
+//! ```text
+//!   a float in the request            ─▶ its size: YARP 3 or YARP 4
+//!   none, but one in the reply        ─▶ what this client wrote before, or its port told after the first
+//!                                        reply; that one is of the name server's dialect
+//!   one string that begins with "["   ─▶ a call of Wrapyfi: JSON
+//! ```
+//!
+//! The other way round a server is asked before the first request with a float ([`ask`]).
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use tokio::sync::OnceCell;
+use wrapyfi_yarp::bottle::Frame;
+use wrapyfi_yarp::port::{Network, Received};
+use wrapyfi_yarp::{Bottle, Dialect};
+
+use super::options::{BottleFormat, YarpOptions};
+
+/// Most clients whose dialect is remembered.
+const MOST: usize = 256;
+/// Longest time that a port may take to tell its dialect.
+const PATIENCE: Duration = Duration::from_secs(1);
+/// The beginning of a bottle that holds one string, before its length.
+const ONE_STRING: [u8; 8] = [4, 1, 0, 0, 1, 0, 0, 0];
+/// Bytes before the text of that string.
+const BEFORE_TEXT: usize = 12;
+
+/// The dialects of the clients of one port.
+pub(super) struct ClientDialects {
+    network: Network,
+    /// The name server's port, where it may tell how those read that show nothing.
+    name_server: Option<String>,
+    usual: OnceCell<Dialect>,
+    known: Mutex<HashMap<Arc<str>, Dialect>>,
+}
+
+impl ClientDialects {
+    pub(super) fn new(network: Network, name_server: &str, options: &YarpOptions) -> Self {
+        let is_set = options.dialect.is_some() || network.dialect() != Dialect::default();
+        let name_server = (!is_set).then(|| name_server.to_owned());
+        Self { network, name_server, usual: OnceCell::new(), known: Mutex::default() }
+    }
+
+    /// The dialect of a request, as far as it can be told by now.
+    pub(super) fn dialect(&self, received: &Received) -> Option<Dialect> {
+        if received.is_text {
+            return Some(self.network.dialect());
+        }
+        let client = client(&received.from, received.connection);
+        let shown = shown(&received.payload.bytes, self.network.limits());
+        if let Some(dialect) = shown {
+            self.learn(&client, dialect);
+            return shown;
+        }
+        self.known(|known| known.get(&client).copied())
+    }
+
+    /// The dialect of clients that show none: what is set, else that of YARP's name server.
+    pub(super) async fn usual(&self) -> Dialect {
+        let Some(name_server) = &self.name_server else { return self.network.dialect() };
+        *self.usual.get_or_init(|| async { ask(&self.network, name_server).await.0 }).await
+    }
+
+    /// A reply with floats goes to a client that has shown no dialect. Its port is asked behind that, for the
+    /// next time: YARP's ports tell nothing while they wait for a reply.
+    pub(super) fn written(self: &Arc<Self>, received: &Received, dialect: Dialect) {
+        let name = Arc::clone(&received.from);
+        let client = client(&name, received.connection);
+        self.learn(&client, dialect);
+        // The others of this name have been told of with the first one: nobody can be asked.
+        if client != name && !self.learn(&name, dialect) {
+            return;
+        }
+        let clients = Arc::clone(self);
+        tokio::spawn(async move {
+            let (told, has_told) = ask(&clients.network, &name).await;
+            if has_told && told == dialect {
+                return;
+            }
+            if has_told {
+                clients.learn(&name, told);
+            }
+            let it = if has_told { "has others" } else { "does not tell which it has" };
+            tracing::warn!(
+                "{name} was answered with floats of dialect {dialect}, and {it}: set option dialect"
+            );
+        });
+    }
+
+    /// Notes the dialect of a client; true when none was known.
+    fn learn(&self, client: &Arc<str>, dialect: Dialect) -> bool {
+        self.known(|known| {
+            if known.len() >= MOST && !known.contains_key(client) {
+                known.clear();
+            }
+            known.insert(Arc::clone(client), dialect).is_none()
+        })
+    }
+
+    fn known<T>(&self, look: impl FnOnce(&mut HashMap<Arc<str>, Dialect>) -> T) -> T {
+        look(&mut self.known.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+/// Key of the client that sent a request: its port's name, or name and connection for YARP's tools,
+/// which are all called `anon_rpc`.
+fn client(name: &Arc<str>, connection: u64) -> Arc<str> {
+    if name.starts_with('/') { Arc::clone(name) } else { format!("{name} {connection}").into() }
+}
+
+/// Asks a port for its dialect; that of the network where it does not tell. Whether it has told.
+pub(super) async fn ask(network: &Network, name: &str) -> (Dialect, bool) {
+    match tokio::time::timeout(PATIENCE, network.probe_dialect(name)).await {
+        Ok(Ok(dialect)) => (dialect, true),
+        _ => (network.dialect(), false),
+    }
+}
+
+/// The one dialect in which `bytes` are a bottle; none where they are one in both, or in neither.
+fn shown(bytes: &[u8], limits: &wrapyfi_yarp::Limits) -> Option<Dialect> {
+    let is_whole = |dialect| {
+        let frame = Bottle::frame(bytes, dialect, limits);
+        matches!(frame, Ok(Frame::Complete(length)) if length == bytes.len())
+    };
+    match (is_whole(Dialect::V3), is_whole(Dialect::V4)) {
+        (true, false) => Some(Dialect::V3),
+        (false, true) => Some(Dialect::V4),
+        _ => None,
+    }
+}
+
+/// BottleFormat of a request: JSON from Wrapyfi, else a bottle.
+pub(super) fn format(bytes: &[u8]) -> BottleFormat {
+    let text = bytes.strip_prefix(&ONE_STRING).and_then(|_| bytes.get(BEFORE_TEXT..));
+    match text {
+        Some(text) if text.trim_ascii_start().starts_with(b"[") => BottleFormat::Json,
+        _ => BottleFormat::Bottle,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bytes(text: &str, dialect: Dialect) -> Vec<u8> {
+        let bottle = Bottle::from_text(text.as_bytes(), &wrapyfi_yarp::Limits::default()).unwrap();
+        bottle.encode(dialect).unwrap()
+    }
+
+    #[test]
+    fn a_float_shows_who_wrote_it() {
+        let limits = wrapyfi_yarp::Limits::default();
+        for text in ["[set] [pos] 2 10.5", "1.5", "(1.5 2) word", "1.5 2.5 3.5"] {
+            for dialect in [Dialect::V3, Dialect::V4] {
+                assert_eq!(shown(&bytes(text, dialect), &limits), Some(dialect), "{text}");
+            }
+        }
+        for text in ["[get] [enc] 0", "", "word"] {
+            assert_eq!(shown(&bytes(text, Dialect::V3), &limits), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn tools_of_one_name_are_several_clients() {
+        let (tool, port): (Arc<str>, Arc<str>) = ("anon_rpc".into(), "/asker".into());
+        let clients =
+            ClientDialects::new(Network::builder().build(), "/root", &YarpOptions::default());
+        assert!(clients.learn(&client(&tool, 1), Dialect::V4));
+        assert!(clients.learn(&client(&tool, 2), Dialect::V3), "another one");
+        assert!(clients.learn(&client(&port, 3), Dialect::V4));
+        assert!(!clients.learn(&client(&port, 4), Dialect::V4), "it has connected again");
+    }
+
+    #[test]
+    fn calls_of_wrapyfi_are_one_string() {
+        assert_eq!(format(&bytes("\"[[1], {}]\"", Dialect::V3)), BottleFormat::Json);
+        for text in ["get enc 0", "help", "\"[[1], {}]\" 2", "", "[get]"] {
+            assert_eq!(format(&bytes(text, Dialect::V3)), BottleFormat::Bottle, "{text}");
+        }
+    }
+}

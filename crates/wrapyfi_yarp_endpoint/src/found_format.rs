@@ -1,0 +1,129 @@
+//! Functions of Wrapyfi, told from the rpc ports of robots.
+//!
+//! ```text
+//!   /wf/fn    subscribe /wf/fn ─▶ /wf/fn:out     Python Wrapyfi: JSON in one string
+//!             property wrapyfi = json            ours: JSON, too
+//!   /rpc:i    neither                            a robot: bottles
+//! ```
+//!
+//! On the wire both are rpc ports, and nobody may be asked: a robot carries out what it is sent, and
+//! Wrapyfi calls its function. The name server knows, though: a server of Wrapyfi asks it for a connection
+//! from its port to the same name with `:out`, and ours leave a property.
+
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::Duration;
+
+use wrapyfi_yarp::wire::admin::split_destination;
+
+use super::Shared;
+use super::options::{BottleFormat, YarpOptions};
+
+/// Property of a port of ours at the name server, where it takes calls as Wrapyfi's.
+const MARK: &str = "wrapyfi";
+/// Value of [`MARK`].
+const JSON: &str = "json";
+/// Time that Wrapyfi is given between opening its port and asking for that connection.
+const OPENS_WITHIN: Duration = Duration::from_millis(250);
+
+/// Options with the format that was found, for where none is set.
+pub(super) struct FoundFormat {
+    is_json: AtomicBool,
+    json: YarpOptions,
+    bottle: YarpOptions,
+}
+
+impl FoundFormat {
+    pub(super) fn new(options: &YarpOptions) -> Self {
+        let of = |format| YarpOptions { bottle: Some(format), ..options.clone() };
+        Self {
+            is_json: AtomicBool::new(false),
+            json: of(BottleFormat::Json),
+            bottle: of(BottleFormat::Bottle),
+        }
+    }
+
+    pub(super) fn set(&self, format: BottleFormat) {
+        self.is_json.store(format == BottleFormat::Json, Relaxed);
+    }
+
+    /// `given`, unless it leaves the format to be found.
+    pub(super) fn options<'a>(&'a self, given: &'a YarpOptions) -> &'a YarpOptions {
+        let format =
+            if self.is_json.load(Relaxed) { BottleFormat::Json } else { BottleFormat::Bottle };
+        self.of(given, format)
+    }
+
+    /// `given`, unless it leaves the format to be found: that with `format`.
+    pub(super) fn of<'a>(
+        &'a self,
+        given: &'a YarpOptions,
+        format: BottleFormat,
+    ) -> &'a YarpOptions {
+        match (given.finds_format && given.bottle.is_none(), format) {
+            (false, _) => given,
+            (true, BottleFormat::Json) => &self.json,
+            (true, _) => &self.bottle,
+        }
+    }
+}
+
+/// BottleFormat in which the server behind the port `name` reads calls: JSON where Wrapyfi opened it, else
+/// bottles.
+pub(super) async fn of_server(shared: &Shared, name: &str, has_just_come: bool) -> BottleFormat {
+    if is_of_wrapyfi(shared, name).await {
+        return BottleFormat::Json;
+    }
+    if has_just_come {
+        tokio::time::sleep(OPENS_WITHIN).await;
+        if is_of_wrapyfi(shared, name).await {
+            return BottleFormat::Json;
+        }
+    }
+    BottleFormat::Bottle
+}
+
+async fn is_of_wrapyfi(shared: &Shared, name: &str) -> bool {
+    let marks = shared.network.names().get(name, MARK).await;
+    if marks.is_ok_and(|marks| marks.iter().any(|mark| mark == JSON)) {
+        return true;
+    }
+    let wishes = shared.registrar.client().subscriptions(Some(name)).await;
+    wishes.is_ok_and(|wishes| wishes.iter().any(|wish| is_to_out(&wish.src, &wish.dest)))
+}
+
+/// True when `dest` is the port that Wrapyfi connects its port `src` to: the same name with `:out`.
+fn is_to_out(src: &str, dest: &str) -> bool {
+    let bare =
+        |text: &str| split_destination(text).map_or_else(|| text.to_owned(), |(_, name)| name);
+    bare(dest).strip_suffix(":out") == Some(bare(src).as_str())
+}
+
+/// Leaves the mark of a server that reads JSON.
+pub(super) async fn mark(shared: &Shared, name: &str) {
+    if let Err(error) = shared.network.names().set(name, MARK, &[JSON.to_owned()]).await {
+        tracing::debug!(name, %error, "the name server does not know that this is a function of ours");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_wrapyfi_asks_the_name_server_for_is_known() {
+        assert!(is_to_out("tcp://wf/fn", "tcp://wf/fn:out"));
+        assert!(is_to_out("/wf/fn", "/wf/fn:out"));
+        assert!(!is_to_out("/wf/fn", "/other:out") && !is_to_out("/wf/fn", "/wf/fn:in3"));
+    }
+
+    #[test]
+    fn the_form_is_found_only_where_none_is_set() {
+        let given = YarpOptions { finds_format: true, ..YarpOptions::default() };
+        let found = FoundFormat::new(&given);
+        assert_eq!(found.options(&given).bottle, Some(BottleFormat::Bottle));
+        found.set(BottleFormat::Json);
+        assert_eq!(found.options(&given).bottle, Some(BottleFormat::Json));
+        let fixed = YarpOptions::default();
+        assert_eq!(found.options(&fixed), &fixed);
+    }
+}

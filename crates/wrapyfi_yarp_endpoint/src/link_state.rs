@@ -1,0 +1,51 @@
+//! State of an endpoint's connections, written by its task and read by its owner.
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use wrapyfi_endpoint::{Link, Wake};
+
+/// Written by the task of an endpoint, read by its owner, who is rung at changes.
+#[derive(Debug)]
+pub(super) struct LinkState {
+    state: Mutex<Link>,
+    wake: Wake,
+}
+
+impl LinkState {
+    /// State of a new endpoint, without connections.
+    pub(super) fn new(wake: Wake, waiting_for: String) -> Self {
+        let link = Link { peers: Some(0), waiting_for: Some(waiting_for), keeps_last: false };
+        Self { state: Mutex::new(link), wake }
+    }
+
+    /// Connected to so many.
+    pub(super) fn connected(&self, peers: usize) {
+        self.set(Link { peers: Some(peers), waiting_for: None, keeps_last: false });
+    }
+
+    /// Connected to nobody, and why.
+    pub(super) fn waiting(&self, what: impl Into<String>) {
+        self.set(Link { peers: Some(0), waiting_for: Some(what.into()), keeps_last: false });
+    }
+
+    fn set(&self, link: Link) {
+        let mut state = self.state();
+        if *state != link {
+            *state = link;
+            drop(state);
+            self.wake.ring();
+        }
+    }
+
+    pub(super) fn link(&self) -> Link {
+        self.state().clone()
+    }
+
+    pub(super) fn wake(&self) -> &Wake {
+        &self.wake
+    }
+
+    fn state(&self) -> MutexGuard<'_, Link> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

@@ -1,0 +1,211 @@
+//! Finds out what has a port: the first bytes of ZMTP 3, spoken over plain TCP.
+//!
+//! ```text
+//!   we:   greeting (64 bytes) ─▶   READY Socket-Type=SUB ─▶  close
+//!   peer: ◀─ greeting (64 bytes)   ◀─ READY Socket-Type=XPUB
+//! ```
+//!
+//! A ZeroMQ socket cannot tell this: it reports neither the peer's type nor why a handshake failed.
+
+use std::fmt;
+use std::io::{ErrorKind, Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::time::{Duration, Instant};
+
+use super::zmtp::{Breach, Frame, GREETING, greeting, ready, short_text, socket_type, split_frame};
+
+/// Time for the whole conversation.
+pub(super) const TIMEOUT: Duration = Duration::from_secs(1);
+
+/// A READY command is a few properties; nobody is believed who announces more.
+const MAX_COMMAND: usize = 4096;
+
+/// Kind of program that answers on a port.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Answer {
+    /// A ZeroMQ socket of this type (`XPUB`, `REP`, …).
+    Socket(String),
+    /// A ZeroMQ socket that wants this security mechanism.
+    Secured(String),
+    /// A ZeroMQ socket that refused us, with its words.
+    Refused(String),
+    /// Something that is not ZeroMQ, or older than ZMTP 3.
+    NotZeroMq,
+    /// A program that accepts connections and sends nothing.
+    Silent,
+    /// No connection at all, for this reason.
+    Nobody(String),
+}
+
+impl fmt::Display for Answer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Socket(kind) => write!(f, "a ZeroMQ socket of type {kind}"),
+            Self::Secured(mechanism) => {
+                write!(f, "a ZeroMQ socket that wants {mechanism} security")
+            }
+            Self::Refused(reason) => write!(f, "a ZeroMQ socket that refuses us ({reason})"),
+            Self::NotZeroMq => f.write_str("something that does not speak ZeroMQ (ZMTP 3)"),
+            Self::Silent => write!(f, "something that does not answer within {TIMEOUT:?}"),
+            Self::Nobody(reason) => write!(f, "nothing that accepts connections ({reason})"),
+        }
+    }
+}
+
+/// Asks `address`, in the role of a socket of type `ours`.
+pub(super) fn ask_port(address: SocketAddr, ours: &str) -> Answer {
+    let deadline = Instant::now() + TIMEOUT;
+    let mut stream = match TcpStream::connect_timeout(&address, TIMEOUT) {
+        Ok(stream) => Limited { stream, deadline },
+        Err(error) => return Answer::Nobody(error.to_string()),
+    };
+    match talk(&mut stream, ours) {
+        Ok(answer) => answer,
+        Err(error) => match error.kind() {
+            ErrorKind::WouldBlock | ErrorKind::TimedOut => Answer::Silent,
+            _ => Answer::NotZeroMq,
+        },
+    }
+}
+
+fn talk(stream: &mut Limited, ours: &str) -> std::io::Result<Answer> {
+    stream.write_all(&greeting())?;
+    // The first ten bytes decide: who does not start so will not send sixty-four.
+    let mut signature = [0; 10];
+    stream.read_exact(&mut signature)?;
+    if !matches!(signature, [0xff, .., 0x7f]) {
+        return Ok(Answer::NotZeroMq);
+    }
+    let mut rest = [0; GREETING - 10];
+    stream.read_exact(&mut rest)?;
+    let [major, _minor, mechanism @ ..] = &rest;
+    if *major < 3 {
+        return Ok(Answer::NotZeroMq);
+    }
+    let mechanism: Vec<u8> = mechanism.iter().copied().take(20).take_while(|&b| b != 0).collect();
+    if mechanism != b"NULL" {
+        return Ok(Answer::Secured(printable(&mechanism)));
+    }
+    stream.write_all(&ready(ours))?;
+    read_ready(stream)
+}
+
+fn read_ready(stream: &mut impl Read) -> std::io::Result<Answer> {
+    let (mut bytes, mut next) = (Vec::new(), [0; 1]);
+    loop {
+        stream.read_exact(&mut next)?;
+        bytes.extend(next);
+        match split_frame(&bytes, MAX_COMMAND) {
+            Ok(None) => {}
+            Ok(Some((Frame { is_command: true, body, .. }, _))) => {
+                return Ok(understand(body).unwrap_or(Answer::NotZeroMq));
+            }
+            Ok(Some(_)) | Err(Breach) => return Ok(Answer::NotZeroMq),
+        }
+    }
+}
+
+/// Reads the body of a READY or ERROR command.
+fn understand(body: &[u8]) -> Option<Answer> {
+    let (name, properties) = short_text(body)?;
+    if name == b"ERROR" {
+        let (reason, _) = short_text(properties)?;
+        return Some(Answer::Refused(printable(reason)));
+    }
+    if name != b"READY" {
+        return None;
+    }
+    socket_type(properties).map(|kind| Answer::Socket(printable(kind)))
+}
+
+/// Foreign bytes, fit for a line of log.
+fn printable(bytes: &[u8]) -> String {
+    bytes.escape_ascii().to_string().chars().take(64).collect()
+}
+
+/// A stream with one deadline for everything.
+struct Limited {
+    stream: TcpStream,
+    deadline: Instant,
+}
+
+impl Limited {
+    fn left(&self) -> std::io::Result<Duration> {
+        match self.deadline.saturating_duration_since(Instant::now()) {
+            Duration::ZERO => Err(ErrorKind::TimedOut.into()),
+            left => Ok(left),
+        }
+    }
+}
+
+impl Read for Limited {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        self.stream.set_read_timeout(Some(self.left()?))?;
+        self.stream.read(buffer)
+    }
+}
+
+impl Write for Limited {
+    fn write(&mut self, buffer: &[u8]) -> std::io::Result<usize> {
+        self.stream.set_write_timeout(Some(self.left()?))?;
+        self.stream.write(buffer)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.stream.flush()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::net::TcpListener;
+
+    fn ask(socket_type: zmq::SocketType, ours: &str) -> Answer {
+        let context = zmq::Context::new();
+        let socket = context.socket(socket_type).unwrap();
+        socket.bind("tcp://127.0.0.1:*").unwrap();
+        let endpoint = socket.get_last_endpoint().unwrap().unwrap();
+        ask_port(endpoint.trim_start_matches("tcp://").parse().unwrap(), ours)
+    }
+
+    #[test]
+    fn zeromq_sockets_tell_their_type() {
+        assert_eq!(ask(zmq::XPUB, "SUB"), Answer::Socket("XPUB".into()));
+        assert_eq!(ask(zmq::XSUB, "PUB"), Answer::Socket("XSUB".into()));
+        assert_eq!(ask(zmq::REP, "SUB"), Answer::Socket("REP".into()));
+    }
+
+    #[test]
+    fn other_programs_are_told_apart() {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = listener.local_addr().unwrap();
+        assert_eq!(ask_port(address, "SUB"), Answer::Silent);
+
+        let server = std::thread::spawn(move || {
+            let (_first, _) = listener.accept().unwrap();
+            let (mut second, _) = listener.accept().unwrap();
+            second.write_all(b"SSH-2.0-OpenSSH_9.6\r\n").unwrap();
+        });
+        assert_eq!(ask_port(address, "SUB"), Answer::NotZeroMq);
+        server.join().unwrap();
+        assert!(matches!(ask_port(address, "SUB"), Answer::Nobody(_)));
+    }
+
+    #[test]
+    fn broken_commands_are_not_zeromq() {
+        for bytes in [
+            &b"\x05READY"[..],
+            b"\x05READY\x0bSocket-Type\xff\xff\xff\xffX",
+            b"\x05READY\xff",
+            b"\x04PING",
+            b"",
+        ] {
+            assert_eq!(understand(bytes), None, "{bytes:?}");
+        }
+        assert_eq!(understand(b"\x05ERROR\x02no"), Some(Answer::Refused("no".into())));
+        let endless = [6, 0xff, 0, 0, 0, 0, 0, 0, 0];
+        assert_eq!(read_ready(&mut &endless[..]).unwrap(), Answer::NotZeroMq);
+    }
+}

@@ -1,0 +1,297 @@
+//! The connection of a publisher to the broker: an XPUB of one topic.
+//!
+//! ```text
+//!   caller:      publish ──▶ outbox ── write ──▶ TCP ──▶ XSUB of the broker
+//!                              │ full: refused        connection lost: what waits is counted
+//!   I/O thread:  connects, hears subscriptions, writes when there is room
+//! ```
+//!
+//! As on the broker's side for listeners, ZMTP is spoken here and not by libzmq, whose XPUB bounds what waits in
+//! messages and not in bytes, and throws it away without a word when the connection ends.
+
+use std::net::{SocketAddr, TcpStream};
+use std::os::fd::AsRawFd as _;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use bytes::Bytes;
+use mio::unix::SourceFd;
+use mio::{Interest, Registry, Token};
+
+use super::contexts;
+use super::io::{Command, Handle, Look, index};
+use super::link::{self, BrokerLink};
+use super::options;
+use super::own_messages::OwnTopic;
+use super::peer::{Message, Peer};
+use wrapyfi_endpoint::backoff::Backoff;
+use wrapyfi_endpoint::{Context, DropReason, Mutex, PROGRESS, Throttle};
+
+/// Bytes read at once.
+const READ_BYTES: usize = 4096;
+/// Shortest time between two looks at a connection to which nothing happens.
+const LOOK_EVERY: Duration = Duration::from_millis(500);
+
+/// The connection of one publisher, used by its owner and by the I/O thread in turn.
+pub(super) struct PublisherConnection {
+    pub(super) id: u64,
+    broker: SocketAddr,
+    topic: Bytes,
+    /// Number of messages that may wait; none: any number.
+    hwm: Option<usize>,
+    pub(super) link: Arc<BrokerLink>,
+    own: Arc<OwnTopic>,
+    context: Context,
+    io: Arc<Handle>,
+    state: Mutex<State>,
+}
+
+struct State {
+    way: Way,
+    backoff: Backoff,
+    /// Number of bytes written when that was last more than before, and the instant.
+    moved: (u64, Instant),
+    /// Instant until which what waits is still sent, because the publisher is closed.
+    closes: Option<Instant>,
+}
+
+/// State of the connection.
+enum Way {
+    /// There is none before this instant.
+    Down(Instant),
+    /// The broker has not yet taken the connection that was begun at this instant.
+    Begun(TcpStream, Instant),
+    Up(Box<Peer>),
+    Ended,
+}
+
+impl PublisherConnection {
+    /// A connection to `broker` that the I/O thread makes.
+    pub(super) fn new(
+        broker: SocketAddr,
+        topic: &str,
+        hwm: u16,
+        own: Arc<OwnTopic>,
+        context: &Context,
+        io: &Arc<Handle>,
+    ) -> Arc<Self> {
+        let (id, now) = (io.next_id(), Instant::now());
+        let backoff = Backoff::of_process(id);
+        let state = State { way: Way::Down(now), backoff, moved: (0, now), closes: None };
+        Arc::new(Self {
+            id,
+            broker,
+            topic: Bytes::copy_from_slice(topic.as_bytes()),
+            hwm: Some(usize::from(hwm)).filter(|hwm| *hwm > 0),
+            link: BrokerLink::new(&options::endpoint(broker.ip(), broker.port())),
+            own,
+            context: context.clone(),
+            io: Arc::clone(io),
+            state: Mutex::new(state),
+        })
+    }
+
+    /// Distinct subscriptions that match the topic, as far as the broker told.
+    pub(super) fn subscriptions(&self) -> usize {
+        self.state.lock().subscriptions()
+    }
+
+    /// Takes a message of `bytes` bytes, and writes as much as there is room for. Never waits.
+    ///
+    /// # Errors
+    /// Why there is no room for it.
+    pub(super) fn send(&self, frames: Vec<Vec<u8>>, bytes: usize) -> Result<(), DropReason> {
+        // Before it is sent: it may be back before we are.
+        let print = self.own.remember(&frames, &self.context.clock);
+        let message = Message::new(frames, Some((self.topic.clone(), bytes)), print);
+        let queued = self.queue(&message);
+        if queued.is_err() {
+            self.forget(&message);
+        }
+        queued
+    }
+
+    fn queue(&self, message: &Arc<Message>) -> Result<(), DropReason> {
+        let mut state = self.state.lock();
+        let Way::Up(peer) = &mut state.way else { return Err(DropReason::SendFailed) };
+        // A connection that has just been made anew: a message before its handshake would end it.
+        if !peer.is_open() || peer.topics.is_empty() {
+            return Err(DropReason::SendFailed);
+        }
+        peer.queue(message, self.hwm)?;
+        if let Err(error) = peer.write() {
+            self.lose(&mut state, Instant::now(), &error);
+            drop(state);
+            self.context.wake.ring();
+            self.io.send(Command::Look(self.id));
+        }
+        Ok(())
+    }
+
+    /// Connects, hears, and writes what waits, on the I/O thread.
+    pub(super) fn look(&self, now: Instant, registry: &Registry, faults: &mut Throttle) -> Look {
+        let mut state = self.state.lock();
+        let before = (state.subscriptions(), self.link.state());
+        let look = self.step(&mut state, now, registry, faults);
+        let after = (state.subscriptions(), self.link.state());
+        drop(state);
+        if before != after {
+            self.context.wake.ring();
+        }
+        look
+    }
+
+    fn step(
+        &self,
+        state: &mut State,
+        now: Instant,
+        registry: &Registry,
+        faults: &mut Throttle,
+    ) -> Look {
+        let closes = state.closes;
+        match &state.way {
+            Way::Down(_) | Way::Begun(..) if closes.is_some() => state.way = Way::Ended,
+            Way::Down(at) if *at > now => return Look::after(*at - now),
+            Way::Down(_) => match connect(self.broker, self.id, registry) {
+                Ok(stream) => state.way = Way::Begun(stream, now),
+                Err(error) => {
+                    let look = self.lose(state, now, &error);
+                    if error.raw_os_error() == Some(zmq::Error::EMFILE.to_raw()) {
+                        self.link.note(link::STARVED);
+                        if let Some(unlogged_before) = faults.pass(now) {
+                            let topic = String::from_utf8_lossy(&self.topic);
+                            let why = contexts::reason(zmq::Error::EMFILE);
+                            tracing::warn!(%topic, unlogged_before, "a ZeroMQ publisher cannot connect: {why}");
+                        }
+                    }
+                    return look;
+                }
+            },
+            _ => {}
+        }
+        if let Way::Begun(stream, since) = &state.way {
+            let left = options::HANDSHAKE.saturating_sub(now.saturating_duration_since(*since));
+            match is_connected(stream) {
+                Ok(true) => {}
+                Ok(false) if !left.is_zero() => return Look::after(left),
+                Ok(false) => return self.lose(state, now, &"it does not take the connection"),
+                Err(error) => return self.lose(state, now, &error),
+            }
+            if let Way::Begun(stream, _) = std::mem::replace(&mut state.way, Way::Ended) {
+                let peer = Peer::new(stream, self.broker, now).of_topic(self.topic.clone());
+                state.way = Way::Up(Box::new(peer));
+                state.moved = (0, now);
+            }
+        }
+        let Way::Up(peer) = &mut state.way else { return Look::over() };
+        let mut heard = Vec::new();
+        // At the end too: what is left unread would make the system throw away what it has not sent.
+        let read = peer.read(&mut [0; READ_BYTES], &mut heard, true, now);
+        if read.is_ok() && peer.is_open() && closes.is_none() {
+            _ = self.link.note(link::UP);
+            state.backoff.reset();
+        }
+        peer.is_blocked = false;
+        if !peer.is_alive(now) {
+            return self.lose(state, now, &"it does not answer");
+        }
+        let written = peer.write();
+        if peer.outbox.is_empty() || peer.written_bytes != state.moved.0 {
+            state.moved = (peer.written_bytes, now);
+        } else if now.saturating_duration_since(state.moved.1) >= PROGRESS {
+            return self.lose(state, now, &"it reads nothing");
+        }
+        let more = match (read, written) {
+            (Ok(more), Ok(())) => more,
+            (Err(why), _) => return self.lose(state, now, &why),
+            (_, Err(error)) => return self.lose(state, now, &error),
+        };
+        let waits = peer.is_open() && !peer.outbox.is_empty();
+        if let Some(closes) = closes {
+            if waits && closes > now {
+                return Look::after(closes - now);
+            }
+            return self.end(state);
+        }
+        let quiet = options::SILENCE.saturating_sub(now.saturating_duration_since(peer.heard_at));
+        Look { more, timeout: Some(quiet.max(LOOK_EVERY)), over: false }
+    }
+
+    /// Ends the connection; another try follows after a pause. What waited is lost.
+    fn lose(&self, state: &mut State, now: Instant, why: &dyn std::fmt::Display) -> Look {
+        tracing::debug!(broker = %self.broker, %why, "the connection of a publisher ended");
+        let pause = state.backoff.wait();
+        match std::mem::replace(&mut state.way, Way::Down(now + pause)) {
+            Way::Up(peer) => {
+                self.link.disconnected();
+                self.count_lost(&peer, DropReason::ConnectionLost);
+            }
+            _ => _ = self.link.note(link::UNANSWERED),
+        }
+        Look::after(pause)
+    }
+
+    /// Ends the connection for good.
+    fn end(&self, state: &mut State) -> Look {
+        if let Way::Up(peer) = std::mem::replace(&mut state.way, Way::Ended) {
+            self.count_lost(&peer, DropReason::Closed);
+        }
+        Look::over()
+    }
+
+    fn count_lost(&self, peer: &Peer, reason: DropReason) {
+        for message in &peer.outbox {
+            if let Some((_, bytes)) = message.of {
+                self.context.counters.undelivered(reason, bytes);
+            }
+            self.forget(message);
+        }
+    }
+
+    /// An equal message that comes after one that was not sent is somebody else's.
+    fn forget(&self, message: &Message) {
+        if let Some(print) = message.print {
+            self.own.forget(print);
+        }
+    }
+
+    /// Has the connection closed once what waits is sent, or some time has passed.
+    pub(super) fn close(&self, now: Instant) {
+        self.link.note(link::ENDED);
+        self.state.lock().closes = Some(now + options::LINGER);
+    }
+}
+
+impl State {
+    fn subscriptions(&self) -> usize {
+        match &self.way {
+            Way::Up(peer) => peer.topics.len(),
+            _ => 0,
+        }
+    }
+}
+
+/// Begins a connection, whose events the I/O thread is told.
+fn connect(broker: SocketAddr, id: u64, registry: &Registry) -> std::io::Result<TcpStream> {
+    let stream = TcpStream::from(mio::net::TcpStream::connect(broker)?);
+    options::set_stream(&stream)?;
+    let interest = Interest::READABLE | Interest::WRITABLE;
+    registry.register(&mut SourceFd(&stream.as_raw_fd()), Token(index(id)), interest)?;
+    Ok(stream)
+}
+
+/// True when the other side has taken the connection, false while it has not.
+fn is_connected(stream: &TcpStream) -> std::io::Result<bool> {
+    if let Some(error) = stream.take_error()? {
+        return Err(error);
+    }
+    match stream.peer_addr() {
+        // The system may have chosen the port itself, where nobody has it: then it is connected to itself.
+        Ok(broker) if broker == stream.local_addr()? => {
+            Err(std::io::ErrorKind::ConnectionRefused.into())
+        }
+        Ok(_) => Ok(true),
+        Err(error) if error.kind() == std::io::ErrorKind::NotConnected => Ok(false),
+        Err(error) => Err(error),
+    }
+}

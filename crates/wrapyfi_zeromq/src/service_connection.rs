@@ -1,0 +1,310 @@
+//! The part of a client or a server that lives on the I/O thread: its socket.
+//!
+//! ```text
+//!   owner ── send ──▶ outgoing ──▶ DEALER ──▶ broker
+//!   client ◀── take ── incoming ◀─ DEALER ◀── broker
+//!   server ◀───────── Requests ◀──── DEALER ◀── broker    beyond what there is room for, its client is told
+//! ```
+//!
+//! A DEALER on either side, where Wrapyfi has REQ and REP: those are in lock-step, and one reply
+//! that never comes blocks them for ever. On the wire it is the same, envelope for envelope.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use bytes::Bytes;
+
+use super::Shared;
+use super::envelope::{self, Misfit, ServiceMessage};
+use super::io::Handle;
+use super::link::{self, BrokerLink, Watch};
+use super::options;
+use wrapyfi_data::DecodeError;
+use wrapyfi_endpoint::requests::Requests;
+use wrapyfi_endpoint::{Context, DropReason, Mutex, ServiceSpec, Share};
+
+/// Messages that libzmq holds for the broker.
+pub(super) const SEND_HWM: i32 = 2;
+/// Messages read from one socket before the others have their turn.
+const BATCH: usize = 64;
+
+/// End of a service that a connection is.
+#[derive(Debug)]
+pub(super) enum End {
+    Client,
+    /// Server with the queue of its requests.
+    Server(Arc<Requests<Delivery>>),
+}
+
+/// A message that came.
+#[derive(Debug)]
+pub(super) struct Delivery {
+    pub(super) envelope: Vec<Bytes>,
+    /// The body, or the size of one that is too large, or the number of frames that it has.
+    pub(super) body: Result<Bytes, Unusable>,
+    pub(super) wire_bytes: usize,
+    pub(super) received_at: Instant,
+}
+
+/// Reason why a body was not kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Unusable {
+    TooLarge(usize),
+    Frames(usize),
+}
+
+impl Unusable {
+    /// The fault, where one frame of at most `limit` bytes was wanted.
+    pub(super) fn fault(self, wanted: &str, limit: usize) -> DecodeError {
+        match self {
+            Self::TooLarge(size) => DecodeError::TooLarge {
+                what: "message",
+                path: "$".into(),
+                actual: size as u64,
+                limit: limit as u64,
+            },
+            Self::Frames(frames) => DecodeError::Mismatch {
+                expected: format!("a {wanted} of one frame"),
+                actual: format!("{frames} frames"),
+            },
+        }
+    }
+}
+
+/// A message that waits to be sent.
+struct Waiting {
+    message: ServiceMessage,
+    /// Instant after which nobody waits for it any more.
+    until: Option<Instant>,
+    /// Bytes that its server counts as sent already.
+    sent_bytes: Option<usize>,
+}
+
+/// State that the owner of a connection and the I/O thread share.
+pub(super) struct ServiceHandle {
+    pub(super) id: u64,
+    service: String,
+    end: End,
+    /// Deliveries that may wait at a client.
+    limit: usize,
+    outgoing: Mutex<VecDeque<Waiting>>,
+    incoming: Mutex<VecDeque<Delivery>>,
+    /// Bytes that wait to be sent, and those that came and were not taken.
+    shares: [Share; 2],
+    pub(super) link: Arc<BrokerLink>,
+    pub(super) context: Context,
+    io: Arc<Handle>,
+}
+
+impl ServiceHandle {
+    /// Sends as soon as there is a way, not after `until`; the message comes back where it finds no room.
+    pub(super) fn send(
+        &self,
+        message: ServiceMessage,
+        until: Option<Instant>,
+    ) -> Result<(), ServiceMessage> {
+        let sent_bytes = matches!(self.end, End::Server(_)).then(|| message.size());
+        self.queue(message, until, sent_bytes)
+    }
+
+    /// Tells the other side why it gets no reply, unless there is no room even for that: then it learns by its
+    /// time-out.
+    pub(super) fn refuse(&self, envelope: Vec<Bytes>, why: &str) {
+        _ = self.queue(ServiceMessage::error(envelope, why), None, None);
+    }
+
+    fn queue(
+        &self,
+        message: ServiceMessage,
+        until: Option<Instant>,
+        sent_bytes: Option<usize>,
+    ) -> Result<(), ServiceMessage> {
+        let [sending, _] = &self.shares;
+        if !sending.take(self.counted(&message)) {
+            return Err(message);
+        }
+        self.outgoing.lock().push_back(Waiting { message, until, sent_bytes });
+        self.io.send(super::io::Command::Look(self.id));
+        Ok(())
+    }
+
+    /// Bytes that count while a message waits to be sent: those of a request count until its call has ended.
+    fn counted(&self, message: &ServiceMessage) -> usize {
+        if matches!(self.end, End::Server(_)) { message.size() } else { 0 }
+    }
+
+    pub(super) fn take(&self) -> Option<Delivery> {
+        let next = self.incoming.lock().pop_front()?;
+        let [_, received] = &self.shares;
+        received.give(next.wire_bytes);
+        Some(next)
+    }
+
+    /// Ends the connection.
+    pub(super) fn close(&self) {
+        self.io.send(super::io::Command::Close(self.id));
+    }
+}
+
+/// The socket and what it feeds.
+pub(super) struct ServiceConnection {
+    pub(super) handle: Arc<ServiceHandle>,
+    pub(super) socket: zmq::Socket,
+    pub(super) watch: Watch,
+    message_bytes: usize,
+    /// Instant until which replies are still sent, because the server is closed.
+    closes: Option<Instant>,
+}
+
+impl ServiceConnection {
+    /// Connects to `endpoint` of the broker and hands the socket to the I/O thread.
+    pub(super) fn open(
+        shared: &Shared,
+        endpoint: &str,
+        end: End,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> zmq::Result<Arc<ServiceHandle>> {
+        let link = BrokerLink::new(endpoint);
+        let (socket, watch) = shared.contexts.open(|context| {
+            let socket = context.socket(zmq::DEALER)?;
+            options::set_common(&socket, shared.ip)?;
+            let depth = i32::try_from(spec.pending.clamp(1, 1000)).unwrap_or(1000);
+            socket.set_rcvhwm(depth)?;
+            // What a slow broker does not take waits here, where its bytes count.
+            socket.set_sndhwm(SEND_HWM)?;
+            // Requests that a lost broker had been given are lost with it; the others go to the
+            // next one.
+            socket.set_immediate(true)?;
+            options::set_message_limit(&socket, spec.limits.message_bytes)?;
+            link::connect(context, socket, &link)
+        })?;
+        let io = Arc::clone(&shared.io.handle);
+        let handle = Arc::new(ServiceHandle {
+            id: io.next_id(),
+            service: spec.service.clone(),
+            end,
+            limit: spec.pending.saturating_mul(2),
+            outgoing: Mutex::default(),
+            incoming: Mutex::default(),
+            shares: <[Share; 2]>::default(),
+            link,
+            context: context.clone(),
+            io: Arc::clone(&io),
+        });
+        let message_bytes = spec.limits.message_bytes;
+        let connection =
+            Self { handle: Arc::clone(&handle), socket, watch, message_bytes, closes: None };
+        io.send(super::io::Command::ServiceConnection(connection));
+        Ok(handle)
+    }
+
+    /// Connects again if libzmq has given up on the broker. The time until it may have is returned.
+    pub(super) fn revive(&mut self, now: Instant) -> Option<Duration> {
+        let (handle, limit) = (&self.handle, self.message_bytes);
+        self.watch.revive(&self.socket, &handle.service, limit, &handle.context, now)
+    }
+
+    /// Has the socket closed once what waits is sent, or some time has passed.
+    pub(super) fn close(&mut self, now: Instant) {
+        self.closes = Some(now + options::LINGER);
+    }
+
+    /// Time for which replies are still waited for to be sent; `None` while the connection is in use.
+    pub(super) fn lingers(&self, now: Instant) -> Option<Duration> {
+        let left = self.closes?.saturating_duration_since(now);
+        let sends = matches!(self.handle.end, End::Server(_)) && self.handle.link.is_up();
+        let waits = sends && !self.handle.outgoing.lock().is_empty();
+        Some(if waits { left } else { Duration::ZERO })
+    }
+
+    /// Closes the socket, which still sends what was given to it; the watch must be kept until it
+    /// is over.
+    pub(super) fn end(self) -> Watch {
+        // What the broker had no room for until now is lost with the socket.
+        for left in self.handle.outgoing.lock().drain(..) {
+            let [sending, _] = &self.handle.shares;
+            sending.give(self.handle.counted(&left.message));
+            if let Some(bytes) = left.sent_bytes {
+                self.handle.context.counters.undelivered(DropReason::Closed, bytes);
+            }
+        }
+        self.handle.link.note(link::ENDED);
+        drop(self.socket);
+        self.watch
+    }
+
+    /// Sends what waits and has room.
+    pub(super) fn write(&self) -> zmq::Result<()> {
+        let mut outgoing = self.handle.outgoing.lock();
+        let now = self.handle.context.clock.now();
+        while let Some(Waiting { message, until, .. }) = outgoing.front() {
+            let in_time = until.is_none_or(|until| until > now);
+            if in_time && !message.send(&self.socket)? {
+                break;
+            }
+            let [sending, _] = &self.handle.shares;
+            sending.give(self.handle.counted(message));
+            outgoing.pop_front();
+        }
+        Ok(())
+    }
+
+    /// True when there is something to read, or room for what waits to be sent.
+    pub(super) fn has_more(&self) -> zmq::Result<bool> {
+        let events = self.socket.get_events()?;
+        let waits = || !self.handle.outgoing.lock().is_empty();
+        Ok(events.contains(zmq::POLLIN) || (events.contains(zmq::POLLOUT) && waits()))
+    }
+
+    /// Reads what the socket has, one batch at most.
+    pub(super) fn read(&self) -> zmq::Result<()> {
+        for _ in 0..BATCH {
+            let Some((message, size)) = envelope::receive(&self.socket, self.message_bytes)? else {
+                break;
+            };
+            let counters = &self.handle.context.counters;
+            let (envelope, body) = match message {
+                Ok(ServiceMessage { envelope, body }) => (envelope, Ok(body)),
+                Err(Misfit::TooLarge(envelope, size)) => (envelope, Err(Unusable::TooLarge(size))),
+                Err(Misfit::Frames(envelope, frames)) => (envelope, Err(Unusable::Frames(frames))),
+                Err(Misfit::NoEnvelope) => {
+                    counters.received(size);
+                    counters.dropped(DropReason::Malformed);
+                    continue;
+                }
+            };
+            let received_at = self.handle.context.clock.now();
+            let delivery = Delivery { envelope, body, wire_bytes: size, received_at };
+            self.deliver(delivery);
+        }
+        Ok(())
+    }
+
+    /// Hands a message on; where there is no room for a request, its client is told.
+    fn deliver(&self, delivery: Delivery) {
+        let (handle, size) = (&self.handle, delivery.wire_bytes);
+        let [_, received] = &handle.shares;
+        match &handle.end {
+            End::Server(requests) => {
+                if let Err((Delivery { envelope, .. }, error)) = requests.put(delivery, size) {
+                    handle.refuse(envelope, &error.to_string());
+                }
+            }
+            End::Client if handle.incoming.lock().len() >= handle.limit => {
+                // Nobody asked for so many.
+                handle.context.counters.received(size);
+                handle.context.counters.dropped(DropReason::QueueFull);
+            }
+            End::Client if !received.take(size) => {
+                handle.context.counters.received(size);
+                handle.context.counters.dropped(DropReason::OverBudget);
+            }
+            End::Client => {
+                handle.incoming.lock().push_back(delivery);
+                handle.context.wake.ring();
+            }
+        }
+    }
+}

@@ -1,0 +1,142 @@
+//! Routes that a running bridge was told to add or to leave out, beside what its file says.
+//!
+//! ```text
+//!   ~/add_route ────┐                 added: entries after those of the file
+//!   ~/remove_route ─┴─▶ Edits ─▶ Plan removed: routes that are left out
+//! ```
+
+use std::collections::BTreeSet;
+
+use wrapyfi_core::engine::{Config, Plan, RouteConfig, Spanned};
+
+use crate::exit::Failure;
+use crate::middlewares::{Endpoints, Loaded};
+
+/// Name of the text of an added route in errors.
+const SOURCE: &str = "the added route";
+
+/// Changes to the routes of a file, as long as a bridge runs.
+#[derive(Debug, Clone, Default)]
+pub struct Edits {
+    added: Vec<Spanned<RouteConfig>>,
+    removed: BTreeSet<String>,
+}
+
+impl Edits {
+    /// Entries that stand after those of the file.
+    #[must_use]
+    pub fn added(&self) -> &[Spanned<RouteConfig>] {
+        &self.added
+    }
+
+    /// Adds an entry of `routes`, given in YAML.
+    ///
+    /// # Errors
+    /// When the text is no entry; lines count from the one before it.
+    pub fn add(&mut self, text: &str) -> Result<(), Failure> {
+        // Indented, no line of it can be another key of the configuration.
+        let list = format!("routes:\n- {}", text.trim().replace('\n', "\n  "));
+        let config: Config<Endpoints> = Config::from_yaml(&list, SOURCE).map_err(Failure::usage)?;
+        let mut entries = config.routes.into_iter();
+        match (entries.next(), entries.next()) {
+            (Some(entry), None) => self.added.push(entry),
+            _ => return Err(Failure::Usage(format!("{SOURCE}: it must be one entry of `routes`"))),
+        }
+        Ok(())
+    }
+
+    /// Leaves out a route, which the plan must have.
+    pub fn remove(&mut self, name: &str) {
+        self.removed.insert(name.to_owned());
+    }
+
+    /// Takes the routes that are left out from a plan that was made of the file's entries and those that were added.
+    /// Names that mean nothing in it any more are forgotten.
+    ///
+    /// # Errors
+    /// When `wanted` is none of its routes.
+    pub fn leave_out(&mut self, wanted: Option<&str>, loaded: &mut Loaded) -> Result<(), Failure> {
+        let Loaded { plan, lines, .. } = loaded;
+        let of_file = plan.routes.len().saturating_sub(self.added.len());
+        for name in std::mem::take(&mut self.removed) {
+            match place(plan, &name) {
+                Some(at) if at >= of_file => drop(self.added.remove(at - of_file)),
+                Some(_) => drop(self.removed.insert(name.clone())),
+                None if wanted == Some(name.as_str()) => {
+                    let names: Vec<_> =
+                        plan.routes.iter().map(|route| route.name.as_str()).collect();
+                    let text = format!("no route is called {name}: there are {}", names.join(", "));
+                    return Err(Failure::Usage(text));
+                }
+                None => continue,
+            }
+            if let Some(at) = place(plan, &name) {
+                plan.routes.remove(at);
+                if at < lines.len() {
+                    lines.remove(at);
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Place in the plan of the route with this name or these ends.
+fn place(plan: &Plan, name: &str) -> Option<usize> {
+    plan.routes.iter().position(|route| route.name == name || route.ends() == name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::middlewares::load_text;
+
+    const FILE: &str = "routes:\n- {name: a, from: 'zeromq:/a', to: 'ros2:/a', type: Text}\n";
+    const ADDED: &str = "name: b\nfrom: 'zeromq:/b'\nto: 'ros2:/b'\ntype: Text\n";
+
+    fn loaded() -> Loaded {
+        let both = format!("{FILE}- {{name: b, from: 'zeromq:/b', to: 'ros2:/b', type: Text}}\n");
+        load_text(&both, "file").unwrap()
+    }
+
+    fn names(loaded: &Loaded) -> Vec<String> {
+        loaded.plan.routes.iter().map(|route| route.name.clone()).collect()
+    }
+
+    #[test]
+    fn a_route_is_added_in_block_and_in_flow_style() {
+        let mut edits = Edits::default();
+        edits.add(ADDED).unwrap();
+        edits.add("{from: 'zeromq:/c', to: 'ros2:/c', type: Text}").unwrap();
+        assert_eq!(edits.added().len(), 2);
+        for wrong in ["", "a", "{form: 'zeromq:/a'}", "endpoints: {}", "{}\n- {}"] {
+            let error = edits.add(wrong).unwrap_err().to_string();
+            assert!(error.contains(SOURCE), "{error}");
+        }
+        assert_eq!(edits.added().len(), 2);
+    }
+
+    #[test]
+    fn a_route_of_the_file_stays_away_and_an_added_one_is_forgotten() {
+        let mut edits = Edits::default();
+        edits.add(ADDED).unwrap();
+        edits.remove("a");
+        edits.remove("zeromq:/b -> ros2:/b");
+        let mut plan = loaded();
+        edits.leave_out(Some("a"), &mut plan).unwrap();
+        assert_eq!((names(&plan).len(), plan.lines.len(), edits.added().len()), (0, 0, 0));
+        // The file alone, read again.
+        let mut plan = load_text(FILE, "file").unwrap();
+        edits.leave_out(None, &mut plan).unwrap();
+        assert_eq!(names(&plan).len(), 0);
+    }
+
+    #[test]
+    fn a_name_that_is_none_is_an_error_with_those_that_are() {
+        let mut edits = Edits::default();
+        edits.add(ADDED).unwrap();
+        edits.remove("z");
+        let error = edits.leave_out(Some("z"), &mut loaded()).unwrap_err().to_string();
+        assert!(error.contains('z') && error.contains("a, b"), "{error}");
+    }
+}

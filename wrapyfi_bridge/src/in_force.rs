@@ -1,0 +1,99 @@
+//! A configuration as a bridge runs it: the file, changed by the parameters and arguments of its node.
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use wrapyfi_core::engine::{Kind, Plan, Route, RouteIndex};
+use wrapyfi_core::middleware::ros1;
+use wrapyfi_core::node::parameters::ParameterStore;
+use wrapyfi_core::types::MessageType;
+
+use crate::exit::Failure;
+use crate::middlewares::{Endpoints, Loaded, take_parameters};
+use crate::node::Node;
+use crate::overrides;
+use crate::own_address::OwnAddress;
+
+/// Duration and output of a bridge's run.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Options {
+    /// Time to run; without end where `None`.
+    pub seconds: Option<Duration>,
+    /// One JSON object a second on stdout.
+    pub json: bool,
+    /// Port of the live page; as the configuration says where `None`.
+    pub page_port: Option<u16>,
+    /// Address at which others reach the endpoints of the routes.
+    pub own: OwnAddress,
+    /// The middleware without which the node has nothing to do: when somebody ends it, the node ends
+    /// with an error, so that it is started again where that is wished.
+    pub lives_with: Option<&'static str>,
+}
+
+/// Settings that a running bridge has, beside its routes.
+#[derive(Debug, Clone)]
+pub struct InForce {
+    /// Name of the configuration.
+    pub file: String,
+    /// Settings of the middlewares, with what parameters and arguments changed.
+    pub endpoints: Endpoints,
+    /// Folders of definitions.
+    pub definitions: Vec<PathBuf>,
+}
+
+/// Changes a configuration by what the parameters and arguments of the bridge's `node` say.
+///
+/// # Errors
+/// Exit code 2 for a name that there is not, or a value that it cannot have.
+pub fn change_by(
+    loaded: &mut Loaded,
+    node: &Node,
+    parameters: &mut ParameterStore,
+    options: &Options,
+) -> Result<(), Failure> {
+    if options.lives_with == Some(ros1::NAME) {
+        // One name on both sides, unless the file says another.
+        loaded.endpoints.ros.node.get_or_insert_with(|| node.name().fqn());
+    }
+    take_parameters(&mut loaded.endpoints, parameters)?;
+    loaded.endpoints.reached_at(options.own);
+    overrides::apply(&mut loaded.plan, node, parameters).map_err(Failure::usage)
+}
+
+/// Warns of routes that do not hear what others of the plan publish; `lines` are those of the routes in
+/// their file.
+pub(crate) fn warn_of_unheard(routes: &RouteIndex<'_>, lines: &[u64]) {
+    for unheard in routes.unheard() {
+        tracing::warn!("{}: {unheard}", in_lines(&unheard.places, lines));
+    }
+}
+
+/// Lines of routes by their places in the plan, as `lines 3, 4 and 7`.
+pub(crate) fn in_lines(places: &[usize], lines: &[u64]) -> String {
+    let mut each: Vec<_> =
+        places.iter().filter_map(|place| lines.get(*place)).map(u64::to_string).collect();
+    let last = each.pop().unwrap_or_default();
+    if each.is_empty() {
+        format!("line {last}")
+    } else {
+        format!("lines {} and {last}", each.join(", "))
+    }
+}
+
+/// ROS types of the endpoints that routes have on ROS 2.
+pub(crate) fn ros2_types(plan: &Plan) -> BTreeSet<&'static str> {
+    let ends = |route: &Route| {
+        let types = match route.kind {
+            Kind::Service(kind) => [Some(kind.ros_type()); 2],
+            // Properties are on no topic of ours.
+            Kind::Topic(types) => [types.from, types.to]
+                .map(|it| (it != MessageType::Properties).then(|| it.ros_type())),
+        };
+        let named = [&route.from, &route.to].into_iter().zip(types);
+        named
+            .filter_map(|(end, name)| name.filter(|_| end.middleware == "ros2"))
+            .collect::<Vec<_>>()
+    };
+    plan.routes.iter().filter(|route| route.is_whole()).flat_map(ends).collect()
+}

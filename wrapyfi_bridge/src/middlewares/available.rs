@@ -1,0 +1,29 @@
+//! Names of the middlewares.
+
+use wrapyfi_core::engine::Available;
+
+use super::{ros1, ros2, yarp, zeromq};
+use crate::exit::Failure;
+
+/// Names under which routes and commands address the middlewares, with their rules for topics.
+pub(super) fn available() -> [Available<'static>; 4] {
+    [zeromq::AVAILABLE, ros2::AVAILABLE, ros1::AVAILABLE, yarp::AVAILABLE]
+}
+
+/// Names of all that there are.
+#[must_use]
+pub fn names() -> Vec<&'static str> {
+    available().map(|known| known.name).into()
+}
+
+/// Error for a name that none of them has.
+pub(crate) fn unknown(name: &str) -> Failure {
+    let all = names().join(", ");
+    Failure::Usage(format!("middleware {name:?} is not available; available: {all}"))
+}
+
+/// Names of the settings of one endpoint that only this middleware has.
+#[must_use]
+pub fn option_names(middleware: &str) -> &'static [&'static str] {
+    available().iter().find(|known| known.name == middleware).map_or(&[], |known| known.options)
+}

@@ -1,0 +1,364 @@
+//! The node executables: arguments and parameters to a bridge that runs.
+//!
+//! ```text
+//!   ros2 run wrapyfi_bridge bridge --ros-args -r __ns:=/lab -p config_file:=bridge.yaml
+//!     argv ─▶ RosArgs ─▶ NodeOptions (name, parameters, log level)
+//!                    └─▶ Node::resolve_topic: "ros2:chatter" in a route -> /lab/chatter
+//! ```
+
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use anyhow::Context as _;
+use clap::{CommandFactory as _, FromArgMatches as _};
+use tracing_subscriber::filter::LevelFilter;
+use wrapyfi_core::node::args::RosArgs;
+use wrapyfi_core::node::parameters::{ParameterDescriptor, ParameterStore};
+use wrapyfi_core::node::{NodeOptions, ParameterType, ParameterValue, read_params_file};
+
+use crate::cli::{BridgeArgs, NodeCli};
+use crate::command::bridge;
+use crate::exit::{Failure, finish};
+use crate::in_force::Options;
+use crate::logging;
+use crate::middleware_bridge::{MiddlewareBridge, Selection};
+use crate::middlewares;
+use crate::node::{DEFAULT_NAME, Node};
+use crate::shutdown::Shutdown;
+
+/// Runs the node executable `bridge`: reads the process's arguments, returns its exit code.
+#[must_use]
+pub fn main() -> ExitCode {
+    finish(run_executable(None))
+}
+
+/// As [`main`], for an executable that bridges all of a middleware.
+#[must_use]
+pub fn main_of(bridge: MiddlewareBridge) -> ExitCode {
+    finish(run_executable(Some(bridge)))
+}
+
+fn run_executable(bridge: Option<MiddlewareBridge>) -> Result<(), Failure> {
+    crate::files::raise_limit();
+    let ros = parse(std::env::args_os().skip(1))?;
+    let (name, about) = match bridge {
+        None => ("bridge", "Runs the routes of a configuration file, as a ROS 2 node."),
+        Some(bridge) => (bridge.node(), bridge.about()),
+    };
+    let words = std::iter::once(name).chain(ros.program_args.iter().map(String::as_str));
+    // Ends the program where help is asked for, or a word is not known.
+    let matches = NodeCli::command().name(name).about(about).get_matches_from(words);
+    let cli = NodeCli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    run(&cli.args, ros, bridge, LevelFilter::INFO)
+}
+
+/// Words of the program, and those of ROS: from each `--ros-args` to `--` or the end.
+#[must_use]
+pub fn split(words: impl Iterator<Item = OsString>) -> (Vec<OsString>, Vec<OsString>) {
+    let mut is_ros = false;
+    words.partition(|word| {
+        let was_ros = is_ros;
+        is_ros = if was_ros { word != "--" } else { word == "--ros-args" };
+        !(was_ros || is_ros)
+    })
+}
+
+/// Reads what ROS understands of a command line.
+///
+/// # Errors
+/// Exit code 2 with the first thing that ROS 2 would refuse.
+pub fn parse(words: impl Iterator<Item = OsString>) -> Result<RosArgs, Failure> {
+    let words: Result<Vec<String>, OsString> = words.map(OsString::into_string).collect();
+    let words =
+        words.map_err(|word| Failure::Usage(format!("argument {word:?} is not UTF-8 text")))?;
+    RosArgs::parse(words, read_params_file)
+        .map_err(|error| Failure::usage(format!("failed to initialize: {error}")))
+}
+
+/// Enters the parameters that `args` stand for among those `given` as such.
+fn enter(args: &BridgeArgs, given: &mut BTreeMap<String, ParameterValue>) -> Result<(), Failure> {
+    let config = args.config.as_ref().map(|path| match path.to_str() {
+        Some(path) => Ok(ParameterValue::from(path)),
+        None => Err(Failure::Usage(format!("--config {}: not UTF-8 text", path.display()))),
+    });
+    let seconds = args.seconds.map(|time| ParameterValue::from(time.as_secs_f64()));
+    let json = args.json.then(|| ParameterValue::from(true));
+    let page = args.page.map(|port| ParameterValue::from(i64::from(port)));
+    for (option, name, value) in [
+        ("--config", "config_file", config.transpose()?),
+        ("--seconds", "seconds", seconds),
+        ("--json", "status_json", json),
+        ("--page", "page_port", page),
+    ] {
+        let Some(value) = value else { continue };
+        if let Some(other) = given.insert(name.to_owned(), value.clone())
+            && other != value
+        {
+            return Err(Failure::Usage(format!(
+                "{option} says {value}, and parameter {name} says {other}: give one of them"
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Runs the bridge as a ROS 2 node, with the routes that `args` or `ros` name, or those built in for
+/// `bridge`. What is logged, unless `ros` says otherwise, is what `level` lets through.
+///
+/// # Errors
+/// Exit code 2 when arguments or configuration are refused, 1 when a middleware cannot start.
+pub fn run(
+    args: &BridgeArgs,
+    ros: RosArgs,
+    bridge: Option<MiddlewareBridge>,
+    level: LevelFilter,
+) -> Result<(), Failure> {
+    let default_name = bridge.map_or(DEFAULT_NAME, MiddlewareBridge::node);
+    // First: what follows may take its time.
+    let shutdown = Shutdown::on_signals().context("cannot catch signals")?;
+    let options = NodeOptions::resolve(default_name, "/", &ros).map_err(Failure::usage)?;
+    logging::start_as(&options.name.logger_name(), level, ros.log_levels(), ros.stdout_logs);
+    for warning in &ros.warnings {
+        tracing::warn!("{warning}");
+    }
+    let mut overrides = options.parameters;
+    enter(args, &mut overrides)?;
+    let node = Node::of(options.name, ros, overrides);
+    let mut store = node.parameters().map_err(Failure::usage)?;
+    let parameters = Parameters::declare(&mut store, bridge)?;
+    let Parameters { configuration, mut options } = parameters;
+    options.own = args.own;
+    let (loaded, name) = match configuration {
+        Configuration::File(file) => {
+            (middlewares::load_and_learn(&file, &[])?, file.display().to_string())
+        }
+        Configuration::BuiltIn(text, name) => (middlewares::load_text(&text, name)?, name.into()),
+    };
+    shutdown.outcome(bridge::run(loaded, &name, &node, store, options, &shutdown))
+}
+
+/// The parameters of the bridge node.
+#[derive(Debug)]
+struct Parameters {
+    configuration: Configuration,
+    options: Options,
+}
+
+/// Source of the routes.
+#[derive(Debug)]
+enum Configuration {
+    File(PathBuf),
+    /// The text, and a name for it.
+    BuiltIn(String, &'static str),
+}
+
+impl Parameters {
+    /// Declares them; they are fixed from the start on.
+    fn declare(
+        store: &mut ParameterStore,
+        bridge: Option<MiddlewareBridge>,
+    ) -> Result<Self, Failure> {
+        let fixed = |name: &str, text: &str| {
+            ParameterDescriptor::new(name).with_description(text).read_only()
+        };
+        let config_file = fixed("config_file", "Path of the file with the routes.")
+            .with_type(ParameterType::String);
+        let by_default = if bridge.is_some() { "".into() } else { ParameterValue::NotSet };
+        let config_file = store.declare(config_file, by_default).map_err(Failure::usage)?;
+        let built_in = match bridge {
+            None => None,
+            Some(bridge) => {
+                let mut declare = |name: &str, text: &str, value: ParameterValue| {
+                    store.declare(fixed(name, text), value).map_err(Failure::usage)
+                };
+                let names = |given| match given {
+                    ParameterValue::StringArray(names) => names,
+                    _ => Vec::new(),
+                };
+                let none = || ParameterValue::StringArray(Vec::new());
+                let meant = "Names that are bridged, as regular expressions; none: all.";
+                let allow = names(declare("allow", meant, none())?);
+                let deny = "Names that are not, as regular expressions.";
+                let deny = names(declare("deny", deny, none())?);
+                let prefix = "Put before names on the ROS 2 side.";
+                let prefix = match declare("prefix", prefix, "".into())? {
+                    ParameterValue::String(prefix) => prefix,
+                    _ => String::new(),
+                };
+                let meant =
+                    "Leaves out hidden names, those of the logs, of time and of every node.";
+                let default_deny =
+                    declare("default_deny", meant, true.into())? == ParameterValue::Bool(true);
+                let meant = "Milliseconds that a call may take; 0: as in a configuration, 5000.";
+                let service_timeout_ms = match declare("service_timeout_ms", meant, 0.into())? {
+                    ParameterValue::Integer(0) => None,
+                    ParameterValue::Integer(ms) if ms > 0 => u64::try_from(ms).ok(),
+                    other => {
+                        let text = format!("parameter service_timeout_ms is {other}: write 5000");
+                        return Err(Failure::Usage(text));
+                    }
+                };
+                let meant = "Carries /clock from ROS 1.";
+                let clock = bridge == MiddlewareBridge::Ros1
+                    && declare("clock", meant, false.into())? == ParameterValue::Bool(true);
+                let selection =
+                    Selection { allow, deny, prefix, default_deny, service_timeout_ms, clock };
+                Some((bridge, selection))
+            }
+        };
+        // `seconds:=20` is an integer, `seconds:=0.5` is not: both are meant. A value from the start
+        // on, because `ros2 param dump` writes null for what has none, and null in a parameter file
+        // is a text.
+        let seconds = fixed("seconds", "How long to run; 0: until interrupted.").dynamic();
+        let seconds = store.declare(seconds, 0.0).map_err(Failure::usage)?;
+        let json = fixed("status_json", "Print the routes' status as JSON once a second.");
+        let json = store.declare(json, false).map_err(Failure::usage)?;
+        let page = fixed("page_port", "Port of the live page; 0: as the configuration says.");
+        let page = store.declare(page, 0).map_err(Failure::usage)?;
+        let configuration = match (config_file, built_in) {
+            (ParameterValue::String(file), None) => Configuration::File(file.into()),
+            (ParameterValue::String(file), Some((bridge, selection))) if !file.is_empty() => {
+                if selection != Selection::default() {
+                    return Err(Failure::Usage(format!(
+                        "parameters allow, deny, prefix, default_deny, service_timeout_ms and clock are \
+                         for the built-in configuration of {}; with config_file, write them into the \
+                         file",
+                        bridge.node()
+                    )));
+                }
+                Configuration::File(file.into())
+            }
+            (_, Some((bridge, selection))) => {
+                let text = bridge.yaml(&selection).map_err(Failure::Usage)?;
+                Configuration::BuiltIn(text, bridge.node())
+            }
+            (_, None) => {
+                return Err(Failure::usage(
+                    "no configuration: give --config FILE, or --ros-args -p config_file:=FILE",
+                ));
+            }
+        };
+        let seconds = match seconds {
+            ParameterValue::Double(0.0) | ParameterValue::Integer(0) => None,
+            ParameterValue::Double(seconds) => Duration::try_from_secs_f64(seconds).ok(),
+            ParameterValue::Integer(seconds) => {
+                u64::try_from(seconds).ok().map(Duration::from_secs)
+            }
+            other => {
+                let text = format!(
+                    "parameter seconds is {other}, a {}; it must be a number",
+                    other.type_name()
+                );
+                return Err(Failure::Usage(text));
+            }
+        };
+        let lives_with = bridge.map(MiddlewareBridge::middleware);
+        let json = json == ParameterValue::Bool(true);
+        let page_port = match page {
+            ParameterValue::Integer(port) => u16::try_from(port).ok(),
+            _ => None,
+        };
+        let page_port = page_port.ok_or_else(|| {
+            Failure::Usage(format!(
+                "parameter page_port is {page}, it must be a port from 0 to 65535"
+            ))
+        })?;
+        let page_port = Some(page_port).filter(|port| *port > 0);
+        let options = Options { seconds, json, page_port, lives_with, ..Options::default() };
+        Ok(Self { configuration, options })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use wrapyfi_core::node::NodeName;
+
+    use super::*;
+
+    /// `ros2 param dump` writes null for what has no value, which comes back as a text.
+    #[test]
+    fn every_parameter_has_a_value_that_a_dump_can_bring_back() {
+        for bridge in [None, Some(MiddlewareBridge::Yarp)] {
+            let name = NodeName::new(DEFAULT_NAME, "/").unwrap();
+            let file = ParameterValue::String("routes.yaml".to_owned());
+            let overrides = BTreeMap::from([("config_file".to_owned(), file)]);
+            let mut store = ParameterStore::new(&name, overrides).unwrap();
+            let parameters = Parameters::declare(&mut store, bridge).unwrap();
+            assert_eq!(parameters.options.seconds, None);
+            let dump: BTreeMap<String, ParameterValue> = store
+                .names()
+                .map(|name| (name.to_owned(), store.get(name).unwrap().clone()))
+                .collect();
+            assert!(!dump.values().any(|value| *value == ParameterValue::NotSet), "{dump:?}");
+            let mut again = ParameterStore::new(&name, dump).unwrap();
+            assert_eq!(Parameters::declare(&mut again, bridge).unwrap().options.seconds, None);
+        }
+    }
+
+    #[test]
+    fn the_command_line_is_split_where_ros_begins() {
+        let split = |line: &str| {
+            let (own, ros) = split(line.split(' ').map(OsString::from));
+            let joined = |words: Vec<OsString>| words.join(" ".as_ref()).into_string().unwrap();
+            (joined(own), joined(ros))
+        };
+        let own = |own: &str, ros: &str| (own.to_owned(), ros.to_owned());
+        assert_eq!(split("bridge --config a:=b"), own("bridge --config a:=b", ""));
+        assert_eq!(
+            split("bridge --ros-args -r a:=b -- --json --ros-args -p c:=1"),
+            own("bridge --json", "--ros-args -r a:=b -- --ros-args -p c:=1")
+        );
+    }
+
+    #[test]
+    fn options_are_parameters_and_say_so_where_both_are_given() {
+        let args = BridgeArgs {
+            config: Some("a.yaml".into()),
+            seconds: Some(Duration::from_millis(500)),
+            json: true,
+            page: Some(8642),
+            ..BridgeArgs::default()
+        };
+        let mut given = BTreeMap::new();
+        enter(&args, &mut given).unwrap();
+        let expected: [(&str, ParameterValue); 4] = [
+            ("config_file", "a.yaml".into()),
+            ("seconds", 0.5.into()),
+            ("status_json", true.into()),
+            ("page_port", 8642.into()),
+        ];
+        assert_eq!(given, expected.map(|(name, value)| (name.to_owned(), value)).into());
+        enter(&args, &mut given).unwrap();
+        given.insert("config_file".to_owned(), "b.yaml".into());
+        let told = enter(&args, &mut given).unwrap_err().to_string();
+        assert!(told.contains("--config says a.yaml") && told.contains("says b.yaml"), "{told}");
+    }
+
+    #[test]
+    fn what_the_built_in_configuration_takes_is_refused_beside_a_file() {
+        let name = NodeName::new("ros1_bridge", "/").unwrap();
+        let declare = |given: &[(&str, ParameterValue)]| {
+            let given = given.iter().map(|(name, value)| ((*name).to_owned(), value.clone()));
+            let mut store = ParameterStore::new(&name, given.collect()).unwrap();
+            Parameters::declare(&mut store, Some(MiddlewareBridge::Ros1))
+        };
+        let built_in = declare(&[("prefix", "lab".into())]).unwrap();
+        assert!(
+            matches!(built_in.configuration, Configuration::BuiltIn(text, _) if text.contains("ros2:/lab/"))
+        );
+        let file = ("config_file", "routes.yaml".into());
+        let Configuration::File(named) =
+            declare(std::slice::from_ref(&file)).unwrap().configuration
+        else {
+            panic!("it is a file");
+        };
+        assert_eq!(named, PathBuf::from("routes.yaml"));
+        let Err(Failure::Usage(error)) = declare(&[file, ("prefix", "lab".into())]) else {
+            panic!("it is refused");
+        };
+        assert!(error.contains("write them into the file"), "{error}");
+    }
+}

@@ -1,0 +1,232 @@
+//! Answers to the paths of the page.
+
+use std::collections::BTreeMap;
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use bytes::Bytes;
+use hyper::StatusCode;
+use serde::Serialize;
+use tokio::sync::Semaphore;
+use wrapyfi_core::engine::RouteStatus;
+use wrapyfi_retry::contained;
+
+use super::Parts;
+use super::document::Document;
+use super::metrics;
+use super::previews::Previews;
+use crate::logging;
+use crate::middlewares;
+use crate::why::judge::judge;
+use crate::why::question::explain;
+
+/// Time for which statuses are the newest, however many ask.
+const FRESH: Duration = Duration::from_millis(250);
+/// Most messages that one request shows.
+const MAX_PREVIEWS: usize = 16;
+
+/// An answer to a request.
+pub(super) struct Answer {
+    pub(super) status: StatusCode,
+    pub(super) content_type: &'static str,
+    pub(super) body: Bytes,
+}
+
+impl Answer {
+    fn new(content_type: &'static str, body: impl Into<Bytes>) -> Self {
+        Self { status: StatusCode::OK, content_type, body: body.into() }
+    }
+
+    pub(super) fn text(text: &'static str) -> Self {
+        Self::new("text/plain; charset=utf-8", text)
+    }
+
+    fn json(value: &impl Serialize) -> Self {
+        // Names are text and counters are numbers: nothing in it can fail.
+        Self::new("application/json", serde_json::to_vec(value).unwrap_or_default())
+    }
+}
+
+/// Statuses of the routes at one moment, and what was made of them.
+struct Now {
+    at: Instant,
+    routes: Vec<RouteStatus>,
+    /// Places of the routes by their number.
+    places: BTreeMap<String, usize>,
+    json: Bytes,
+}
+
+/// Everything that the page tells.
+pub(super) struct Answers {
+    parts: Arc<Parts>,
+    document: Document,
+    now: Mutex<Option<Arc<Now>>>,
+    previews: Mutex<Previews>,
+    /// A question of `why` looks for a second or two: one at a time.
+    asking: Arc<Semaphore>,
+}
+
+/// A route with the number that requests name it by.
+#[derive(Serialize)]
+struct Row<'a> {
+    id: &'a str,
+    #[serde(flatten)]
+    status: &'a RouteStatus,
+}
+
+/// What `/routes.json` says.
+#[derive(Serialize)]
+struct Told<'a> {
+    node: String,
+    /// Middlewares, each with what it waits for.
+    middlewares: BTreeMap<&'static str, Option<String>>,
+    panics: u64,
+    routes: Vec<Row<'a>>,
+}
+
+/// What `/why.json` says.
+#[derive(Debug, Default, Serialize)]
+struct Why {
+    passed: Vec<String>,
+    what: String,
+    who: String,
+    remedy: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    fault: Option<String>,
+}
+
+impl Answers {
+    pub(super) fn new(parts: Parts) -> Self {
+        Self {
+            parts: Arc::new(parts),
+            document: Document::new(),
+            now: Mutex::default(),
+            previews: Mutex::default(),
+            asking: Arc::new(Semaphore::new(1)),
+        }
+    }
+
+    /// The page's policy.
+    pub(super) fn policy(&self) -> &str {
+        &self.document.policy
+    }
+
+    /// Lets go of the messages of routes that nobody looks at any more.
+    pub(super) fn sweep(&self) {
+        lock(&self.previews).sweep(Instant::now());
+    }
+
+    pub(super) async fn answer(&self, path: &str, query: &str) -> Answer {
+        match path {
+            "/" => Answer::new("text/html; charset=utf-8", self.document.html.clone()),
+            "/routes.json" => Answer::new("application/json", self.now().json.clone()),
+            "/previews.json" => self.previews(query),
+            "/why.json" => self.why(query).await,
+            "/metrics" => {
+                let text =
+                    metrics::text(&self.now().routes, &self.middlewares(), logging::panics());
+                Answer::new("text/plain; version=0.0.4; charset=utf-8", text)
+            }
+            _ => {
+                Answer { status: StatusCode::NOT_FOUND, ..Answer::text("there is nothing here\n") }
+            }
+        }
+    }
+
+    fn middlewares(&self) -> BTreeMap<&'static str, Option<String>> {
+        let registry = self.parts.routes.registry();
+        let known = middlewares::names().into_iter().filter_map(|name| {
+            let middleware = registry.get(name).ok()?;
+            Some((name, middleware.ended().or_else(|| middleware.waiting_for())))
+        });
+        known.collect()
+    }
+
+    fn now(&self) -> Arc<Now> {
+        let mut now = lock(&self.now);
+        if let Some(now) = &*now
+            && now.at.elapsed() < FRESH
+        {
+            return Arc::clone(now);
+        }
+        let routes = self.parts.routes.status();
+        let ids: Vec<String> = routes.iter().map(id).collect();
+        let rows = ids.iter().zip(&routes).map(|(id, status)| Row { id, status });
+        let told = Told {
+            node: self.parts.node.name().fqn(),
+            middlewares: self.middlewares(),
+            panics: logging::panics(),
+            routes: rows.collect(),
+        };
+        let json = serde_json::to_vec(&told).unwrap_or_default().into();
+        let places = ids.into_iter().zip(0..).collect();
+        let fresh = Arc::new(Now { at: Instant::now(), routes, places, json });
+        *now = Some(Arc::clone(&fresh));
+        fresh
+    }
+
+    fn previews(&self, query: &str) -> Answer {
+        let now = self.now();
+        let wanted = ids(query).filter_map(|id| Some((id, now.routes.get(*now.places.get(id)?)?)));
+        let mut previews = lock(&self.previews);
+        let found: BTreeMap<_, _> = wanted
+            .take(MAX_PREVIEWS)
+            .filter_map(|(id, route)| {
+                let tap = self.parts.routes.tap(&route.name, &route.from, &route.to)?;
+                Some((id, previews.look(id, tap, Instant::now())?))
+            })
+            .collect();
+        Answer::json(&found)
+    }
+
+    async fn why(&self, query: &str) -> Answer {
+        let fault =
+            |text: &str| Answer::json(&Why { fault: Some(text.to_owned()), ..Why::default() });
+        let now = self.now();
+        let place = ids(query).next().and_then(|id| now.places.get(id));
+        let Some(route) = place.and_then(|place| now.routes.get(*place)) else {
+            return fault("there is no such route any more");
+        };
+        let Ok(turn) = Arc::clone(&self.asking).try_acquire_owned() else {
+            return fault("another question is being answered: ask again in a moment");
+        };
+        let (parts, name) = (Arc::clone(&self.parts), route.name.clone());
+        let asked = tokio::task::spawn_blocking(move || {
+            let _turn = turn;
+            contained(|| why(&parts, &name)).flatten()
+        });
+        match asked.await {
+            Ok(Ok(why)) => Answer::json(&why),
+            Ok(Err(text)) => fault(&text),
+            Err(error) => fault(&error.to_string()),
+        }
+    }
+}
+
+/// Thing that is missing on the way of the route called `name`.
+fn why(parts: &Parts, name: &str) -> Result<Why, String> {
+    let way = explain(&parts.node, &parts.routes, &parts.in_force, name);
+    let verdict = judge(&way.map_err(|failure| failure.to_string())?);
+    let why = Why { passed: verdict.passed, ..Why::default() };
+    Ok(match verdict.finding {
+        Some(found) => Why { what: found.what, who: found.who, remedy: found.remedy, ..why },
+        None => why,
+    })
+}
+
+/// Number of a route as long as the program runs: sixteen digits, whatever its name is made of.
+fn id(route: &RouteStatus) -> String {
+    let mut hasher = DefaultHasher::new();
+    (&route.name, &route.from, &route.to).hash(&mut hasher);
+    format!("{:016x}", hasher.finish())
+}
+
+/// The numbers that a query names: `id=…&id=…`.
+fn ids(query: &str) -> impl Iterator<Item = &str> {
+    query.split('&').filter_map(|pair| pair.strip_prefix("id="))
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
