@@ -18,6 +18,7 @@ mod sources;
 mod viewer;
 
 use std::io::IsTerminal as _;
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
@@ -27,7 +28,8 @@ use self::sources::Sources;
 use self::viewer::Viewer;
 use crate::cli::DemoArgs;
 use crate::exit::Failure;
-use crate::middlewares::DemoMiddlewares;
+use crate::in_force::InForce;
+use crate::middlewares::{DemoMiddlewares, Endpoints};
 use crate::node::Node;
 use crate::output;
 use crate::page::{self, Page};
@@ -48,8 +50,11 @@ pub fn run(args: &DemoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let sources = Sources::start(middlewares.sources())?;
     let node = Node::named("wrapyfi_demo").context("the demo's node")?;
     let page = args.page.and_then(|port| {
-        let (routes, own) = (running.applier(), Default::default());
-        Page::start(port, page::Parts { node, routes, config: None, own })
+        // The middlewares are the demo's own: nothing is asked by these settings.
+        let (file, endpoints) = ("wrapyfi demo".to_owned(), Endpoints::default());
+        let in_force = InForce { file, endpoints, definitions: Vec::new() };
+        let (routes, in_force) = (running.applier(), Arc::new(Mutex::new(in_force)));
+        Page::start(port, page::Parts { node, routes, in_force })
     });
 
     let start = Instant::now();
