@@ -215,10 +215,10 @@ impl Worker {
             match command {
                 Command::Listen(reception) => self.add(reception.id, End::Reception(reception)),
                 Command::Publish(connection) => {
-                    self.add(connection.id, End::PublisherConnection(connection))
+                    self.add(connection.id, End::PublisherConnection(connection));
                 }
                 Command::ServiceConnection(connection) => {
-                    self.add(connection.handle.id, End::ServiceConnection(connection))
+                    self.add(connection.handle.id, End::ServiceConnection(connection));
                 }
                 Command::Look(id) => _ = self.ready.insert(id),
                 Command::Close(id) => self.close(id),

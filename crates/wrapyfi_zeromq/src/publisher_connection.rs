@@ -258,7 +258,7 @@ impl PublisherConnection {
     /// Has the connection closed once what waits is sent, or some time has passed.
     pub(super) fn close(&self, now: Instant) {
         self.link.note(link::ENDED);
-        self.state.lock().closes = Some(now + options::LINGER);
+        self.state.lock().closes.get_or_insert(now + options::LINGER);
     }
 }
 

@@ -208,7 +208,7 @@ impl ServiceConnection {
 
     /// Has the socket closed once what waits is sent, or some time has passed.
     pub(super) fn close(&mut self, now: Instant) {
-        self.closes = Some(now + options::LINGER);
+        self.closes.get_or_insert(now + options::LINGER);
     }
 
     /// Time for which replies are still waited for to be sent; `None` while the connection is in use.
