@@ -15,8 +15,7 @@ const PATIENCE: Duration = Duration::from_secs(40);
 /// A bridge with a page at any port that is free, and that port.
 fn bridge(env: &TestEnv, routes: Vec<Route>) -> Result<(Process, u16)> {
     let config = env.embedded().with("page", "{ port: 0 }");
-    let bridge =
-        env.bridge(&routes.into_iter().fold(config, |config, route| config.route(route)))?;
+    let bridge = env.bridge(&routes.into_iter().fold(config, wrapyfi_e2e::Config::route))?;
     let port = bridge.wait_until("the port of the page", |output| {
         let line = output.err.iter().find(|line| line.contains("the live page is at"))?;
         line.split("http://127.0.0.1:").nth(1)?.split('/').next()?.parse().ok()

@@ -120,7 +120,7 @@ fn thumbnail(raw: &RawPixels) -> Option<Vec<u8>> {
             };
             pixels.flat_map(colour).collect()
         }
-        encoding => grey(pixels.map(|pixel| depth(encoding, pixel)).collect()),
+        encoding => grey(&pixels.map(|pixel| depth(encoding, pixel)).collect::<Vec<_>>()),
     };
     let mut file = Vec::new();
     let mut encoder = png::Encoder::new(&mut file, width, height);
@@ -148,12 +148,12 @@ fn depth(encoding: Encoding, pixel: &[u8]) -> f32 {
 }
 
 /// The lowest value black, the highest white; what is no number, black.
-fn grey(values: Vec<f32>) -> Vec<u8> {
+fn grey(values: &[f32]) -> Vec<u8> {
     let real = || values.iter().copied().filter(|value| value.is_finite());
     let (low, high) =
         (real().fold(f32::INFINITY, f32::min), real().fold(f32::NEG_INFINITY, f32::max));
     let range = (high - low).max(f32::MIN_POSITIVE);
-    values.iter().flat_map(|value| [((value - low) / range * 255.0) as u8; 3]).collect()
+    values.iter().flat_map(|value| [((*value - low) / range * 255.0) as u8; 3]).collect()
 }
 
 fn of_sound(chunk: &AudioChunk) -> Preview {
