@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 use wrapyfi_core::Limits;
-use wrapyfi_core::engine::{Config, ConfigError, Kind, Plan, Problem, RouteConfig, Spanned};
+use wrapyfi_core::engine::{Config, ConfigError, Kind, Plan, Problem, Route, RouteConfig, Spanned};
 use wrapyfi_core::network::{Hosts, Place};
 use wrapyfi_core::types::{MessageType, ServiceKind};
 use wrapyfi_interfaces::store::TypeStore;
@@ -247,19 +247,31 @@ fn check_services(plan: &Plan) -> Result<(), String> {
     let nameless = services.find(|it| {
         is_zeromq(&it.from.middleware) || (it.is_many() && is_zeromq(&it.to.middleware))
     });
-    nameless.map_or(Ok(()), |pattern| {
-        Err(format!(
+    if let Some(pattern) = nameless {
+        return Err(format!(
             "{}: services of zeromq have no names, and tell no types: a pair of ports is one service; \
              write a route for it, with a type",
             pattern.name
-        ))
-    })
+        ));
+    }
+    let is_on_zeromq = |it: &&Route| {
+        matches!(it.kind, Kind::Service(_))
+            && [&it.from, &it.to].iter().any(|end| is_zeromq(&end.middleware))
+    };
+    let mut on_zeromq = plan.routes.iter().filter(is_on_zeromq);
+    match (on_zeromq.next(), on_zeromq.next()) {
+        (Some(one), Some(other)) => Err(format!(
+            "{} and {}: a pair of ports of zeromq is one service, and each would get the requests of the other; \
+             give one of them to another bridge, on other ports (endpoints.zeromq.rep_port, req_port)",
+            one.ends(),
+            other.ends()
+        )),
+        _ => Ok(()),
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use wrapyfi_core::engine::Route;
-
     use super::*;
 
     fn written(folder: &Path, name: &str, text: &str) -> std::path::PathBuf {
@@ -280,6 +292,15 @@ mod tests {
         assert!(refused.contains("192.0.2.7") && refused.contains("give --insecure"), "{refused}");
         endpoints.reached_at(OwnAddress { insecure: true, ..own });
         endpoints.yarp.check().unwrap();
+    }
+
+    #[test]
+    fn a_second_service_on_the_same_ports_of_zeromq_is_refused() {
+        let one = "routes:\n- {service: 'ros2:/a', as: 'zeromq:/a', type: NativeObject}\n";
+        load_text(one, "file").unwrap();
+        let other = format!("{one}- {{service: 'zeromq:/b', as: 'ros2:/b', type: NativeObject}}\n");
+        let error = load_text(&other, "file").unwrap_err().to_string();
+        assert!(error.contains("zeromq:/a") && error.contains("zeromq:/b"), "{error}");
     }
 
     #[test]
