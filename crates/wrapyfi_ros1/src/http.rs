@@ -54,6 +54,7 @@ pub(super) async fn call(
     let answered = |fault: XmlRpcError| failed(format!("answered: {fault}"), false);
     let body = xmlrpc::encode_call(method, params).map_err(answered)?;
     let posted = timeout(CALL, async {
+        let _place = tcpros::place_to_open(&uri.host, uri.port).await;
         let stream = tcpros::reach(&uri.host, uri.port).await.map_err(|error| {
             let is_refused = error.kind() == std::io::ErrorKind::ConnectionRefused;
             failed(format!("does not answer: {error}"), is_refused)

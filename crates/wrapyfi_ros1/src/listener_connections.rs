@@ -376,8 +376,7 @@ impl Connection {
             .with("md5sum", &wire_type.md5)
             .with("message_definition", &wire_type.definition)
             .with("tcp_nodelay", "1");
-        let mut stream = tcpros::connect(&host, port).await?;
-        let header = tcpros::greet(&mut stream, &own).await.map_err(|error| error.to_string())?;
+        let (stream, header) = tcpros::greeted(&host, port, &own).await?;
         if let Some(error) = header.get("error") {
             return Err(Closed::Fault(format!(
                 "it refuses: {}; wanted is {} [{}]: have both use the same definition",

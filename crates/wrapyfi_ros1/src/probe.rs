@@ -184,8 +184,7 @@ pub(super) fn probe_of(core: &Core, service: &str) -> Header {
 
 /// The header of who is at `place`; the connection ends with it.
 pub(super) async fn greeted(place: &NodeUri, own: &Header) -> Result<Header, String> {
-    let mut stream = tcpros::connect(&place.host, place.port).await?;
-    tcpros::greet(&mut stream, own).await.map_err(|error| error.to_string())
+    tcpros::greeted(&place.host, place.port, own).await.map(|(_, header)| header)
 }
 
 fn type_in(header: &Header) -> Result<String, String> {

@@ -6,6 +6,7 @@
 //!                     └ neither      ─▶ error=…, closed
 //! ```
 
+use std::collections::BTreeMap;
 use std::io;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::{Arc, Weak};
@@ -19,11 +20,15 @@ use tokio::time::timeout;
 
 use super::core::Core;
 use super::header::{Header, HeaderError};
+use wrapyfi_endpoint::Mutex;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::network::Hosts;
 
 /// Longest time until a connection stands, an unreachable host's included.
 const CONNECT: Duration = Duration::from_secs(5);
+/// Most connections to one address that are being opened. Sockets of rospy hold five that wait to be accepted: the system
+/// drops one more, and tries it again after 1, 3 and 7 s.
+const OPENING_AT_ONCE: usize = 5;
 /// Longest time until the other side has told its header.
 const GREETING: Duration = Duration::from_secs(10);
 /// Silence after which the system asks whether the other side is still there.
@@ -51,13 +56,54 @@ pub(super) fn prepare(stream: &TcpStream) -> io::Result<()> {
     SockRef::from(stream).set_tcp_keepalive(&keepalive)
 }
 
+/// Places among the connections that are being opened to one address, by address.
+static OPENING: Mutex<BTreeMap<(String, u16), Weak<Semaphore>>> = Mutex::new(BTreeMap::new());
+
+/// A place among the connections to an address whose other side has not answered yet; it is free again when the value
+/// is dropped.
+pub(super) async fn place_to_open(host: &str, port: u16) -> Option<OwnedSemaphorePermit> {
+    let places = {
+        let mut opening = OPENING.lock();
+        let known = opening.get(&(host.to_owned(), port)).and_then(Weak::upgrade);
+        known.unwrap_or_else(|| {
+            opening.retain(|_, places| places.strong_count() > 0);
+            let places = Arc::new(Semaphore::new(OPENING_AT_ONCE));
+            opening.insert((host.to_owned(), port), Arc::downgrade(&places));
+            places
+        })
+    };
+    // Nobody closes it.
+    places.acquire_owned().await.ok()
+}
+
 /// A connection to a node.
 pub(super) async fn connect(host: &str, port: u16) -> Result<TcpStream, String> {
+    open(host, port).await.map(|(stream, _)| stream)
+}
+
+/// A connection to a node that has told its header in answer to ours.
+pub(super) async fn greeted(
+    host: &str,
+    port: u16,
+    own: &Header,
+) -> Result<(TcpStream, Header), String> {
+    // rospy accepts the next one when it has heard this one's header.
+    let (mut stream, _place) = open(host, port).await?;
+    let header = greet(&mut stream, own).await.map_err(|error| error.to_string())?;
+    Ok((stream, header))
+}
+
+/// A connection, and its place among those that are being opened.
+async fn open(host: &str, port: u16) -> Result<(TcpStream, Option<OwnedSemaphorePermit>), String> {
     let failed = |error: io::Error| format!("{host}:{port} does not answer: {error}");
-    match timeout(CONNECT, reach(host, port)).await {
-        Ok(Ok(stream)) => {
-            prepare(&stream).map_err(failed)?;
-            Ok(stream)
+    let opened = timeout(CONNECT, async {
+        let place = place_to_open(host, port).await;
+        reach(host, port).await.map(|stream| (stream, place))
+    });
+    match opened.await {
+        Ok(Ok(opened)) => {
+            prepare(&opened.0).map_err(failed)?;
+            Ok(opened)
         }
         Ok(Err(error)) => Err(failed(error)),
         Err(_) => Err(format!("{host}:{port} did not answer within {} s", CONNECT.as_secs())),
@@ -234,5 +280,46 @@ async fn welcome(
             let text = format!("{} does not publish {topic}", core.name.full());
             refuse(&mut accepted.stream, &text).await;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
+
+    use tokio::task::JoinSet;
+
+    use super::*;
+
+    #[tokio::test]
+    async fn no_more_connections_than_rospy_holds_are_opened_at_once() {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let port = listener.local_addr().unwrap().port();
+        let (now, most) = (Arc::<AtomicUsize>::default(), Arc::<AtomicUsize>::default());
+        let (waiting, highest) = (Arc::clone(&now), Arc::clone(&most));
+        let _server = tokio::spawn(async move {
+            while let Ok((mut stream, _)) = listener.accept().await {
+                highest.fetch_max(waiting.fetch_add(1, SeqCst) + 1, SeqCst);
+                let waiting = Arc::clone(&waiting);
+                tokio::spawn(async move {
+                    hear(&mut stream).await.unwrap();
+                    // All the others have come meanwhile, if nothing holds them back.
+                    tokio::time::sleep(Duration::from_millis(20)).await;
+                    waiting.fetch_sub(1, SeqCst);
+                    stream.write_all(&Header::new().with("type", "a").encode().unwrap()).await
+                });
+            }
+        });
+        let mut asking = JoinSet::new();
+        for _ in 0..4 * OPENING_AT_ONCE {
+            let own = Header::new().with("callerid", "/a");
+            asking.spawn(async move { greeted("127.0.0.1", port, &own).await.unwrap().1 });
+        }
+        let heard = asking.join_all().await;
+        assert_eq!(heard.len(), 4 * OPENING_AT_ONCE);
+        assert!(heard.iter().all(|header| header.get("type") == Some("a")));
+        assert_eq!(now.load(SeqCst), 0);
+        assert!(most.load(SeqCst) <= OPENING_AT_ONCE, "{most:?} at once");
+        assert!(OPENING.lock().values().all(|places| places.strong_count() == 0));
     }
 }
