@@ -39,8 +39,15 @@ impl Edits {
         let config: Config<Endpoints> = Config::from_yaml(&list, SOURCE).map_err(Failure::usage)?;
         let mut entries = config.routes.into_iter();
         match (entries.next(), entries.next()) {
-            (Some(entry), None) => self.added.push(entry),
-            _ => return Err(Failure::Usage(format!("{SOURCE}: it must be one entry of `routes`"))),
+            (Some(entry), None) if entry.value.from.is_some() || entry.value.service.is_some() => {
+                self.added.push(entry);
+            }
+            _ => {
+                return Err(Failure::Usage(format!(
+                    "{SOURCE}: it must be one entry of `routes`, such as \
+                     {{from: \"zeromq:/a\", to: \"ros2:/a\", type: Text}}"
+                )));
+            }
         }
         Ok(())
     }
@@ -57,8 +64,8 @@ impl Edits {
     /// When `wanted` is none of its routes.
     pub fn leave_out(&mut self, wanted: Option<&str>, loaded: &mut Loaded) -> Result<(), Failure> {
         let Loaded { plan, lines, .. } = loaded;
-        let of_file = plan.routes.len().saturating_sub(self.added.len());
         for name in std::mem::take(&mut self.removed) {
+            let of_file = plan.routes.len().saturating_sub(self.added.len());
             match place(plan, &name) {
                 Some(at) if at >= of_file => drop(self.added.remove(at - of_file)),
                 Some(_) => drop(self.removed.insert(name.clone())),
@@ -110,8 +117,8 @@ mod tests {
         edits.add("{from: 'zeromq:/c', to: 'ros2:/c', type: Text}").unwrap();
         assert_eq!(edits.added().len(), 2);
         for wrong in ["", "a", "{form: 'zeromq:/a'}", "endpoints: {}", "{}\n- {}"] {
-            let error = edits.add(wrong).unwrap_err().to_string();
-            assert!(error.contains(SOURCE), "{error}");
+            let refused = edits.add(wrong);
+            assert!(refused.is_err_and(|error| error.to_string().contains(SOURCE)), "{wrong}");
         }
         assert_eq!(edits.added().len(), 2);
     }
