@@ -461,6 +461,38 @@ fn a_ros_1_publisher_behind_a_dead_link_is_missed_and_heard_again() -> Result {
     })
 }
 
+/// A subscriber's machine loses its link while messages are on their way to it: what it acknowledges no more tells.
+#[test]
+fn a_ros_1_subscriber_behind_a_dead_link_is_missed_and_served_again() -> Result {
+    run("a_ros_1_subscriber_behind_a_dead_link_is_missed_and_served_again", WITH_ROS, |env| {
+        let port = env.ros_port();
+        let [robot, laptop] = env.hosts(["robot", "laptop"])?;
+        let uri = format!("http://{}:{port}", robot.ip());
+        let [robot, laptop] = [robot, laptop].map(|host| {
+            let ip = host.ip().to_owned();
+            let host = host.with("ROS_MASTER_URI", &uri).with("ROS_IP", &ip);
+            host.with("WRAPYFI_ROS_INSECURE", "1")
+        });
+        let master = robot.rospy(&format!("master --port {port}"))?;
+        master.event("ready")?;
+        let _publisher = robot.rospy(&format!("publish --topic /near/x {HELLO}"))?;
+        let _subscriber = laptop.rospy("subscribe --topic /far/x")?;
+        let yaml = "routes:\n  - { from: \"ros:/near/x\", to: \"ros:/far/x\", type: Text }\n";
+        let bridge = bridge(env, &robot, yaml)?;
+        let state = |wanted: &str| {
+            bridge.wait_until(wanted, |output| {
+                let last = output.objects().next_back()?;
+                (last["routes"][0]["state"] == wanted).then_some(())
+            })
+        };
+        state("active")?;
+        laptop.plug(false)?;
+        state("waiting")?;
+        laptop.plug(true)?;
+        state("active")
+    })
+}
+
 #[test]
 fn a_middleware_that_is_not_there_makes_its_own_routes_wait() -> Result {
     let needs = &[Need::Program, Need::Node];

@@ -5,6 +5,7 @@
 //!   Answers: Call ─▶ Reply ◀─ POST ◀─ accept    so many connections at once
 //! ```
 
+use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -18,7 +19,7 @@ use hyper::service::service_fn;
 use hyper::{Method, Request, Response, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use tokio::net::TcpStream;
-use tokio::task::JoinSet;
+use tokio::task::{AbortHandle, JoinSet};
 use tokio::time::timeout;
 
 use super::config::NodeUri;
@@ -97,18 +98,22 @@ async fn post(stream: TcpStream, uri: &NodeUri, body: String) -> Result<Bytes, S
 /// on the server's task.
 pub(super) type Answers = dyn Fn(Call) -> Option<Reply> + Send + Sync;
 
-/// Answers whoever connects, until it is aborted.
+/// Answers whoever connects, until it is aborted. One connection more than may be open ends the oldest: those that say
+/// nothing keep nobody out.
 pub(super) async fn serve(port: Arc<Port>, answers: Arc<Answers>) {
-    let Port { listener, places, .. } = &*port;
-    let mut backoff = accepting();
+    let Port { listener, connections, .. } = &*port;
+    let (mut backoff, mut open) = (accepting(), VecDeque::<AbortHandle>::new());
     loop {
-        let Ok(place) = Arc::clone(places).acquire_owned().await else { return };
         let (stream, peer) = accepted(listener, &mut backoff).await;
+        open.retain(|one| !one.is_finished());
+        if open.len() >= *connections
+            && let Some(oldest) = open.pop_front()
+        {
+            oldest.abort();
+        }
         let answers = Arc::clone(&answers);
-        tokio::spawn(async move {
-            serve_one(stream, peer, &*answers).await;
-            drop(place);
-        });
+        let one = tokio::spawn(async move { serve_one(stream, peer, &*answers).await });
+        open.push_back(one.abort_handle());
     }
 }
 
@@ -168,4 +173,25 @@ fn status(code: StatusCode) -> Response<Full<Bytes>> {
     let mut response = Response::new(Full::default());
     *response.status_mut() = code;
     response
+}
+
+#[cfg(test)]
+mod tests {
+    use tokio::io::AsyncReadExt as _;
+
+    use super::*;
+
+    #[tokio::test]
+    async fn connections_that_say_nothing_keep_nobody_out() {
+        let (port, number) = Port::bind([127, 0, 0, 1].into(), 3).await.unwrap();
+        let answers: Arc<Answers> = Arc::new(|_| Some(Reply::success("", Value::Integer(7))));
+        let _server = tokio::spawn(serve(port, answers));
+        let mut idle = Vec::new();
+        for _ in 0..5 {
+            idle.push(TcpStream::connect(("127.0.0.1", number)).await.unwrap());
+        }
+        let uri = NodeUri { host: "127.0.0.1".to_owned(), port: number };
+        assert_eq!(call(&uri, "getPid", Vec::new()).await.unwrap().value, Value::Integer(7));
+        assert_eq!(idle[0].read(&mut [0; 1]).await.unwrap(), 0, "the oldest one has ended");
+    }
 }

@@ -21,6 +21,7 @@ use tokio::sync::Notify;
 use tokio::time::timeout;
 
 use wrapyfi_endpoint::{Counters, DropReason, Mutex, Share, Waits};
+use wrapyfi_retry::liveness::{self, Silence};
 
 /// Longest time that the last messages have after their publisher went.
 const LINGER: Duration = Duration::from_secs(1);
@@ -102,6 +103,8 @@ struct Queue {
     written: usize,
     messages: u64,
     bytes: u64,
+    /// True when the task watches whether the subscriber's machine acknowledges what is on its way.
+    is_watched: bool,
     /// True when nothing more is accepted; queued messages are still sent.
     finishing: bool,
     /// The connection is gone.
@@ -110,6 +113,7 @@ struct Queue {
 
 impl Subscriber {
     pub(super) fn new(id: u64, peer: &str, address: String, stream: TcpStream) -> Self {
+        liveness::set_writer(&stream);
         Self {
             id,
             peer: peer.to_owned(),
@@ -142,7 +146,8 @@ impl Subscriber {
         if queue.frames.len() == 1 {
             queue.flush(&self.stream);
         }
-        if !queue.frames.is_empty() || queue.broken {
+        let begins = !std::mem::replace(&mut queue.is_watched, true);
+        if begins || !queue.frames.is_empty() || queue.broken {
             self.work.notify_one();
         }
     }
@@ -178,12 +183,15 @@ impl Subscriber {
     }
 
     async fn write(&self) {
-        let mut heard = 0_usize;
+        let (mut heard, mut silence) = (0_usize, Silence::default());
         loop {
             let (pending, finishing) = {
                 let queue = self.queue.lock();
                 if queue.broken {
                     return;
+                }
+                if queue.is_watched {
+                    silence.sent();
                 }
                 (!queue.frames.is_empty(), queue.finishing)
             };
@@ -197,6 +205,15 @@ impl Subscriber {
                 if pending { Interest::READABLE | Interest::WRITABLE } else { Interest::READABLE };
             tokio::select! {
                 () = self.work.notified() => {}
+                // The kernel's own questions are for a connection on which nothing is on its way.
+                is_under_way = silence.look(&self.stream) => match is_under_way {
+                    Ok(is_under_way) => self.queue.lock().is_watched = is_under_way,
+                    Err(error) => {
+                        let Self { peer, address, .. } = self;
+                        tracing::info!(peer, address, "ROS 1: a subscriber is gone: {error}");
+                        return;
+                    }
+                },
                 ready = self.stream.ready(interest) => {
                     let Ok(ready) = ready else { break };
                     if ready.is_writable() {

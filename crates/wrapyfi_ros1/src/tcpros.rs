@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::io;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::{Arc, Weak};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use socket2::{SockRef, TcpKeepalive};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
@@ -20,9 +20,9 @@ use tokio::time::timeout;
 
 use super::core::Core;
 use super::header::{Header, HeaderError};
-use wrapyfi_endpoint::Mutex;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::network::Hosts;
+use wrapyfi_endpoint::{Mutex, Throttle};
 
 /// Longest time until a connection stands, an unreachable host's included.
 const CONNECT: Duration = Duration::from_secs(5);
@@ -200,23 +200,38 @@ pub(super) async fn accepted(
     }
 }
 
+/// Lines of the log about connections that are refused: a flood of them is one line in [`Throttle::EVERY`] of each kind.
+#[derive(Default)]
+struct Refusals {
+    /// For no place, and for headers that are none.
+    connections: Mutex<Throttle>,
+    /// For definitions that do not fit.
+    subscribers: Mutex<Throttle>,
+}
+
+/// Logs a refusal, and the number of those that were not logged before it.
+fn tell(throttle: &Mutex<Throttle>, peer: SocketAddr, what: &str, why: &str) {
+    let Some(silent) = throttle.lock().pass(Instant::now()) else { return };
+    match silent {
+        0 => tracing::warn!(%peer, "ROS 1: refused a {what}: {why}"),
+        silent => tracing::warn!(%peer, "ROS 1: refused a {what}, and {silent} before it: {why}"),
+    }
+}
+
 /// Accepts connections until it is aborted. Those beyond the limit are refused at once.
 pub(super) async fn accept(port: Arc<Port>, core: Weak<Core>) {
     let Port { listener, connections, places } = &*port;
-    let mut backoff = accepting();
+    let (mut backoff, refusals) = (accepting(), Arc::<Refusals>::default());
     loop {
         let (mut stream, peer) = accepted(listener, &mut backoff).await;
-        let core = core.clone();
+        let (core, refusals) = (core.clone(), Arc::clone(&refusals));
         match Arc::clone(places).try_acquire_owned() {
             Ok(place) => {
-                tokio::spawn(async move { welcome(stream, peer, place, &core).await });
+                tokio::spawn(async move { welcome(stream, peer, place, &core, &refusals).await });
             }
             Err(_) => {
-                tracing::warn!(
-                    %peer,
-                    "ROS 1: refused a connection: {connections} are open, which is the limit"
-                );
                 let text = format!("{connections} connections are open, which is the limit");
+                tell(&refusals.connections, peer, "connection", &text);
                 // It fits into the socket's buffer: nobody is waited for.
                 tokio::spawn(async move { timeout(CONNECT, refuse(&mut stream, &text)).await });
             }
@@ -229,6 +244,7 @@ async fn welcome(
     peer: SocketAddr,
     place: OwnedSemaphorePermit,
     core: &Weak<Core>,
+    refusals: &Refusals,
 ) {
     if let Err(error) = prepare(&stream) {
         tracing::debug!(%peer, "ROS 1: {error}");
@@ -237,8 +253,9 @@ async fn welcome(
     let header = match hear(&mut stream).await {
         Ok(header) => header,
         Err(error) => {
-            tracing::warn!(%peer, "ROS 1: refused a connection: {error}");
-            refuse(&mut stream, &error.to_string()).await;
+            let text = error.to_string();
+            tell(&refusals.connections, peer, "connection", &text);
+            refuse(&mut stream, &text).await;
             return;
         }
     };
@@ -273,7 +290,7 @@ async fn welcome(
                 other.name,
                 other.md5,
             );
-            tracing::warn!("ROS 1: refused a subscriber: {text}");
+            tell(&refusals.subscribers, peer, "subscriber", &text);
             refuse(&mut accepted.stream, &text).await;
         }
         (None, None) => {

@@ -28,7 +28,6 @@
 pub mod bottle;
 pub mod dialect;
 pub mod limits;
-mod liveness;
 pub mod name;
 pub mod port;
 pub mod server;

@@ -13,11 +13,11 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 
 use crate::bottle::TextError;
-use crate::liveness;
 use crate::port::names::Registration;
 use crate::wire::text::{self, Lines};
 use crate::wire::{Carrier, Command, Fault, Sender, Step, header};
 use crate::{Bottle, Limits};
+use wrapyfi_retry::liveness;
 
 /// Error of a request and its answer.
 #[derive(Debug, thiserror::Error)]

@@ -15,11 +15,11 @@ use tokio::time::timeout;
 use super::stream::Stream;
 use super::unix::Meeting;
 use crate::bottle::{BottleError, BottleScan, Frame};
-use crate::liveness::{self, Silence};
 use crate::wire::message::{self, read_ack};
 use crate::wire::text::{self, BottleLines, Lines};
 use crate::wire::{Body, Carrier, Command, Fault, Sender, Step, bare, header, number};
 use crate::{Dialect, Limits};
+use wrapyfi_retry::liveness::{self, Silence};
 
 /// Error of a connection to a port.
 #[derive(Debug, thiserror::Error)]

@@ -13,9 +13,9 @@ use super::core::Core;
 use super::link::LinkError;
 use super::message::PortPayload;
 use super::room::{Begun, progress};
-use crate::liveness;
 use crate::wire::mjpeg::{self, MjpegReader};
 use crate::wire::{Carrier, Step};
+use wrapyfi_retry::liveness;
 
 impl Core {
     /// Asks the port `name` for its pictures; they come to this port's sink as they arrive.

@@ -55,7 +55,6 @@ use super::spare::Spare;
 use super::stream::Stream;
 use super::unix::Meeting;
 use crate::Bottle;
-use crate::liveness;
 use crate::wire::admin;
 use crate::wire::bare::{self, BareReader};
 use crate::wire::header::{self, HeaderReader};
@@ -63,6 +62,7 @@ use crate::wire::http::Request;
 use crate::wire::message::{Found, MessageReader};
 use crate::wire::text::{self, Lines, TextReader};
 use crate::wire::{Body, Carrier, Command, Fault, Incoming, Opening, Sender, Step, number};
+use wrapyfi_retry::liveness;
 
 pub use event::{Answer, Data, Event, SessionError, SessionOptions};
 

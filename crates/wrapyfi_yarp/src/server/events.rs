@@ -165,7 +165,7 @@ async fn open(
     }
     let head = header::encode(carrier, sender, limits).ok()?;
     let mut stream = TcpStream::connect((host, port)).await.ok()?;
-    crate::liveness::set_reader(&stream);
+    wrapyfi_retry::liveness::set_reader(&stream);
     stream.set_nodelay(true).ok()?;
     stream.write_all(&head).await.ok()?;
     let mut buffer = BytesMut::new();

@@ -43,12 +43,12 @@ const RETRANSMIT_MS: libc::c_int = 1000;
 const TCP_RTO_MAX_MS: libc::c_int = 44;
 
 /// Sets a connection up whose peer sends: what goes out are acknowledgements and replies.
-pub(crate) fn set_reader(stream: &TcpStream) {
+pub fn set_reader(stream: &TcpStream) {
     set(stream, Some(UNACKNOWLEDGED));
 }
 
 /// Sets a connection up that [`Silence`] watches.
-pub(crate) fn set_writer(stream: &TcpStream) {
+pub fn set_writer(stream: &TcpStream) {
     set(stream, None);
 }
 
@@ -58,7 +58,7 @@ fn set(stream: &TcpStream, unacknowledged: Option<Duration>) {
     let socket = SockRef::from(stream);
     let set = socket.set_tcp_keepalive(&keepalive);
     if let Err(error) = set.and_then(|()| socket.set_tcp_user_timeout(unacknowledged)) {
-        tracing::debug!(target: "wrapyfi_yarp::port", %error, "a dead link will be noticed late");
+        tracing::debug!(%error, "a dead link will be noticed late");
     }
     let (value, size) = (RETRANSMIT_MS, socklen::<libc::c_int>());
     // SAFETY: see the contract above.
@@ -112,7 +112,7 @@ fn look(stream: &TcpStream) -> io::Result<Look> {
 /// Time for which the peer of a writer has acknowledged nothing. It does not grow while nothing is
 /// under way.
 #[derive(Debug, Default)]
-pub(crate) struct Silence {
+pub struct Silence {
     /// Absent while nothing is on its way.
     next: Option<Instant>,
     looks: u32,
@@ -120,34 +120,41 @@ pub(crate) struct Silence {
 
 impl Silence {
     /// Notes that something is being sent.
-    pub(crate) fn sent(&mut self) {
+    pub fn sent(&mut self) {
         self.next.get_or_insert_with(|| Instant::now() + LOOK);
     }
 
-    /// Waits until the peer is gone; for ever while it acknowledges. Cancel-safe: it goes on from where
-    /// it was.
+    /// Waits for the next look at what is on its way; for ever where nothing was sent since it was all acknowledged. True
+    /// when something is not acknowledged yet. Cancel-safe: it goes on from where it was.
+    ///
+    /// # Errors
+    /// When the peer is gone.
+    pub async fn look(&mut self, stream: &TcpStream) -> io::Result<bool> {
+        let Some(next) = self.next else { return std::future::pending().await };
+        sleep_until(next).await;
+        let now = look(stream)?;
+        if self.note(now) {
+            return Err(io::Error::new(
+                io::ErrorKind::TimedOut,
+                format!("nothing was acknowledged for {:.0?}", now.quiet),
+            ));
+        }
+        self.next = now.outstanding.then(|| Instant::now() + LOOK);
+        Ok(now.outstanding)
+    }
+
+    /// Waits until the peer is gone; for ever while it acknowledges. Cancel-safe, as [`Silence::look`].
     /// Without a TCP connection it waits for ever: the kernel ends what is on one host.
-    pub(crate) async fn gone(&mut self, stream: Option<&TcpStream>) -> io::Error {
+    pub async fn gone(&mut self, stream: Option<&TcpStream>) -> io::Error {
         let Some(stream) = stream else { return std::future::pending().await };
         loop {
-            let Some(next) = self.next else { return std::future::pending().await };
-            sleep_until(next).await;
-            match look(stream) {
-                Ok(now) => {
-                    if self.note(now) {
-                        return io::Error::new(
-                            io::ErrorKind::TimedOut,
-                            format!("nothing was acknowledged for {:.0?}", now.quiet),
-                        );
-                    }
-                    self.next = now.outstanding.then(|| Instant::now() + LOOK);
-                }
-                Err(error) => return error,
+            if let Err(error) = self.look(stream).await {
+                return error;
             }
         }
     }
 
-    /// Notes what was seen; whether the peer is gone.
+    /// Notes the state of a look; true when the peer is gone.
     fn note(&mut self, now: Look) -> bool {
         self.looks = if now.unanswered { self.looks + 1 } else { 0 };
         self.looks >= LOOKS && now.quiet >= LOOK * (LOOKS - 1)
