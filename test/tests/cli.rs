@@ -560,6 +560,22 @@ fn echo_and_pub_speak_ros() -> Result {
     })
 }
 
+/// Nobody has the topic: it is said, and the type is learned when somebody comes.
+#[test]
+fn echo_without_a_type_tells_that_nobody_announces_one() -> Result {
+    run("echo_without_a_type_tells_that_nobody_announces_one", PROGRAM, |env| {
+        let topic = format!("ros2:{}", env.topic("x"));
+        let mut echo = env.wrapyfi(["echo", &topic, "--json", "--count", "1"])?;
+        echo.wait_until("a line of the log", |output| {
+            output.err.iter().any(|line| line.contains("waiting for somebody")).then_some(())
+        })?;
+        let value = ["--type", "std_msgs/msg/String", "--value", "{\"data\": \"a\"}"];
+        let _publisher = env.wrapyfi([&["pub", &topic, "--rate", "10"][..], &value].concat())?;
+        assert_eq!(echo.objects(1)?[0]["value"]["data"], "a");
+        echo.exits_with(0)
+    })
+}
+
 // The YARP name server ---------------------------------------------------------------------------
 
 #[test]

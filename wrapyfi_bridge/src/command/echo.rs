@@ -82,7 +82,7 @@ fn awaited(why: &LearnTopicError) -> String {
 }
 
 /// Tells the log what an endpoint waits for.
-struct Waiting<'a> {
+pub(super) struct Waiting<'a> {
     endpoint: &'a EndpointAddress,
     since: Instant,
     said: String,
@@ -93,12 +93,12 @@ impl<'a> Waiting<'a> {
     /// change all the time.
     const SAY_AFTER: Duration = Duration::from_secs(1);
 
-    fn new(endpoint: &'a EndpointAddress) -> Self {
+    pub(super) fn new(endpoint: &'a EndpointAddress) -> Self {
         Self { endpoint, since: Instant::now(), said: String::new() }
     }
 
     /// Says so once, and again when it is something else.
-    fn say(&mut self, what: &str) {
+    pub(super) fn say(&mut self, what: &str) {
         if self.since.elapsed() >= Self::SAY_AFTER && self.said != what {
             tracing::warn!("{}: waiting for {what}", self.endpoint);
             what.clone_into(&mut self.said);

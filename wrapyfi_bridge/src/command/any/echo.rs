@@ -69,7 +69,7 @@ fn discover(
 ) -> Result<Option<(String, Qos)>, Failure> {
     let mut discovery = ros2.discover().context("ros2")?;
     let deadline = args.timeout.map(|timeout| Instant::now() + timeout);
-    let wake = Wake::new();
+    let (wake, mut waiting) = (Wake::new(), echo::Waiting::new(&args.endpoint));
     while !shutdown.requested() {
         let found = discovery.endpoints().context("ros2")?;
         let types = types_of(&found, topic);
@@ -90,6 +90,7 @@ fn discover(
                 args.endpoint
             )));
         }
+        waiting.say("somebody who announces the topic and its type");
         wake.wait(WAIT_SLICE);
     }
     Ok(None)
