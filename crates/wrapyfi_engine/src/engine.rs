@@ -76,6 +76,6 @@ impl Engine {
     /// # Errors
     /// When the system refuses a thread.
     pub fn start(self) -> std::io::Result<Running> {
-        Running::start(self.driver)
+        Running::start(&self.driver)
     }
 }

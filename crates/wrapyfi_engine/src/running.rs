@@ -91,11 +91,11 @@ impl Applier {
 }
 
 impl Running {
-    pub(super) fn start(driver: Arc<Driver>) -> std::io::Result<Self> {
-        let running = Self { applier: Applier(Arc::clone(&driver)), stop: Arc::default() };
-        let looks = Arc::clone(&driver);
+    pub(super) fn start(driver: &Arc<Driver>) -> std::io::Result<Self> {
+        let running = Self { applier: Applier(Arc::clone(driver)), stop: Arc::default() };
+        let looks = Arc::clone(driver);
         driver.pool.start(move |now| looks.look_at_members(now))?;
-        let (looks, stop) = (Arc::clone(&driver), Arc::clone(&running.stop));
+        let (looks, stop) = (Arc::clone(driver), Arc::clone(&running.stop));
         driver.pool.spawn("reconciler", move || {
             while !stop.load(Ordering::Relaxed) {
                 let pause = looks

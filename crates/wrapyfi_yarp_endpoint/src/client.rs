@@ -277,7 +277,7 @@ async fn stay_connected(shared: &Shared, state: &ClientState, port: &RpcClient) 
         }
         let asked = shared.network.query(&state.service);
         let (what, say) = (format!("to tell where port {} is", state.service), |what| {
-            state.link_state.waiting(what)
+            state.link_state.waiting(what);
         });
         let at = shared.directory.answers(&what, asked, say).await.ok().flatten();
         if let Err(error) = port.connect(&state.target()).await {
