@@ -569,9 +569,9 @@ fn echo_without_a_type_tells_that_nobody_announces_one() -> Result {
         echo.wait_until("a line of the log", |output| {
             output.err.iter().any(|line| line.contains("waiting for somebody")).then_some(())
         })?;
-        let value = ["--type", "std_msgs/msg/String", "--value", "{\"data\": \"a\"}"];
+        let value = ["--type", "std_msgs/msg/Bool", "--value", "{\"data\": true}"];
         let _publisher = env.wrapyfi([&["pub", &topic, "--rate", "10"][..], &value].concat())?;
-        assert_eq!(echo.objects(1)?[0]["value"]["data"], "a");
+        assert_eq!(echo.objects(1)?[0]["value"]["data"], true);
         echo.exits_with(0)
     })
 }
