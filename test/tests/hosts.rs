@@ -476,7 +476,7 @@ fn a_ros_1_subscriber_behind_a_dead_link_is_missed_and_served_again() -> Result 
         let master = robot.rospy(&format!("master --port {port}"))?;
         master.event("ready")?;
         let _publisher = robot.rospy(&format!("publish --topic /near/x {HELLO}"))?;
-        let _subscriber = laptop.rospy("subscribe --topic /far/x")?;
+        let _subscriber = laptop.rospy("subscribe --topic /far/x --node far_ear")?;
         let yaml = "routes:\n  - { from: \"ros:/near/x\", to: \"ros:/far/x\", type: Text }\n";
         let bridge = bridge(env, &robot, yaml)?;
         let state = |wanted: &str| {
