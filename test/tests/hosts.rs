@@ -428,20 +428,26 @@ fn nodes_of_ros_1_are_found_by_the_names_of_their_machines() -> Result {
     })
 }
 
+/// A robot with a master and a laptop, each announcing its own address.
+fn on_ros_1(env: &TestEnv) -> Result<([Host<'_>; 2], Process)> {
+    let port = env.ros_port();
+    let [robot, laptop] = env.hosts(["robot", "laptop"])?;
+    let uri = format!("http://{}:{port}", robot.ip());
+    let hosts = [robot, laptop].map(|host| {
+        let ip = host.ip().to_owned();
+        let host = host.with("ROS_MASTER_URI", &uri).with("ROS_IP", &ip);
+        host.with("WRAPYFI_ROS_INSECURE", "1")
+    });
+    let master = hosts[0].rospy(&format!("master --port {port}"))?;
+    master.event("ready")?;
+    Ok((hosts, master))
+}
+
 /// A publisher's machine loses its link, and nothing is closed: its silence tells, and it is heard again after.
 #[test]
 fn a_ros_1_publisher_behind_a_dead_link_is_missed_and_heard_again() -> Result {
     run("a_ros_1_publisher_behind_a_dead_link_is_missed_and_heard_again", WITH_ROS, |env| {
-        let port = env.ros_port();
-        let [robot, laptop] = env.hosts(["robot", "laptop"])?;
-        let uri = format!("http://{}:{port}", robot.ip());
-        let [robot, laptop] = [robot, laptop].map(|host| {
-            let ip = host.ip().to_owned();
-            let host = host.with("ROS_MASTER_URI", &uri).with("ROS_IP", &ip);
-            host.with("WRAPYFI_ROS_INSECURE", "1")
-        });
-        let master = robot.rospy(&format!("master --port {port}"))?;
-        master.event("ready")?;
+        let ([robot, laptop], _master) = on_ros_1(env)?;
         let _publisher = laptop.rospy(&format!("publish --topic /far/x {HELLO}"))?;
         let yaml =
             "routes:\n  - { from: \"ros:/far/x\", to: \"ros2:/far/x\", type: Text, lazy: false }\n";
@@ -465,16 +471,7 @@ fn a_ros_1_publisher_behind_a_dead_link_is_missed_and_heard_again() -> Result {
 #[test]
 fn a_ros_1_subscriber_behind_a_dead_link_is_missed() -> Result {
     run("a_ros_1_subscriber_behind_a_dead_link_is_missed", WITH_ROS, |env| {
-        let port = env.ros_port();
-        let [robot, laptop] = env.hosts(["robot", "laptop"])?;
-        let uri = format!("http://{}:{port}", robot.ip());
-        let [robot, laptop] = [robot, laptop].map(|host| {
-            let ip = host.ip().to_owned();
-            let host = host.with("ROS_MASTER_URI", &uri).with("ROS_IP", &ip);
-            host.with("WRAPYFI_ROS_INSECURE", "1")
-        });
-        let master = robot.rospy(&format!("master --port {port}"))?;
-        master.event("ready")?;
+        let ([robot, laptop], _master) = on_ros_1(env)?;
         let _publisher = robot.rospy(&format!("publish --topic /near/x {HELLO}"))?;
         let _subscriber = laptop.rospy("subscribe --topic /far/x --node far_ear")?;
         let yaml = "routes:\n  - { from: \"ros:/near/x\", to: \"ros:/far/x\", type: Text }\n";
