@@ -1,10 +1,10 @@
-//! Common part of every port: a listening socket, its connections, its properties.
+//! State that every port has: its connections, its properties, what it is and where its data go.
 //!
 //! ```text
-//!   listener ─ accept ─▶ one task a connection (connection.rs) ──▶ Sink: inbox, handler, nothing
-//!                            │ admin, commands (administration.rs)
-//!                            ▼
-//!   write ─▶ outputs: one Outbox and one task each (target.rs)
+//!   listener ─ accept (owner.rs) ─▶ one task a connection (connection.rs) ──▶ Sink: inbox, handler, nothing
+//!                                       │ admin, commands (administration.rs)
+//!                                       ▼
+//!   write ─▶ outputs (outputs.rs): one Outbox and one task each (target.rs)
 //! ```
 
 use std::collections::BTreeMap;
@@ -12,23 +12,18 @@ use std::net::SocketAddr;
 use std::pin::Pin;
 use std::sync::atomic::AtomicU64;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
 
-use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{Notify, Semaphore, watch};
-use tokio::task::JoinSet;
-use tokio::time::timeout;
-use wrapyfi_retry::restart::restarted;
+use tokio::net::TcpStream;
+use tokio::sync::{Notify, watch};
 
-use super::connection;
+use super::counters::Counters;
 use super::inbox::Inbox;
 use super::link::Link;
 use super::message::Received;
 use super::network::Network;
-use super::open::{self, OpenError, PortOptions};
-use super::outputs::Output;
+use super::outbox::{Outbox, Overflow};
+use super::output::Output;
 use super::session::{Answer, SessionOptions};
-use super::{Counters, Overflow};
 use crate::{Bottle, Limits};
 
 /// A future that a handler of requests gives back.
@@ -105,7 +100,7 @@ pub(super) struct Core {
     pub(super) network: Network,
     pub(super) address: SocketAddr,
     pub(super) contact: String,
-    registered: bool,
+    pub(super) registered: bool,
     /// True when the owner says that the port is for requests.
     pub(super) rpc: bool,
     /// Type that the owner says the port carries.
@@ -117,89 +112,15 @@ pub(super) struct Core {
     pub(super) session: SessionOptions,
     pub(super) limits: Arc<Limits>,
     pub(super) counters: Arc<Counters>,
-    connections: Mutex<Connections>,
+    pub(super) connections: Mutex<Connections>,
     pub(super) connected: watch::Sender<Connected>,
     /// One output is added at a time.
     pub(super) adding: tokio::sync::Mutex<()>,
     pub(super) closing: watch::Sender<bool>,
-    closed: watch::Sender<bool>,
-}
-
-/// The owner's end of a port: dropping it closes the port.
-pub(super) struct Owner {
-    pub(super) core: Arc<Core>,
-}
-
-impl std::fmt::Debug for Owner {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Core { name, address, .. } = &*self.core;
-        f.debug_struct("Port").field("name", name).field("address", address).finish_non_exhaustive()
-    }
-}
-
-impl Drop for Owner {
-    fn drop(&mut self) {
-        self.core.closing.send_replace(true);
-    }
-}
-
-impl Owner {
-    /// Says goodbye to everybody and unregisters; returns when that is done, or gave up.
-    pub(super) async fn close(&self) {
-        self.core.closing.send_replace(true);
-        let mut closed = self.core.closed.subscribe();
-        // The sender lives as long as the core, which this holds.
-        closed.wait_for(|closed| *closed).await.ok();
-    }
+    pub(super) closed: watch::Sender<bool>,
 }
 
 impl Core {
-    pub(super) async fn open(
-        network: &Network,
-        name: &str,
-        options: &PortOptions,
-        role: Role,
-        sink: Sink,
-    ) -> Result<Owner, OpenError> {
-        let opened = open::open(network, name, options).await?;
-        let counters = Arc::new(Counters::default());
-        let session = SessionOptions {
-            dialect: network.dialect(),
-            limits: network.limits().clone(),
-            handshake_timeout: network.0.timeouts.handshake,
-            progress_timeout: network.0.timeouts.progress,
-            rooms: network.0.rooms,
-            own_port: opened.address.port(),
-            runtime_folder: network.0.environment.runtime_folder(),
-            counters: Arc::clone(&counters),
-        };
-        let core = Arc::new(Self {
-            name: opened.name,
-            network: network.clone(),
-            address: opened.address,
-            contact: opened.contact,
-            registered: options.register,
-            rpc: options.rpc || role.client,
-            type_name: options.type_name.clone(),
-            pictures: options.pictures,
-            role,
-            sink,
-            session,
-            limits: Arc::new(network.limits().clone()),
-            counters,
-            connections: Mutex::default(),
-            connected: watch::Sender::new(Connected::default()),
-            adding: tokio::sync::Mutex::new(()),
-            closing: watch::Sender::new(false),
-            closed: watch::Sender::new(false),
-        });
-        tokio::spawn(Arc::clone(&core).keep(opened.listener));
-        if options.register {
-            open::announce(network, &core.name, opened.address.ip()).await;
-        }
-        Ok(Owner { core })
-    }
-
     pub(super) fn connections(&self) -> std::sync::MutexGuard<'_, Connections> {
         self.connections.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -217,103 +138,9 @@ impl Core {
         self.connected.send_if_modified(|known| std::mem::replace(known, now) != now);
     }
 
-    /// Takes connections until the port closes, then ends what it has.
-    async fn keep(self: Arc<Self>, listener: TcpListener) {
-        let (port, listener) = (Arc::clone(&self), Arc::new(listener));
-        let counted = Arc::clone(&self);
-        restarted(
-            format!("YARP port {}", self.name),
-            move |_why| counted.counters.add("port_panicked"),
-            move || Arc::clone(&port).attend(Arc::clone(&listener)),
-        )
-        .await;
-        // Those that said no goodbye in time: what waits for them is lost.
-        self.outboxes().iter().for_each(|outbox| outbox.abort());
-        if let Sink::Inbox(inbox) = &self.sink {
-            inbox.close();
-        }
-        if self.registered
-            && let Err(error) = self.network.names().unregister(&self.name).await
-        {
-            tracing::warn!(target: "wrapyfi_yarp::port", name = self.name, %error, "unregister");
-        }
-        self.closed.send_replace(true);
-    }
-
-    /// Takes connections until the port closes, and says goodbye.
-    async fn attend(self: Arc<Self>, listener: Arc<TcpListener>) {
-        let mut closing = self.closing.subscribe();
-        let room = Arc::new(Semaphore::new(self.session.limits.max_connections));
-        let mut tasks = JoinSet::new();
-        // Connections are taken until it is done: some peers say goodbye on one of their own.
-        let goodbye = async {
-            // The sender lives as long as this port.
-            closing.wait_for(|closing| *closing).await.ok();
-            let limit = self.network.0.timeouts.close;
-            if timeout(limit, self.say_goodbye()).await.is_err() {
-                self.counters.add("goodbye_timeout");
-            }
-        };
-        tokio::pin!(goodbye);
-        loop {
-            let accepted = tokio::select! {
-                () = &mut goodbye => break,
-                accepted = listener.accept() => accepted,
-                Some(ended) = tasks.join_next() => {
-                    if ended.is_err_and(|error| error.is_panic()) {
-                        self.counters.add("connection_panicked");
-                    }
-                    continue;
-                }
-            };
-            match accepted {
-                Ok((stream, _)) => match Arc::clone(&room).try_acquire_owned() {
-                    Ok(permit) => {
-                        let core = Arc::clone(&self);
-                        tasks.spawn(async move {
-                            connection::run(core, stream).await;
-                            drop(permit);
-                        });
-                    }
-                    Err(_) => self.counters.add("too_many_connections"),
-                },
-                Err(error) => {
-                    // Out of file descriptors, mostly: only time helps.
-                    self.counters.add("accept_failed");
-                    tracing::warn!(target: "wrapyfi_yarp::port", name = self.name, %error, "accept");
-                    tokio::time::sleep(Duration::from_millis(50)).await;
-                }
-            }
-        }
-        drop(listener);
-        tasks.shutdown().await;
-    }
-
-    /// Asks those who send to this port to stop, and ends the outputs.
-    async fn say_goodbye(self: &Arc<Self>) {
-        let (senders, outputs) = {
-            let connections = self.connections();
-            let inputs = connections.inputs.iter().filter(|input| input.push);
-            let rooted = inputs.filter(|input| input.name.starts_with('/'));
-            let senders: Vec<_> = rooted.map(|input| input.name.clone()).collect();
-            let outputs: Vec<_> = connections.outputs.iter().map(|output| output.id).collect();
-            (senders, outputs)
-        };
-        let mut goodbyes = JoinSet::new();
-        for sender in senders {
-            let core = Arc::clone(self);
-            goodbyes.spawn(async move {
-                if let Err(error) = core.network.disconnect(&sender, &core.name).await {
-                    let name = &core.name;
-                    tracing::debug!(target: "wrapyfi_yarp::port", name, sender, %error, "goodbye");
-                }
-            });
-        }
-        for id in outputs {
-            let core = Arc::clone(self);
-            goodbyes.spawn(async move { core.end_output(id).await });
-        }
-        while goodbyes.join_next().await.is_some() {}
+    /// Makes the queue of another target.
+    pub(super) fn new_outbox(&self) -> Outbox {
+        Outbox::new(self.role.queue, self.role.overflow, (self.session.rooms)())
     }
 
     /// A connection whose peer reads from now on.

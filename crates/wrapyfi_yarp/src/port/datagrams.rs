@@ -14,13 +14,12 @@ use socket2::{Domain, Protocol, SockRef, Socket, Type};
 use tokio::io::AsyncWriteExt as _;
 use tokio::net::UdpSocket;
 
-use super::connection::Entered;
 use super::core::Core;
+use super::entered::Entered;
 use super::link::LinkError;
 use super::message::PortPayload;
 use super::names::NameRequest;
-use super::outbox::Outbox;
-use super::outputs::Kind;
+use super::output::{Group, Kind};
 use super::pace::Pace;
 use super::room::{Begun, progress};
 use super::session::Session;
@@ -40,16 +39,6 @@ pub(super) fn widen(socket: &UdpSocket) {
     let socket = SockRef::from(socket);
     socket.set_recv_buffer_size(SOCKET_BUFFER).ok();
     socket.set_send_buffer_size(SOCKET_BUFFER).ok();
-}
-
-/// A multicast group that this port sends to, on one interface.
-#[derive(Debug)]
-pub(super) struct Group {
-    interface: Ipv4Addr,
-    pub(super) address: SocketAddrV4,
-    /// The name under which the group is registered.
-    name: Option<String>,
-    pub(super) outbox: Arc<Outbox>,
 }
 
 impl Core {
@@ -85,7 +74,7 @@ impl Core {
             }
         }
         let socket = group_sender(interface, address)?;
-        let outbox = Arc::new(Outbox::of(self));
+        let outbox = Arc::new(self.new_outbox());
         let group = Arc::new(Group { interface, address, name, outbox: Arc::clone(&outbox) });
         let largest = self.network.0.max_datagram;
         let core = Arc::clone(self);

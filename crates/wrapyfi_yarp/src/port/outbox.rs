@@ -11,7 +11,6 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use tokio::sync::Notify;
 
-use super::core::Core;
 use super::message::{Loss, Message};
 use super::room::Room;
 
@@ -65,13 +64,13 @@ pub(super) enum Put {
 }
 
 impl Outbox {
-    /// The queue of another target of a port.
-    pub(super) fn of(core: &Core) -> Self {
+    /// Makes the queue of a target: at most `capacity` messages, at least one, whose bytes `room` allows.
+    pub(super) fn new(capacity: usize, overflow: Overflow, room: Box<dyn Room>) -> Self {
         Self {
             queue: Mutex::default(),
-            capacity: core.role.queue.max(1),
-            overflow: core.role.overflow,
-            room: (core.session.rooms)(),
+            capacity: capacity.max(1),
+            overflow,
+            room,
             filled: Notify::new(),
             stop: Notify::new(),
             moved: Notify::new(),

@@ -13,43 +13,19 @@ use tokio::net::UdpSocket;
 use tokio::time::timeout;
 
 use super::core::Core;
-use super::datagrams::{self, Group};
+use super::datagrams;
 use super::link::{Link, LinkError};
 use super::message::Message;
 use super::outbox::{Outbox, Put};
+use super::output::{Group, Kind, Output};
 use super::pace::Pace;
-use super::rpc_client::RpcLink;
+use super::rpc_link::RpcLink;
 use super::target::{self, Way};
 use crate::wire::{Carrier, Fault, Sender, UnknownCarrier, admin, header};
 
 /// Time that a receiver has to find that it lacks a modifier: it answers the header first, and then
 /// closes.
 const MODIFIER: Duration = Duration::from_millis(500);
-
-/// Destination of an output.
-#[derive(Debug, Clone)]
-pub(super) enum Kind {
-    /// A queue and a task.
-    Queue(Arc<Outbox>),
-    /// A multicast group: shared by all outputs to it.
-    Group(Arc<Group>),
-    /// The server of a client of requests.
-    Rpc(Arc<RpcLink>),
-}
-
-/// An output, as the port knows it.
-#[derive(Debug)]
-pub(super) struct Output {
-    pub(super) id: u64,
-    pub(super) name: String,
-    pub(super) carrier: Carrier,
-    pub(super) carrier_text: String,
-    /// Address that the receiver listens on.
-    pub(super) contact: String,
-    pub(super) kind: Kind,
-    /// Socket of the connection, on which the type of service is set.
-    pub(super) socket: Option<Arc<std::os::fd::OwnedFd>>,
-}
 
 /// Error of adding an output, as a whole sentence.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -184,7 +160,7 @@ impl Core {
         way: Way,
         socket: Option<Arc<std::os::fd::OwnedFd>>,
     ) {
-        let outbox = Arc::new(Outbox::of(self));
+        let outbox = Arc::new(self.new_outbox());
         let kind = Kind::Queue(Arc::clone(&outbox));
         let id = self.enter_output(name, carrier, carrier_text, contact, kind, socket);
         let core = Arc::clone(self);

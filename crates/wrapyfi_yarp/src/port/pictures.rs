@@ -8,8 +8,8 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use tokio::time::timeout;
 
-use super::connection::Entered;
 use super::core::Core;
+use super::entered::Entered;
 use super::link::LinkError;
 use super::message::PortPayload;
 use super::room::{Begun, progress};

@@ -9,14 +9,15 @@ use std::sync::Arc;
 
 use tokio::sync::watch;
 
-use super::Counters;
-use super::core::{Connected, Core, Owner, Role, Sink};
+use super::core::{Connected, Role, Sink};
+use super::counters::Counters;
 use super::inbox::{Acknowledge, Inbox, Reading};
 use super::message::{Message, PortPayload, Received};
 use super::network::Network;
 use super::open::{OpenError, PortOptions};
 use super::outbox::Overflow;
 use super::outputs::{ConnectError, ConnectionStatus, Written};
+use super::owner::Owner;
 use super::rpc_client::RpcClient;
 use super::rpc_server::RpcServer;
 use super::tools::AdminError;
@@ -89,7 +90,7 @@ impl Network {
     ) -> Result<OutputPort, OpenError> {
         let OutputOptions { port, queue, overflow } = options;
         let role = Role { outputs: true, queue: *queue, overflow: *overflow, ..Role::default() };
-        Ok(OutputPort { owner: Core::open(self, name, port, role, Sink::Nobody).await? })
+        Ok(OutputPort { owner: Owner::open(self, name, port, role, Sink::Nobody).await? })
     }
 
     /// Opens a port that is sent to.
@@ -103,7 +104,7 @@ impl Network {
     ) -> Result<InputPort, OpenError> {
         let (inbox, sink, when_taken) = input(options.reading);
         let role = Role { when_taken, ..Role::default() };
-        let owner = Core::open(self, name, &options.port, role, sink).await?;
+        let owner = Owner::open(self, name, &options.port, role, sink).await?;
         Ok(InputPort { owner, inbox })
     }
 
@@ -121,7 +122,7 @@ impl Network {
         let OutputOptions { port, queue, overflow } = output;
         let (queue, overflow) = (*queue, *overflow);
         let role = Role { outputs: true, when_taken, queue, overflow, ..Role::default() };
-        let owner = Core::open(self, name, port, role, sink).await?;
+        let owner = Owner::open(self, name, port, role, sink).await?;
         Ok(Port { owner, inbox })
     }
 }

@@ -6,89 +6,20 @@
 //! ```
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use bytes::Bytes;
-use tokio::sync::Mutex;
 use tokio::time::timeout;
 
-use super::core::{Core, Owner, Role, Sink};
-use super::link::{Link, LinkError, LinkOptions};
+use super::core::{Role, Sink};
+use super::link::LinkError;
 use super::network::Network;
 use super::open::{OpenError, PortOptions};
-use super::outputs::{ConnectError, Kind};
+use super::output::Kind;
+use super::outputs::ConnectError;
+use super::owner::Owner;
+use super::rpc_link::RpcLink;
 use crate::Bottle;
-use crate::wire::{Carrier, Command, Sender};
-
-/// The connection to a server of requests; opened again when it was lost.
-#[derive(Debug)]
-pub(super) struct RpcLink {
-    contact: String,
-    carrier: Carrier,
-    sender: Sender,
-    options: LinkOptions,
-    /// Empty while a request is on its way, and after one that failed.
-    link: Mutex<Option<Link>>,
-    calls: AtomicU64,
-}
-
-impl RpcLink {
-    pub(super) fn new(
-        contact: String,
-        carrier: Carrier,
-        sender: Sender,
-        options: LinkOptions,
-    ) -> Self {
-        let (link, calls) = (Mutex::new(None), AtomicU64::new(0));
-        Self { contact, carrier, sender, options, link, calls }
-    }
-
-    async fn open(&self) -> Result<Link, LinkError> {
-        if self.carrier.is_connectionless() || !self.carrier.is_push() {
-            return Err(LinkError::Unsendable {
-                carrier: self.carrier,
-                reason: "it carries no replies: use tcp, fast_tcp or text_ack".to_owned(),
-            });
-        }
-        let (contact, carrier) = (&self.contact, self.carrier);
-        let opened = Link::open(contact, carrier, &self.sender, &[], &self.options).await;
-        opened.map(|(link, _)| link)
-    }
-
-    pub(super) async fn connect(&self) -> Result<(), LinkError> {
-        let mut place = self.link.lock().await;
-        *place = Some(self.open().await?);
-        Ok(())
-    }
-
-    async fn call(&self, request: &Bytes) -> Result<Option<Bytes>, LinkError> {
-        let mut place = self.link.lock().await;
-        // Out of its place until the reply is here: a call that is given up leaves a connection
-        // whose next reply would be the wrong one.
-        let mut link: Link = match place.take() {
-            Some(link) if !link.is_closed() => link,
-            _ => self.open().await?,
-        };
-        let command = Command::Data { reply: true, envelope: None };
-        let reply = link.request(&command, request).await?;
-        *place = Some(link);
-        self.calls.fetch_add(1, Ordering::Relaxed);
-        Ok(reply)
-    }
-
-    pub(super) fn calls(&self) -> u64 {
-        self.calls.load(Ordering::Relaxed)
-    }
-
-    pub(super) async fn close(&self) {
-        // A request on its way keeps the lock: it ends by its own time limit.
-        let Ok(mut place) = self.link.try_lock() else { return };
-        if let Some(link) = place.take() {
-            link.quit().await.ok();
-        }
-    }
-}
 
 /// Error of a request.
 #[derive(Debug, thiserror::Error)]
@@ -145,7 +76,7 @@ impl Network {
         options: &PortOptions,
     ) -> Result<RpcClient, OpenError> {
         let role = Role { outputs: true, client: true, ..Role::default() };
-        Ok(RpcClient { owner: Core::open(self, name, options, role, Sink::Nobody).await? })
+        Ok(RpcClient { owner: Owner::open(self, name, options, role, Sink::Nobody).await? })
     }
 }
 

@@ -1,9 +1,10 @@
 //! A port that answers, by a function on the connection's own task.
 
-use super::core::{Core, Owner, Role, Sink};
+use super::core::{Role, Sink};
 use super::message::Received;
 use super::network::Network;
 use super::open::{OpenError, PortOptions};
+use super::owner::Owner;
 use super::session::Answer;
 
 /// A port that answers requests; YARP's `RpcServer`. It takes data that want no reply, too.
@@ -30,6 +31,6 @@ impl Network {
         A: Future<Output = Answer> + Send + 'static,
     {
         let sink = Sink::Handler(Box::new(move |request, reply| Box::pin(handler(request, reply))));
-        Ok(RpcServer { owner: Core::open(self, name, options, Role::default(), sink).await? })
+        Ok(RpcServer { owner: Owner::open(self, name, options, Role::default(), sink).await? })
     }
 }

@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use bytes::Bytes;
 
-use crate::port::Counters;
+use crate::port::counters::Counters;
 use crate::port::room::{Boundless, Rooms};
 use crate::wire::http::Request;
 use crate::wire::{Body, Command, Fault};

@@ -1,0 +1,139 @@
+//! An input on its port's list, and what it hands to the port's owner.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use tokio::sync::{Notify, oneshot};
+
+use super::core::{Core, Input, Sink};
+use super::inbox::Delivery;
+use super::message::{PortPayload, Received};
+use super::session::{Answer, Data};
+use crate::wire::Body;
+
+/// An entry in the list of inputs, while this lives.
+pub(super) struct Entered {
+    core: Arc<Core>,
+    id: u64,
+    pub(super) name: Arc<str>,
+    pub(super) stop: Arc<Notify>,
+    messages: Arc<AtomicU64>,
+}
+
+impl Entered {
+    /// Enters an input. A rooted name drives out the older connection of that name.
+    pub(super) fn new(
+        core: &Arc<Core>,
+        name: String,
+        carrier: String,
+        connectionless: bool,
+        push: bool,
+    ) -> Self {
+        let (stop, messages) = (Arc::new(Notify::new()), Arc::new(AtomicU64::new(0)));
+        let shared: Arc<str> = name.as_str().into();
+        let mut connections = core.connections();
+        if name.starts_with('/') {
+            for older in connections.inputs.iter().filter(|input| input.name == name) {
+                older.stop.notify_one();
+                core.counters.add("replaced");
+            }
+            connections.inputs.retain(|input| input.name != name);
+        }
+        let id = Core::new_id(&mut connections);
+        connections.inputs.push(Input {
+            id,
+            name,
+            carrier,
+            connectionless,
+            push,
+            stop: Arc::clone(&stop),
+            messages: Arc::clone(&messages),
+        });
+        core.ring(&connections);
+        drop(connections);
+        Self { core: Arc::clone(core), id, name: shared, stop, messages }
+    }
+
+    /// Hands data to whoever reads them; the answer for the sender.
+    pub(super) async fn deliver(&self, data: Data) -> Answer {
+        self.messages.fetch_add(1, Ordering::Relaxed);
+        let core = &self.core;
+        let Data { body, envelope, reply } = data;
+        let is_text = matches!(body, Body::Text(_));
+        let payload =
+            match PortPayload::received(body, core.network.dialect(), core.network.limits()) {
+                Ok(payload) => payload,
+                Err(fault) => {
+                    core.counters.count(&fault);
+                    return Answer::Nothing;
+                }
+            };
+        self.hand(self.received(payload, envelope, is_text), reply).await
+    }
+
+    /// Hands over what came without a session, and waits for room.
+    pub(super) async fn put(&self, payload: PortPayload, envelope: Option<bytes::Bytes>) {
+        self.messages.fetch_add(1, Ordering::Relaxed);
+        self.hand(self.received(payload, envelope, false), false).await;
+    }
+
+    async fn hand(&self, received: Received, reply: bool) -> Answer {
+        let core = &self.core;
+        match &core.sink {
+            Sink::Handler(handler) => handler(received, reply).await,
+            Sink::Nobody => Answer::Nothing,
+            Sink::Inbox(inbox) => {
+                let (told, taken) = match core.role.when_taken {
+                    true => Some(oneshot::channel()).unzip(),
+                    false => (None, None),
+                };
+                let is_open = inbox.put(Delivery { received, taken: told }).await;
+                // Dropped with the queue when the port closes: then nobody is left to be told.
+                if let Some(taken) = taken.filter(|_| is_open) {
+                    taken.await.ok();
+                }
+                Answer::Nothing
+            }
+        }
+    }
+
+    /// Hands data over when there is room now; datagrams cannot be held back.
+    pub(super) async fn offer(&self, payload: PortPayload, envelope: Option<bytes::Bytes>) {
+        self.messages.fetch_add(1, Ordering::Relaxed);
+        let received = self.received(payload, envelope, false);
+        match &self.core.sink {
+            Sink::Handler(handler) => drop(handler(received, false).await),
+            Sink::Nobody => {}
+            Sink::Inbox(inbox) => {
+                if !inbox.try_put(Delivery { received, taken: None }) {
+                    self.core.counters.add("inbox_full");
+                }
+            }
+        }
+    }
+
+    fn received(
+        &self,
+        payload: PortPayload,
+        envelope: Option<bytes::Bytes>,
+        is_text: bool,
+    ) -> Received {
+        Received {
+            payload,
+            envelope,
+            from: Arc::clone(&self.name),
+            connection: self.id,
+            is_text,
+            dialect: self.core.network.dialect(),
+            limits: Arc::clone(&self.core.limits),
+        }
+    }
+}
+
+impl Drop for Entered {
+    fn drop(&mut self) {
+        let mut connections = self.core.connections();
+        connections.inputs.retain(|input| input.id != self.id);
+        self.core.ring(&connections);
+    }
+}
