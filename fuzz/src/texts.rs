@@ -84,6 +84,7 @@ pub fn config(data: &[u8]) {
         name,
         check_topic: &check,
         options: &["carrier"],
+        ..Available::default()
     });
     let planned = bounded(data.len(), YAML, || {
         let config = Config::<Endpoints>::from_yaml(text, "fuzz.yaml")?;

@@ -49,10 +49,10 @@ fn connect(from: &Ros2, to: &Ros2, spec: &TopicSpec) -> Route {
 
 impl Route {
     /// Sets aside the next message; how many were lost.
-    fn set_aside(&mut self) -> u64 {
+    fn discard_except_latched(&mut self) -> u64 {
         let mut lost = None;
         assert!(wait_until(&self.context.wake, TIMEOUT, || {
-            lost = self.listener.forwarding().unwrap().set_aside();
+            lost = self.listener.forwarding().unwrap().discard_except_latched();
             lost.is_some()
         }));
         lost.unwrap()
@@ -193,10 +193,14 @@ fn what_publishers_keep_can_be_set_aside() {
     let context = Context::default();
     let listener = b.open_listener(&spec, &context).unwrap();
     let mut route = Route { publisher: open(), listener, context };
-    assert_eq!([route.set_aside(), route.set_aside()], [0, 0], "one of each publisher");
+    assert_eq!(
+        [route.discard_except_latched(), route.discard_except_latched()],
+        [0, 0],
+        "one of each publisher"
+    );
     for n in [2, 3] {
         one.publish(&number(n)).unwrap();
-        assert_eq!(route.set_aside(), 1, "instead of the one before");
+        assert_eq!(route.discard_except_latched(), 1, "instead of the one before");
     }
     let taken = [route.next(), route.next()].map(|sample| sample.unwrap().payload);
     assert_eq!(taken, [number(7), number(3)]);
@@ -205,7 +209,7 @@ fn what_publishers_keep_can_be_set_aside() {
     spec.topic = "/chatter".to_owned();
     let mut route = connect(&a, &b, &spec);
     route.publisher.publish(&number(1)).unwrap();
-    assert_eq!(route.set_aside(), 1);
+    assert_eq!(route.discard_except_latched(), 1);
     assert!(route.listener.take().unwrap().is_none());
 }
 

@@ -165,7 +165,7 @@ fn engine(yarp: &Arc<Yarp>, routes: &[&str]) -> (Engine, Arc<Memory>) {
     let text: String = routes.iter().map(|route| format!("  - {{ {route} }}\n")).collect();
     let config: Config<NoEndpoints> =
         Config::from_yaml(&format!("routes:\n{text}"), "bridge.yaml").unwrap();
-    let known = |name| Available { name, check_topic: &|_| Ok(()), options: &[] };
+    let known = |name| Available { name, ..Available::default() };
     let mut types = TypeStore::generated();
     let plan = Plan::new(&config, &[known("yarp"), known("b")], &mut types, "bridge.yaml").unwrap();
     (Engine::new(plan, &registry).with_types(TypeStore::generated()), bus)

@@ -8,7 +8,7 @@ use wrapyfi_core::endpoint::{
 };
 use wrapyfi_core::types::Payload;
 
-use crate::{Side, Testbed};
+use crate::{Testbed, WireEnd};
 
 /// Longest time that a case waits for its condition: reached only by failures.
 pub const TIMEOUT: Duration = Duration::from_secs(30);
@@ -176,7 +176,7 @@ impl Sink {
 
 /// A publisher at `from` and a listener at the other side, ready to flow.
 #[track_caller]
-pub fn connect<R: Testbed>(testbed: &R, from: Side, spec: &TopicSpec) -> (Source, Sink) {
+pub fn connect<R: Testbed>(testbed: &R, from: WireEnd, spec: &TopicSpec) -> (Source, Sink) {
     let sink = Sink::open(testbed.side(from.other()), spec);
     let source = Source::open(testbed.side(from), spec);
     ready::<R>(&source, &sink);

@@ -9,7 +9,7 @@
 //! smallest testbed is this:
 //!
 //! ```
-//! use wrapyfi_conformance::{Capabilities, Testbed, Side};
+//! use wrapyfi_conformance::{Capabilities, Testbed, WireEnd};
 //! use wrapyfi_core::endpoint::Middleware;
 //! use wrapyfi_core::middleware::memory::Memory;
 //!
@@ -22,11 +22,11 @@
 //!         Self(Memory::new("memory"))
 //!     }
 //!
-//!     fn side(&self, _side: Side) -> &dyn Middleware {
+//!     fn side(&self, _side: WireEnd) -> &dyn Middleware {
 //!         &self.0
 //!     }
 //!
-//!     fn restart(&mut self, _side: Side) {}
+//!     fn restart(&mut self, _side: WireEnd) {}
 //! }
 //!
 //! wrapyfi_conformance::conformance_tests! {
@@ -92,7 +92,7 @@ mod testbed;
 pub use ends::{Sink, Source, TIMEOUT, connect, wait_until};
 pub use reserve::{Domain, reserve_domain};
 pub use service_ends::{ClientEnd, ServerEnd, call_and_serve};
-pub use testbed::{Capabilities, Side, Testbed, TypeCheck};
+pub use testbed::{Capabilities, Testbed, TypeCheck, WireEnd};
 
 /// One `#[test]` for every case of the suite, run against a [`Testbed`].
 ///

@@ -8,7 +8,7 @@ use wrapyfi_core::endpoint::{
 };
 use wrapyfi_core::types::{Payload, Value};
 
-use crate::{Side, TIMEOUT, Testbed, wait_until};
+use crate::{TIMEOUT, Testbed, WireEnd, wait_until};
 
 /// A client and its owner.
 pub struct ClientEnd {
@@ -162,7 +162,7 @@ impl ServerEnd {
 #[track_caller]
 pub fn call_and_serve<R: Testbed>(
     testbed: &R,
-    at: Side,
+    at: WireEnd,
     spec: &ServiceSpec,
 ) -> (ClientEnd, ServerEnd) {
     let mut server_end = ServerEnd::open(testbed.side(at), spec);

@@ -5,14 +5,14 @@ use wrapyfi_core::types::MessageType;
 
 /// The two ends of a testbed's wire.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Side {
+pub enum WireEnd {
     /// One end.
     Near,
     /// The other end.
     Far,
 }
 
-impl Side {
+impl WireEnd {
     /// Both of them.
     pub const BOTH: [Self; 2] = [Self::Near, Self::Far];
 
@@ -36,11 +36,11 @@ pub trait Testbed: Sized {
     fn start() -> Self;
 
     /// The middleware at one end.
-    fn side(&self, side: Side) -> &dyn Middleware;
+    fn side(&self, side: WireEnd) -> &dyn Middleware;
 
     /// Ends the middleware at `side` and starts it anew at the same address. Its endpoints are
     /// gone already; those of the other side live on.
-    fn restart(&mut self, side: Side);
+    fn restart(&mut self, side: WireEnd);
 
     /// Sends, as a foreign peer, one message on `spec.topic` that is framed as the middleware
     /// frames `spec.message_type` and has `body` where the content belongs. Returns when it is on

@@ -1,6 +1,6 @@
 //! The suite against topics inside one process.
 
-use wrapyfi_conformance::{Capabilities, Side, Testbed, TypeCheck, conformance_tests};
+use wrapyfi_conformance::{Capabilities, Testbed, TypeCheck, WireEnd, conformance_tests};
 use wrapyfi_core::endpoint::Middleware;
 use wrapyfi_core::middleware::memory::Memory;
 
@@ -23,11 +23,11 @@ impl Testbed for Bus {
         Self(Memory::new("memory"))
     }
 
-    fn side(&self, _side: Side) -> &dyn Middleware {
+    fn side(&self, _side: WireEnd) -> &dyn Middleware {
         &self.0
     }
 
-    fn restart(&mut self, _side: Side) {}
+    fn restart(&mut self, _side: WireEnd) {}
 }
 
 conformance_tests! {

@@ -6,7 +6,7 @@ use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
 use crate::ros1_common::{Master, RawPublisher, framed, greet};
-use wrapyfi_conformance::{Capabilities, Side, TIMEOUT, Testbed, conformance_tests};
+use wrapyfi_conformance::{Capabilities, TIMEOUT, Testbed, WireEnd, conformance_tests};
 use wrapyfi_core::codec::ros1::Ros1Type;
 use wrapyfi_core::endpoint::{Middleware, ServiceSpec, TopicSpec};
 use wrapyfi_core::middleware::ros1::header::Header;
@@ -48,17 +48,17 @@ impl Testbed for Roscore {
         Self { near: Some(near), far: Some(far), raw, asking, master }
     }
 
-    fn side(&self, side: Side) -> &dyn Middleware {
+    fn side(&self, side: WireEnd) -> &dyn Middleware {
         match side {
-            Side::Near => self.near.as_ref().unwrap(),
-            Side::Far => self.far.as_ref().unwrap(),
+            WireEnd::Near => self.near.as_ref().unwrap(),
+            WireEnd::Far => self.far.as_ref().unwrap(),
         }
     }
 
-    fn restart(&mut self, side: Side) {
+    fn restart(&mut self, side: WireEnd) {
         let (place, name) = match side {
-            Side::Near => (&mut self.near, "near"),
-            Side::Far => (&mut self.far, "far"),
+            WireEnd::Near => (&mut self.near, "near"),
+            WireEnd::Far => (&mut self.far, "far"),
         };
         *place = None;
         *place = Some(node(&self.master, name));

@@ -7,7 +7,9 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use wrapyfi_conformance::{Capabilities, Domain, Side, Testbed, conformance_tests, reserve_domain};
+use wrapyfi_conformance::{
+    Capabilities, Domain, Testbed, WireEnd, conformance_tests, reserve_domain,
+};
 use wrapyfi_core::codec::ros;
 use wrapyfi_core::endpoint::{Middleware, ServiceSpec, TopicSpec, Wake};
 use wrapyfi_core::middleware::ros2::graph::{
@@ -39,8 +41,8 @@ fn graph(name: &str, domain: u32, stack: u32) -> CycloneGraph {
     CycloneGraph::new(&config).unwrap()
 }
 
-fn node(side: Side, domain: u32) -> Ros2 {
-    let (name, stack) = if side == Side::Near { ("near", 0) } else { ("far", 1) };
+fn node(side: WireEnd, domain: u32) -> Ros2 {
+    let (name, stack) = if side == WireEnd::Near { ("near", 0) } else { ("far", 1) };
     Ros2::new(Arc::new(graph(name, domain, stack)), |name| Ok(name.to_owned()))
 }
 
@@ -50,7 +52,7 @@ impl Testbed for Nodes {
 
     fn start() -> Self {
         let domain = reserve_domain();
-        let (near, far) = (node(Side::Near, domain.id), node(Side::Far, domain.id));
+        let (near, far) = (node(WireEnd::Near, domain.id), node(WireEnd::Far, domain.id));
         Self {
             raw: BTreeMap::new(),
             asking: None,
@@ -61,15 +63,15 @@ impl Testbed for Nodes {
         }
     }
 
-    fn side(&self, side: Side) -> &dyn Middleware {
+    fn side(&self, side: WireEnd) -> &dyn Middleware {
         match side {
-            Side::Near => self.near.as_ref().unwrap(),
-            Side::Far => self.far.as_ref().unwrap(),
+            WireEnd::Near => self.near.as_ref().unwrap(),
+            WireEnd::Far => self.far.as_ref().unwrap(),
         }
     }
 
-    fn restart(&mut self, side: Side) {
-        let place = if side == Side::Near { &mut self.near } else { &mut self.far };
+    fn restart(&mut self, side: WireEnd) {
+        let place = if side == WireEnd::Near { &mut self.near } else { &mut self.far };
         *place = None;
         *place = Some(node(side, self.domain.id));
     }

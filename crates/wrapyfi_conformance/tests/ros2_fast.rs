@@ -4,7 +4,9 @@
 
 use std::sync::Arc;
 
-use wrapyfi_conformance::{Capabilities, Domain, Side, Testbed, conformance_tests, reserve_domain};
+use wrapyfi_conformance::{
+    Capabilities, Domain, Testbed, WireEnd, conformance_tests, reserve_domain,
+};
 use wrapyfi_core::endpoint::{Middleware, ServiceSpec};
 use wrapyfi_core::middleware::ros2::graph::{CdrClient, ServiceMapping};
 use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneGraph, Ros2};
@@ -27,8 +29,8 @@ fn graph(name: &str, domain: u32) -> CycloneGraph {
     CycloneGraph::new(&config).unwrap()
 }
 
-fn node(side: Side, domain: u32) -> Ros2 {
-    let name = if side == Side::Near { "near" } else { "far" };
+fn node(side: WireEnd, domain: u32) -> Ros2 {
+    let name = if side == WireEnd::Near { "near" } else { "far" };
     Ros2::new(Arc::new(graph(name, domain)), |name| Ok(name.to_owned()))
 }
 
@@ -38,19 +40,19 @@ impl Testbed for FastNodes {
 
     fn start() -> Self {
         let domain = reserve_domain();
-        let (near, far) = (node(Side::Near, domain.id), node(Side::Far, domain.id));
+        let (near, far) = (node(WireEnd::Near, domain.id), node(WireEnd::Far, domain.id));
         Self { asking: None, wild: None, near: Some(near), far: Some(far), domain }
     }
 
-    fn side(&self, side: Side) -> &dyn Middleware {
+    fn side(&self, side: WireEnd) -> &dyn Middleware {
         match side {
-            Side::Near => self.near.as_ref().unwrap(),
-            Side::Far => self.far.as_ref().unwrap(),
+            WireEnd::Near => self.near.as_ref().unwrap(),
+            WireEnd::Far => self.far.as_ref().unwrap(),
         }
     }
 
-    fn restart(&mut self, side: Side) {
-        let place = if side == Side::Near { &mut self.near } else { &mut self.far };
+    fn restart(&mut self, side: WireEnd) {
+        let place = if side == WireEnd::Near { &mut self.near } else { &mut self.far };
         *place = None;
         *place = Some(node(side, self.domain.id));
     }

@@ -5,7 +5,7 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::time::Duration;
 
 use tokio::runtime::Runtime;
-use wrapyfi_conformance::{Capabilities, Side, TIMEOUT, Testbed, TypeCheck, conformance_tests};
+use wrapyfi_conformance::{Capabilities, TIMEOUT, Testbed, TypeCheck, WireEnd, conformance_tests};
 use wrapyfi_core::endpoint::{Middleware, ServiceSpec, TopicSpec};
 use wrapyfi_core::middleware::yarp::{Yarp, YarpConfig};
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
@@ -60,20 +60,20 @@ impl Testbed for Named {
         Self { raw, far: Some(side(address, false)), near: Some(near), address }
     }
 
-    fn side(&self, side: Side) -> &dyn Middleware {
+    fn side(&self, side: WireEnd) -> &dyn Middleware {
         match side {
-            Side::Near => self.near.as_ref().unwrap(),
-            Side::Far => self.far.as_ref().unwrap(),
+            WireEnd::Near => self.near.as_ref().unwrap(),
+            WireEnd::Far => self.far.as_ref().unwrap(),
         }
     }
 
-    fn restart(&mut self, at: Side) {
+    fn restart(&mut self, at: WireEnd) {
         match at {
-            Side::Near => {
+            WireEnd::Near => {
                 self.near = None;
                 self.near = Some(side(self.address, true));
             }
-            Side::Far => {
+            WireEnd::Far => {
                 self.far = None;
                 self.far = Some(side(self.address, false));
             }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use wrapyfi_conformance::{Capabilities, Side, Testbed, TypeCheck, conformance_tests};
+use wrapyfi_conformance::{Capabilities, Testbed, TypeCheck, WireEnd, conformance_tests};
 use wrapyfi_core::endpoint::{Middleware, ServiceSpec, TopicSpec};
 use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMq, ZeroMqConfig};
 use wrapyfi_core::types::DataType;
@@ -24,7 +24,7 @@ fn side([pub_port, sub_port, rep_port, req_port]: [u16; 4], broker: BrokerMode) 
     ZeroMq::start(&config).unwrap()
 }
 
-/// Side that runs both brokers.
+/// WireEnd that runs both brokers.
 fn near(ports: [u16; 4]) -> ZeroMq {
     let near = side(ports, BrokerMode::Embedded);
     near.start_services().unwrap();
@@ -55,20 +55,20 @@ impl Testbed for Brokered {
         Self { raw, near: Some(first), far: Some(far(ports)), ports, asking }
     }
 
-    fn side(&self, side: Side) -> &dyn Middleware {
+    fn side(&self, side: WireEnd) -> &dyn Middleware {
         match side {
-            Side::Near => self.near.as_ref().unwrap(),
-            Side::Far => self.far.as_ref().unwrap(),
+            WireEnd::Near => self.near.as_ref().unwrap(),
+            WireEnd::Far => self.far.as_ref().unwrap(),
         }
     }
 
-    fn restart(&mut self, side: Side) {
+    fn restart(&mut self, side: WireEnd) {
         match side {
-            Side::Near => {
+            WireEnd::Near => {
                 self.near = None;
                 self.near = Some(near(self.ports));
             }
-            Side::Far => {
+            WireEnd::Far => {
                 self.far = None;
                 self.far = Some(far(self.ports));
             }

@@ -1,14 +1,14 @@
 //! The parts of a listener and a publisher that only routes need: what publishers keep for later listeners goes along.
 //!
 //! ```text
-//!   Listener ── forwarding() ──▶ ForwardingListener     set_aside, departed, keeping
+//!   Listener ── forwarding() ──▶ ForwardingListener     discard_except_latched, ended_publisher, durability
 //!                                       │
 //!   Publisher ─ forwarding() ──▶ ForwardingPublisher    forward, forget, forget_all, follow_source
 //! ```
 //!
 //! A middleware whose publishers keep nothing implements neither.
 
-use super::{Keeping, Origin, PublishError};
+use super::{Origin, PublishError, SourceDurability};
 use wrapyfi_data::types::Payload;
 
 /// The listener of a route whose publishers may keep their last message for listeners that come later (transient local,
@@ -27,10 +27,10 @@ use wrapyfi_data::types::Payload;
 ///         };
 ///     }
 ///     let (Some(from), Some(to)) = (from.forwarding(), to.forwarding()) else { return Ok(()) };
-///     while let Some(gone) = from.departed() {
+///     while let Some(gone) = from.ended_publisher() {
 ///         to.forget(gone);
 ///     }
-///     to.follow_source(from.keeping());
+///     to.follow_source(from.durability());
 ///     Ok(())
 /// }
 /// # use wrapyfi_data::types::{MessageType, Value};
@@ -51,15 +51,15 @@ pub trait ForwardingListener {
     /// that, `None` when none waits. Where publishers keep their last message for later listeners,
     /// this listener keeps the newest of each publisher too, and
     /// [`Listener::take`](super::Listener::take) returns those first.
-    fn set_aside(&mut self) -> Option<u64>;
+    fn discard_except_latched(&mut self) -> Option<u64>;
 
     /// Number ([`Origin::publisher`]) of a publisher that kept its last message and has ended, was
     /// killed, or is out of reach. Each is returned once, after its last message was taken; `None`
     /// when there is no further one.
-    fn departed(&mut self) -> Option<u64>;
+    fn ended_publisher(&mut self) -> Option<u64>;
 
     /// Extent to which its publishers keep their last message for listeners that come later.
-    fn keeping(&self) -> Keeping;
+    fn durability(&self) -> SourceDurability;
 }
 
 /// The publisher of a route that keeps the last message of each origin for listeners that come later, as
@@ -79,7 +79,7 @@ pub trait ForwardingPublisher {
     /// Drops the last messages of all origins, because the source that numbers them was closed.
     fn forget_all(&mut self);
 
-    /// Takes [`ForwardingListener::keeping`] of the source, now and again. A publisher that was opened with
+    /// Takes [`ForwardingListener::durability`] of the source, now and again. A publisher that was opened with
     /// [`TopicSpec::match_peers`](super::TopicSpec::match_peers) offers the same durability.
-    fn follow_source(&mut self, source: Keeping);
+    fn follow_source(&mut self, source: SourceDurability);
 }

@@ -20,6 +20,7 @@ mod budget;
 pub mod calls;
 mod clock;
 pub mod codec;
+mod conventions;
 mod counters;
 mod discovery;
 mod forwarding;
@@ -59,6 +60,7 @@ pub use address::{EndpointAddress, ParseAddressError};
 pub use budget::{Budget, PROGRESS, Share, WAITING};
 pub use calls::Ticket;
 pub use clock::{Clock, RosNow};
+pub use conventions::Conventions;
 pub use counters::{Counters, CountersSnapshot, DropReason, QosEvent};
 pub use discovery::{
     AnnouncedDurability, AnnouncedQos, DiscoverError, Discovered, Discovery, NameFilter, Role,
@@ -72,7 +74,7 @@ pub use latency::{Latency, LatencySummary};
 pub use learn::{LearnError, Learned};
 pub use learn::{service_of_name, topic_of_name};
 pub use mark::{BridgeMark, ParseMarkError};
-pub use origin::{Keeping, Origin};
+pub use origin::{Origin, SourceDurability};
 pub use qos::{Durability, History, Liveliness, Qos, QosPreset, Reliability};
 pub use qos_match::{MatchedQos, QosPolicy, QosWarning, listener_qos, mismatches, publisher_qos};
 pub use qos_pinned::PinnedQos;
@@ -248,6 +250,8 @@ pub struct Traits {
     /// True where messages carry no type and may be read as any type that they fit. A route then
     /// takes the type that the listeners at its destination want.
     pub untyped: bool,
+    /// True where endpoints follow the option `carrier`.
+    pub carriers: bool,
 }
 
 /// The receiving end of a topic.
@@ -393,7 +397,7 @@ pub struct TopicSpec {
     pub mark: Option<BridgeMark>,
     /// Middleware whose messages a listener passes over: those of publishers whose mark says that
     /// they came through it, where the listener can tell.
-    pub shun: Option<String>,
+    pub ignore_through: Option<String>,
 }
 
 impl TopicSpec {
@@ -412,7 +416,7 @@ impl TopicSpec {
             plugins: Plugins::standard(),
             options: Map::default(),
             mark: None,
-            shun: None,
+            ignore_through: None,
         }
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   /tf_static of three nodes ─▶ Listener ─ Origin 1, 2, 3 ─▶ Publisher keeps the last of each
-//!                                   └─ departed: 2 ─────────▶ forgets that of 2
+//!                                   └─ ended_publisher: 2 ──▶ forgets that of 2
 //! ```
 
 /// The publisher that a message comes from, as far as its listener can tell publishers apart.
@@ -24,23 +24,23 @@ impl Origin {
 
 /// Extent to which a source's publishers keep their last message for listeners that come later.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub enum Keeping {
+pub enum SourceDurability {
     /// The listener cannot tell.
     #[default]
     Unknown,
     /// The source has no publishers now.
-    Nobody,
+    NoPublisher,
     /// All publishers keep it.
     All,
     /// At least one publisher does not keep it.
     NotAll,
 }
 
-impl Keeping {
+impl SourceDurability {
     /// Extent for `publishers`, each of which is true when it keeps its last message.
     pub fn of(publishers: impl IntoIterator<Item = bool>) -> Self {
-        publishers.into_iter().fold(Self::Nobody, |all, keeps| match (all, keeps) {
-            (Self::Nobody | Self::All, true) => Self::All,
+        publishers.into_iter().fold(Self::NoPublisher, |all, keeps| match (all, keeps) {
+            (Self::NoPublisher | Self::All, true) => Self::All,
             _ => Self::NotAll,
         })
     }
@@ -52,9 +52,9 @@ mod tests {
 
     #[test]
     fn one_that_does_not_keep_decides() {
-        assert_eq!(Keeping::of([]), Keeping::Nobody);
-        assert_eq!(Keeping::of([true, true]), Keeping::All);
-        assert_eq!(Keeping::of([true, false, true]), Keeping::NotAll);
-        assert_eq!(Keeping::of([false]), Keeping::NotAll);
+        assert_eq!(SourceDurability::of([]), SourceDurability::NoPublisher);
+        assert_eq!(SourceDurability::of([true, true]), SourceDurability::All);
+        assert_eq!(SourceDurability::of([true, false, true]), SourceDurability::NotAll);
+        assert_eq!(SourceDurability::of([false]), SourceDurability::NotAll);
     }
 }

@@ -1,6 +1,8 @@
 //! Reason that a pattern has no route for a name.
 
-use super::denied::{is_denied_service, is_denied_topic};
+use wrapyfi_endpoint::Conventions;
+use wrapyfi_endpoint::pattern::bare;
+
 use super::route::{Kind, Names, Route};
 
 /// Reason that a pattern leaves out a name which it matches.
@@ -14,6 +16,9 @@ pub enum LeftOut {
     Denied(String),
 }
 
+/// Topics that every node has, and those that two programs would feed each other for ever.
+const NODE_TOPICS: [&str; 4] = ["rosout", "rosout_agg", "clock", "parameter_events"];
+
 impl Route {
     /// Reason that the pattern leaves out a name which its `from` (or `service`) matches; `None` where
     /// the name has a route, or is none of the pattern's.
@@ -23,17 +28,28 @@ impl Route {
         if !pattern.matches(name) {
             return None;
         }
-        let is_denied = match self.kind {
-            Kind::Topic(_) => is_denied_topic(&self.from.middleware, name),
-            Kind::Service(_) => is_denied_service(&self.from.middleware, name),
-        };
         if let Some(entry) = deny.iter().find(|one| one.matches(name)) {
             return Some(LeftOut::Denied(entry.to_string()));
         }
         if !allow.is_empty() && !allow.iter().any(|one| one.matches(name)) {
             return Some(LeftOut::NotAllowed);
         }
-        (*default_deny && is_denied).then_some(LeftOut::ByDefault)
+        default_deny.filter(|usual| self.is_usual(usual, name)).map(|_| LeftOut::ByDefault)
+    }
+
+    /// True for hidden names, of which a part begins with `_`, and for those that every program has about itself.
+    fn is_usual(&self, usual: &Conventions, name: &str) -> bool {
+        let bare = bare(name);
+        bare.split('/').any(|part| part.starts_with('_'))
+            || match self.kind {
+                Kind::Topic(_) => {
+                    NODE_TOPICS.contains(&bare)
+                        || usual.program_topics.is_some_and(|prefix| bare.starts_with(prefix))
+                }
+                Kind::Service(_) => {
+                    bare.rsplit('/').next().is_some_and(|last| usual.node_services.contains(&last))
+                }
+            }
     }
 }
 
@@ -52,8 +68,7 @@ mod tests {
             "from: 'a:/(.*)', to: 'b:/$1', allow: ['cam/.*', '_x', 'rosout'], deny: ['cam/raw']";
         let yaml = format!("routes:\n  - {{ {route} }}\n");
         let config: Config<()> = Config::from_yaml(&yaml, "x.yaml").unwrap();
-        let available =
-            ["a", "b"].map(|name| Available { name, check_topic: &|_| Ok(()), options: &[] });
+        let available = ["a", "b"].map(|name| Available { name, ..Available::default() });
         let plan = Plan::new(&config, &available, &mut TypeStore::generated(), "x.yaml").unwrap();
         let pattern = &plan.routes[0];
         for (name, reason) in [
@@ -65,5 +80,42 @@ mod tests {
             assert_eq!(pattern.left_out(name), reason, "{name}");
             assert_eq!(pattern.target(name).is_none(), reason.is_some(), "{name}");
         }
+    }
+
+    /// True where routes for all topics, or services, of a middleware with these conventions have one for the name.
+    fn has_route(usual: Conventions, ends: &str, name: &str) -> bool {
+        let config: Config<()> =
+            Config::from_yaml(&format!("routes:\n  - {{ {ends} }}\n"), "x.yaml").unwrap();
+        let available =
+            ["a", "b"].map(|name| Available { name, conventions: usual, ..Available::default() });
+        let plan = Plan::new(&config, &available, &mut TypeStore::generated(), "x.yaml").unwrap();
+        plan.routes[0].target(name).is_some()
+    }
+
+    #[test]
+    fn some_are_left_out_by_default() {
+        const TOPICS: &str = "from: 'a:/(.*)', to: 'b:/$1'";
+        const SERVICES: &str = "service: 'a:/(.*)', as: 'b:/$1'";
+        let usual = Conventions::NONE;
+        for name in ["/rosout", "/rosout_agg", "/clock", "/parameter_events", "/_x", "/a/_action/b"]
+        {
+            assert!(!has_route(usual, TOPICS, name), "{name}");
+        }
+        for name in ["/tf", "/tf2", "/robot/clock", "/a_b", "/rosout2"] {
+            assert!(has_route(usual, TOPICS, name), "{name}");
+        }
+        let log = "/log/robot/yarpdev/4711";
+        let with_logs = Conventions { program_topics: Some("log/"), ..usual };
+        assert!(!has_route(with_logs, TOPICS, log) && has_route(usual, TOPICS, log));
+        for name in ["/talker/get_parameters", "/rosout/set_logger_level", "/x/_action/send_goal"] {
+            assert!(!has_route(usual, SERVICES, name), "{name}");
+        }
+        for name in ["/add", "/get_parameters/of"] {
+            assert!(has_route(usual, SERVICES, name), "{name}");
+        }
+        let with_loggers = Conventions { node_services: &["set_logger_level"], ..usual };
+        assert!(!has_route(with_loggers, SERVICES, "/talker/set_logger_level"));
+        // dynamic_reconfigure's.
+        assert!(has_route(with_loggers, SERVICES, "/camera/set_parameters"));
     }
 }

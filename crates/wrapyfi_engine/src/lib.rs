@@ -44,7 +44,6 @@ mod config_devices;
 mod config_error;
 mod config_qos;
 mod config_words;
-mod denied;
 mod discovered_graph;
 mod driver;
 mod end;

@@ -5,7 +5,7 @@ use wrapyfi_data::did_you_mean;
 
 use super::config_error::Problem;
 use wrapyfi_endpoint::pattern::is_pattern;
-use wrapyfi_endpoint::{EndpointAddress, ParseAddressError};
+use wrapyfi_endpoint::{Conventions, EndpointAddress, ParseAddressError};
 
 /// A middleware that routes may name.
 #[derive(Clone, Copy)]
@@ -16,6 +16,14 @@ pub struct Available<'a> {
     pub check_topic: &'a dyn Fn(&str) -> Result<(), String>,
     /// Settings that only this middleware and few others have, as `options` of a route names them.
     pub options: &'a [&'a str],
+    /// Conventions of the middleware for types and names.
+    pub conventions: Conventions,
+}
+
+impl Default for Available<'_> {
+    fn default() -> Self {
+        Self { name: "", check_topic: &|_| Ok(()), options: &[], conventions: Conventions::NONE }
+    }
 }
 
 /// Reads the address of one topic or service.

@@ -15,7 +15,7 @@ use wrapyfi_data::codec::is_convertible;
 use wrapyfi_data::plugin::DeviceMaps;
 use wrapyfi_data::types::{DataType, Encoding, MessageType, ServiceKind};
 use wrapyfi_endpoint::pattern::{NamePattern, is_pattern};
-use wrapyfi_endpoint::{EndpointAddress, QueueSpec, ServiceSpec};
+use wrapyfi_endpoint::{Conventions, EndpointAddress, QueueSpec, ServiceSpec};
 
 /// Most routes that one pattern makes, unless `max_routes` says otherwise.
 pub const MAX_PATTERN_ROUTES: usize = 1000;
@@ -59,9 +59,9 @@ impl<'r> Reader<'r> {
         let ((from, to, names), (kind, typing)) = (ends?, kind?);
         let mut route = Route { names, typing, policy, ..Route::new(from, to, kind) };
         if let Kind::Topic(types) = &mut route.kind {
-            // Between two ROS a String stays what it is; written as JSON, a plain text would get quotes.
-            let is_ros = |end: &EndpointAddress| matches!(end.middleware.as_str(), "ros" | "ros2");
-            if *types == MessageType::StringJson.into() && is_ros(&route.from) && is_ros(&route.to)
+            let has_text_type = |end| self.conventions(end).has_text_type;
+            if *types == MessageType::StringJson.into()
+                && [&route.from, &route.to].into_iter().all(has_text_type)
             {
                 *types = MessageType::Text.into();
             }
@@ -70,6 +70,11 @@ impl<'r> Reader<'r> {
             route.name.clone_from(name);
         }
         (self.problems.len() == before).then_some(route)
+    }
+
+    fn conventions(&self, end: &EndpointAddress) -> Conventions {
+        let known = self.middlewares.iter().find(|known| known.name == end.middleware);
+        known.map_or(Conventions::NONE, |known| known.conventions)
     }
 
     fn complain(&mut self, at: serde_saphyr::Location, text: impl Into<String>) {
@@ -231,6 +236,7 @@ impl<'r> Reader<'r> {
         }
         let max_routes = max_routes.map_or(MAX_PATTERN_ROUTES, |own| own.value);
         let default_deny = config.default_deny.as_ref().is_none_or(|on| on.value);
+        let default_deny = default_deny.then(|| self.conventions(source));
         let names = Names { pattern: pattern?, allow, deny, default_deny, max_routes };
         (self.problems.len() == before).then_some(names)
     }

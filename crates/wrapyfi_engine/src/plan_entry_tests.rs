@@ -17,7 +17,9 @@ fn plan(routes: &[&str]) -> Result<Plan, ConfigError> {
         Some(at) => Err(format!("blank at {at}")),
         None => Ok(()),
     };
-    let known = |name| Available { name, check_topic: &no_blanks, options: &["carrier"] };
+    let conventions = Conventions { has_text_type: true, ..Conventions::NONE };
+    let known =
+        |name| Available { name, check_topic: &no_blanks, options: &["carrier"], conventions };
     let mut types = TypeStore::generated();
     Plan::new(&config, &[known("ros"), known("ros2")], &mut types, "bridge.yaml")
 }

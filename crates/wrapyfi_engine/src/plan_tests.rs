@@ -18,7 +18,12 @@ fn plan(text: &str) -> Result<Plan, ConfigError> {
         Some(at) => Err(format!("blank at {at}")),
         None => Ok(()),
     };
-    let known = |name| Available { name, check_topic: &no_blanks, options: &["carrier"] };
+    let known = |name| Available {
+        name,
+        check_topic: &no_blanks,
+        options: &["carrier"],
+        ..Available::default()
+    };
     let mut types = TypeStore::generated();
     Plan::new(&config, &[known("zeromq"), known("ros2")], &mut types, "bridge.yaml")
 }

@@ -28,7 +28,7 @@ fn engine(a: &Arc<Memory>, b: &Arc<Memory>, routes: &[&str]) -> Engine {
     let text: String = routes.iter().map(|route| format!("  - {{ {route} }}\n")).collect();
     let config: Config<NoEndpoints> =
         Config::from_yaml(&format!("routes:\n{text}"), "bridge.yaml").unwrap();
-    let known = |name| Available { name, check_topic: &|_| Ok(()), options: &[] };
+    let known = |name| Available { name, ..Available::default() };
     let mut types = TypeStore::generated();
     let plan = Plan::new(&config, &[known("a"), known("b")], &mut types, "bridge.yaml").unwrap();
     Engine::new(plan, &registry).with_types(TypeStore::generated())

@@ -227,7 +227,7 @@ impl Relay {
         let source = self.source.open.as_mut().and_then(|listener| listener.forwarding());
         let sink = self.sink.open.as_mut().and_then(|publisher| publisher.forwarding());
         if let (Some(listener), Some(publisher)) = (source, sink) {
-            publisher.follow_source(listener.keeping());
+            publisher.follow_source(listener.durability());
         }
         let source = self.source.open.as_mut().map(|listener| listener.review(now));
         let mut sink = self.sink.open.as_mut().map(|publisher| publisher.review(now));
@@ -250,7 +250,7 @@ impl Relay {
             if unwanted {
                 // Without a consumer the message is not even decoded.
                 let lost = match listener.forwarding() {
-                    Some(listener) => listener.set_aside(),
+                    Some(listener) => listener.discard_except_latched(),
                     None => listener.discard().then_some(1),
                 };
                 let Some(lost) = lost else { break };
@@ -304,7 +304,7 @@ impl Relay {
         }
         self.in_hand = false;
         if let (Some(listener), Some(publisher)) = (listener.forwarding(), publisher.forwarding()) {
-            while let Some(gone) = listener.departed() {
+            while let Some(gone) = listener.ended_publisher() {
                 publisher.forget(gone);
             }
         }

@@ -7,8 +7,8 @@ use super::*;
 use wrapyfi_data::types::{Map, MessageType, Payload, Properties, Stamp, Tensor, Value};
 use wrapyfi_endpoint::memory::Memory;
 use wrapyfi_endpoint::{
-    ForwardingListener, ForwardingPublisher, Keeping, Middleware, OpenError, Origin, Overflow,
-    QosChange, QueueSpec, Review, TopicSpec,
+    ForwardingListener, ForwardingPublisher, Middleware, OpenError, Origin, Overflow, QosChange,
+    QueueSpec, Review, SourceDurability, TopicSpec,
 };
 
 struct Bench {
@@ -371,17 +371,17 @@ impl Listener for LatchedListener {
 }
 
 impl ForwardingListener for LatchedListener {
-    fn set_aside(&mut self) -> Option<u64> {
+    fn discard_except_latched(&mut self) -> Option<u64> {
         let next = self.waiting.pop()?;
         Some(self.aside.replace(next).into_iter().count() as u64)
     }
 
-    fn departed(&mut self) -> Option<u64> {
+    fn ended_publisher(&mut self) -> Option<u64> {
         None
     }
 
-    fn keeping(&self) -> Keeping {
-        Keeping::Unknown
+    fn durability(&self) -> SourceDurability {
+        SourceDurability::Unknown
     }
 }
 
@@ -455,16 +455,16 @@ impl Listener for Two {
 }
 
 impl ForwardingListener for Two {
-    fn set_aside(&mut self) -> Option<u64> {
+    fn discard_except_latched(&mut self) -> Option<u64> {
         panic!("somebody listens")
     }
 
-    fn departed(&mut self) -> Option<u64> {
+    fn ended_publisher(&mut self) -> Option<u64> {
         self.gone.take()
     }
 
-    fn keeping(&self) -> Keeping {
-        Keeping::All
+    fn durability(&self) -> SourceDurability {
+        SourceDurability::All
     }
 }
 
@@ -506,7 +506,7 @@ impl ForwardingPublisher for NotingPublisher {
         panic!("its source stays open")
     }
 
-    fn follow_source(&mut self, source: Keeping) {
+    fn follow_source(&mut self, source: SourceDurability) {
         self.note(format!("keeping: {source:?}"));
     }
 }

@@ -13,14 +13,13 @@ use std::time::Duration;
 use serde::ser::{Serialize, SerializeMap as _, Serializer};
 
 use super::config_qos::{QosConfig, QosOverride};
-use super::denied::{is_denied_service, is_denied_topic};
 use super::stamping::StampSource;
 use wrapyfi_data::Limits;
 use wrapyfi_data::plugin::Plugins;
 use wrapyfi_data::types::{Encoding, Map, MessageType, ServiceKind};
 use wrapyfi_endpoint::pattern::{Inverse, NamePattern};
 use wrapyfi_endpoint::{
-    BridgeMark, EndpointAddress, Overflow, QueueSpec, Role, ServiceSpec, TopicSpec,
+    BridgeMark, Conventions, EndpointAddress, Overflow, QueueSpec, Role, ServiceSpec, TopicSpec,
 };
 
 /// Type of the lines of logs, and number of those that wait in a route.
@@ -107,8 +106,9 @@ pub struct Names {
     pub allow: Vec<NamePattern>,
     /// Names that are left out, also where they are allowed.
     pub deny: Vec<NamePattern>,
-    /// True where hidden names and those that every node has are left out.
-    pub default_deny: bool,
+    /// Conventions of the source by which hidden names and those that every program has are left out;
+    /// `None` where none is.
+    pub default_deny: Option<Conventions>,
     /// Largest number of routes.
     pub max_routes: usize,
 }
@@ -250,19 +250,10 @@ impl Route {
     /// Destination of the source called `name`; `None` where the route leaves it out.
     #[must_use]
     pub fn target(&self, name: &str) -> Option<EndpointAddress> {
-        let Some(Names { pattern, allow, deny, default_deny, .. }) = &self.names else {
+        let Some(Names { pattern, .. }) = &self.names else {
             return (self.from.name == name).then(|| self.to.clone());
         };
-        let is_denied = || match self.kind {
-            Kind::Topic(_) => is_denied_topic(&self.from.middleware, name),
-            Kind::Service(_) => is_denied_service(&self.from.middleware, name),
-        };
-        let is_allowed = allow.is_empty() || allow.iter().any(|one| one.matches(name));
-        if !name.starts_with('/')
-            || (*default_deny && is_denied())
-            || !is_allowed
-            || deny.iter().any(|one| one.matches(name))
-        {
+        if !name.starts_with('/') || self.left_out(name).is_some() {
             return None;
         }
         let name = pattern.expand(name, &self.to.name)?;
@@ -312,7 +303,11 @@ impl Route {
             plugins: policy.plugins.clone(),
             options: policy.options.clone(),
             mark: self.mark.clone().filter(|_| !at_source),
-            shun: self.mark.as_ref().filter(|_| at_source).map(|_| self.to.middleware.clone()),
+            ignore_through: self
+                .mark
+                .as_ref()
+                .filter(|_| at_source)
+                .map(|_| self.to.middleware.clone()),
         }
     }
 
@@ -436,7 +431,7 @@ impl Serialize for Route {
         if let Some(Names { allow, deny, default_deny, max_routes, .. }) = names {
             map.serialize_entry("allow", &written(allow))?;
             map.serialize_entry("deny", &written(deny))?;
-            map.serialize_entry("default_deny", default_deny)?;
+            map.serialize_entry("default_deny", &default_deny.is_some())?;
             map.serialize_entry("max_routes", max_routes)?;
         }
         match kind {

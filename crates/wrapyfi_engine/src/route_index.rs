@@ -91,8 +91,7 @@ pub(super) mod testing {
     pub(in super::super) fn plan(routes: &[&str]) -> Plan {
         let lines = routes.iter().map(|route| format!("  - {{ {route} }}\n")).collect::<String>();
         let config: Config<()> = Config::from_yaml(&format!("routes:\n{lines}"), "x.yaml").unwrap();
-        let available =
-            ["a", "b", "c"].map(|name| Available { name, check_topic: &|_| Ok(()), options: &[] });
+        let available = ["a", "b", "c"].map(|name| Available { name, ..Available::default() });
         Plan::new(&config, &available, &mut TypeStore::generated(), "x.yaml").unwrap()
     }
 

@@ -88,6 +88,7 @@ mod tests {
         shows_marks: true,
         subscribes_first: false,
         untyped: false,
+        carriers: false,
     };
     const THEN: Stamp = Stamp { sec: 5, nanosec: 0 };
     const SYSTEM: RosNow = RosNow { stamp: Stamp { sec: 9, nanosec: 0 }, simulated: false };

@@ -8,7 +8,7 @@ pub type Gid = [u8; 16];
 /// A side of a topic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "ROS 2's own terms")]
-pub enum Side {
+pub enum EndpointType {
     Publishers,
     Subscriptions,
 }

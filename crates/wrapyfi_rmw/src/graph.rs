@@ -16,7 +16,7 @@ use std::time::Duration;
 
 use super::endpoint::gid;
 use super::node::Node;
-use super::{Endpoint, Fault, Notify, Qos, Side, TypeHash, c_text, sys};
+use super::{Endpoint, EndpointType, Fault, Notify, Qos, TypeHash, c_text, sys};
 
 /// Time for which changes are collected: an endpoint that comes changes the graph several times.
 const SETTLES: Duration = Duration::from_millis(5);
@@ -103,7 +103,7 @@ impl Node {
     ///
     /// # Errors
     /// When rmw refuses.
-    pub fn endpoints(&self, topic: &str, side: Side) -> Result<Vec<Endpoint>, Fault> {
+    pub fn endpoints(&self, topic: &str, side: EndpointType) -> Result<Vec<Endpoint>, Fault> {
         let name = c_text("rmw_get_publishers_info_by_topic", topic)?;
         // SAFETY: structs of values, by value.
         let (mut allocator, mut found) = unsafe {
@@ -113,8 +113,8 @@ impl Node {
             )
         };
         let ask = match side {
-            Side::Publishers => sys::rmw_get_publishers_info_by_topic,
-            Side::Subscriptions => sys::rmw_get_subscriptions_info_by_topic,
+            EndpointType::Publishers => sys::rmw_get_publishers_info_by_topic,
+            EndpointType::Subscriptions => sys::rmw_get_subscriptions_info_by_topic,
         };
         // SAFETY: the array is zero-initialised, and freed below.
         let code =

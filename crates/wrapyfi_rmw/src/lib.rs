@@ -34,7 +34,7 @@ mod types;
 use std::sync::Arc;
 use std::time::Duration;
 
-pub use endpoint::{Endpoint, Gid, Side};
+pub use endpoint::{Endpoint, EndpointType, Gid};
 pub use event::EventCounts;
 use fault::c_text;
 pub use fault::{Fault, SendFault};

@@ -2,7 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::{Gid, Qos, Side};
+use super::{EndpointType, Gid, Qos};
 
 /// Endpoints of one node.
 #[derive(Debug, Default)]
@@ -10,7 +10,7 @@ pub(crate) struct Own {
     /// The middleware counts the node's own endpoints as matched with each other.
     are_counted: bool,
     gids: HashSet<Gid>,
-    topics: HashMap<(String, Side), Vec<Kind>>,
+    topics: HashMap<(String, EndpointType), Vec<Kind>>,
 }
 
 /// Properties that decide whether two endpoints of a topic match.
@@ -27,11 +27,11 @@ impl Own {
         Self { are_counted: implementation != "rmw_cyclonedds_cpp", ..Self::default() }
     }
 
-    pub(crate) fn add(&mut self, topic: &str, side: Side, kind: &Kind) {
+    pub(crate) fn add(&mut self, topic: &str, side: EndpointType, kind: &Kind) {
         self.topics.entry((topic.to_owned(), side)).or_default().push(kind.clone());
     }
 
-    pub(crate) fn remove(&mut self, topic: &str, side: Side, kind: &Kind) {
+    pub(crate) fn remove(&mut self, topic: &str, side: EndpointType, kind: &Kind) {
         let key = (topic.to_owned(), side);
         let Some(kinds) = self.topics.get_mut(&key) else { return };
         if let Some(at) = kinds.iter().position(|one| one == kind) {
@@ -61,20 +61,20 @@ impl Own {
     }
 
     /// Number of the node's own endpoints that the middleware counts as matched with one on `side`.
-    pub(crate) fn matching(&self, topic: &str, side: Side, kind: &Kind) -> usize {
+    pub(crate) fn matching(&self, topic: &str, side: EndpointType, kind: &Kind) -> usize {
         if !self.are_counted {
             return 0;
         }
         let other = match side {
-            Side::Publishers => Side::Subscriptions,
-            Side::Subscriptions => Side::Publishers,
+            EndpointType::Publishers => EndpointType::Subscriptions,
+            EndpointType::Subscriptions => EndpointType::Publishers,
         };
         let others = self.topics.get(&(topic.to_owned(), other));
         let matches = |one: &&Kind| {
             one.type_name == kind.type_name
                 && match side {
-                    Side::Publishers => kind.qos.satisfies(&one.qos),
-                    Side::Subscriptions => one.qos.satisfies(&kind.qos),
+                    EndpointType::Publishers => kind.qos.satisfies(&one.qos),
+                    EndpointType::Subscriptions => one.qos.satisfies(&kind.qos),
                 }
         };
         others.map_or(0, |others| others.iter().filter(matches).count())
@@ -102,19 +102,19 @@ mod tests {
     #[test]
     fn only_those_that_match_are_counted() {
         let mut own = Own::on("rmw_fastrtps_cpp");
-        own.add("/a", Side::Subscriptions, &kind(true));
-        own.add("/a", Side::Subscriptions, &kind(false));
-        own.add("/b", Side::Subscriptions, &kind(true));
-        assert_eq!(own.matching("/a", Side::Publishers, &kind(true)), 2);
-        assert_eq!(own.matching("/a", Side::Publishers, &kind(false)), 1);
-        assert_eq!(own.matching("/a", Side::Subscriptions, &kind(true)), 0);
+        own.add("/a", EndpointType::Subscriptions, &kind(true));
+        own.add("/a", EndpointType::Subscriptions, &kind(false));
+        own.add("/b", EndpointType::Subscriptions, &kind(true));
+        assert_eq!(own.matching("/a", EndpointType::Publishers, &kind(true)), 2);
+        assert_eq!(own.matching("/a", EndpointType::Publishers, &kind(false)), 1);
+        assert_eq!(own.matching("/a", EndpointType::Subscriptions, &kind(true)), 0);
         own.are_counted = false;
-        assert_eq!(own.matching("/a", Side::Publishers, &kind(true)), 0);
+        assert_eq!(own.matching("/a", EndpointType::Publishers, &kind(true)), 0);
         own.are_counted = true;
-        own.remove("/a", Side::Subscriptions, &kind(true));
-        assert_eq!(own.matching("/a", Side::Publishers, &kind(true)), 1);
-        own.remove("/a", Side::Subscriptions, &kind(false));
-        own.remove("/b", Side::Subscriptions, &kind(true));
+        own.remove("/a", EndpointType::Subscriptions, &kind(true));
+        assert_eq!(own.matching("/a", EndpointType::Publishers, &kind(true)), 1);
+        own.remove("/a", EndpointType::Subscriptions, &kind(false));
+        own.remove("/b", EndpointType::Subscriptions, &kind(true));
         assert!(own.topics.is_empty());
     }
 }

@@ -10,8 +10,8 @@ use super::event::{Events, Source};
 use super::node::{Inner, Node};
 use super::own::Kind;
 use super::{
-    EventCounts, Fault, Gid, MATCH_SETTLES, Notify, Qos, SendFault, Side, TypeHash, c_text, qos,
-    sys, types,
+    EndpointType, EventCounts, Fault, Gid, MATCH_SETTLES, Notify, Qos, SendFault, TypeHash, c_text,
+    qos, sys, types,
 };
 
 /// Publishes serialised messages on one topic.
@@ -74,7 +74,7 @@ impl Node {
         };
         drop(making);
         let kind = Kind { type_name: type_name.to_owned(), qos: *qos };
-        node.own().add(topic, Side::Publishers, &kind);
+        node.own().add(topic, EndpointType::Publishers, &kind);
         let mut publisher = Publisher {
             events: None,
             raw,
@@ -141,7 +141,11 @@ impl Publisher {
             unsafe { sys::rmw_publisher_count_matched_subscriptions(self.raw, &raw mut count) };
         let count = Fault::check("rmw_publisher_count_matched_subscriptions", code)
             .map_or(0, |()| count)
-            .saturating_sub(self.node.own().matching(&self.topic, Side::Publishers, &self.kind));
+            .saturating_sub(self.node.own().matching(
+                &self.topic,
+                EndpointType::Publishers,
+                &self.kind,
+            ));
         let mut since = self.matched_since.lock().unwrap_or_else(PoisonError::into_inner);
         if count == 0 {
             *since = None;
@@ -184,7 +188,7 @@ impl Drop for Publisher {
         drop(self.events.take());
         let mut own = self.node.own();
         own.remove_gid(&self.gid);
-        own.remove(&self.topic, Side::Publishers, &self.kind);
+        own.remove(&self.topic, EndpointType::Publishers, &self.kind);
         drop(own);
         if self.kind.qos.reliable {
             self.wait_for_acknowledgements();

@@ -12,7 +12,7 @@ use super::endpoint::gid;
 use super::event::{Events, Source};
 use super::node::{Inner, Node};
 use super::own::Kind;
-use super::{EventCounts, Fault, Gid, Notify, Qos, Side, TypeHash, c_text, sys, types};
+use super::{EndpointType, EventCounts, Fault, Gid, Notify, Qos, TypeHash, c_text, sys, types};
 
 /// Takes serialised messages of one topic.
 pub struct Subscription {
@@ -117,7 +117,7 @@ impl Node {
         let user_data = on_message.user_data();
         let events = Events::new(Source::Subscription(raw), node.dispatch(), Arc::clone(on_event));
         let kind = Kind { type_name: type_name.to_owned(), qos: *qos };
-        node.own().add(topic, Side::Subscriptions, &kind);
+        node.own().add(topic, EndpointType::Subscriptions, &kind);
         let topic = topic.to_owned();
         let made =
             Subscription { events: Some(events), raw, topic, kind, node, _on_message: on_message };
@@ -189,7 +189,7 @@ impl Subscription {
         Fault::check("rmw_subscription_count_matched_publishers", code).map_or(0, |()| {
             count.saturating_sub(self.node.own().matching(
                 &self.topic,
-                Side::Subscriptions,
+                EndpointType::Subscriptions,
                 &self.kind,
             ))
         })
@@ -212,7 +212,7 @@ impl Drop for Subscription {
             tracing::debug!(%fault, "a callback was not taken back");
         }
         drop(self.events.take());
-        self.node.own().remove(&self.topic, Side::Subscriptions, &self.kind);
+        self.node.own().remove(&self.topic, EndpointType::Subscriptions, &self.kind);
         let _making = self.node.making();
         // SAFETY: made by this node, and used by nobody any more.
         let code = unsafe { sys::rmw_destroy_subscription(self.node.node(), self.raw) };

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   call ─▶ connect ─▶ POST ─▶ body ─▶ Reply        each step within one time limit
-//!   Answers: Call ─▶ Reply ◀─ POST ◀─ accept    so many connections at once
+//!   Answers: XmlRpcCall ─▶ Reply ◀─ POST ◀─ accept    so many connections at once
 //! ```
 
 use std::collections::VecDeque;
@@ -24,7 +24,7 @@ use tokio::time::timeout;
 
 use super::config::NodeUri;
 use super::tcpros::{self, Port, accepted, accepting};
-use super::xmlrpc::{self, Call, Reply, Value, XmlRpcError};
+use super::xmlrpc::{self, Reply, Value, XmlRpcCall, XmlRpcError};
 
 /// Longest time a call takes, an unreachable host's included.
 pub(super) const CALL: Duration = Duration::from_secs(5);
@@ -96,7 +96,7 @@ async fn post(stream: TcpStream, uri: &NodeUri, body: String) -> Result<Bytes, S
 
 /// Function that answers calls on the XML-RPC server, `None` where there is no such method. It must not wait: it runs
 /// on the server's task.
-pub(super) type Answers = dyn Fn(Call) -> Option<Reply> + Send + Sync;
+pub(super) type Answers = dyn Fn(XmlRpcCall) -> Option<Reply> + Send + Sync;
 
 /// Answers whoever connects, until it is aborted. One connection more than may be open ends the oldest: those that say
 /// nothing keep nobody out.

@@ -79,12 +79,19 @@ use self::tcpros::Port;
 use wrapyfi_data::types::ServiceKind;
 use wrapyfi_endpoint::restart::restarted;
 use wrapyfi_endpoint::{
-    Client, Context, DiscoverError, Discovered, Discovery, LearnError, Learned, Listener,
-    Middleware, OpenError, Publisher, Role, Server, ServiceSpec, TopicSpec, Traits,
+    Client, Context, Conventions, DiscoverError, Discovered, Discovery, LearnError, Learned,
+    Listener, Middleware, OpenError, Publisher, Role, Server, ServiceSpec, TopicSpec, Traits,
 };
 
 /// Name of this middleware in addresses.
 pub const NAME: &str = "ros";
+
+/// Conventions of ROS 1, where `set_parameters` and its like are dynamic_reconfigure's.
+pub const CONVENTIONS: Conventions = Conventions {
+    has_text_type: true,
+    program_topics: None,
+    node_services: &["get_loggers", "set_logger_level"],
+};
 
 /// Threads on which the sockets live: one more than a topic that is large can keep busy.
 const THREADS: usize = 2;
@@ -309,7 +316,7 @@ impl Middleware for Ros1 {
             tells_own: true,
             shows_marks: true,
             subscribes_first: true,
-            untyped: false,
+            ..Traits::default()
         }
     }
 

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   ListenerConnections ─▶ inbox ─▶ take ─▶ ROS 1 bytes ─▶ payload
-//!                └─ set_aside ─▶ the newest of each publisher that latches ─┘
+//!                └─ discard_except_latched ─▶ the newest of each publisher that latches ─┘
 //! ```
 
 use std::sync::Arc;
@@ -12,8 +12,8 @@ use super::core::Core;
 use super::listener_connections::{Arrival, ListenerConnections, Wanted};
 use wrapyfi_endpoint::codec::ros1::Ros1Type;
 use wrapyfi_endpoint::{
-    Context, DropReason, ForwardingListener, Keeping, Latched, Link, Listener, Origin, Receiver,
-    Sample, TakeError, TopicSpec, inbox,
+    Context, DropReason, ForwardingListener, Latched, Link, Listener, Origin, Receiver, Sample,
+    SourceDurability, TakeError, TopicSpec, inbox,
 };
 
 /// Receives one topic.
@@ -38,8 +38,8 @@ impl Ros1Listener {
         let (sender, receiver) = inbox(spec.queue, context);
         let limit = spec.limits.message_bytes;
         let type_name = wire_type.name.clone();
-        let shun = spec.shun.clone();
-        let wanted = Wanted { wire_type, message_type: spec.message_type, limit, shun };
+        let ignore_through = spec.ignore_through.clone();
+        let wanted = Wanted { wire_type, message_type: spec.message_type, limit, ignore_through };
         let connections = ListenerConnections::new(core, topic, wanted, sender);
         core.listen(topic, &type_name, &connections);
         Self {
@@ -87,7 +87,7 @@ impl Listener for Ros1Listener {
 }
 
 impl ForwardingListener for Ros1Listener {
-    fn set_aside(&mut self) -> Option<u64> {
+    fn discard_except_latched(&mut self) -> Option<u64> {
         let arrival = self.inbox.pop()?;
         if !arrival.latched {
             return Some(1);
@@ -95,7 +95,7 @@ impl ForwardingListener for Ros1Listener {
         Some(self.latched.keep(arrival.source, arrival))
     }
 
-    fn departed(&mut self) -> Option<u64> {
+    fn ended_publisher(&mut self) -> Option<u64> {
         // Not before the last of its messages.
         if !self.inbox.is_empty() {
             return None;
@@ -107,7 +107,7 @@ impl ForwardingListener for Ros1Listener {
         Some(gone)
     }
 
-    fn keeping(&self) -> Keeping {
+    fn durability(&self) -> SourceDurability {
         self.connections.keeping()
     }
 }

@@ -35,7 +35,7 @@ use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::codec::ros1::Ros1Type;
 use wrapyfi_endpoint::restart::restarted;
 use wrapyfi_endpoint::{
-    BridgeMark, Counters, DropReason, Keeping, Mutex, PROGRESS, Sender, Share, Waits, Wake,
+    BridgeMark, Counters, DropReason, Mutex, PROGRESS, Sender, Share, SourceDurability, Waits, Wake,
 };
 
 /// Field of a connection header: the mark of a bridge that publishes a topic by pattern.
@@ -73,7 +73,7 @@ pub(super) struct Wanted {
     /// Largest message in bytes.
     pub(super) limit: usize,
     /// Publishers whose mark names this middleware are passed over.
-    pub(super) shun: Option<String>,
+    pub(super) ignore_through: Option<String>,
 }
 
 pub(super) struct ListenerConnections {
@@ -164,10 +164,10 @@ impl ListenerConnections {
     }
 
     /// Number of the connected publishers that latch: all, some or none.
-    pub(super) fn keeping(&self) -> Keeping {
+    pub(super) fn keeping(&self) -> SourceDurability {
         let peers = self.peers.lock();
         let up = peers.by_uri.values().filter(|peer| peer.address.is_some());
-        Keeping::of(up.map(|peer| peer.latches))
+        SourceDurability::of(up.map(|peer| peer.latches))
     }
 
     /// A publisher that latched and has gone.
@@ -389,7 +389,7 @@ impl Connection {
             let mark = header.get(MARK).and_then(|mark| mark.parse::<BridgeMark>().ok());
             mark.is_some_and(|mark| mark.came_through(shunned))
         };
-        if self.connections.wanted.shun.as_ref().is_some_and(came_through) {
+        if self.connections.wanted.ignore_through.as_ref().is_some_and(came_through) {
             tracing::debug!(topic = self.connections.topic, uri = %self.uri, "ROS 1: a bridge's, passed over");
             return Err(Closed::Shunned);
         }

@@ -24,8 +24,8 @@ use wrapyfi_data::{EncodeError, Limits};
 use wrapyfi_endpoint::codec;
 use wrapyfi_endpoint::codec::ros1::Ros1Type;
 use wrapyfi_endpoint::{
-    BridgeMark, Context, Counters, Durability, ForwardingPublisher, History, Keeping, Latched,
-    Link, MAX_ORIGINS, Mutex, Origin, PublishError, Publisher, Role, TopicSpec, Wake,
+    BridgeMark, Context, Counters, Durability, ForwardingPublisher, History, Latched, Link,
+    MAX_ORIGINS, Mutex, Origin, PublishError, Publisher, Role, SourceDurability, TopicSpec, Wake,
 };
 
 /// Messages that a publisher without a depth keeps for a slow subscriber.
@@ -337,12 +337,12 @@ impl ForwardingPublisher for Ros1Publisher {
         self.change(|entry| entry.kept.retain(Option::is_none));
     }
 
-    fn follow_source(&mut self, source: Keeping) {
+    fn follow_source(&mut self, source: SourceDurability) {
         let keeps_last = match source {
-            Keeping::All => true,
-            Keeping::NotAll => false,
+            SourceDurability::All => true,
+            SourceDurability::NotAll => false,
             // Publishers that are gone may come back as they were.
-            Keeping::Unknown | Keeping::Nobody => return,
+            SourceDurability::Unknown | SourceDurability::NoPublisher => return,
         };
         if !self.spec.match_peers || keeps_last == self.source_latches {
             return;

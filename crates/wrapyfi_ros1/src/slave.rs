@@ -8,10 +8,13 @@ use std::sync::{Arc, Weak};
 use super::core::Core;
 use super::master::string_list;
 use super::subscriber::BusLink;
-use super::xmlrpc::{Call, Reply, Value, text, texts};
+use super::xmlrpc::{Reply, Value, XmlRpcCall, text, texts};
 
 /// Answer of the node `core` to a call; `None` where there is no such method.
-pub(super) fn answer(core: &Weak<Core>, Call { method, params }: Call) -> Option<Reply> {
+pub(super) fn answer(
+    core: &Weak<Core>,
+    XmlRpcCall { method, params }: XmlRpcCall,
+) -> Option<Reply> {
     let Some(core) = core.upgrade() else { return Some(Reply::error("the node has ended")) };
     Some(match (method.as_str(), params.as_slice()) {
         ("publisherUpdate", [_caller, Value::String(topic), publishers]) => {

@@ -2,7 +2,7 @@
 //! sources.
 //!
 //! ```text
-//!   Discovery, interface ──▶ <CycloneDDS>…</CycloneDDS> , $CYCLONEDDS_URI
+//!   DiscoverySettings, interface ──▶ <CycloneDDS>…</CycloneDDS> , $CYCLONEDDS_URI
 //!                             ours, first                 the user's, wins where both speak
 //! ```
 //!
@@ -20,7 +20,7 @@ use std::fmt::Write as _;
 use wrapyfi_data::Limits;
 use wrapyfi_node::NodeName;
 
-use super::environment::{Discovery, DiscoveryRange, Environment};
+use super::environment::{DiscoveryRange, DiscoverySettings, Environment};
 use super::graph::ServiceMapping;
 
 /// Receive buffer asked of the kernel for every socket.
@@ -42,7 +42,7 @@ pub struct CycloneConfig {
     /// DDS domain.
     pub domain_id: u32,
     /// Settings by which other participants are found.
-    pub discovery: Discovery,
+    pub discovery: DiscoverySettings,
     /// The only network interface to use, for instance `lo`; `None` lets Cyclone choose.
     pub interface: Option<String>,
     /// Largest message that any topic of the node carries. What is over a topic's own limit is
@@ -76,7 +76,10 @@ impl CycloneConfig {
         Self {
             node,
             domain_id,
-            discovery: Discovery { range: DiscoveryRange::Localhost, static_peers: Vec::new() },
+            discovery: DiscoverySettings {
+                range: DiscoveryRange::Localhost,
+                static_peers: Vec::new(),
+            },
             interface: Some("lo".into()),
             max_message_bytes: Limits::default().message_bytes,
             services: ServiceMapping::Cyclone,
@@ -169,7 +172,7 @@ mod tests {
         CycloneConfig {
             node: NodeName::new("n", "/").unwrap(),
             domain_id: 0,
-            discovery: Discovery {
+            discovery: DiscoverySettings {
                 range,
                 static_peers: peers.iter().map(|&peer| peer.to_owned()).collect(),
             },

@@ -91,7 +91,7 @@ impl Ends {
     }
 
     /// True when the readers that are matched now would hear a message written now. A match on our
-    /// side is not enough: see [`RawWriter::probe`].
+    /// side is not enough: see [`RawWriter::write_without_data`].
     fn heard(&self) -> bool {
         let changes = self.writer.events().changes();
         let (mut known, mut since, mut confirmed) = self.probed.get();
@@ -99,7 +99,7 @@ impl Ends {
             (known, since) = (changes, Instant::now());
             // A probe that cannot be written counts as confirmed: a message fails likewise, and
             // says why.
-            confirmed = self.writer.probe().is_err();
+            confirmed = self.writer.write_without_data().is_err();
         }
         confirmed = confirmed || self.writer.all_acknowledged() || since.elapsed() >= CONFIRM;
         self.probed.set((known, since, confirmed));

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   ROS_DOMAIN_ID ───────────────────┐
-//!   ROS_LOCALHOST_ONLY ──────────────┤            domain id, Discovery,
+//!   ROS_LOCALHOST_ONLY ──────────────┤            domain id, DiscoverySettings,
 //!   ROS_AUTOMATIC_DISCOVERY_RANGE ───┼─ read() ─▶ Cyclone sources,
 //!   ROS_STATIC_PEERS ────────────────┤            why this DDS stack,
 //!   RMW_IMPLEMENTATION, ROS_DISTRO ──┤            mapping of services, adapter, warnings to be logged
@@ -36,7 +36,7 @@ pub enum DiscoveryRange {
 
 /// Settings by which other participants are found.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Discovery {
+pub struct DiscoverySettings {
     /// Range in which participants are looked for.
     pub range: DiscoveryRange,
     /// Addresses asked one by one, `ROS_STATIC_PEERS`.
@@ -68,7 +68,7 @@ pub struct Environment {
     /// DDS domain.
     pub domain_id: u32,
     /// Settings by which other participants are found.
-    pub discovery: Discovery,
+    pub discovery: DiscoverySettings,
     /// `CYCLONEDDS_URI`, where set: sources that override our configuration.
     pub cyclonedds_uri: Option<String>,
     /// Form in which services are mapped to DDS: topics of all vendors understand each other,
@@ -173,7 +173,10 @@ fn domain_id(value: Option<String>) -> Result<u32, EnvironmentError> {
     }
 }
 
-fn discovery(set: &impl Fn(&str) -> Option<String>, warnings: &mut Vec<String>) -> Discovery {
+fn discovery(
+    set: &impl Fn(&str) -> Option<String>,
+    warnings: &mut Vec<String>,
+) -> DiscoverySettings {
     if let Some(value) = set("ROS_LOCALHOST_ONLY") {
         warnings.push(
             "ROS_LOCALHOST_ONLY is deprecated but still honored if it is enabled. Use \
@@ -187,7 +190,10 @@ fn discovery(set: &impl Fn(&str) -> Option<String>, warnings: &mut Vec<String>) 
             if enabled { "ignored" } else { "used" },
         ));
         if enabled {
-            return Discovery { range: DiscoveryRange::Localhost, static_peers: Vec::new() };
+            return DiscoverySettings {
+                range: DiscoveryRange::Localhost,
+                static_peers: Vec::new(),
+            };
         }
     }
     let range = match set("ROS_AUTOMATIC_DISCOVERY_RANGE").as_deref() {
@@ -218,7 +224,7 @@ fn discovery(set: &impl Fn(&str) -> Option<String>, warnings: &mut Vec<String>) 
         }
         _ => {}
     }
-    Discovery { range, static_peers }
+    DiscoverySettings { range, static_peers }
 }
 
 /// Service mapping that every node of this environment chooses, and the reason in words.

@@ -258,8 +258,7 @@ impl Middleware for Ros2 {
             ros_time: true,
             tells_own: true,
             shows_marks: true,
-            subscribes_first: false,
-            untyped: false,
+            ..Traits::default()
         }
     }
 }

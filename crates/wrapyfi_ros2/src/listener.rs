@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   DDS thread:  ReceivePath ──▶ inbox ──▶ take ─▶ decode   owner's thread
-//!                                   └─ set_aside ─▶ Latched ─┘
+//!                                   └─ discard_except_latched ─▶ Latched ─┘
 //! ```
 //!
 //! A listener that follows its publishers' quality of service is opened again when they change: the
@@ -26,9 +26,9 @@ use wrapyfi_data::plugin::Plugins;
 use wrapyfi_data::types::MessageType;
 use wrapyfi_endpoint::codec::ros;
 use wrapyfi_endpoint::{
-    AnnouncedDurability, Context, DropReason, Durability, ForwardingListener, History, Keeping,
-    Latched, Link, Listener, Origin, Overflow, Qos, QosChange, QosEvent, Receiver, Review, Sample,
-    TakeError, TopicSpec,
+    AnnouncedDurability, Context, DropReason, Durability, ForwardingListener, History, Latched,
+    Link, Listener, Origin, Overflow, Qos, QosChange, QosEvent, Receiver, Review, Sample,
+    SourceDurability, TakeError, TopicSpec,
 };
 
 /// Time for which two readers stay side by side: by then every publisher knows the new one.
@@ -72,7 +72,7 @@ struct Origins {
     matched: usize,
     /// State of all matched publishers, whether they keep their last message, and the change of
     /// matches for which it holds.
-    keeping: (Option<u64>, Keeping),
+    keeping: (Option<u64>, SourceDurability),
 }
 
 impl Ros2Listener {
@@ -157,7 +157,7 @@ impl Ros2Listener {
         if self.origins.keeping.0 != Some(changes) {
             let peers = self.follower.diagnosis.peers();
             let keep = peers.iter().map(|peer| peer.qos.durability > AnnouncedDurability::Volatile);
-            self.origins.keeping = (Some(changes), Keeping::of(keep));
+            self.origins.keeping = (Some(changes), SourceDurability::of(keep));
         }
         let state = self.receive_path.lock();
         let matched = state.reader.as_ref().map_or(0, |reader| reader.matched());
@@ -298,7 +298,7 @@ impl Listener for Ros2Listener {
 }
 
 impl ForwardingListener for Ros2Listener {
-    fn set_aside(&mut self) -> Option<u64> {
+    fn discard_except_latched(&mut self) -> Option<u64> {
         let message = self.next()?;
         Some(if self.keeps(message.publisher) > 0 {
             self.unclaimed.keep(message.publisher, message)
@@ -307,7 +307,7 @@ impl ForwardingListener for Ros2Listener {
         })
     }
 
-    fn departed(&mut self) -> Option<u64> {
+    fn ended_publisher(&mut self) -> Option<u64> {
         // Not before the last of its messages.
         if !self.receiver.is_empty() {
             return None;
@@ -319,7 +319,7 @@ impl ForwardingListener for Ros2Listener {
         Some(gone)
     }
 
-    fn keeping(&self) -> Keeping {
+    fn durability(&self) -> SourceDurability {
         self.origins.keeping.1
     }
 }

@@ -36,8 +36,8 @@ use wrapyfi_data::plugin::Plugins;
 use wrapyfi_data::types::{Encoding, MessageType, Payload};
 use wrapyfi_endpoint::{
     AnnouncedDurability, BridgeMark, Context, DropReason, Durability, ForwardingPublisher, History,
-    Keeping, Link, Origin, PinnedQos, PublishError, Publisher, Qos, QosChange, QosEvent, QosPolicy,
-    Reliability, Review, TopicSpec,
+    Link, Origin, PinnedQos, PublishError, Publisher, Qos, QosChange, QosEvent, QosPolicy,
+    Reliability, Review, SourceDurability, TopicSpec,
 };
 
 /// Time that a new writer has to become known to all subscribers, and an old one to send the
@@ -62,7 +62,7 @@ pub(super) struct Ros2Publisher {
     origins: Origins,
     /// State of the publishers at the other end, whether they keep their last message, where that
     /// is followed.
-    source: Keeping,
+    source: SourceDurability,
     /// Messages that the writer gives to later readers.
     replay: Replay,
     follows: bool,
@@ -101,7 +101,7 @@ impl Ros2Publisher {
             events: EventLog::new(&context.counters, &topic.name, false),
             message_type: spec.message_type,
             origins: Origins::default(),
-            source: Keeping::Unknown,
+            source: SourceDurability::Unknown,
             replay: Replay::History,
             follows: spec.match_peers,
             follow_again: None,
@@ -131,9 +131,9 @@ impl Ros2Publisher {
     /// keep, where they are followed and known.
     fn wanted_replay(&self) -> Replay {
         match self.source {
-            Keeping::Unknown => Replay::History,
-            Keeping::All => Replay::Newest(1),
-            Keeping::Nobody | Keeping::NotAll => Replay::Nothing,
+            SourceDurability::Unknown => Replay::History,
+            SourceDurability::All => Replay::Newest(1),
+            SourceDurability::NoPublisher | SourceDurability::NotAll => Replay::Nothing,
         }
     }
 
@@ -143,11 +143,13 @@ impl Ros2Publisher {
         let qos = self.topic.qos;
         let keeps = qos.durability == Durability::TransientLocal;
         let why = match self.source {
-            Keeping::All if !keeps => "its publishers keep their last message for who comes later",
-            Keeping::All if self.replay == Replay::Nothing => {
+            SourceDurability::All if !keeps => {
+                "its publishers keep their last message for who comes later"
+            }
+            SourceDurability::All if self.replay == Replay::Nothing => {
                 "its publishers keep their last message now"
             }
-            Keeping::NotAll if keeps && self.replay != Replay::Nothing => {
+            SourceDurability::NotAll if keeps && self.replay != Replay::Nothing => {
                 "its publishers keep nothing for who comes later"
             }
             _ => return None,
@@ -328,14 +330,14 @@ impl ForwardingPublisher for Ros2Publisher {
         self.origins.forget_all(self.context.clock.now(), HANDOVER);
     }
 
-    fn follow_source(&mut self, source: Keeping) {
+    fn follow_source(&mut self, source: SourceDurability) {
         // A policy that is set from outside is not followed. Publishers that are gone may come back
         // as they were.
         let follows = self.follows && !self.pinned.holds(QosPolicy::Durability);
         let is_news = match source {
-            Keeping::Unknown => false,
-            Keeping::Nobody => self.source == Keeping::Unknown,
-            Keeping::All | Keeping::NotAll => true,
+            SourceDurability::Unknown => false,
+            SourceDurability::NoPublisher => self.source == SourceDurability::Unknown,
+            SourceDurability::All | SourceDurability::NotAll => true,
         };
         if follows && is_news {
             self.source = source;

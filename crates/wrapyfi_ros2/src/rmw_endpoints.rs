@@ -5,8 +5,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use wrapyfi_rmw::{
-    Client, EventCounts, Fault, MATCH_SETTLES, Node, Publisher, Received, SendFault, Server,
-    Service, Side, Subscription, Taken,
+    Client, EndpointType, EventCounts, Fault, MATCH_SETTLES, Node, Publisher, Received, SendFault,
+    Server, Service, Subscription, Taken,
 };
 
 use super::graph::{
@@ -83,7 +83,7 @@ impl RmwReader {
 impl RmwReader {
     /// Publishers of other nodes on the topic.
     fn found(&self) -> Vec<[u8; 16]> {
-        let found = self.shared.on(&self.shared.spelled(&self.topic), Side::Publishers);
+        let found = self.shared.on(&self.shared.spelled(&self.topic), EndpointType::Publishers);
         let others = found.into_iter().flatten().filter(|(_, found)| !found.is_own);
         others.map(|(_, found)| found.gid).collect()
     }

@@ -17,7 +17,7 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use wrapyfi_rmw::{Durability, Fault, Gid, Liveliness, Node, NodeOptions, Side, TypeHash};
+use wrapyfi_rmw::{Durability, EndpointType, Fault, Gid, Liveliness, Node, NodeOptions, TypeHash};
 
 use super::config::CycloneConfig;
 use super::environment::DiscoveryRange;
@@ -214,7 +214,7 @@ impl Graph for RmwGraph {
         publishers: bool,
         on_change: Notify,
     ) -> Result<Box<dyn PeerWatch>, GraphError> {
-        let side = if publishers { Side::Publishers } else { Side::Subscriptions };
+        let side = if publishers { EndpointType::Publishers } else { EndpointType::Subscriptions };
         let watched = Arc::new(Watched {
             shared: Arc::clone(&self.0),
             topic: self.0.spelled(topic),
@@ -275,7 +275,7 @@ impl Shared {
     fn all(&self) -> Result<Vec<(String, DiscoveredEndpoint)>, Fault> {
         let mut all = Vec::new();
         for (topic, _) in self.node.topics()? {
-            for side in [Side::Publishers, Side::Subscriptions] {
+            for side in [EndpointType::Publishers, EndpointType::Subscriptions] {
                 all.extend(self.on(&topic, side)?);
             }
         }
@@ -322,7 +322,7 @@ impl Shared {
     pub(super) fn on(
         &self,
         topic: &str,
-        side: Side,
+        side: EndpointType,
     ) -> Result<impl Iterator<Item = (String, DiscoveredEndpoint)> + use<'_>, Fault> {
         let found = self.node.endpoints(topic, side)?;
         let topic = topic.to_owned();
@@ -330,7 +330,7 @@ impl Shared {
             let (node, mark) = parent(&endpoint.node);
             let is_own = node == self.name.fqn() || self.node.owns(&endpoint.gid);
             let found = DiscoveredEndpoint {
-                is_publisher: side == Side::Publishers,
+                is_publisher: side == EndpointType::Publishers,
                 topic: names::topic_from_dds(&topic).unwrap_or(&topic).to_owned(),
                 dds_topic: topic.clone(),
                 type_name: names::type_from_dds(&endpoint.type_name)
@@ -385,7 +385,7 @@ fn parent(node: &str) -> (&str, Option<BridgeMark>) {
 struct Watched {
     shared: Arc<Shared>,
     topic: String,
-    side: Side,
+    side: EndpointType,
     peers: Mutex<Vec<DiscoveredEndpoint>>,
     changes: AtomicU64,
 }

@@ -14,7 +14,7 @@ use std::cell::Cell;
 use std::collections::HashSet;
 use std::sync::Arc;
 
-use wrapyfi_rmw::{Fault, Message, Node, Publisher, Side, Subscription, Taken};
+use wrapyfi_rmw::{EndpointType, Fault, Message, Node, Publisher, Subscription, Taken};
 
 use super::graph::{
     CdrClient, CdrReply, CdrRequest, CdrServer, DiscoveredEndpoint, GraphError, Notify, Peers,
@@ -206,9 +206,9 @@ impl PairedServer {
         let [requests, replies] = &self.topics;
         let participant = |(_, one): (_, DiscoveredEndpoint)| one.gid.first_chunk::<12>().copied();
         let others = |(_, one): &(_, DiscoveredEndpoint)| !one.is_own;
-        let hearing = self.shared.on(replies, Side::Subscriptions)?.map(participant);
+        let hearing = self.shared.on(replies, EndpointType::Subscriptions)?.map(participant);
         let hearing: HashSet<_> = hearing.collect();
-        let mut asking = self.shared.on(requests, Side::Publishers)?.filter(others);
+        let mut asking = self.shared.on(requests, EndpointType::Publishers)?.filter(others);
         Ok(asking.all(|one| hearing.contains(&participant(one))))
     }
 }

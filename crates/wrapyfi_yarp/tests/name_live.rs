@@ -517,22 +517,22 @@ async fn a_browser_sees_ports_and_changes_nothing() {
 
 #[tokio::test]
 async fn a_server_is_found_by_multicast() {
-    use wrapyfi_yarp::name::multicast::{Discovery, discover};
+    use wrapyfi_yarp::name::multicast::{NameServerSearch, discover};
 
     // Any UDP port that is free: nobody else hears us there.
     let free = std::net::UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
     let options =
         NameServerOptions { port: 0, discovery_port: Some(free), ..NameServerOptions::default() };
     let server = NameServer::start(options).await.unwrap();
-    let asked = Discovery {
+    let asked = NameServerSearch {
         port: free,
         interface: std::net::Ipv4Addr::LOCALHOST,
         wait: TIMEOUT / 3,
-        ..Discovery::default()
+        ..NameServerSearch::default()
     };
     let found = discover(&asked).await.unwrap().expect("nobody answers");
     assert_eq!(&found, server.registration());
-    let other = Discovery {
+    let other = NameServerSearch {
         namespace: "/elsewhere".to_owned(),
         tries: 1,
         wait: Duration::from_millis(200),

@@ -80,13 +80,17 @@ use wrapyfi_data::types::{Map, MessageType, Value};
 use wrapyfi_endpoint::network::ReachedByOthers;
 use wrapyfi_endpoint::restart::restarted;
 use wrapyfi_endpoint::{
-    Client, Context, DiscoverError, Discovered, Discovery, LearnError, Learned, Listener,
-    Middleware, OpenError, PROGRESS, Publisher, Role, Server, ServiceSpec, Share, TopicSpec,
-    Traits, topic_of_name,
+    Client, Context, Conventions, DiscoverError, Discovered, Discovery, LearnError, Learned,
+    Listener, Middleware, OpenError, PROGRESS, Publisher, Role, Server, ServiceSpec, Share,
+    TopicSpec, Traits, topic_of_name,
 };
 
 /// Name of this middleware in addresses.
 pub const NAME: &str = "yarp";
+
+/// Conventions of YARP. A number follows the prefix of log ports, with which no name of ROS may begin.
+pub const CONVENTIONS: Conventions =
+    Conventions { program_topics: Some("log/"), ..Conventions::NONE };
 
 /// Longest name of a port: YARP reads 1000 bytes with its end, and a reader's name has a number.
 const MAX_NAME_BYTES: usize = 900;
@@ -423,7 +427,7 @@ impl Middleware for Yarp {
 
     fn traits(&self) -> Traits {
         // A name belongs to one port of the network: nobody else publishes where we do.
-        Traits { tells_own: true, untyped: true, ..Traits::default() }
+        Traits { tells_own: true, untyped: true, carriers: true, ..Traits::default() }
     }
 
     fn learn_topic(

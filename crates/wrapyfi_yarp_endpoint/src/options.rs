@@ -445,7 +445,7 @@ mod tests {
 
         let text = include_str!("../../../config/icub.yaml");
         let config: Config<NoEndpoints> = Config::from_yaml(text, "icub.yaml").unwrap();
-        let known = |name, options| Available { name, check_topic: &|_| Ok(()), options };
+        let known = |name, options| Available { name, options, ..Available::default() };
         let ends = [known("yarp", OPTIONS), known("ros2", &[])];
         let plan = Plan::new(&config, &ends, &mut TypeStore::generated(), "icub.yaml").unwrap();
         let at_yarp = |ends: [&EndpointAddress; 2]| {

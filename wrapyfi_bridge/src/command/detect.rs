@@ -6,7 +6,7 @@ use std::time::Duration;
 use anyhow::Context as _;
 use wrapyfi_yarp::name::conf::{NameServerConf, file_of, namespace};
 use wrapyfi_yarp::name::environment::Environment;
-use wrapyfi_yarp::name::multicast::{DISCOVERY_GROUP, Discovery, discover};
+use wrapyfi_yarp::name::multicast::{DISCOVERY_GROUP, NameServerSearch, discover};
 
 use crate::cli::DetectArgs;
 use crate::exit::Failure;
@@ -29,7 +29,7 @@ pub fn run(args: &DetectArgs) -> Result<(), Failure> {
         None => environment.base_port().map_err(Failure::usage)?,
     };
     let tries = args.timeout.as_millis().div_ceil(PAUSE.as_millis()).max(1);
-    let question = Discovery {
+    let question = NameServerSearch {
         port,
         namespace: namespace(&environment).map_err(Failure::usage)?,
         interface: args.ip.unwrap_or(Ipv4Addr::UNSPECIFIED),

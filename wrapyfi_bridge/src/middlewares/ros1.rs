@@ -14,8 +14,12 @@ use super::word::Word;
 use crate::exit::Failure;
 
 /// The middleware as routes and commands address it, with its rules for topics.
-pub(super) const AVAILABLE: Available<'static> =
-    Available { name: NAME, check_topic: &ros1::check_name, options: &[] };
+pub(super) const AVAILABLE: Available<'static> = Available {
+    name: NAME,
+    check_topic: &ros1::check_name,
+    options: &[],
+    conventions: ros1::CONVENTIONS,
+};
 
 /// `endpoints.ros`; what is left out comes from `ROS_MASTER_URI`, `ROS_HOSTNAME`, `ROS_IP` and
 /// `ROS_NAMESPACE`.

@@ -1,6 +1,7 @@
 //! `endpoints.ros2` of a configuration, and the middleware that it makes.
 
 use serde::Deserialize;
+use wrapyfi_core::endpoint::Conventions;
 use wrapyfi_core::engine::Available;
 use wrapyfi_core::middleware::ros2::{Adapter, Ros2};
 use wrapyfi_core::start::Ros2Settings;
@@ -10,8 +11,12 @@ use crate::exit::Failure;
 use crate::node::Node;
 
 /// The middleware as routes and commands address it, with its rules for topics.
-pub(super) const AVAILABLE: Available<'static> =
-    Available { name: "ros2", check_topic: &check_topic, options: &[] };
+pub(super) const AVAILABLE: Available<'static> = Available {
+    name: "ros2",
+    check_topic: &check_topic,
+    options: &[],
+    conventions: Conventions { has_text_type: true, ..Conventions::NONE },
+};
 
 /// The rules do not depend on the node: any will do.
 fn check_topic(topic: &str) -> Result<(), String> {

@@ -16,8 +16,12 @@ use crate::exit::Failure;
 use crate::logging;
 
 /// The middleware as routes and commands address it, with its rules for topics.
-pub(super) const AVAILABLE: Available<'static> =
-    Available { name: NAME, check_topic: &yarp::check_topic, options: yarp::OPTIONS };
+pub(super) const AVAILABLE: Available<'static> = Available {
+    name: NAME,
+    check_topic: &yarp::check_topic,
+    options: yarp::OPTIONS,
+    conventions: yarp::CONVENTIONS,
+};
 
 /// `endpoints.yarp`; what is left out comes from YARP's own configuration (`yarp.conf`).
 #[derive(Debug, Clone, Default, Deserialize)]

@@ -2,6 +2,7 @@
 
 use clap::Args;
 use serde::Deserialize;
+use wrapyfi_core::endpoint::Conventions;
 use wrapyfi_core::engine::{Available, Problem, Spanned};
 use wrapyfi_core::middleware::zeromq::{self, BrokerMode, ZeroMqConfig};
 use wrapyfi_core::network::Hosts;
@@ -11,8 +12,12 @@ use super::word::Word;
 use crate::exit::Failure;
 
 /// The middleware as routes and commands address it, with its rules for topics.
-pub(super) const AVAILABLE: Available<'static> =
-    Available { name: "zeromq", check_topic: &zeromq::check_topic, options: &[] };
+pub(super) const AVAILABLE: Available<'static> = Available {
+    name: "zeromq",
+    check_topic: &zeromq::check_topic,
+    options: &[],
+    conventions: Conventions::NONE,
+};
 
 /// `endpoints.zeromq`; what is left out comes from the `WRAPYFI_ZEROMQ_*` variables, else from
 /// Wrapyfi's defaults.

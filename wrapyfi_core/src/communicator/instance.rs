@@ -84,9 +84,9 @@ impl<M: Method> Instance<M> {
     ///
     /// # Errors
     /// When the configuration gives it a mode that it cannot have.
-    pub fn call(&self, index: usize) -> Result<Call, MethodError> {
+    pub fn call(&self, index: usize) -> Result<RunningCall, MethodError> {
         let Some(slot) = self.shared.slot(index) else {
-            return Ok(Call {
+            return Ok(RunningCall {
                 shared: Arc::clone(&self.shared),
                 index,
                 mode: Mode::None,
@@ -98,7 +98,7 @@ impl<M: Method> Instance<M> {
         }
         let (mode, session) = (slot.mode, slot.session.clone());
         drop(slot);
-        Ok(Call { shared: Arc::clone(&self.shared), index, mode, session })
+        Ok(RunningCall { shared: Arc::clone(&self.shared), index, mode, session })
     }
 }
 
@@ -309,20 +309,20 @@ fn end(session: Option<Arc<Session>>) {
 }
 
 /// A call that has begun, with its mode and endpoints.
-pub struct Call {
+pub struct RunningCall {
     shared: Arc<Shared>,
     index: usize,
     mode: Mode,
     session: Option<Arc<Session>>,
 }
 
-impl fmt::Debug for Call {
+impl fmt::Debug for RunningCall {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Call").field("mode", &self.mode).finish_non_exhaustive()
+        f.debug_struct("RunningCall").field("mode", &self.mode).finish_non_exhaustive()
     }
 }
 
-impl Call {
+impl RunningCall {
     /// Mode of the call, which an `activate` meanwhile does not change.
     #[must_use]
     pub fn mode(&self) -> Mode {
@@ -341,10 +341,10 @@ impl Call {
         }
     }
 
-    /// As [`Call::open`], for a task.
+    /// As [`RunningCall::open`], for a task.
     ///
     /// # Errors
-    /// As [`Call::open`].
+    /// As [`RunningCall::open`].
     pub async fn open_async(
         &self,
         given: impl FnOnce() -> Vec<Given>,

@@ -95,7 +95,7 @@ pub use config::Configuration;
 pub use context::{CommunicatorContext, ContextBuilder};
 pub use describe::{Class, Literal, Method, MethodSpec, NamesMethod, Register};
 pub use error::{ActivateError, MethodError};
-pub use instance::{Call, Control, Instance};
+pub use instance::{Control, Instance, RunningCall};
 pub use mode::{Mode, Modes, NamesMode, NamesOneMode, ParseModeError};
 pub use option::{OptionError, OptionValue, Options};
 pub use resolve::{Given, Side, argument};

@@ -160,17 +160,18 @@ impl Opening<'_> {
                 reason: other.to_string(),
             },
         })?;
-        self.mention(&options, source.name());
+        self.mention(&options, &*middleware);
         let endpoint = EndpointAddress { middleware: source.name().to_owned(), name: topic };
         Ok(End { endpoint, options, middleware, queue_depth: source.queue_depth(), limits })
     }
 
     /// Logs the options that the middleware cannot follow.
-    fn mention(&self, options: &Options, middleware: &str) {
+    fn mention(&self, options: &Options, middleware: &dyn Middleware) {
         if let Ok(Some(carrier)) = options.text("carrier")
             && carrier != "tcp"
-            && middleware != "yarp"
+            && !middleware.traits().carriers
         {
+            let middleware = middleware.name();
             tracing::warn!("{}: {middleware} has no carrier {carrier}; it is ignored", self.method);
         }
     }

@@ -401,8 +401,7 @@ fn read(route: &str) -> Route {
     let text = format!("  - {{ {route} }}\n");
     let config: Config<NoEndpoints> =
         Config::from_yaml(&format!("routes:\n{text}"), "bridge.yaml").expect("a configuration");
-    let known =
-        ["a", "b", "c"].map(|name| Available { name, check_topic: &|_| Ok(()), options: &[] });
+    let known = ["a", "b", "c"].map(|name| Available { name, ..Available::default() });
     let plan = Plan::new(&config, &known, &mut types(), "bridge.yaml").expect("a plan");
     plan.routes.into_iter().next().expect("a route")
 }

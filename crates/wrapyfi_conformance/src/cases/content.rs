@@ -4,7 +4,7 @@ use wrapyfi_core::endpoint::TopicSpec;
 use wrapyfi_core::types::{CompressedFormat, Encoding, MessageType, Payload, SampleFormat};
 
 use crate::payloads::{file, frame, in_frame, number, rich, sound};
-use crate::{Side, Testbed, connect};
+use crate::{Testbed, WireEnd, connect};
 
 /// Sends each payload over a topic of its own, both ways.
 #[track_caller]
@@ -16,7 +16,7 @@ fn arrive_unchanged<R: Testbed>(
     for (index, (payload, color_order)) in payloads.into_iter().enumerate() {
         let payload =
             if R::CAPABILITIES.frame_id { in_frame(payload, "optical_frame") } else { payload };
-        for from in Side::BOTH {
+        for from in WireEnd::BOTH {
             let mut spec = TopicSpec::new(format!("/{from:?}_{index}"), message_type);
             spec.color_order = color_order;
             let (mut source, mut sink) = connect(&testbed, from, &spec);

@@ -5,12 +5,12 @@ use wrapyfi_core::endpoint::QosPreset;
 use super::text;
 use crate::ends::ready;
 use crate::payloads::{number, numbers};
-use crate::{Side, Sink, Source, Testbed, connect, wait_until};
+use crate::{Sink, Source, Testbed, WireEnd, connect, wait_until};
 
 /// Two hundred messages arrive once each, in the order in which they were sent.
 pub fn order_is_kept<R: Testbed>() {
     let testbed = R::start();
-    for from in Side::BOTH {
+    for from in WireEnd::BOTH {
         let mut spec = text(&format!("/{from:?}"));
         spec.queue.depth = 256;
         let (mut source, mut sink) = connect(&testbed, from, &spec);
@@ -25,7 +25,7 @@ pub fn order_is_kept<R: Testbed>() {
 /// Opening order does not matter, and opening never waits for a peer.
 pub fn either_end_may_come_first<R: Testbed>() {
     let testbed = R::start();
-    for from in Side::BOTH {
+    for from in WireEnd::BOTH {
         let spec = text(&format!("/listener_first_{from:?}"));
         let mut sink = Sink::open(testbed.side(from.other()), &spec);
         assert_eq!(sink.take(), None);
@@ -47,8 +47,8 @@ pub fn either_end_may_come_first<R: Testbed>() {
 pub fn every_listener_gets_its_copy<R: Testbed>() {
     let testbed = R::start();
     let spec = text("/shared");
-    let (mut source, sink) = connect(&testbed, Side::Near, &spec);
-    let mut sinks = vec![sink, Sink::open(testbed.side(Side::Far), &spec)];
+    let (mut source, sink) = connect(&testbed, WireEnd::Near, &spec);
+    let mut sinks = vec![sink, Sink::open(testbed.side(WireEnd::Far), &spec)];
     // Not all transports can say that the second one is known: it is when something arrives.
     let wake = sinks[1].context.wake.clone();
     let mut n = 0;
@@ -75,21 +75,21 @@ pub fn every_listener_gets_its_copy<R: Testbed>() {
 pub fn late_listeners_hear_what_is_new<R: Testbed>() {
     let testbed = R::start();
     let spec = text("/volatile");
-    let mut source = Source::open(testbed.side(Side::Near), &spec);
+    let mut source = Source::open(testbed.side(WireEnd::Near), &spec);
     assert!(!source.publisher.link().keeps_last);
     source
         .wait_for("an open way", |link| R::CAPABILITIES.waits_aloud || link.waiting_for.is_none());
     for n in 0..3 {
         source.send(&number(n));
     }
-    let mut first = Sink::open(testbed.side(Side::Far), &spec);
+    let mut first = Sink::open(testbed.side(WireEnd::Far), &spec);
     ready::<R>(&source, &first);
     source.send(&number(3));
     assert_eq!(first.receive(), number(3));
     drop(first);
     source.wait_for_nobody();
     source.send(&number(4));
-    let mut second = Sink::open(testbed.side(Side::Far), &spec);
+    let mut second = Sink::open(testbed.side(WireEnd::Far), &spec);
     ready::<R>(&source, &second);
     source.send(&number(5));
     assert_eq!(second.receive(), number(5));
@@ -101,15 +101,15 @@ pub fn the_kept_message_is_replayed_once<R: Testbed>() {
     let testbed = R::start();
     let mut spec = text("/latched");
     spec.qos = QosPreset::Latched.into();
-    let mut source = Source::open(testbed.side(Side::Near), &spec);
+    let mut source = Source::open(testbed.side(WireEnd::Near), &spec);
     assert!(source.publisher.link().keeps_last);
     source.send(&number(1));
     source.send(&number(2));
-    let mut first = Sink::open(testbed.side(Side::Far), &spec);
+    let mut first = Sink::open(testbed.side(WireEnd::Far), &spec);
     assert_eq!(first.receive(), number(2));
     source.send(&number(3));
     assert_eq!(first.receive(), number(3));
-    let mut second = Sink::open(testbed.side(Side::Far), &spec);
+    let mut second = Sink::open(testbed.side(WireEnd::Far), &spec);
     assert_eq!(second.receive(), number(3));
     source.send(&number(4));
     assert_eq!((first.receive(), second.receive()), (number(4), number(4)));
@@ -125,7 +125,7 @@ pub fn topics_do_not_disturb_each_other<R: Testbed>() {
         .map(|topic| {
             let mut spec = text(&format!("/t{topic}"));
             spec.queue.depth = 64;
-            connect(&testbed, Side::BOTH[usize::from(topic % 2 == 0)], &spec)
+            connect(&testbed, WireEnd::BOTH[usize::from(topic % 2 == 0)], &spec)
         })
         .collect();
     // A publisher may take a listener of `/t1` for one of `/t10`: so each route is tried first.
@@ -162,9 +162,9 @@ pub fn topics_do_not_disturb_each_other<R: Testbed>() {
 pub fn own_publications_are_not_received<R: Testbed>() {
     let testbed = R::start();
     let spec = text("/echo");
-    let mut own = Sink::open(testbed.side(Side::Near), &spec);
-    let (mut near, mut witness) = connect(&testbed, Side::Near, &spec);
-    let mut far = Source::open(testbed.side(Side::Far), &spec);
+    let mut own = Sink::open(testbed.side(WireEnd::Near), &spec);
+    let (mut near, mut witness) = connect(&testbed, WireEnd::Near, &spec);
+    let mut far = Source::open(testbed.side(WireEnd::Far), &spec);
     ready::<R>(&far, &own);
     let wake = witness.context.wake.clone();
     for n in 1..=3 {

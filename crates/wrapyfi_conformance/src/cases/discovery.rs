@@ -4,18 +4,18 @@ use wrapyfi_core::endpoint::{Discovered, Discovery, Role, Wake};
 
 use super::text;
 use crate::payloads::number;
-use crate::{Side, Testbed, connect, wait_until};
+use crate::{Testbed, WireEnd, connect, wait_until};
 
 /// Endpoints of the other side are found while somebody looks, and only while they exist. A
 /// publisher sends meanwhile: a transport may know it by nothing else.
 pub fn what_exists_is_found_and_what_went_is_not<R: Testbed>() {
     let testbed = R::start();
     let wake = Wake::new();
-    for from in Side::BOTH {
+    for from in WireEnd::BOTH {
         let spec = text(&format!("/{from:?}"));
         let (mut source, sink) = connect(&testbed, from, &spec);
         let role_of_far = |far| if far == from { Role::Publisher } else { Role::Listener };
-        let mut looks = Side::BOTH.map(|side| {
+        let mut looks = WireEnd::BOTH.map(|side| {
             let discovery =
                 testbed.side(side).discover().expect("a middleware that can be looked at");
             (discovery, role_of_far(side.other()))

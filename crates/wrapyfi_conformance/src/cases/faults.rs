@@ -6,7 +6,7 @@ use wrapyfi_core::types::{Encoding, MessageType};
 use super::text;
 use crate::ends::ready;
 use crate::payloads::{frame, number, small};
-use crate::{Side, Sink, Source, Testbed, TypeCheck, connect, wait_until};
+use crate::{Sink, Source, Testbed, TypeCheck, WireEnd, connect, wait_until};
 
 /// Over the listener's limit: counted, and the next one arrives. Over the publisher's: refused.
 pub fn what_is_too_large_is_counted_and_passed_over<R: Testbed>() {
@@ -15,8 +15,8 @@ pub fn what_is_too_large_is_counted_and_passed_over<R: Testbed>() {
     let mut narrow = wide.clone();
     narrow.limits.message_bytes = 40_000;
     wide.limits.message_bytes = 1 << 20;
-    let mut source = Source::open(testbed.side(Side::Near), &wide);
-    let mut sink = Sink::open(testbed.side(Side::Far), &narrow);
+    let mut source = Source::open(testbed.side(WireEnd::Near), &wide);
+    let mut sink = Sink::open(testbed.side(WireEnd::Far), &narrow);
     ready::<R>(&source, &sink);
     for round in 1..=3 {
         source.send(&frame(120, 120, Encoding::Bgr8));
@@ -45,7 +45,7 @@ pub fn what_is_malformed_is_counted_and_passed_over<R: Testbed>() {
     let mut testbed = R::start();
     for message_type in MessageType::TOPICS {
         let spec = TopicSpec::new(format!("/{message_type:?}"), message_type);
-        let (mut source, mut sink) = connect(&testbed, Side::Near, &spec);
+        let (mut source, mut sink) = connect(&testbed, WireEnd::Near, &spec);
         for body in bodies {
             testbed.inject(&spec, body);
         }
@@ -75,8 +75,8 @@ pub fn what_is_malformed_is_counted_and_passed_over<R: Testbed>() {
 pub fn other_types_are_never_delivered<R: Testbed>() {
     let testbed = R::start();
     let spec = TopicSpec::new("/contested", MessageType::Image);
-    let mut sink = Sink::open(testbed.side(Side::Far), &spec);
-    let mut wrong = Source::open(testbed.side(Side::Near), &text("/contested"));
+    let mut sink = Sink::open(testbed.side(WireEnd::Far), &spec);
+    let mut wrong = Source::open(testbed.side(WireEnd::Near), &text("/contested"));
     match R::CAPABILITIES.types {
         TypeCheck::Match => {
             sink.wait_for("the link to name the other type", |link| {
@@ -101,7 +101,7 @@ pub fn other_types_are_never_delivered<R: Testbed>() {
     if !R::CAPABILITIES.several_publishers {
         drop(wrong);
     }
-    let mut right = Source::open(testbed.side(Side::Near), &spec);
+    let mut right = Source::open(testbed.side(WireEnd::Near), &spec);
     ready::<R>(&right, &sink);
     right.send(&small::<R>(MessageType::Image));
     assert!(sink.receive() == small::<R>(MessageType::Image));
@@ -112,7 +112,7 @@ pub fn a_payload_of_another_kind_is_refused<R: Testbed>() {
     let testbed = R::start();
     for message_type in MessageType::TOPICS {
         let spec = TopicSpec::new(format!("/{message_type:?}"), message_type);
-        let (mut source, mut sink) = connect(&testbed, Side::Near, &spec);
+        let (mut source, mut sink) = connect(&testbed, WireEnd::Near, &spec);
         for other in MessageType::TOPICS {
             if other.data_type() == message_type.data_type() {
                 continue;
@@ -132,7 +132,7 @@ pub fn names_that_cannot_work_are_refused<R: Testbed>() {
     let names = R::invalid_names();
     assert!(!names.is_empty(), "the testbed names none");
     for name in names {
-        for side in Side::BOTH {
+        for side in WireEnd::BOTH {
             let middleware = testbed.side(side);
             for refused in [
                 middleware.open_listener(&text(&name), &Context::default()).err(),

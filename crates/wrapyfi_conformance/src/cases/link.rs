@@ -3,12 +3,12 @@
 use super::text;
 use crate::ends::ready;
 use crate::payloads::number;
-use crate::{Side, Sink, Source, TIMEOUT, Testbed, connect};
+use crate::{Sink, Source, TIMEOUT, Testbed, WireEnd, connect};
 
 /// A publisher's link follows its listeners, and each change rings.
 pub fn publishers_know_who_listens<R: Testbed>() {
     let testbed = R::start();
-    for side in Side::BOTH {
+    for side in WireEnd::BOTH {
         let spec = text(&format!("/{side:?}"));
         let source = Source::open(testbed.side(side), &spec);
         source.wait_for("nobody", |link| link.peers == Some(0));
@@ -42,7 +42,7 @@ pub fn publishers_know_who_listens<R: Testbed>() {
 /// A listener's link follows its publishers, and each change rings.
 pub fn listeners_know_who_publishes<R: Testbed>() {
     let testbed = R::start();
-    for side in Side::BOTH {
+    for side in WireEnd::BOTH {
         let spec = text(&format!("/{side:?}"));
         let sink = Sink::open(testbed.side(side), &spec);
         sink.wait_for("nobody", |link| {
@@ -72,7 +72,7 @@ pub fn listeners_know_who_publishes<R: Testbed>() {
 /// A message that arrives rings, and can be taken then.
 pub fn an_arrival_rings<R: Testbed>() {
     let testbed = R::start();
-    for from in Side::BOTH {
+    for from in WireEnd::BOTH {
         let (mut source, mut sink) = connect(&testbed, from, &text(&format!("/{from:?}")));
         if !R::CAPABILITIES.listener_knows_peers {
             assert_eq!(sink.listener.link().peers, None, "unknown is not zero");

@@ -6,7 +6,7 @@ use wrapyfi_core::endpoint::{DropReason, Overflow, QueueSpec, TopicSpec};
 
 use super::text;
 use crate::payloads::{number, numbers};
-use crate::{Side, TIMEOUT, Testbed, connect, wait_until};
+use crate::{TIMEOUT, Testbed, WireEnd, connect, wait_until};
 
 const DEPTH: usize = 4;
 const SENT: u64 = 20;
@@ -19,7 +19,7 @@ fn queued(overflow: Overflow) -> TopicSpec {
 #[track_caller]
 fn overflow<R: Testbed>(policy: Overflow, kept: std::ops::Range<u64>) {
     let testbed = R::start();
-    for from in Side::BOTH {
+    for from in WireEnd::BOTH {
         let mut spec = queued(policy);
         spec.topic = format!("/{from:?}");
         let (mut source, mut sink) = connect(&testbed, from, &spec);
@@ -50,7 +50,8 @@ pub fn drop_newest_keeps_the_oldest<R: Testbed>() {
 /// [`Overflow::Block`] with a reader that comes back: twice what the queue holds is not lost.
 pub fn block_waits_for_the_reader<R: Testbed>() {
     let testbed = R::start();
-    let (mut source, mut sink) = connect(&testbed, Side::Near, &queued(Overflow::Block(TIMEOUT)));
+    let (mut source, mut sink) =
+        connect(&testbed, WireEnd::Near, &queued(Overflow::Block(TIMEOUT)));
     let sent = numbers(0..2 * DEPTH as u64);
     for message in &sent {
         source.send(message);
@@ -66,7 +67,7 @@ pub fn block_waits_for_the_reader<R: Testbed>() {
 pub fn block_gives_up_at_its_deadline<R: Testbed>() {
     let testbed = R::start();
     let policy = Overflow::Block(Duration::from_millis(20));
-    let (mut source, mut sink) = connect(&testbed, Side::Near, &queued(policy));
+    let (mut source, mut sink) = connect(&testbed, WireEnd::Near, &queued(policy));
     source.send_all(&numbers(0..SENT), &sink);
     let taken = sink.settle();
     assert!(taken.len() >= DEPTH, "{taken:?}");
@@ -80,7 +81,7 @@ pub fn block_gives_up_at_its_deadline<R: Testbed>() {
 /// `discard` passes over exactly one message and says whether there was one.
 pub fn discarding_takes_one_message<R: Testbed>() {
     let testbed = R::start();
-    let (mut source, mut sink) = connect(&testbed, Side::Near, &text("/discarded"));
+    let (mut source, mut sink) = connect(&testbed, WireEnd::Near, &text("/discarded"));
     assert!(!sink.listener.discard(), "nothing waits yet");
     source.send_all(&numbers(0..3), &sink);
     assert!(sink.listener.discard());

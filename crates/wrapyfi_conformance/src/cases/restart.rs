@@ -10,7 +10,7 @@ use super::text;
 use crate::alone::{run_alone, threads};
 use crate::ends::ready;
 use crate::payloads::{number, numbers};
-use crate::{Side, Sink, Source, Testbed, connect, wait_until};
+use crate::{Sink, Source, Testbed, WireEnd, connect, wait_until};
 
 /// Everything that is sent after a restart arrives exactly once.
 #[track_caller]
@@ -24,7 +24,7 @@ fn flows_once(source: &mut Source, sink: &mut Sink, first: u64) {
 
 /// The publisher's side ends and starts again, three times over.
 pub fn a_publisher_that_restarts_flows_again<R: Testbed>() {
-    for from in Side::BOTH {
+    for from in WireEnd::BOTH {
         let mut testbed = R::start();
         let spec = text("/restart");
         let (mut source, mut sink) = connect(&testbed, from, &spec);
@@ -41,7 +41,7 @@ pub fn a_publisher_that_restarts_flows_again<R: Testbed>() {
 
 /// The listener's side ends and starts again, three times over.
 pub fn a_listener_that_restarts_flows_again<R: Testbed>() {
-    for from in Side::BOTH {
+    for from in WireEnd::BOTH {
         let mut testbed = R::start();
         let spec = text("/restart");
         let (mut source, mut sink) = connect(&testbed, from, &spec);
@@ -62,7 +62,7 @@ pub fn endpoints_may_close_under_traffic<R: Testbed>() {
     let testbed = R::start();
     let spec = text("/busy");
     let stop = AtomicBool::new(false);
-    let (mut source, mut steady) = connect(&testbed, Side::Near, &spec);
+    let (mut source, mut steady) = connect(&testbed, WireEnd::Near, &spec);
     std::thread::scope(|scope| {
         let stop = &stop;
         scope.spawn(move || {
@@ -81,8 +81,8 @@ pub fn endpoints_may_close_under_traffic<R: Testbed>() {
             if round % 3 == 0 {
                 passing.queue.overflow = Overflow::Block(std::time::Duration::from_millis(1));
             }
-            let mut sink = Sink::open(testbed.side(Side::Far), &passing);
-            let other = Source::open(testbed.side(Side::Far), &spec);
+            let mut sink = Sink::open(testbed.side(WireEnd::Far), &passing);
+            let other = Source::open(testbed.side(WireEnd::Far), &spec);
             for _ in 0..round % 4 {
                 sink.receive();
             }
@@ -100,7 +100,8 @@ pub fn shutdown_is_quick_and_leaves_no_thread<R: Testbed>() {
     run_alone(|| {
         let before = threads();
         let testbed = R::start();
-        let routes = Side::BOTH.map(|from| connect(&testbed, from, &text(&format!("/{from:?}"))));
+        let routes =
+            WireEnd::BOTH.map(|from| connect(&testbed, from, &text(&format!("/{from:?}"))));
         let start = Instant::now();
         drop(routes);
         drop(testbed);

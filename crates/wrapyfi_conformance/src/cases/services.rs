@@ -11,7 +11,7 @@ use wrapyfi_core::{DecodeError, EncodeError};
 
 use crate::payloads::{frame, rich, sound};
 use crate::service_ends::{ClientEnd, SOON, ServerEnd, call_and_serve};
-use crate::{Side, TIMEOUT, Testbed, wait_until};
+use crate::{TIMEOUT, Testbed, WireEnd, wait_until};
 
 fn native(name: &str) -> ServiceSpec {
     ServiceSpec::new(name, ServiceKind::NativeObject)
@@ -33,7 +33,7 @@ fn timed<R: Testbed>(payload: &Payload) -> Payload {
 
 /// A call is answered, whichever side serves, and whichever end came first.
 pub fn a_call_is_answered<R: Testbed>() {
-    for at in Side::BOTH {
+    for at in WireEnd::BOTH {
         for server_first in [true, false] {
             let testbed = R::start();
             let spec = native("/answered");
@@ -58,7 +58,7 @@ pub fn a_call_is_answered<R: Testbed>() {
 pub fn arguments_arrive_unchanged<R: Testbed>() {
     let testbed = R::start();
     let (mut client_end, mut server_end) =
-        call_and_serve(&testbed, Side::Far, &native("/arguments"));
+        call_and_serve(&testbed, WireEnd::Far, &native("/arguments"));
     let Payload::NativeObject(everything) = rich() else { unreachable!() };
     for request in [
         Request::default(),
@@ -80,7 +80,7 @@ pub fn every_kind_is_returned<R: Testbed>() {
     for kind in ServiceKind::ALL {
         let testbed = R::start();
         let spec = ServiceSpec::new("/kind", kind);
-        let (mut client_end, mut server_end) = call_and_serve(&testbed, Side::Near, &spec);
+        let (mut client_end, mut server_end) = call_and_serve(&testbed, WireEnd::Near, &spec);
         let payloads = match kind.data_type() {
             DataType::Image => vec![
                 frame(4, 3, Encoding::Bgr8),
@@ -112,7 +112,8 @@ pub fn every_kind_is_returned<R: Testbed>() {
 /// Several calls under way are answered in any order, each with its own reply.
 pub fn calls_are_answered_in_any_order<R: Testbed>() {
     let testbed = R::start();
-    let (mut client_end, mut server_end) = call_and_serve(&testbed, Side::Far, &native("/order"));
+    let (mut client_end, mut server_end) =
+        call_and_serve(&testbed, WireEnd::Far, &native("/order"));
     let tickets: Vec<_> = (0..8).map(|n| client_end.ask([n.into()])).collect();
     let mut asked: Vec<_> = (0..8).map(|_| server_end.receive()).collect();
     asked.reverse();
@@ -129,7 +130,7 @@ pub fn calls_are_answered_in_any_order<R: Testbed>() {
 pub fn a_blocking_call_returns<R: Testbed>() {
     let testbed = R::start();
     let (mut client_end, mut server_end) =
-        call_and_serve(&testbed, Side::Far, &native("/blocking"));
+        call_and_serve(&testbed, WireEnd::Far, &native("/blocking"));
     let server = std::thread::spawn(move || {
         for _ in 0..3 {
             let asked = server_end.receive();
@@ -150,7 +151,7 @@ pub fn an_error_is_told<R: Testbed>() {
     for kind in [ServiceKind::NativeObject, ServiceKind::Image, ServiceKind::AudioChunk] {
         let testbed = R::start();
         let spec = ServiceSpec::new("/error", kind);
-        let (mut client_end, mut server_end) = call_and_serve(&testbed, Side::Near, &spec);
+        let (mut client_end, mut server_end) = call_and_serve(&testbed, WireEnd::Near, &spec);
         let ticket = client_end.ask([]);
         let asked = server_end.receive();
         server_end.server.reply(asked.id, Err("no \"camera\" is open".into())).unwrap();
@@ -164,7 +165,7 @@ pub fn an_error_is_told<R: Testbed>() {
 pub fn an_answer_of_another_kind_is_refused<R: Testbed>() {
     let testbed = R::start();
     let spec = ServiceSpec::new("/other_kind", ServiceKind::Image);
-    let (mut client_end, mut server_end) = call_and_serve(&testbed, Side::Near, &spec);
+    let (mut client_end, mut server_end) = call_and_serve(&testbed, WireEnd::Near, &spec);
     let ticket = client_end.ask([]);
     let asked = server_end.receive();
     let refused = server_end.server.reply(asked.id, Ok(list([]))).unwrap_err();
@@ -181,9 +182,9 @@ pub fn an_answer_of_another_kind_is_refused<R: Testbed>() {
 /// A client that expects another kind is never given what it cannot use.
 pub fn a_client_of_another_kind_is_told<R: Testbed>() {
     let testbed = R::start();
-    let mut server_end = ServerEnd::open(testbed.side(Side::Near), &native("/contested"));
+    let mut server_end = ServerEnd::open(testbed.side(WireEnd::Near), &native("/contested"));
     let sound = ServiceSpec::new("/contested", ServiceKind::AudioChunk);
-    let mut client_end = ClientEnd::open(testbed.side(Side::Far), &sound);
+    let mut client_end = ClientEnd::open(testbed.side(WireEnd::Far), &sound);
     let ticket = client_end.ask_within([], Duration::from_secs(3));
     let told = client_end.await_with(ticket, || _ = server_end.echo()).unwrap_err();
     match told {
@@ -194,7 +195,7 @@ pub fn a_client_of_another_kind_is_told<R: Testbed>() {
         CallError::Reply { .. } => {}
         other => panic!("{other:?}"),
     }
-    let mut right = ClientEnd::open(testbed.side(Side::Far), &native("/contested"));
+    let mut right = ClientEnd::open(testbed.side(WireEnd::Far), &native("/contested"));
     let ticket = right.ask([1.into()]);
     assert_eq!(right.await_echo(ticket, &mut server_end), Ok(list([1.into()])));
 }
@@ -203,14 +204,14 @@ pub fn a_client_of_another_kind_is_told<R: Testbed>() {
 pub fn without_a_server_a_call_times_out<R: Testbed>() {
     let testbed = R::start();
     let spec = native("/nobody");
-    let mut client_end = ClientEnd::open(testbed.side(Side::Far), &spec);
+    let mut client_end = ClientEnd::open(testbed.side(WireEnd::Far), &spec);
     let begin = Instant::now();
     let error = client_end.client.call(&Request::default(), SOON).unwrap_err();
     let CallError::TimedOut { timeout_ms, why, .. } = &error else { panic!("{error:?}") };
     assert!(*timeout_ms == 200 && !why.is_empty(), "{error}");
     assert!(begin.elapsed() >= SOON);
     let ticket = client_end.ask([5.into()]);
-    let mut server_end = ServerEnd::open(testbed.side(Side::Near), &spec);
+    let mut server_end = ServerEnd::open(testbed.side(WireEnd::Near), &spec);
     // A request that its client has given up must not be done late.
     assert_eq!(client_end.await_echo(ticket, &mut server_end), Ok(list([5.into()])));
     assert_eq!(server_end.counters().sent, 1, "the request that timed out was served, too");
@@ -219,7 +220,8 @@ pub fn without_a_server_a_call_times_out<R: Testbed>() {
 /// A reply after its time is dropped and counted, and does not disturb the next call.
 pub fn late_replies_are_counted<R: Testbed>() {
     let testbed = R::start();
-    let (mut client_end, mut server_end) = call_and_serve(&testbed, Side::Near, &native("/late"));
+    let (mut client_end, mut server_end) =
+        call_and_serve(&testbed, WireEnd::Near, &native("/late"));
     for round in 1..=3 {
         let ticket = client_end.ask_within([round.into()], Duration::from_millis(500));
         let asked = server_end.receive();
@@ -241,7 +243,7 @@ pub fn late_replies_are_counted<R: Testbed>() {
 pub fn an_unanswered_request_ends<R: Testbed>() {
     let testbed = R::start();
     let spec = ServiceSpec { timeout: Duration::from_secs(1), ..native("/unanswered") };
-    let (mut client_end, mut server_end) = call_and_serve(&testbed, Side::Near, &spec);
+    let (mut client_end, mut server_end) = call_and_serve(&testbed, WireEnd::Near, &spec);
     let ticket = client_end.ask([1.into()]);
     let forgotten = server_end.receive();
     let told = client_end.await_with(ticket, || _ = server_end.take()).unwrap_err();
@@ -258,8 +260,8 @@ pub fn an_unanswered_request_ends<R: Testbed>() {
 pub fn more_than_the_limit_is_refused<R: Testbed>() {
     let testbed = R::start();
     let spec = ServiceSpec { pending: 3, ..native("/limit") };
-    let (mut narrow, mut server_end) = call_and_serve(&testbed, Side::Near, &spec);
-    let mut wide = ClientEnd::open(testbed.side(Side::Far), &native("/limit"));
+    let (mut narrow, mut server_end) = call_and_serve(&testbed, WireEnd::Near, &spec);
+    let mut wide = ClientEnd::open(testbed.side(WireEnd::Far), &native("/limit"));
     wide.ready();
     let tickets: Vec<_> = (0..4).map(|n| wide.ask([n.into()])).collect();
     let mut asked = Vec::new();
@@ -297,7 +299,7 @@ pub fn more_than_the_limit_is_refused<R: Testbed>() {
 
 /// A server that ends and comes back is asked again, and so is a client's side.
 pub fn a_server_that_restarts_is_asked_again<R: Testbed>() {
-    for at in Side::BOTH {
+    for at in WireEnd::BOTH {
         let mut testbed = R::start();
         let spec = native("/restart");
         let (mut client_end, mut server_end) = call_and_serve(&testbed, at, &spec);
@@ -329,9 +331,10 @@ pub fn a_server_that_restarts_is_asked_again<R: Testbed>() {
 /// Several clients at once each get their own replies.
 pub fn several_clients_get_their_own_replies<R: Testbed>() {
     let testbed = R::start();
-    let (first, mut server_end) = call_and_serve(&testbed, Side::Near, &native("/several"));
+    let (first, mut server_end) = call_and_serve(&testbed, WireEnd::Near, &native("/several"));
     let mut callers = vec![first];
-    callers.extend((0..3).map(|_| ClientEnd::open(testbed.side(Side::Far), &native("/several"))));
+    callers
+        .extend((0..3).map(|_| ClientEnd::open(testbed.side(WireEnd::Far), &native("/several"))));
     let tickets: Vec<Vec<_>> = callers
         .iter_mut()
         .enumerate()
@@ -359,7 +362,7 @@ pub fn what_is_too_large_to_return_is_told<R: Testbed>() {
     let testbed = R::start();
     let mut spec = ServiceSpec::new("/large", ServiceKind::Image);
     spec.limits.message_bytes = 40_000;
-    let (mut client_end, mut server_end) = call_and_serve(&testbed, Side::Near, &spec);
+    let (mut client_end, mut server_end) = call_and_serve(&testbed, WireEnd::Near, &spec);
     let much = Request::new([Value::from("x".repeat(50_000))]);
     let refused = client_end.client.send(&much, TIMEOUT).unwrap_err();
     let CallError::Request { fault, .. } = &refused else { panic!("{refused:?}") };
@@ -377,7 +380,7 @@ pub fn what_is_too_large_to_return_is_told<R: Testbed>() {
 
     let mut narrow = spec.clone();
     narrow.limits.message_bytes = 20_000;
-    let mut small = ClientEnd::open(testbed.side(Side::Far), &narrow);
+    let mut small = ClientEnd::open(testbed.side(WireEnd::Far), &narrow);
     small.ready();
     let ticket = small.ask_within([], Duration::from_secs(3));
     let asked = server_end.receive();
@@ -405,7 +408,7 @@ pub fn what_is_too_large_to_return_is_told<R: Testbed>() {
 pub fn requests_that_are_none_are_told<R: Testbed>() {
     let mut testbed = R::start();
     let spec = native("/broken");
-    let (mut client_end, mut server_end) = call_and_serve(&testbed, Side::Near, &spec);
+    let (mut client_end, mut server_end) = call_and_serve(&testbed, WireEnd::Near, &spec);
     let bodies: [&[u8]; 7] =
         [b"", b"{", b"[]", b"[1, 2]", b"\xff\xff\xff\xff", b"{\"args\": 5}", &[b'['; 1000]];
     for (sent, body) in bodies.into_iter().enumerate() {
@@ -432,7 +435,7 @@ pub fn requests_that_are_none_are_told<R: Testbed>() {
 pub fn a_cancelled_call_is_forgotten<R: Testbed>() {
     let testbed = R::start();
     let (mut client_end, mut server_end) =
-        call_and_serve(&testbed, Side::Near, &native("/cancelled"));
+        call_and_serve(&testbed, WireEnd::Near, &native("/cancelled"));
     let ticket = client_end.ask([1.into()]);
     let asked = server_end.receive();
     client_end.client.cancel(ticket);

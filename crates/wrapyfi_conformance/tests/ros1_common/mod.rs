@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use wrapyfi_core::middleware::ros1::header::Header;
-use wrapyfi_core::middleware::ros1::xmlrpc::{self, Call, Reply, Value, text, texts};
+use wrapyfi_core::middleware::ros1::xmlrpc::{self, Reply, Value, XmlRpcCall, text, texts};
 
 /// Registrations under each name: nodes and their addresses.
 type Providers = BTreeMap<String, Vec<(String, String)>>;
@@ -105,7 +105,7 @@ fn tell() -> Sender<(String, String, Value)> {
 
 fn serve(mut stream: TcpStream, graph: &Mutex<Graph>, updates: &Sender<(String, String, Value)>) {
     let Some(body) = read_http(&mut stream) else { return };
-    let Call { method, params } = xmlrpc::decode_call(&body).unwrap();
+    let XmlRpcCall { method, params } = xmlrpc::decode_call(&body).unwrap();
     let words: Vec<&str> = params
         .iter()
         .filter_map(|param| match param {

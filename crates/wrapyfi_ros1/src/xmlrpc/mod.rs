@@ -1,7 +1,7 @@
 //! XML-RPC, in which ROS 1 nodes talk to their master and to each other: text to values.
 //!
 //! ```text
-//!   POST body ── bounds ──▶ dxr ──▶ Call { method, params }
+//!   POST body ── bounds ──▶ dxr ──▶ MethodCall { method, params }
 //!                size, nesting, elements; no DOCTYPE, no CDATA
 //!   Reply { status, text, value } ──▶ [1, "ready", value] ──▶ dxr ──▶ body of the answer
 //! ```
@@ -24,7 +24,7 @@ pub const ERROR: i32 = -1;
 
 /// A method and what it is called with.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Call {
+pub struct XmlRpcCall {
     /// The method, for instance `requestTopic`.
     pub method: String,
     /// Parameters of the method; the first is the caller's name by custom.
@@ -118,10 +118,10 @@ pub fn encode_call(method: &str, params: Vec<Value>) -> Result<String, XmlRpcErr
 ///
 /// # Errors
 /// When it exceeds a limit, or is none.
-pub fn decode_call(body: &[u8]) -> Result<Call, XmlRpcError> {
+pub fn decode_call(body: &[u8]) -> Result<XmlRpcCall, XmlRpcError> {
     let xml = bounds::check(body)?;
     let call = MethodCall::from_xml(xml).map_err(|_e| malformed("call", xml))?;
-    Ok(Call { method: call.name.into_owned(), params: call.params })
+    Ok(XmlRpcCall { method: call.name.into_owned(), params: call.params })
 }
 
 /// Writes an answer.

@@ -21,7 +21,7 @@ fn answers_of_python_and_of_roscpp_read() {
 #[test]
 fn a_call_of_roscpp_reads() {
     let call = "<?xml version=\"1.0\"?>\r\n<methodCall><methodName>requestTopic</methodName>\r\n<params><param><value>/listener</value></param><param><value>/chatter</value></param><param><value><array><data><value><array><data><value>TCPROS</value></data></array></value></data></array></value></param></params></methodCall>\r\n";
-    let Call { method, params } = decode_call(call.as_bytes()).unwrap();
+    let XmlRpcCall { method, params } = decode_call(call.as_bytes()).unwrap();
     assert_eq!(method, "requestTopic");
     let protocols = Value::Array(vec![texts(["TCPROS"])]);
     assert_eq!(params, [text("/listener"), text("/chatter"), protocols]);
@@ -92,7 +92,7 @@ proptest! {
     fn calls_return(params in proptest::collection::vec(values(), 0..4)) {
         let xml = encode_call("setParam", params.clone()).unwrap();
         let call = decode_call(xml.as_bytes()).unwrap();
-        prop_assert_eq!(call, Call { method: "setParam".into(), params });
+        prop_assert_eq!(call, XmlRpcCall { method: "setParam".into(), params });
     }
 
     #[test]

@@ -119,7 +119,7 @@ impl RawWriter {
     /// Writes a sample without data, so that [`RawWriter::all_acknowledged`] tells whether the
     /// readers matched now take part: a volatile reader passes over what was written before it
     /// heard of its writer, and neither side is told.
-    pub(crate) fn probe(&self) -> Result<(), WriteFault> {
+    pub(crate) fn write_without_data(&self) -> Result<(), WriteFault> {
         let (handle, sertype) = (self.0.entity.handle(), self.sertype()?);
         // SAFETY: the type of a writer that `self` keeps alive.
         let sample = unsafe { Sample::empty(sertype) }

@@ -192,7 +192,7 @@ fn interfaces() -> Vec<Interface> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::environment::Discovery;
+    use crate::environment::DiscoverySettings;
 
     fn card(name: &str, addresses: &[Ipv4Addr], mtu: usize) -> Interface {
         let addresses = addresses.to_vec();
@@ -220,7 +220,7 @@ mod tests {
     ) -> Result<Settings, RustServicesError> {
         let mut config = CycloneConfig::loopback(NodeName::new("n", "/").unwrap(), 7);
         let static_peers = peers.iter().map(|&peer| peer.to_owned()).collect();
-        config.discovery = Discovery { range, static_peers };
+        config.discovery = DiscoverySettings { range, static_peers };
         config.interface = interface.map(str::to_owned);
         let interfaces = [
             card("lo", &[Ipv4Addr::LOCALHOST], 65_536),

@@ -25,7 +25,7 @@ pub(crate) const MAX_QUESTION: usize = 2048;
 
 /// Settings of the search for a name server.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Discovery {
+pub struct NameServerSearch {
     /// The UDP port of the group: the base port of the network, 10000 nearly everywhere.
     pub port: u16,
     /// Name of the name server: the namespace.
@@ -38,7 +38,7 @@ pub struct Discovery {
     pub wait: Duration,
 }
 
-impl Default for Discovery {
+impl Default for NameServerSearch {
     /// Search as `yarp detect` makes it: three questions, three quarters of a second each.
     fn default() -> Self {
         Self {
@@ -56,7 +56,7 @@ impl Default for Discovery {
 ///
 /// # Errors
 /// When the system does not let us join the group.
-pub async fn discover(options: &Discovery) -> std::io::Result<Option<Registration>> {
+pub async fn discover(options: &NameServerSearch) -> std::io::Result<Option<Registration>> {
     let socket = join(options.interface, options.port)?;
     let question = question(&options.namespace);
     let group = SocketAddrV4::new(DISCOVERY_GROUP, options.port);

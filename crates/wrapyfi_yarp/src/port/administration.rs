@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::core::{Core, Sink};
 use crate::wire::Command;
-use crate::wire::admin::{self, Direction, Request};
+use crate::wire::admin::{self, AdminRequest, Direction};
 use crate::{Bottle, Value};
 
 /// Most properties that peers can leave at a port.
@@ -20,30 +20,30 @@ fn sched() -> Value {
 impl Core {
     /// Carries a request out.
     pub(super) async fn administer(self: &Arc<Self>, request: &Bottle) -> Bottle {
-        match Request::parse(request) {
-            Request::Version => admin::version(),
-            Request::Help => admin::help(),
-            Request::Add { destination } => match self.add_output(&destination).await {
+        match AdminRequest::parse(request) {
+            AdminRequest::Version => admin::version(),
+            AdminRequest::Help => admin::help(),
+            AdminRequest::Add { destination } => match self.add_output(&destination).await {
                 Ok(sentence) => admin::done(sentence),
                 Err(error) => admin::failed(error.0),
             },
-            Request::Remove { name } => self.remove(&name).await,
-            Request::List { direction, name } => self.listed(direction, name.as_deref()),
-            Request::Configure { direction, name } => {
+            AdminRequest::Remove { name } => self.remove(&name).await,
+            AdminRequest::List { direction, name } => self.listed(direction, name.as_deref()),
+            AdminRequest::Configure { direction, name } => {
                 admin::configuration(direction, &name, self.has(direction, &name), true)
             }
-            Request::Configuration { direction, name } => {
+            AdminRequest::Configuration { direction, name } => {
                 admin::configuration(direction, &name, self.has(direction, &name), false)
             }
-            Request::SetProperty { key, values } => self.set_property(&key, values),
-            Request::Property { key } => self.property(key.as_deref()),
-            Request::Attach { directed } => {
+            AdminRequest::SetProperty { key, values } => self.set_property(&key, values),
+            AdminRequest::Property { key } => self.property(key.as_deref()),
+            AdminRequest::Attach { directed } => {
                 let name = &self.name;
                 tracing::warn!(target: "wrapyfi_yarp::port", name, "port monitors are not available here");
                 admin::attached(directed)
             }
-            Request::Detach { directed } => admin::detached(directed),
-            Request::Unknown => admin::not_understood(),
+            AdminRequest::Detach { directed } => admin::detached(directed),
+            AdminRequest::Unknown => admin::not_understood(),
         }
     }
 

@@ -9,7 +9,7 @@ use super::datagrams;
 use super::entered::Entered;
 use super::session::{Answer, Event, Session, SessionError};
 use super::target::Way;
-use crate::wire::http::{self, Request};
+use crate::wire::http::{self, HttpRequest};
 use crate::wire::{Carrier, Command, Fault, Opening, mjpeg};
 
 /// Next use of a connection after its session.
@@ -135,7 +135,7 @@ async fn serve_events(
 }
 
 /// Page that a browser is shown.
-fn page(core: &Core, _request: &Request) -> Vec<u8> {
+fn page(core: &Core, _request: &HttpRequest) -> Vec<u8> {
     let escaped = core.describe().replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
     http::page(&format!(
         "<html><head><title>{name}</title></head><body><h1>yarp port {name}</h1>\

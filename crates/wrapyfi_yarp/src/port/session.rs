@@ -58,7 +58,7 @@ use crate::Bottle;
 use crate::wire::admin;
 use crate::wire::bare::{self, BareReader};
 use crate::wire::header::{self, HeaderReader};
-use crate::wire::http::Request;
+use crate::wire::http::HttpRequest;
 use crate::wire::message::{Found, MessageReader};
 use crate::wire::text::{self, Lines, TextReader};
 use crate::wire::{Body, Carrier, Command, Fault, Incoming, Opening, Sender, Step, number};
@@ -78,7 +78,7 @@ enum Reader {
     Text(TextReader),
     /// The first request stands in the opening.
     Lines(Option<Bytes>, Lines),
-    Http(Option<Request>),
+    Http(Option<HttpRequest>),
     /// udp and mcast: no messages on this stream.
     None,
 }

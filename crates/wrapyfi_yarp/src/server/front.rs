@@ -21,7 +21,7 @@ use super::shared::{SessionEntry, Shared};
 use super::{events, http};
 use crate::Bottle;
 use crate::port::session::{Answer, Event, Session, SessionError, SessionOptions};
-use crate::wire::admin::{self, Direction, Request};
+use crate::wire::admin::{self, AdminRequest, Direction};
 use crate::wire::{Body, Carrier, Command, Opening};
 
 /// Accepts until it is told to stop.
@@ -245,23 +245,23 @@ async fn administer(request: &Bottle, shared: &Arc<Shared>) -> Bottle {
             sessions.values().map(|entry| (entry.sender.clone(), entry.carrier.clone())).collect()
         }
     };
-    match Request::parse(request) {
-        Request::Version => admin::version(),
-        Request::Help => admin::help(),
-        Request::Add { destination } => match events::connect(&destination, shared).await {
+    match AdminRequest::parse(request) {
+        AdminRequest::Version => admin::version(),
+        AdminRequest::Help => admin::help(),
+        AdminRequest::Add { destination } => match events::connect(&destination, shared).await {
             Ok(done) => admin::done(&done),
             Err(why) => admin::failed(&why),
         },
-        Request::Remove { name } => {
+        AdminRequest::Remove { name } => {
             match (remove_output(&name, shared), remove_input(&name, shared)) {
                 (Ok(done), _) | (Err(_), Ok(done)) => admin::done(&done),
                 (Err(out), Err(inward)) => admin::failed(format!("{out}\r\n{inward}")),
             }
         }
-        Request::List { direction, name: None } => {
+        AdminRequest::List { direction, name: None } => {
             connections(direction).into_iter().map(|(name, _)| name.into()).collect()
         }
-        Request::List { direction, name: Some(name) } => {
+        AdminRequest::List { direction, name: Some(name) } => {
             let found = connections(direction).into_iter().find(|(other, _)| *other == name);
             let Some((other, carrier)) = found else { return Bottle::new() };
             let (from, to) = match direction {
@@ -270,18 +270,18 @@ async fn administer(request: &Bottle, shared: &Arc<Shared>) -> Bottle {
             };
             admin::details(from, to, &carrier, false, true)
         }
-        Request::Configure { direction, name } => {
+        AdminRequest::Configure { direction, name } => {
             let found = connections(direction).iter().any(|(other, _)| *other == name);
             admin::configuration(direction, &name, found, true)
         }
-        Request::Configuration { direction, name } => {
+        AdminRequest::Configuration { direction, name } => {
             let found = connections(direction).iter().any(|(other, _)| *other == name);
             admin::configuration(direction, &name, found, false)
         }
-        Request::Property { .. } => Bottle::new(),
-        Request::SetProperty { .. } => admin::fail(None),
-        Request::Attach { directed } => admin::attached(directed),
-        Request::Detach { directed } => admin::detached(directed),
-        Request::Unknown => admin::not_understood(),
+        AdminRequest::Property { .. } => Bottle::new(),
+        AdminRequest::SetProperty { .. } => admin::fail(None),
+        AdminRequest::Attach { directed } => admin::attached(directed),
+        AdminRequest::Detach { directed } => admin::detached(directed),
+        AdminRequest::Unknown => admin::not_understood(),
     }
 }

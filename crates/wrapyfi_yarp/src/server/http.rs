@@ -16,7 +16,7 @@ use bytes::Bytes;
 use super::reply::Reply;
 use super::shared::Shared;
 use crate::name::registration;
-use crate::wire::http::Request;
+use crate::wire::http::HttpRequest;
 use crate::{Bottle, Limits};
 
 /// Commands that change nothing.
@@ -26,7 +26,7 @@ const READS: [&str; 7] = ["list", "query", "help", "get", "check", "route", "run
 const NAME_COLUMN: usize = 30;
 
 /// The whole answer to a request.
-pub(super) fn answer(request: &Request, shared: &Arc<Shared>, peer: IpAddr) -> Bytes {
+pub(super) fn answer(request: &HttpRequest, shared: &Arc<Shared>, peer: IpAddr) -> Bytes {
     if request.path.starts_with("/web/") {
         return page("text/css", STYLE);
     }

@@ -1,8 +1,8 @@
 //! Administrative requests of ports, and the exact sentences of the answers (protocol section 9).
 //!
 //! ```text
-//!   [add] "tcp://dst"   ─▶ Request::Add { "tcp://dst" … } ─▶ 0 "Added connection from A to B\r\n"
-//!   list in             ─▶ Request::List { Direction::In } ─▶ "/golden/src" admin
+//!   [add] "tcp://dst"   ─▶ AdminRequest::Add { "tcp://dst" … } ─▶ 0 "Added connection from A to B\r\n"
+//!   list in             ─▶ AdminRequest::List { Direction::In } ─▶ "/golden/src" admin
 //! ```
 //!
 //! Verbs come as vocabs or as strings. What a port does for a request is `port::administration`.
@@ -20,7 +20,7 @@ pub enum Direction {
 
 /// A request to a port.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Request {
+pub enum AdminRequest {
     /// `[ver]`.
     Version,
     /// `[help]`.
@@ -82,8 +82,8 @@ pub enum Request {
     Unknown,
 }
 
-impl Request {
-    /// Reads a request; anything that is none is [`Request::Unknown`].
+impl AdminRequest {
+    /// Reads a request; anything that is none is [`AdminRequest::Unknown`].
     #[must_use]
     pub fn parse(request: &Bottle) -> Self {
         let is = |at: usize, word: &str| request.get(at).is_some_and(|value| value.is_word(word));

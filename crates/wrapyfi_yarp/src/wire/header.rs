@@ -13,7 +13,7 @@ use std::net::{Ipv4Addr, SocketAddrV4};
 
 use bytes::{Bytes, BytesMut};
 
-use super::http::{self, Request};
+use super::http::{self, HttpRequest};
 use super::{Carrier, Fault, Sender, Step, i32_at, number, text};
 use crate::Limits;
 
@@ -45,7 +45,7 @@ pub enum Opening {
     /// A request over HTTP.
     Http(
         /// The request.
-        Request,
+        HttpRequest,
     ),
 }
 

@@ -11,7 +11,7 @@ pub const MAX_BODY: usize = 64 * 1024;
 
 /// A request.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Request {
+pub struct HttpRequest {
     /// `GET` or `POST`.
     pub method: String,
     /// Path with its query: `/?action=stream`.
@@ -20,7 +20,7 @@ pub struct Request {
     pub body: Bytes,
 }
 
-impl Request {
+impl HttpRequest {
     /// True when the request asks for the port's pictures as MJPEG.
     #[must_use]
     pub fn wants_stream(&self) -> bool {
@@ -52,7 +52,7 @@ pub(super) fn header<'a>(head: &'a str, name: &str) -> Option<&'a str> {
 }
 
 /// Takes a request off.
-pub(super) fn request(buffer: &mut BytesMut) -> Result<Step<Request>, Fault> {
+pub(super) fn request(buffer: &mut BytesMut) -> Result<Step<HttpRequest>, Fault> {
     let Some((end, next)) = head_end(buffer) else {
         return match buffer.len() > MAX_HEAD {
             true => Err(Fault::LineTooLong(MAX_HEAD)),
@@ -77,7 +77,7 @@ pub(super) fn request(buffer: &mut BytesMut) -> Result<Step<Request>, Fault> {
     let body = buffer.split_to(length).freeze();
     let mut words = head.lines().next().unwrap_or_default().split_whitespace();
     let mut word = || words.next().unwrap_or_default().to_owned();
-    Ok(Step::Event(Request { method: word(), path: word(), body }))
+    Ok(Step::Event(HttpRequest { method: word(), path: word(), body }))
 }
 
 /// An answer with a page, after which the connection closes.
@@ -106,7 +106,7 @@ pub fn not_acceptable(reason: &str) -> Vec<u8> {
 mod tests {
     use super::*;
 
-    fn read(text: &str) -> (Result<Step<Request>, Fault>, usize) {
+    fn read(text: &str) -> (Result<Step<HttpRequest>, Fault>, usize) {
         let mut buffer = BytesMut::from(text);
         (request(&mut buffer), buffer.len())
     }

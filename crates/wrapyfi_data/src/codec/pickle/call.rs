@@ -14,7 +14,7 @@ use super::trail::Step;
 ///      then  __setstate__(state)  then  append each item  then  set each pair
 /// ```
 #[derive(Debug, Clone, Copy)]
-pub struct Call<'p> {
+pub struct PickleCall<'p> {
     pub(super) node: Node<'p>,
     pub(super) data: &'p CallData,
 }
@@ -22,7 +22,7 @@ pub struct Call<'p> {
 /// Callable of a call whose callable is no entry of the list, which cannot be.
 const NOTHING: Global = Global { module: "builtins", name: "object", callable: false };
 
-impl<'p> Call<'p> {
+impl<'p> PickleCall<'p> {
     /// The object itself.
     #[must_use]
     pub fn node(&self) -> Node<'p> {

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! Reading a pickle imports and calls nothing. An instruction that would call a function becomes a
-//! [`Call`], whose meaning the plug-in knows. `docs/reference/wire/pickle.md` has the lists.
+//! [`PickleCall`], whose meaning the plug-in knows. `docs/reference/wire/pickle.md` has the lists.
 //!
 //! # What is read
 //!
@@ -96,7 +96,7 @@ use bytes::Bytes;
 
 pub use arena::{NodeId, Pickle};
 pub use builtin::Slice;
-pub use call::Call;
+pub use call::PickleCall;
 pub use dtype::ArrayDtype;
 pub use error::PickleError;
 pub use globals::{Allowed, Global};

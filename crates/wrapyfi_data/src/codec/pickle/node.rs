@@ -9,7 +9,7 @@ use bytes::Bytes;
 use num_bigint::BigInt;
 
 use super::arena::{Kind, NodeId, Pickle};
-use super::call::Call;
+use super::call::PickleCall;
 use super::error::PickleError;
 use super::globals::Global;
 use super::items::{Items, Pairs};
@@ -81,7 +81,7 @@ pub enum View<'p> {
     /// A function or class, named as data.
     Global(&'static Global),
     /// A function or class applied to arguments.
-    Call(Call<'p>),
+    Call(PickleCall<'p>),
     /// An object beside the pickle, by its id.
     Persistent(Node<'p>),
 }
@@ -165,7 +165,7 @@ impl<'p> Node<'p> {
             }
             Kind::Dict(pairs) => View::Dict(Pairs { owner: *self, ids: pairs }),
             Kind::Global(global) => View::Global(global),
-            Kind::Call(data) => View::Call(Call { node: *self, data }),
+            Kind::Call(data) => View::Call(PickleCall { node: *self, data }),
             Kind::Persistent(id) => View::Persistent(self.child(*id, Step::Persistent)),
         }
     }
@@ -316,7 +316,7 @@ impl<'p> Node<'p> {
     ///
     /// # Errors
     /// As [`Self::bool`].
-    pub fn any_call(&self) -> Result<Call<'p>> {
+    pub fn any_call(&self) -> Result<PickleCall<'p>> {
         match self.view() {
             View::Call(call) => Ok(call),
             _ => Err(self.unexpected("an object")),
@@ -327,7 +327,7 @@ impl<'p> Node<'p> {
     ///
     /// # Errors
     /// As [`Self::bool`].
-    pub fn call(&self, dotted: &str) -> Result<Call<'p>> {
+    pub fn call(&self, dotted: &str) -> Result<PickleCall<'p>> {
         self.call_of(&[dotted])
     }
 
@@ -335,7 +335,7 @@ impl<'p> Node<'p> {
     ///
     /// # Errors
     /// As [`Self::bool`].
-    pub fn call_of(&self, dotted: &[&str]) -> Result<Call<'p>> {
+    pub fn call_of(&self, dotted: &[&str]) -> Result<PickleCall<'p>> {
         match self.view() {
             View::Call(call) if dotted.iter().any(|name| call.global().is(name)) => Ok(call),
             _ => Err(self.unexpected(format!("an object of {}", dotted.join(" or ")))),

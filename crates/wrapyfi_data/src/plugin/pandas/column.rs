@@ -29,7 +29,7 @@ use super::super::pyarrow;
 use super::frame::{Column, Index, range_length};
 use super::objects::{self, Missing};
 use super::read::index;
-use crate::codec::pickle::{Call, Node, PickleError, PickledArray};
+use crate::codec::pickle::{Node, PickleCall, PickleError, PickledArray};
 use crate::types::{Dtype, NumpyArray, Tensor};
 
 type Result<T> = std::result::Result<T, PickleError>;
@@ -72,7 +72,7 @@ pub(super) fn column(node: &Node<'_>, budget: &Budget) -> Result<Typed> {
 }
 
 /// `__pyx_unpickle_NDArrayBacked(class, checksum, None)`, state `(dtype, ndarray, …)`.
-fn backed(node: &Node<'_>, call: &Call<'_>, budget: &Budget) -> Result<Vec<Typed>> {
+fn backed(node: &Node<'_>, call: &PickleCall<'_>, budget: &Budget) -> Result<Vec<Typed>> {
     let class = call.arg(0)?.global()?;
     let state = call.state()?.tuple()?;
     // Both orders were written: (dtype, array) and (array, dtype).
@@ -98,7 +98,7 @@ pub(super) const ARROW: &str = "[pyarrow]";
 pub(super) const PERIOD: &str = "period[";
 
 /// The array of PyArrow in one of pandas, whose releases differ in the attribute's name.
-fn arrow_values<'p>(call: &Call<'p>) -> Result<Node<'p>> {
+fn arrow_values<'p>(call: &PickleCall<'p>) -> Result<Node<'p>> {
     let Some(state) = call.find_state() else { return call.arg(0) };
     let state = state.dict()?;
     state.find("_pa_array").map_or_else(|| state.get("_data"), Ok)
@@ -327,7 +327,7 @@ fn times(
 }
 
 /// Values and a mask that is true where they are missing.
-fn masked(node: &Node<'_>, call: &Call<'_>, budget: &Budget) -> Result<Typed> {
+fn masked(node: &Node<'_>, call: &PickleCall<'_>, budget: &Budget) -> Result<Typed> {
     // Old releases apply the class to both, new ones set them.
     let (values, mask) = match call.find_state() {
         Some(state) => (state.dict()?.get("_data")?, state.dict()?.get("_mask")?),
@@ -370,7 +370,7 @@ fn categorical(dtype: &Node<'_>, codes: &Node<'_>, budget: &Budget) -> Result<Ty
 }
 
 /// `Categorical.from_codes(codes, categories, ordered)`, as this crate writes it.
-fn from_codes(call: &Call<'_>, budget: &Budget) -> Result<Typed> {
+fn from_codes(call: &PickleCall<'_>, budget: &Budget) -> Result<Typed> {
     let [codes, categories, ordered] = call.args().exact()?;
     coded(&codes, &categories, ordered.bool()?, budget)
 }

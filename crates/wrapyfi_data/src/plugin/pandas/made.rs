@@ -15,12 +15,12 @@ use super::column::{Typed, column, not_a_time};
 use super::frame::{Column, Frame, Index, Kind};
 use super::read::index as read_index;
 use super::{labels, objects};
-use crate::codec::pickle::{Call, Node, PickleError, View};
+use crate::codec::pickle::{Node, PickleCall, PickleError, View};
 
 type Result<T> = std::result::Result<T, PickleError>;
 
 /// `pandas.DataFrame({label: series, …}, index, columns)`.
-pub(super) fn data_frame(node: &Node<'_>, call: &Call<'_>, budget: &Budget) -> Result<Frame> {
+pub(super) fn data_frame(node: &Node<'_>, call: &PickleCall<'_>, budget: &Budget) -> Result<Frame> {
     let [content, rows, columns] = call.args().exact()?;
     let (names, columns_name) = labels::axis(&columns, budget)?;
     let index = read_index(&rows, budget)?;
@@ -44,7 +44,7 @@ pub(super) fn data_frame(node: &Node<'_>, call: &Call<'_>, budget: &Budget) -> R
 }
 
 /// `pandas.Series(values, index, dtype, name)`.
-pub(super) fn series(node: &Node<'_>, call: &Call<'_>, budget: &Budget) -> Result<Frame> {
+pub(super) fn series(node: &Node<'_>, call: &PickleCall<'_>, budget: &Budget) -> Result<Frame> {
     let [values, rows, dtype, name] = call.args().exact()?;
     let index = read_index(&rows, budget)?;
     let (array, dtype) = typed(&values, &dtype, budget)?;
@@ -57,7 +57,7 @@ pub(super) fn series(node: &Node<'_>, call: &Call<'_>, budget: &Budget) -> Resul
 }
 
 /// `pandas.Index(values, dtype, copy, name)`, `pandas.RangeIndex(start, stop, step, …, name)`.
-pub(super) fn index(node: &Node<'_>, call: &Call<'_>, budget: &Budget) -> Result<Index> {
+pub(super) fn index(node: &Node<'_>, call: &PickleCall<'_>, budget: &Budget) -> Result<Index> {
     if call.global().name == "RangeIndex" {
         let [start, stop, step, _, _, name] = call.args().exact()?;
         let (start, stop, step) = (start.int()?, stop.int()?, step.int()?);

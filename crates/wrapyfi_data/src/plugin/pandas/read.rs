@@ -4,7 +4,7 @@ use super::super::budget::Budget;
 use super::column::{Typed, column, columns, dictionary, listed};
 use super::frame::{Column, Frame, Index, Kind};
 use super::{labels, made, offsets};
-use crate::codec::pickle::{Call, Node, Pairs, PickleError, View};
+use crate::codec::pickle::{Node, Pairs, PickleCall, PickleError, View};
 use crate::types::Value;
 
 type Result<T> = std::result::Result<T, PickleError>;
@@ -37,7 +37,7 @@ fn check_extras(state: &Node<'_>) -> Result<()> {
     Ok(())
 }
 
-fn data_frame(node: &Node<'_>, call: &Call<'_>, budget: &Budget) -> Result<Frame> {
+fn data_frame(node: &Node<'_>, call: &PickleCall<'_>, budget: &Budget) -> Result<Frame> {
     let state = call.state()?;
     check_extras(&state)?;
     let blocks = state.dict()?.get("_mgr")?.call("pandas.core.internals.managers.BlockManager")?;
@@ -92,7 +92,7 @@ fn placement_of(node: &Node<'_>, count: usize) -> Result<Vec<usize>> {
     }
 }
 
-fn series(node: &Node<'_>, call: &Call<'_>, budget: &Budget) -> Result<Frame> {
+fn series(node: &Node<'_>, call: &PickleCall<'_>, budget: &Budget) -> Result<Frame> {
     let state = call.state()?;
     check_extras(&state)?;
     let state = state.dict()?;

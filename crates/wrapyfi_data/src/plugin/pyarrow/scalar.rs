@@ -27,7 +27,7 @@ use super::super::PluginError;
 use super::super::budget::Budget;
 use super::super::stack::Stack;
 use super::types;
-use crate::codec::pickle::{Call, Node, PickleError, View};
+use crate::codec::pickle::{Node, PickleCall, PickleError, View};
 
 type Result<T> = std::result::Result<T, PickleError>;
 
@@ -35,7 +35,7 @@ type Result<T> = std::result::Result<T, PickleError>;
 const MAX_DEPTH: usize = 64;
 
 /// Reads `pyarrow.lib.scalar(value, type)`.
-pub(super) fn read(call: &Call<'_>, budget: &Budget) -> Result<ArrayRef> {
+pub(super) fn read(call: &PickleCall<'_>, budget: &Budget) -> Result<ArrayRef> {
     let data_type = types::data_type(&call.arg(1)?, budget)?;
     let value = call.arg(0)?;
     array(&value, &data_type, &[value.option()], budget, 0)

@@ -315,7 +315,7 @@ fn named_type(node: Node<'_>) -> Result<Dtype, PluginError> {
     found.map(|(_, dtype)| *dtype).ok_or_else(|| in_pickle(node.unexpected("an element type")))
 }
 
-fn get_untyped(call: &pickle::Call<'_>) -> PickleError {
+fn get_untyped(call: &pickle::PickleCall<'_>) -> PickleError {
     call.node().unexpected("a tensor over a storage that says its element type")
 }
 

@@ -13,7 +13,7 @@ use bytes::Bytes;
 
 use crate::port::counters::Counters;
 use crate::port::room::{Boundless, Rooms};
-use crate::wire::http::Request;
+use crate::wire::http::HttpRequest;
 use crate::wire::{Body, Command, Fault};
 use crate::{Bottle, Dialect, Limits};
 
@@ -94,7 +94,7 @@ pub enum Event {
     /// A request to a name server, without `NAME_SERVER`; answer with lines.
     Line(Bytes),
     /// A request over HTTP; answer with the raw bytes, then the connection closes.
-    Http(Request),
+    Http(HttpRequest),
 }
 
 /// Answer to an [`Event`].

@@ -1,0 +1,34 @@
+//! Conventions of middlewares on which the reading of a configuration depends, before anything starts.
+
+/// Services that every node of ROS 2 offers about itself, also where a bridge carries them.
+const NODE_SERVICES: [&str; 11] = [
+    "get_parameters",
+    "get_parameter_types",
+    "set_parameters",
+    "set_parameters_atomically",
+    "list_parameters",
+    "describe_parameters",
+    "get_type_description",
+    "get_loggers",
+    "get_logger_levels",
+    "set_logger_level",
+    "set_logger_levels",
+];
+
+/// Conventions of a middleware for types and for names that programs have about themselves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Conventions {
+    /// True where a text has a message type of its own, so that it crosses to another such
+    /// middleware as it is and not as JSON, which would put it in quotes.
+    pub has_text_type: bool,
+    /// Prefix, without the first slash, of the topics that every program has about itself.
+    pub program_topics: Option<&'static str>,
+    /// Last parts of the names of services that every node offers about itself.
+    pub node_services: &'static [&'static str],
+}
+
+impl Conventions {
+    /// Conventions of a middleware that has none of its own.
+    pub const NONE: Self =
+        Self { has_text_type: false, program_topics: None, node_services: &NODE_SERVICES };
+}
