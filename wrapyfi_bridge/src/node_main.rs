@@ -23,11 +23,10 @@ use crate::cli::{BridgeArgs, NodeCli};
 use crate::command::bridge;
 use crate::exit::{Failure, finish};
 use crate::in_force::Options;
-use crate::logging;
 use crate::middleware_bridge::{MiddlewareBridge, Selection};
-use crate::middlewares;
 use crate::node::{DEFAULT_NAME, Node};
 use crate::shutdown::Shutdown;
+use crate::{logging, middlewares};
 
 /// Runs the node executable `bridge`: reads the process's arguments, returns its exit code.
 #[must_use]

@@ -30,6 +30,6 @@ pub mod returned;
 mod suggest;
 pub mod types;
 
-pub use codec::{DecodeError, EncodeError};
+pub use codec::{DecodeError, DecodeResult, EncodeError, EncodeResult};
 pub use limits::Limits;
 pub use suggest::did_you_mean;

@@ -13,7 +13,7 @@
 //! on.
 
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 #[cfg(feature = "tokio")]
 use std::task::Poll;
 use std::task::Waker;
@@ -22,6 +22,7 @@ use std::time::Duration;
 use super::Context;
 use super::budget::Share;
 use super::counters::{Counters, DropReason};
+use crate::Mutex;
 
 /// Policy by which a full queue treats the next message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -97,12 +98,6 @@ impl<T: Waits> Shared<T> {
     }
 }
 
-impl<T> Shared<T> {
-    fn lock(&self) -> MutexGuard<'_, State<T>> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
 /// Sending end of an inbox.
 #[derive(Debug)]
 pub struct Sender<T>(Arc<Shared<T>>);
@@ -168,7 +163,7 @@ impl<T: Waits> Sender<T> {
 
     fn put(&self, message: T, overflow: Overflow, waker: &Waker) -> Result<(), T> {
         let shared = &*self.0;
-        let mut state = shared.lock();
+        let mut state = shared.state.lock();
         if state.closed {
             shared.context.counters.dropped(DropReason::Closed);
             return Ok(());
@@ -235,7 +230,7 @@ impl<T: Waits> Sender<T> {
 impl<T: Waits> Receiver<T> {
     /// Takes the oldest message, if any.
     pub fn pop(&self) -> Option<T> {
-        let mut state = self.0.lock();
+        let mut state = self.0.state.lock();
         let message = state.queue.pop_front()?;
         let starved = std::mem::take(&mut state.starved);
         drop(state);
@@ -247,7 +242,7 @@ impl<T: Waits> Receiver<T> {
     /// Number of messages that wait.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.0.lock().queue.len()
+        self.0.state.lock().queue.len()
     }
 
     /// True when no message waits.
@@ -261,7 +256,7 @@ impl<T: Waits> Receiver<T> {
 impl<T: Waits> Drop for Receiver<T> {
     fn drop(&mut self) {
         let (left, starved) = {
-            let mut state = self.0.lock();
+            let mut state = self.0.state.lock();
             state.closed = true;
             (std::mem::take(&mut state.queue), std::mem::take(&mut state.starved))
         };

@@ -6,14 +6,16 @@
 //! ```
 
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 
 use wrapyfi_interfaces::store::TypeStore;
 
 use super::{
-    Client, Context, DiscoverError, Discovered, Discovery, LearnError, Learned, Listener,
-    Middleware, OpenError, Publisher, Server, ServiceSpec, TopicSpec, Traits, Wake,
+    Client, Context, DiscoverError, Discovered, Discovery, LearnResult, Learned, Listener,
+    Middleware, OpenError, OpenResult, Opened, Publisher, Server, ServiceSpec, TopicSpec, Traits,
+    Wake,
 };
+use crate::Mutex;
 use crate::backoff::Backoff;
 use wrapyfi_data::types::ServiceKind;
 use wrapyfi_retry::contained;
@@ -42,7 +44,7 @@ struct Shared {
 
 impl Shared {
     fn fault(&self) -> StartFault {
-        self.fault.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.fault.lock().clone()
     }
 }
 
@@ -76,10 +78,7 @@ impl Late {
         self.shared.started.get().map(AsRef::as_ref).ok_or_else(|| self.shared.fault())
     }
 
-    fn open<T>(
-        &self,
-        open: impl FnOnce(&dyn Middleware) -> Result<T, OpenError>,
-    ) -> Result<T, OpenError> {
+    fn open<T>(&self, open: impl FnOnce(&dyn Middleware) -> OpenResult<T>) -> OpenResult<T> {
         let middleware = self.name;
         match self.started() {
             Ok(started) => open(started),
@@ -111,7 +110,7 @@ fn keep_trying(
             Err(fault) => fault,
         };
         let hopeless = matches!(fault, StartFault::Hopeless(_));
-        let mut known = shared.fault.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut known = shared.fault.lock();
         if *known != fault {
             let (StartFault::Absent(reason) | StartFault::Hopeless(reason)) = &fault;
             tracing::warn!("{name} does not start: {reason}");
@@ -141,35 +140,19 @@ impl Middleware for Late {
         }
     }
 
-    fn open_listener(
-        &self,
-        spec: &TopicSpec,
-        context: &Context,
-    ) -> Result<Box<dyn Listener>, OpenError> {
+    fn open_listener(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Listener> {
         self.open(|started| started.open_listener(spec, context))
     }
 
-    fn open_publisher(
-        &self,
-        spec: &TopicSpec,
-        context: &Context,
-    ) -> Result<Box<dyn Publisher>, OpenError> {
+    fn open_publisher(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Publisher> {
         self.open(|started| started.open_publisher(spec, context))
     }
 
-    fn open_client(
-        &self,
-        spec: &ServiceSpec,
-        context: &Context,
-    ) -> Result<Box<dyn Client>, OpenError> {
+    fn open_client(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Client> {
         self.open(|started| started.open_client(spec, context))
     }
 
-    fn open_server(
-        &self,
-        spec: &ServiceSpec,
-        context: &Context,
-    ) -> Result<Box<dyn Server>, OpenError> {
+    fn open_server(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Server> {
         self.open(|started| started.open_server(spec, context))
     }
 
@@ -185,22 +168,14 @@ impl Middleware for Late {
         self.started().map(<dyn Middleware>::traits).unwrap_or_default()
     }
 
-    fn learn_topic(
-        &self,
-        found: &Discovered,
-        types: &mut TypeStore,
-    ) -> Result<Learned, LearnError> {
+    fn learn_topic(&self, found: &Discovered, types: &mut TypeStore) -> LearnResult<Learned> {
         match self.started() {
             Ok(started) => started.learn_topic(found, types),
             Err(_) => super::topic_of_name(self.name, found, types),
         }
     }
 
-    fn learn_service(
-        &self,
-        found: &Discovered,
-        types: &mut TypeStore,
-    ) -> Result<ServiceKind, LearnError> {
+    fn learn_service(&self, found: &Discovered, types: &mut TypeStore) -> LearnResult<ServiceKind> {
         match self.started() {
             Ok(started) => started.learn_service(found, types),
             Err(_) => super::service_of_name(self.name, found, types),
@@ -237,7 +212,7 @@ mod tests {
     use crate::memory::Memory;
     use wrapyfi_data::types::MessageType;
 
-    fn opened(late: &Late) -> Result<(), OpenError> {
+    fn opened(late: &Late) -> OpenResult<()> {
         let spec = TopicSpec::new("/t", MessageType::NativeObject);
         late.open_listener(&spec, &Context::default()).map(drop)
     }

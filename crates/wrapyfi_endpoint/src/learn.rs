@@ -70,12 +70,15 @@ pub enum LearnError {
     },
 }
 
+/// Result of learning a type.
+pub type LearnResult<T> = Result<T, LearnError>;
+
 /// Looks up the message type that an endpoint announces by a name of ROS 2 or of Wrapyfi.
 pub fn topic_of_name(
     middleware: &str,
     found: &Discovered,
     types: &mut TypeStore,
-) -> Result<Learned, LearnError> {
+) -> LearnResult<Learned> {
     let Some(name) = &found.type_name else {
         return Err(LearnError::Untold { middleware: middleware.to_owned() });
     };
@@ -101,7 +104,7 @@ pub fn service_of_name(
     middleware: &str,
     found: &Discovered,
     types: &mut TypeStore,
-) -> Result<ServiceKind, LearnError> {
+) -> LearnResult<ServiceKind> {
     let Some(name) = &found.type_name else {
         return Err(LearnError::Untold { middleware: middleware.to_owned() });
     };
@@ -116,7 +119,7 @@ mod tests {
     use super::*;
     use crate::Role;
 
-    fn learn(type_name: Option<&str>) -> Result<Learned, LearnError> {
+    fn learn(type_name: Option<&str>) -> LearnResult<Learned> {
         let found = Discovered {
             type_name: type_name.map(str::to_owned),
             ..Discovered::new("/x", Role::Publisher)

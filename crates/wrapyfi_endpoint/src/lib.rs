@@ -71,7 +71,7 @@ pub use inbox::{Overflow, QueueSpec, Receiver, Sender, Waits, inbox};
 pub use latched::{Latched, MAX_ORIGINS};
 pub use late::{Late, StartFault};
 pub use latency::{Latency, LatencySummary};
-pub use learn::{LearnError, Learned};
+pub use learn::{LearnError, LearnResult, Learned};
 pub use learn::{service_of_name, topic_of_name};
 pub use mark::{BridgeMark, ParseMarkError};
 pub use origin::{Origin, SourceDurability};
@@ -82,9 +82,9 @@ pub use registry::{Registry, UnknownMiddleware};
 pub use service::{
     Call, Client, IncomingRequest, Refusal, Reply, Request, RequestId, Server, ServiceSpec,
 };
-pub use service_error::{CallError, ServeError};
+pub use service_error::{CallError, ServeError, ServeResult};
 pub use throttle::Throttle;
-pub use topic_error::{OpenError, PublishError, TakeError};
+pub use topic_error::{OpenError, OpenResult, Opened, PublishError, TakeError};
 pub use wake::Wake;
 
 use wrapyfi_interfaces::store::TypeStore;
@@ -102,21 +102,13 @@ pub trait Middleware: Send + Sync {
     ///
     /// # Errors
     /// When the topic can never be received as asked; the reason says what to change.
-    fn open_listener(
-        &self,
-        spec: &TopicSpec,
-        context: &Context,
-    ) -> Result<Box<dyn Listener>, OpenError>;
+    fn open_listener(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Listener>;
 
     /// Prepares sending to a topic. Returns at once, as [`Middleware::open_listener`] does.
     ///
     /// # Errors
     /// When the topic can never be sent as asked.
-    fn open_publisher(
-        &self,
-        spec: &TopicSpec,
-        context: &Context,
-    ) -> Result<Box<dyn Publisher>, OpenError>;
+    fn open_publisher(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Publisher>;
 
     /// Gives an endpoint that a route opens, a listener where it is `at_source`, what is usual for its topic here.
     /// Not called for a route that says it itself.
@@ -128,11 +120,7 @@ pub trait Middleware: Send + Sync {
     ///
     /// # Errors
     /// When the service can never be called as asked, or the middleware has no services.
-    fn open_client(
-        &self,
-        spec: &ServiceSpec,
-        context: &Context,
-    ) -> Result<Box<dyn Client>, OpenError> {
+    fn open_client(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Client> {
         _ = context;
         Err(self.no_services(spec))
     }
@@ -141,11 +129,7 @@ pub trait Middleware: Send + Sync {
     ///
     /// # Errors
     /// When the service can never be offered as asked, or the middleware has no services.
-    fn open_server(
-        &self,
-        spec: &ServiceSpec,
-        context: &Context,
-    ) -> Result<Box<dyn Server>, OpenError> {
+    fn open_server(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Server> {
         _ = context;
         Err(self.no_services(spec))
     }
@@ -185,11 +169,7 @@ pub trait Middleware: Send + Sync {
     ///
     /// # Errors
     /// When the type is not known, or not yet.
-    fn learn_topic(
-        &self,
-        found: &Discovered,
-        types: &mut TypeStore,
-    ) -> Result<Learned, LearnError> {
+    fn learn_topic(&self, found: &Discovered, types: &mut TypeStore) -> LearnResult<Learned> {
         topic_of_name(self.name(), found, types)
     }
 
@@ -203,11 +183,7 @@ pub trait Middleware: Send + Sync {
     ///
     /// # Errors
     /// As [`Middleware::learn_topic`].
-    fn learn_service(
-        &self,
-        found: &Discovered,
-        types: &mut TypeStore,
-    ) -> Result<ServiceKind, LearnError> {
+    fn learn_service(&self, found: &Discovered, types: &mut TypeStore) -> LearnResult<ServiceKind> {
         service_of_name(self.name(), found, types)
     }
 

@@ -9,12 +9,12 @@
 mod services;
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 use crate::{
-    Client, Context, DiscoverError, Discovered, Discovery, Link, Listener, Middleware, OpenError,
-    PublishError, Publisher, Receiver, Role, Sample, Sender, Server, ServiceSpec, TakeError,
-    TopicSpec, Wake, inbox,
+    Client, Context, DiscoverError, Discovered, Discovery, Link, Listener, Middleware, Mutex,
+    OpenError, OpenResult, Opened, PublishError, Publisher, Receiver, Role, Sample, Sender, Server,
+    ServiceSpec, TakeError, TopicSpec, Wake, inbox,
 };
 use wrapyfi_data::types::Payload;
 
@@ -69,14 +69,14 @@ impl Memory {
 
     /// Makes every send to `topic` fail with `fault`, or heals it: for tests of what is above.
     pub fn break_topic(&self, topic: &str, fault: Option<&str>) {
-        lock(&self.bus).topics.entry(topic.to_owned()).or_default().fault =
+        self.bus.lock().topics.entry(topic.to_owned()).or_default().fault =
             fault.map(str::to_owned);
     }
 
     /// Announces a publisher of a type of any name, which sends nothing, until the result is
     /// dropped.
     pub fn announce(&self, topic: &str, type_name: &'static str) -> impl Drop + use<> {
-        let mut bus = lock(&self.bus);
+        let mut bus = self.bus.lock();
         let entered = bus.topics.entry(topic.to_owned()).or_default();
         entered.publishers += 1;
         entered.type_name = Some(type_name);
@@ -85,16 +85,16 @@ impl Memory {
 
     /// Makes opening fail with `refusal`, or heals it.
     pub fn refuse_to_open(&self, refusal: Option<&str>) {
-        lock(&self.bus).refusal = refusal.map(str::to_owned);
+        self.bus.lock().refusal = refusal.map(str::to_owned);
     }
 
     /// Sets the rule that decides the fate of requests and replies on their way, for tests of the layers above.
     pub fn carry_services(&self, carriage: Carriage) {
-        lock(&self.bus).carriage = carriage;
+        self.bus.lock().carriage = carriage;
     }
 
-    fn refusal(&self, name: &str) -> Result<(), OpenError> {
-        lock(&self.bus).refusal.clone().map_or(Ok(()), |reason| {
+    fn refusal(&self, name: &str) -> OpenResult<()> {
+        self.bus.lock().refusal.clone().map_or(Ok(()), |reason| {
             Err(OpenError::Transport { middleware: "memory", topic: name.to_owned(), reason })
         })
     }
@@ -104,9 +104,9 @@ impl Memory {
         spec: &TopicSpec,
         context: &Context,
         enter: impl FnOnce(&mut Topic) -> R,
-    ) -> Result<R, OpenError> {
+    ) -> OpenResult<R> {
         self.refusal(&spec.topic)?;
-        let mut bus = lock(&self.bus);
+        let mut bus = self.bus.lock();
         let topic = bus.topics.entry(spec.topic.clone()).or_default();
         topic.type_name = Some(spec.message_type.label());
         let entered = enter(topic);
@@ -116,20 +116,12 @@ impl Memory {
     }
 }
 
-fn lock(bus: &Mutex<Bus>) -> MutexGuard<'_, Bus> {
-    bus.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 impl Middleware for Memory {
     fn name(&self) -> &str {
         &self.name
     }
 
-    fn open_listener(
-        &self,
-        spec: &TopicSpec,
-        context: &Context,
-    ) -> Result<Box<dyn Listener>, OpenError> {
+    fn open_listener(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Listener> {
         let (sender, receiver) = inbox(spec.queue, context);
         self.topic(spec, context, |topic| topic.listeners.push((sender, context.clone())))?;
         Ok(Box::new(MemoryListener {
@@ -139,29 +131,17 @@ impl Middleware for Memory {
         }))
     }
 
-    fn open_publisher(
-        &self,
-        spec: &TopicSpec,
-        context: &Context,
-    ) -> Result<Box<dyn Publisher>, OpenError> {
+    fn open_publisher(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Publisher> {
         self.topic(spec, context, |topic| topic.publishers += 1)?;
         Ok(Box::new(MemoryPublisher { bus: Arc::clone(&self.bus), topic: spec.topic.clone() }))
     }
 
-    fn open_client(
-        &self,
-        spec: &ServiceSpec,
-        context: &Context,
-    ) -> Result<Box<dyn Client>, OpenError> {
+    fn open_client(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Client> {
         self.refusal(&spec.service)?;
         Ok(Box::new(services::MemoryClient::open(&self.bus, spec, context)))
     }
 
-    fn open_server(
-        &self,
-        spec: &ServiceSpec,
-        context: &Context,
-    ) -> Result<Box<dyn Server>, OpenError> {
+    fn open_server(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Server> {
         self.refusal(&spec.service)?;
         Ok(Box::new(services::MemoryServer::open(&self.bus, spec, context)))
     }
@@ -177,7 +157,7 @@ struct MemoryDiscovery {
 
 impl Discovery for MemoryDiscovery {
     fn endpoints(&mut self) -> Result<Vec<Discovered>, DiscoverError> {
-        let bus = lock(&self.bus);
+        let bus = self.bus.lock();
         let found = bus.topics.iter().flat_map(|(name, topic)| {
             [(Role::Publisher, topic.publishers), (Role::Listener, topic.listeners.len())].map(
                 |(role, count)| Discovered {
@@ -224,7 +204,7 @@ impl Listener for MemoryListener {
 
     fn link(&self) -> Link {
         let publishers =
-            lock(&self.bus).topics.get(&self.topic).map_or(0, |topic| topic.publishers);
+            self.bus.lock().topics.get(&self.topic).map_or(0, |topic| topic.publishers);
         Link { peers: Some(publishers), ..Link::default() }
     }
 }
@@ -233,7 +213,7 @@ impl Drop for MemoryListener {
     fn drop(&mut self) {
         // Closed first, because the watchers that are rung look whether it is still there.
         self.receiver = None;
-        if let Some(topic) = lock(&self.bus).topics.get_mut(&self.topic) {
+        if let Some(topic) = self.bus.lock().topics.get_mut(&self.topic) {
             topic.listeners.retain(|(listener, _)| !listener.is_closed());
             topic.watchers.iter().for_each(Wake::ring);
         }
@@ -247,7 +227,7 @@ struct MemoryPublisher {
 
 impl Publisher for MemoryPublisher {
     fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
-        let mut bus = lock(&self.bus);
+        let mut bus = self.bus.lock();
         let topic = bus.topics.entry(self.topic.clone()).or_default();
         if let Some(reason) = topic.fault.clone() {
             return Err(PublishError::Transport { topic: self.topic.clone(), reason });
@@ -267,7 +247,7 @@ impl Publisher for MemoryPublisher {
     }
 
     fn link(&self) -> Link {
-        let mut bus = lock(&self.bus);
+        let mut bus = self.bus.lock();
         let topic = bus.topics.entry(self.topic.clone()).or_default();
         topic.listeners.retain(|(listener, _)| !listener.is_closed());
         Link { peers: Some(topic.listeners.len()), ..Link::default() }
@@ -276,7 +256,7 @@ impl Publisher for MemoryPublisher {
 
 impl Drop for MemoryPublisher {
     fn drop(&mut self) {
-        if let Some(topic) = lock(&self.bus).topics.get_mut(&self.topic) {
+        if let Some(topic) = self.bus.lock().topics.get_mut(&self.topic) {
             topic.publishers = topic.publishers.saturating_sub(1);
             topic.watchers.iter().for_each(Wake::ring);
         }

@@ -6,10 +6,10 @@
 //! ```
 
 use std::collections::VecDeque;
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use super::{Context, DropReason, ServeError, ServiceSpec, Share};
+use crate::Mutex;
 
 /// A request that came. `A` is its form in the middleware: the body, and the way back.
 #[derive(Debug)]
@@ -53,10 +53,6 @@ impl<A> Requests<A> {
         }
     }
 
-    fn state(&self) -> MutexGuard<'_, State<A>> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Wake and counters that the server shares with its owner.
     #[must_use]
     pub fn context(&self) -> &Context {
@@ -68,7 +64,7 @@ impl<A> Requests<A> {
     pub fn put(&self, ask: A, bytes: usize) -> Result<(), (A, ServeError)> {
         let counters = &self.context.counters;
         counters.received(bytes);
-        let mut state = self.state();
+        let mut state = self.state.lock();
         let service = || self.service.clone();
         let (reason, error) = if state.closed {
             (DropReason::Closed, ServeError::Ended { service: service() })
@@ -89,7 +85,7 @@ impl<A> Requests<A> {
 
     /// Takes the oldest request for the user, who calls [`Requests::ended`] when it is answered.
     pub fn next(&self) -> Option<Asked<A>> {
-        let mut state = self.state();
+        let mut state = self.state.lock();
         let asked = state.waiting.pop_front()?;
         state.open += 1;
         Some(asked)
@@ -98,18 +94,18 @@ impl<A> Requests<A> {
     /// Notes that the user has answered or dropped a request of `bytes` bytes.
     pub fn ended(&self, bytes: usize) {
         self.share.give(bytes);
-        let mut state = self.state();
+        let mut state = self.state.lock();
         state.open = state.open.saturating_sub(1);
     }
     /// True once the server has closed: no request is taken any more.
     #[must_use]
     pub fn is_closed(&self) -> bool {
-        self.state().closed
+        self.state.lock().closed
     }
 
     /// Closes the queue and returns the requests that wait.
     pub fn close(&self) -> Vec<A> {
-        let mut state = self.state();
+        let mut state = self.state.lock();
         state.closed = true;
         let waiting = std::mem::take(&mut state.waiting);
         drop(state);

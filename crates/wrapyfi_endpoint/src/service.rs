@@ -20,7 +20,7 @@ use std::borrow::Cow;
 use std::time::{Duration, Instant};
 
 use super::calls::Ticket;
-use super::service_error::{CallError, ServeError};
+use super::service_error::{CallError, ServeResult};
 use super::{BridgeMark, Clock, DropReason, Link, Wake};
 use crate::codec;
 use wrapyfi_data::plugin::Plugins;
@@ -278,18 +278,14 @@ pub trait Server: Send {
     /// # Errors
     /// When the next request cannot be used. It is dropped and counted, and its client is told
     /// where the wire has room for it. The one after it can be taken.
-    fn take(&mut self) -> Result<Option<IncomingRequest>, ServeError>;
+    fn take(&mut self) -> ServeResult<Option<IncomingRequest>>;
 
     /// Answers a request, now or later, in any order: with what the function returned, or with why
     /// it did not, which counts as dropped. The bytes that go on the wire.
     ///
     /// # Errors
     /// The answer was not sent, and why; the client is told where the wire has room for it.
-    fn reply(
-        &mut self,
-        id: RequestId,
-        answer: Result<Payload, Refusal>,
-    ) -> Result<usize, ServeError>;
+    fn reply(&mut self, id: RequestId, answer: Result<Payload, Refusal>) -> ServeResult<usize>;
 
     /// Instant at which [`Server::take`] should be called again though nothing rang.
     fn deadline(&self) -> Option<Instant>;

@@ -153,3 +153,6 @@ pub enum ServeError {
         reason: String,
     },
 }
+
+/// Result of serving a request.
+pub type ServeResult<T> = Result<T, ServeError>;

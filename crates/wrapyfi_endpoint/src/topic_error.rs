@@ -86,7 +86,23 @@ pub enum OpenError {
     },
 }
 
+/// Result of opening an endpoint.
+pub type OpenResult<T> = Result<T, OpenError>;
+
+/// Result of opening an endpoint whose type only its middleware knows.
+pub type Opened<T> = OpenResult<Box<T>>;
+
 impl OpenError {
+    /// Error of a name that breaks a rule for names.
+    pub fn invalid_name(middleware: &'static str, topic: &str, reason: String) -> Self {
+        Self::InvalidName { middleware, topic: topic.to_owned(), reason }
+    }
+
+    /// Error of a transport that refused.
+    pub fn transport(middleware: &'static str, topic: &str, reason: String) -> Self {
+        Self::Transport { middleware, topic: topic.to_owned(), reason }
+    }
+
     /// True when trying again later can help.
     #[must_use]
     pub fn is_transient(&self) -> bool {

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use super::calls::{Calls, Stage, Ticket, ends};
 use super::{CallError, Client, Clock, Context, Link, Reply, Request, Wake};
-use wrapyfi_data::EncodeError;
+use wrapyfi_data::EncodeResult;
 
 /// The part of a client that differs from one middleware to the next.
 pub trait ClientWire: Send {
@@ -17,11 +17,7 @@ pub trait ClientWire: Send {
     type Written: Send;
 
     /// Writes a request that may be sent until `deadline`; also returns its size in bytes.
-    fn write(
-        &self,
-        request: &Request,
-        deadline: Instant,
-    ) -> Result<(Self::Written, usize), EncodeError>;
+    fn write(&self, request: &Request, deadline: Instant) -> EncodeResult<(Self::Written, usize)>;
 
     /// Sends the requests that can be sent, and hands in the replies that have come.
     fn turn(&mut self, calls: &mut Calls<Self::Written>);

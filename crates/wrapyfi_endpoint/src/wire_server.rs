@@ -15,10 +15,13 @@ use super::calls::ends;
 use super::requests::{Asked, Requests};
 use super::{
     Clock, Context, DropReason, IncomingRequest, Link, Refusal, Request, RequestId, ServeError,
-    Server, ServiceSpec,
+    ServeResult, Server, ServiceSpec,
 };
 use wrapyfi_data::types::Payload;
 use wrapyfi_data::{DecodeError, EncodeError};
+
+/// Result of sending an answer: its size in bytes, `None` where its client has gone.
+pub type Sent = ServeResult<Option<usize>>;
 
 /// The part of a server that differs from one middleware to the next.
 pub trait ServerWire: Send {
@@ -33,7 +36,7 @@ pub trait ServerWire: Send {
     ///
     /// # Errors
     /// When the request cannot be served; it is counted, and its client was told.
-    fn fetch(&mut self, _requests: &Requests<Self::Ask>) -> Result<(), ServeError> {
+    fn fetch(&mut self, _requests: &Requests<Self::Ask>) -> ServeResult<()> {
         Ok(())
     }
 
@@ -53,11 +56,7 @@ pub trait ServerWire: Send {
     ///
     /// # Errors
     /// When it was not sent.
-    fn send(
-        &mut self,
-        ask: Self::Ask,
-        answer: Result<Self::Answer, &str>,
-    ) -> Result<Option<usize>, ServeError>;
+    fn send(&mut self, ask: Self::Ask, answer: Result<Self::Answer, &str>) -> Sent;
 
     /// Connection of the server now; its peers are clients.
     fn link(&self) -> Link;
@@ -157,7 +156,7 @@ impl<W: ServerWire> WireServer<W> {
 }
 
 impl<W: ServerWire> Server for WireServer<W> {
-    fn take(&mut self) -> Result<Option<IncomingRequest>, ServeError> {
+    fn take(&mut self) -> ServeResult<Option<IncomingRequest>> {
         self.wire.flush();
         self.end_expired();
         loop {
@@ -189,11 +188,7 @@ impl<W: ServerWire> Server for WireServer<W> {
         }
     }
 
-    fn reply(
-        &mut self,
-        id: RequestId,
-        answer: Result<Payload, Refusal>,
-    ) -> Result<usize, ServeError> {
+    fn reply(&mut self, id: RequestId, answer: Result<Payload, Refusal>) -> ServeResult<usize> {
         let (service, timeout_ms) = (self.service.clone(), self.timeout_ms());
         let asked = self.close(id).ok_or(ServeError::NotWaiting { service, timeout_ms })?;
         let written = match &answer {

@@ -19,9 +19,8 @@ use super::route_status::{RouteState, RouteStatus};
 use super::service_relay::ServiceRelay;
 use super::tap::Tap;
 use super::work::Work;
-use wrapyfi_endpoint::Throttle;
 use wrapyfi_endpoint::backoff::Backoff;
-use wrapyfi_endpoint::{Clock, Counters, CountersSnapshot, Qos, Registry, Wake};
+use wrapyfi_endpoint::{Clock, Counters, CountersSnapshot, Qos, Registry, Throttle, Wake};
 use wrapyfi_retry::contained;
 
 /// Length of a step from which on it shows as blocked.

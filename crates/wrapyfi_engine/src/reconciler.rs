@@ -25,10 +25,9 @@ use super::member::Ending;
 use super::news::{self, News};
 use super::route::{Kind, Route, RouteKey};
 use super::route_status::RouteState;
-use wrapyfi_endpoint::Throttle;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::pattern::Inverse;
-use wrapyfi_endpoint::{BridgeMark, Counters, EndpointAddress, Registry, Role};
+use wrapyfi_endpoint::{BridgeMark, Counters, EndpointAddress, Registry, Role, Throttle};
 use wrapyfi_retry::contained;
 
 /// Time between two looks.

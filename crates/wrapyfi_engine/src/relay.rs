@@ -21,10 +21,10 @@ use super::tap::Tap;
 use super::work::Work;
 use wrapyfi_data::codec::convert_payload;
 use wrapyfi_data::types::Payload;
-use wrapyfi_endpoint::Throttle;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::{
-    Clock, Context, Counters, DropReason, Listener, Publisher, Qos, Registry, Sample, Traits, Wake,
+    Clock, Context, Counters, DropReason, Listener, Publisher, Qos, Registry, Sample, Throttle,
+    Traits, Wake,
 };
 
 /// Largest number of messages moved in one step, so that a flooded route lets others have their

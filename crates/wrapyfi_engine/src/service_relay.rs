@@ -21,11 +21,10 @@ use super::route::Route;
 use super::route_status::{RouteState, RouteStatus};
 use super::work::Work;
 use wrapyfi_data::types::Payload;
-use wrapyfi_endpoint::Throttle;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::{
     CallError, Client, Context, Counters, Qos, Refusal, Registry, RequestId, ServeError, Server,
-    Ticket, Wake,
+    Throttle, Ticket, Wake,
 };
 
 /// Largest number of requests and replies moved in one step.

@@ -6,9 +6,9 @@
 //! ```
 
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use wrapyfi_data::types::Payload;
+use wrapyfi_endpoint::Mutex;
 
 /// Window on the messages of one route.
 #[derive(Debug, Default)]
@@ -21,7 +21,7 @@ impl Tap {
     /// Shows a message that has just come. It is kept where somebody wants one, and its bytes are shared.
     pub(super) fn show(&self, payload: &Payload) {
         if self.is_wanted.load(Relaxed) {
-            let mut newest = self.newest();
+            let mut newest = self.newest.lock();
             // Another may have left since.
             if self.is_wanted.swap(false, Relaxed) {
                 *newest = Some(payload.clone());
@@ -32,20 +32,16 @@ impl Tap {
     /// The message that was kept, if any has come since the last call; asks for the next one.
     #[must_use]
     pub fn take(&self) -> Option<Payload> {
-        let mut newest = self.newest();
+        let mut newest = self.newest.lock();
         self.is_wanted.store(true, Relaxed);
         newest.take()
     }
 
     /// Asks for no more messages, and lets go of the one that was kept.
     pub fn leave(&self) {
-        let mut newest = self.newest();
+        let mut newest = self.newest.lock();
         self.is_wanted.store(false, Relaxed);
         *newest = None;
-    }
-
-    fn newest(&self) -> MutexGuard<'_, Option<Payload>> {
-        self.newest.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -66,8 +62,8 @@ mod tests {
         assert_eq!(tap.take(), Some(payload(2)), "the first one after the look, and no other");
         tap.show(&payload(4));
         tap.leave();
-        assert_eq!(*tap.newest(), None, "whoever left holds no memory");
+        assert_eq!(*tap.newest.lock(), None, "whoever left holds no memory");
         tap.show(&payload(5));
-        assert_eq!(*tap.newest(), None);
+        assert_eq!(*tap.newest.lock(), None);
     }
 }

@@ -11,9 +11,13 @@ pub mod backoff;
 pub mod liveness;
 mod lock;
 #[cfg(feature = "tokio")]
+mod newest;
+#[cfg(feature = "tokio")]
 pub mod restart;
 pub mod thread;
 
 pub use backoff::Backoff;
 pub use lock::Mutex;
+#[cfg(feature = "tokio")]
+pub use newest::NewestTasks;
 pub use thread::contained;

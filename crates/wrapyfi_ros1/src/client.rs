@@ -18,6 +18,7 @@ use tokio::net::TcpStream;
 use tokio::sync::{Notify, watch};
 use tokio::task::AbortHandle;
 use tokio::time::{timeout, timeout_at};
+use wrapyfi_retry::NewestTasks;
 
 use super::body::{Bodies, Body};
 use super::config::NodeUri;
@@ -25,16 +26,15 @@ use super::core::Core;
 use super::header::Header;
 use super::probe::{greeted, probe_of};
 use super::services::{self, MAX_ERROR_BYTES, ServiceCodec, ServiceType};
-use super::splitter;
-use super::tcpros;
+use super::{splitter, tcpros};
 use wrapyfi_data::types::Payload;
-use wrapyfi_data::{DecodeError, EncodeError};
+use wrapyfi_data::{DecodeError, EncodeResult};
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::calls::{Calls, Stage};
 use wrapyfi_endpoint::restart::restarted;
 use wrapyfi_endpoint::wire_client::{ClientWire, WireClient};
 use wrapyfi_endpoint::{
-    CallError, Context, Link, Mutex, OpenError, PROGRESS, Request, ServiceSpec, Share,
+    CallError, Context, Link, Mutex, OpenResult, PROGRESS, Request, ServiceSpec, Share,
 };
 
 /// Longest time between two looks for a server that is not there.
@@ -91,7 +91,7 @@ pub(super) struct Ros1Client {
     shared: Arc<ClientShared>,
     seeker: AbortHandle,
     /// Tasks whose calls may have ended without them.
-    tasks: VecDeque<AbortHandle>,
+    tasks: NewestTasks,
     sequence: i64,
 }
 
@@ -101,7 +101,7 @@ impl Ros1Client {
         service: &str,
         spec: &ServiceSpec,
         context: &Context,
-    ) -> Result<WireClient<Self>, OpenError> {
+    ) -> OpenResult<WireClient<Self>> {
         let codec = ServiceCodec::new(core, spec)?;
         let shared = Arc::new(ClientShared {
             core: Arc::downgrade(core),
@@ -122,7 +122,7 @@ impl Ros1Client {
             move || seek(Arc::clone(&kept), seed),
         );
         let seeker = core.handle.spawn(seeker).abort_handle();
-        let tasks = VecDeque::new();
+        let tasks = NewestTasks::default();
         let wire = Self { core: Arc::clone(core), codec, shared, seeker, tasks, sequence: 0 };
         Ok(WireClient::new(wire, &spec.service, spec.pending, context))
     }
@@ -138,9 +138,7 @@ fn read(outcome: Outcome, codec: &ServiceCodec) -> Result<Payload, CallError> {
         Outcome::Refused(reason) => Err(CallError::Refused { service, reason }),
         Outcome::Failed(reason) => Err(CallError::Transport { service, reason }),
         Outcome::TooLarge(size) => {
-            let (what, path) = ("message", "$".to_owned());
-            let (actual, limit) = (size as u64, codec.spec.limits.message_bytes as u64);
-            let fault = DecodeError::TooLarge { what, path, actual, limit };
+            let fault = DecodeError::too_large(size, codec.spec.limits.message_bytes);
             Err(CallError::Reply { service, fault })
         }
     }
@@ -355,30 +353,21 @@ async fn look(
 impl ClientWire for Ros1Client {
     type Written = Outgoing;
 
-    fn write(
-        &self,
-        request: &Request,
-        deadline: Instant,
-    ) -> Result<(Outgoing, usize), EncodeError> {
+    fn write(&self, request: &Request, deadline: Instant) -> EncodeResult<(Outgoing, usize)> {
         let frame = self.codec.encode_request(request)?;
         let bytes = frame.len();
         Ok((Outgoing { frame, deadline }, bytes))
     }
 
     fn turn(&mut self, calls: &mut Calls<Outgoing>) {
-        self.tasks.retain(|task| !task.is_finished());
         while self.shared.place.borrow().is_some() && calls.next_to_send().is_some() {
             self.sequence += 1;
             let Some(outgoing) = calls.send(self.sequence) else { break };
             let shared = Arc::clone(&self.shared);
             let task = self.core.handle.spawn(call(shared, self.sequence, outgoing));
-            self.tasks.push_back(task.abort_handle());
             // Those that wait for late replies are given up first.
-            if self.tasks.len() > self.codec.spec.pending.saturating_mul(2)
-                && let Some(oldest) = self.tasks.pop_front()
-            {
-                oldest.abort();
-            }
+            let most = self.codec.spec.pending.saturating_mul(2);
+            self.tasks.enter(task.abort_handle(), most);
         }
         let ended = std::mem::take(&mut *self.shared.ended.lock());
         for Ended { sequence, outcome, bytes, at } in ended {
@@ -404,6 +393,6 @@ impl ClientWire for Ros1Client {
 impl Drop for Ros1Client {
     fn drop(&mut self) {
         self.seeker.abort();
-        self.tasks.iter().for_each(AbortHandle::abort);
+        self.tasks.abort();
     }
 }

@@ -7,6 +7,7 @@
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 
+use hyper::Uri;
 use wrapyfi_interfaces::ros1::Rules;
 
 use super::names::{NameError, NodeName};
@@ -118,34 +119,26 @@ impl NodeUri {
         if text.len() > LONGEST {
             return Err(format!("it is {} bytes long, the limit is {LONGEST}", text.len()));
         }
+        let uri: Uri = text
+            .parse()
+            .map_err(|error: hyper::http::uri::InvalidUri| format!("it is no URI: {error}"))?;
         // rosrpc:// is the address of a service.
-        let rest = ["http://", "rosrpc://"].iter().find_map(|scheme| text.strip_prefix(scheme));
-        let rest = rest.ok_or("it does not begin with http://")?;
-        let authority = rest.split(['/', '?', '#']).next().unwrap_or_default();
-        if authority.contains('@') {
+        let (Some("http" | "rosrpc"), Some(authority)) = (uri.scheme_str(), uri.authority()) else {
+            return Err("it does not begin with http://".to_owned());
+        };
+        if authority.as_str().contains('@') {
             return Err("it holds a user name, for which ROS 1 has no use".to_owned());
         }
-        let (host, port) = match authority.strip_prefix('[').and_then(|v6| v6.split_once(']')) {
-            Some((host, "")) => (host, None),
-            Some((host, port)) => (host, Some(port.strip_prefix(':').ok_or("no port behind ]")?)),
-            None => match authority.rsplit_once(':') {
-                Some((host, port)) => (host, Some(port)),
-                None => (authority, None),
-            },
+        let port = authority.as_str().strip_prefix(authority.host()).unwrap_or_default();
+        let port = match port.strip_prefix(':').map(str::parse) {
+            None if port.is_empty() => MASTER_PORT,
+            Some(Ok(port @ 1..)) => port,
+            _ => return Err(format!("{port:?} is no port from 1 to 65535")),
         };
+        let host = authority.host().trim_matches(['[', ']']);
         if host.is_empty() {
             return Err("it names no host".to_owned());
         }
-        if host.contains(|letter: char| letter.is_control() || letter.is_whitespace()) {
-            return Err(format!("{host:?} is no host"));
-        }
-        let port = match port {
-            None => MASTER_PORT,
-            Some(port) => match port.parse() {
-                Ok(port) if port > 0 => port,
-                _ => return Err(format!("{port:?} is no port from 1 to 65535")),
-            },
-        };
         Ok(Self { host: host.to_owned(), port })
     }
 }

@@ -14,9 +14,9 @@ use super::core::Core;
 use super::header::Header;
 use super::publication::fitted;
 use wrapyfi_data::types::{MessageType, Payload, RosMessage, RosType};
-use wrapyfi_data::{DecodeError, EncodeError, Limits};
+use wrapyfi_data::{DecodeError, DecodeResult, EncodeError, EncodeResult, Limits};
 use wrapyfi_endpoint::codec::ros1::{self, Ros1Type};
-use wrapyfi_endpoint::{OpenError, TopicSpec};
+use wrapyfi_endpoint::{OpenError, OpenResult, TopicSpec};
 
 /// Any type: a publisher says which.
 pub(super) const ANY: &str = "*";
@@ -38,7 +38,7 @@ pub(super) fn wanted(core: &Core, message_type: MessageType) -> Option<Ros1Type>
 pub(super) fn offered(
     core: &Core,
     spec: &TopicSpec,
-) -> Result<Option<(Ros1Type, Option<PairPlan>)>, OpenError> {
+) -> OpenResult<Option<(Ros1Type, Option<PairPlan>)>> {
     let message_type = spec.message_type;
     let MessageType::Ros(ros_type) = message_type else {
         return Ok(Ros1Type::of(message_type).map(|known| (known, None)));
@@ -106,7 +106,7 @@ pub(super) fn from_ros1(
     plan: &PairPlan,
     ros_type: RosType,
     limits: &Limits,
-) -> Result<RosMessage, DecodeError> {
+) -> DecodeResult<RosMessage> {
     let options = Options { message_bytes: limits.message_bytes, ..Options::default() };
     let mut cdr = Vec::new();
     plan.to_cdr(bytes, &options, &mut cdr).map_err(|error| fault(&error))?;
@@ -119,7 +119,7 @@ pub(super) fn to_ros1(
     plan: &PairPlan,
     sequence: u32,
     limits: &Limits,
-) -> Result<Vec<u8>, EncodeError> {
+) -> EncodeResult<Vec<u8>> {
     let options = Options { message_bytes: limits.message_bytes, ..Options::default() };
     let mut bytes = Vec::new();
     let done = plan.to_ros1(&message.cdr, sequence, &options, &mut bytes);
@@ -132,7 +132,7 @@ pub(super) fn decode(
     message: &Bytes,
     plan: Option<&PairPlan>,
     spec: &TopicSpec,
-) -> Result<Payload, DecodeError> {
+) -> DecodeResult<Payload> {
     let TopicSpec { message_type, limits, plugins, .. } = spec;
     let (MessageType::Ros(ros_type), Some(plan)) = (message_type, plan) else {
         return ros1::decode(message, *message_type, limits, plugins);
@@ -142,31 +142,19 @@ pub(super) fn decode(
 
 fn unwritable(ros_type: RosType, error: TranscodeError) -> EncodeError {
     match error {
-        TranscodeError::TooLarge { actual, limit } => {
-            EncodeError::TooLarge { actual: actual as u64, limit: limit as u64 }
-        }
-        other => EncodeError::Unrepresentable {
-            format: "ROS 1",
-            what: format!("a malformed {ros_type}: {other}"),
-            path: "$".to_owned(),
-            remedy: "look at its publisher".to_owned(),
-        },
+        TranscodeError::TooLarge { actual, limit } => EncodeError::too_large(actual, limit),
+        other => EncodeError::unrepresentable(
+            "ROS 1",
+            format!("a malformed {ros_type}: {other}"),
+            "look at its publisher",
+        ),
     }
 }
 
 fn fault(error: &TranscodeError) -> DecodeError {
     match error {
-        TranscodeError::TooLarge { actual, limit } => DecodeError::TooLarge {
-            what: "message",
-            path: "$".to_owned(),
-            actual: *actual as u64,
-            limit: *limit as u64,
-        },
-        other => DecodeError::Malformed {
-            format: "ROS 1",
-            path: "$".to_owned(),
-            reason: other.to_string(),
-        },
+        TranscodeError::TooLarge { actual, limit } => DecodeError::too_large(*actual, *limit),
+        other => DecodeError::malformed("ROS 1", other.to_string()),
     }
 }
 
@@ -176,7 +164,7 @@ pub(super) fn encode(
     plan: Option<&PairPlan>,
     sequence: u32,
     spec: &TopicSpec,
-) -> Result<Vec<Bytes>, EncodeError> {
+) -> EncodeResult<Vec<Bytes>> {
     let TopicSpec { message_type, limits, plugins, color_order, .. } = spec;
     match (payload, message_type, plan) {
         (Payload::RosMessage(message), MessageType::Ros(ros_type), Some(plan))

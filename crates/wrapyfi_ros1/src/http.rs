@@ -5,7 +5,6 @@
 //!   Answers: XmlRpcCall ─▶ Reply ◀─ POST ◀─ accept    so many connections at once
 //! ```
 
-use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -19,8 +18,9 @@ use hyper::service::service_fn;
 use hyper::{Method, Request, Response, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use tokio::net::TcpStream;
-use tokio::task::{AbortHandle, JoinSet};
+use tokio::task::JoinSet;
 use tokio::time::timeout;
+use wrapyfi_retry::NewestTasks;
 
 use super::config::NodeUri;
 use super::tcpros::{self, Port, accepted, accepting};
@@ -45,12 +45,11 @@ pub(super) struct HttpError {
     pub(super) is_refused: bool,
 }
 
+/// Result of a request over HTTP.
+pub(super) type HttpResult<T> = Result<T, HttpError>;
+
 /// Calls a method of the node at `uri`.
-pub(super) async fn call(
-    uri: &NodeUri,
-    method: &str,
-    params: Vec<Value>,
-) -> Result<Reply, HttpError> {
+pub(super) async fn call(uri: &NodeUri, method: &str, params: Vec<Value>) -> HttpResult<Reply> {
     let failed = |what, is_refused| HttpError { uri: uri.to_string(), what, is_refused };
     let answered = |fault: XmlRpcError| failed(format!("answered: {fault}"), false);
     let body = xmlrpc::encode_call(method, params).map_err(answered)?;
@@ -102,18 +101,12 @@ pub(super) type Answers = dyn Fn(XmlRpcCall) -> Option<Reply> + Send + Sync;
 /// nothing keep nobody out.
 pub(super) async fn serve(port: Arc<Port>, answers: Arc<Answers>) {
     let Port { listener, connections, .. } = &*port;
-    let (mut backoff, mut open) = (accepting(), VecDeque::<AbortHandle>::new());
+    let (mut backoff, mut open) = (accepting(), NewestTasks::default());
     loop {
         let (stream, peer) = accepted(listener, &mut backoff).await;
-        open.retain(|one| !one.is_finished());
-        if open.len() >= *connections
-            && let Some(oldest) = open.pop_front()
-        {
-            oldest.abort();
-        }
         let answers = Arc::clone(&answers);
         let one = tokio::spawn(async move { serve_one(stream, peer, &*answers).await });
-        open.push_back(one.abort_handle());
+        open.enter(one.abort_handle(), *connections);
     }
 }
 

@@ -14,14 +14,14 @@ use super::NAME;
 use super::core::Core;
 use super::probe::{Answer, TypeInfo, ask};
 use wrapyfi_data::types::{RosService, RosType, ServiceKind};
-use wrapyfi_endpoint::{Discovered, LearnError, Learned, Role};
+use wrapyfi_endpoint::{Discovered, LearnError, LearnResult, Learned, Role};
 
 fn undefined(type_name: &str, reason: &dyn std::fmt::Display) -> LearnError {
     LearnError::Undefined { type_name: type_name.to_owned(), reason: reason.to_string() }
 }
 
 /// Type and latching that the node at the other end has told of this topic or service.
-fn told(core: &Arc<Core>, found: &Discovered) -> Result<TypeInfo, LearnError> {
+fn told(core: &Arc<Core>, found: &Discovered) -> LearnResult<TypeInfo> {
     let name = found.name.clone();
     let Some(node) = &found.node else {
         return Err(LearnError::Untold { middleware: NAME.to_owned() });
@@ -46,7 +46,7 @@ pub(super) fn topic(
     core: &Arc<Core>,
     found: &Discovered,
     store: &mut TypeStore,
-) -> Result<Learned, LearnError> {
+) -> LearnResult<Learned> {
     let announced = found.type_name.clone().filter(|name| name != "*");
     // A subscriber cannot be asked.
     let told = (found.role == Role::Publisher).then(|| told(core, found));
@@ -77,7 +77,7 @@ pub(super) fn service(
     core: &Arc<Core>,
     found: &Discovered,
     store: &mut TypeStore,
-) -> Result<ServiceKind, LearnError> {
+) -> LearnResult<ServiceKind> {
     let type_name = told(core, found)?.type_name;
     match type_name.as_str() {
         "wrapyfi_services/ROSNativeObject" => return Ok(ServiceKind::NativeObject),

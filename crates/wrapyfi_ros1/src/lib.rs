@@ -79,8 +79,9 @@ use self::tcpros::Port;
 use wrapyfi_data::types::ServiceKind;
 use wrapyfi_endpoint::restart::restarted;
 use wrapyfi_endpoint::{
-    Client, Context, Conventions, DiscoverError, Discovered, Discovery, LearnError, Learned,
-    Listener, Middleware, OpenError, Publisher, Role, Server, ServiceSpec, TopicSpec, Traits,
+    Client, Context, Conventions, DiscoverError, Discovered, Discovery, LearnResult, Learned,
+    Listener, Middleware, OpenError, OpenResult, Opened, Publisher, Role, Server, ServiceSpec,
+    TopicSpec, Traits,
 };
 
 /// Name of this middleware in addresses.
@@ -239,12 +240,11 @@ impl Ros1 {
         self.core.types().ros2_type_named(name)
     }
 
-    fn resolve(&self, name: &str) -> Result<String, OpenError> {
-        self.core.name.resolve(name).map_err(|error| OpenError::InvalidName {
-            middleware: NAME,
-            topic: name.to_owned(),
-            reason: error.reason,
-        })
+    fn resolve(&self, name: &str) -> OpenResult<String> {
+        self.core
+            .name
+            .resolve(name)
+            .map_err(|error| OpenError::invalid_name(NAME, name, error.reason))
     }
 }
 
@@ -253,11 +253,7 @@ impl Middleware for Ros1 {
         NAME
     }
 
-    fn open_listener(
-        &self,
-        spec: &TopicSpec,
-        context: &Context,
-    ) -> Result<Box<dyn Listener>, OpenError> {
+    fn open_listener(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Listener> {
         let topic = self.resolve(&spec.topic)?;
         Ok(match conversion::wanted(&self.core, spec.message_type) {
             Some(wire_type) => {
@@ -270,11 +266,7 @@ impl Middleware for Ros1 {
         })
     }
 
-    fn open_publisher(
-        &self,
-        spec: &TopicSpec,
-        context: &Context,
-    ) -> Result<Box<dyn Publisher>, OpenError> {
+    fn open_publisher(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Publisher> {
         let topic = self.resolve(&spec.topic)?;
         Ok(match conversion::offered(&self.core, spec)? {
             Some(offer) => {
@@ -287,20 +279,12 @@ impl Middleware for Ros1 {
         })
     }
 
-    fn open_client(
-        &self,
-        spec: &ServiceSpec,
-        context: &Context,
-    ) -> Result<Box<dyn Client>, OpenError> {
+    fn open_client(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Client> {
         let service = self.resolve(&spec.service)?;
         Ok(Box::new(client::Ros1Client::open(&self.core, &service, spec, context)?))
     }
 
-    fn open_server(
-        &self,
-        spec: &ServiceSpec,
-        context: &Context,
-    ) -> Result<Box<dyn Server>, OpenError> {
+    fn open_server(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Server> {
         let service = self.resolve(&spec.service)?;
         Ok(Box::new(server::Ros1Server::open(&self.core, &service, spec, context)?))
     }
@@ -320,19 +304,11 @@ impl Middleware for Ros1 {
         }
     }
 
-    fn learn_topic(
-        &self,
-        found: &Discovered,
-        types: &mut TypeStore,
-    ) -> Result<Learned, LearnError> {
+    fn learn_topic(&self, found: &Discovered, types: &mut TypeStore) -> LearnResult<Learned> {
         learn::topic(&self.core, found, types)
     }
 
-    fn learn_service(
-        &self,
-        found: &Discovered,
-        types: &mut TypeStore,
-    ) -> Result<ServiceKind, LearnError> {
+    fn learn_service(&self, found: &Discovered, types: &mut TypeStore) -> LearnResult<ServiceKind> {
         learn::service(&self.core, found, types)
     }
 

@@ -22,14 +22,13 @@ use tokio::time::timeout;
 use wrapyfi_interfaces::ros1::PairPlan;
 
 use super::config::NodeUri;
-use super::conversion;
 use super::core::Core;
 use super::header::Header;
 use super::probe::request_topic;
 use super::splitter::{self, Piece, Splitter};
 use super::subscriber::BusLink;
-use super::tcpros;
 use super::xmlrpc::shortened;
+use super::{conversion, tcpros};
 use wrapyfi_data::types::MessageType;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::codec::ros1::Ros1Type;

@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use super::config::NodeUri;
-use super::http::{self, HttpError};
+use super::http::{self, HttpError, HttpResult};
 use super::whereabouts::Whereabouts;
 use super::xmlrpc::{Reply, SUCCESS, Value, shortened, text};
 
@@ -34,6 +34,9 @@ pub enum MasterError {
         actual: String,
     },
 }
+
+/// Result of asking the master.
+pub(super) type MasterResult<T> = Result<T, MasterError>;
 
 impl MasterError {
     /// Description of the event that ends the failure, for the status.
@@ -85,7 +88,7 @@ impl Master {
         &self,
         method: &'static str,
         params: impl IntoIterator<Item = Value>,
-    ) -> Result<Value, MasterError> {
+    ) -> MasterResult<Value> {
         let Reply { status, text: reason, value } = self.raw(method, params).await?;
         if status == SUCCESS { Ok(value) } else { Err(MasterError::Refused { method, reason }) }
     }
@@ -94,29 +97,22 @@ impl Master {
         &self,
         method: &str,
         params: impl IntoIterator<Item = Value>,
-    ) -> Result<Reply, HttpError> {
+    ) -> HttpResult<Reply> {
         let params = [text(&self.caller)].into_iter().chain(params).collect();
         http::call(&self.uri, method, params).await
     }
 
     /// Address of the node that offers a service; `None` where nobody does.
-    pub(super) async fn lookup_service(
-        &self,
-        service: &str,
-    ) -> Result<Option<NodeUri>, MasterError> {
+    pub(super) async fn lookup_service(&self, service: &str) -> MasterResult<Option<NodeUri>> {
         self.lookup("lookupService", service).await
     }
 
     /// Address of a node; `None` where the master does not know it.
-    pub(super) async fn lookup_node(&self, node: &str) -> Result<Option<NodeUri>, MasterError> {
+    pub(super) async fn lookup_node(&self, node: &str) -> MasterResult<Option<NodeUri>> {
         self.lookup("lookupNode", node).await
     }
 
-    async fn lookup(
-        &self,
-        method: &'static str,
-        name: &str,
-    ) -> Result<Option<NodeUri>, MasterError> {
+    async fn lookup(&self, method: &'static str, name: &str) -> MasterResult<Option<NodeUri>> {
         let reply = self.raw(method, [text(name)]).await?;
         match &reply.value {
             _ if reply.status != SUCCESS => Ok(None),
@@ -130,14 +126,14 @@ impl Master {
     }
 
     /// The master's process: another one after a restart.
-    pub(super) async fn pid(&self) -> Result<i32, MasterError> {
+    pub(super) async fn pid(&self) -> MasterResult<i32> {
         match self.ask("getPid", []).await? {
             Value::Integer(pid) => Ok(pid),
             other => Err(odd("getPid", &other)),
         }
     }
 
-    pub(super) async fn system_state(&self) -> Result<SystemState, MasterError> {
+    pub(super) async fn system_state(&self) -> MasterResult<SystemState> {
         let method = "getSystemState";
         let value = self.ask(method, []).await?;
         let read = |value: &Value| {
@@ -152,7 +148,7 @@ impl Master {
     }
 
     /// Types of the topics, as their publishers or subscribers named them.
-    pub(super) async fn topic_types(&self) -> Result<Vec<(String, String)>, MasterError> {
+    pub(super) async fn topic_types(&self) -> MasterResult<Vec<(String, String)>> {
         let method = "getTopicTypes";
         let value = self.ask(method, []).await?;
         let pair = |pair: &Value| match array(pair)? {
@@ -164,7 +160,7 @@ impl Master {
     }
 
     /// The value of a parameter, or of all below a name; `None` where there is none.
-    pub(super) async fn get_param(&self, key: &str) -> Result<Option<Value>, MasterError> {
+    pub(super) async fn get_param(&self, key: &str) -> MasterResult<Option<Value>> {
         let Reply { status, value, .. } = self.raw("getParam", [text(key)]).await?;
         Ok((status == SUCCESS).then_some(value))
     }

@@ -17,9 +17,8 @@ use tokio::time::timeout;
 use super::config::NodeUri;
 use super::core::Core;
 use super::header::Header;
-use super::http;
-use super::tcpros;
 use super::xmlrpc::{Reply, SUCCESS, Value, shortened, text};
+use super::{http, tcpros};
 use wrapyfi_endpoint::{Mutex, Role};
 
 /// Longest time that one of them has to answer.

@@ -20,12 +20,12 @@ use super::listener_connections::MARK;
 use super::subscriber::{BusLink, Frame, Subscriber};
 use super::tcpros::Accepted;
 use wrapyfi_data::types::{Encoding, Image, MessageType, Payload, Pixels};
-use wrapyfi_data::{EncodeError, Limits};
-use wrapyfi_endpoint::codec;
+use wrapyfi_data::{EncodeError, EncodeResult, Limits};
 use wrapyfi_endpoint::codec::ros1::Ros1Type;
 use wrapyfi_endpoint::{
     BridgeMark, Context, Counters, Durability, ForwardingPublisher, History, Latched, Link,
     MAX_ORIGINS, Mutex, Origin, PublishError, Publisher, Role, SourceDurability, TopicSpec, Wake,
+    codec,
 };
 
 /// Messages that a publisher without a depth keeps for a slow subscriber.
@@ -252,7 +252,7 @@ impl Ros1Publisher {
         }
     }
 
-    fn encode(&mut self, payload: &Payload) -> Result<Frame, EncodeError> {
+    fn encode(&mut self, payload: &Payload) -> EncodeResult<Frame> {
         let pieces = conversion::encode(payload, self.plan.as_ref(), self.sequence, &self.spec)?;
         self.sequence = self.sequence.wrapping_add(1);
         let size: usize = pieces.iter().map(bytes::Bytes::len).sum();
@@ -281,7 +281,7 @@ pub(super) fn fitted<'p>(
     message_type: MessageType,
     color_order: Encoding,
     limits: &Limits,
-) -> Result<Cow<'p, Payload>, EncodeError> {
+) -> EncodeResult<Cow<'p, Payload>> {
     let payload = codec::fitted(payload, message_type, color_order, limits)?;
     Ok(match &*payload {
         Payload::Image(image @ Image { pixels: Pixels::Raw(raw), .. })

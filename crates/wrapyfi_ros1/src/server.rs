@@ -11,8 +11,8 @@ use super::services::ServiceCodec;
 use wrapyfi_data::types::Payload;
 use wrapyfi_data::{DecodeError, EncodeError};
 use wrapyfi_endpoint::requests::{Asked, Requests};
-use wrapyfi_endpoint::wire_server::{ServerWire, WireServer};
-use wrapyfi_endpoint::{Context, Link, OpenError, Request, Role, ServeError, ServiceSpec};
+use wrapyfi_endpoint::wire_server::{Sent, ServerWire, WireServer};
+use wrapyfi_endpoint::{Context, Link, OpenError, OpenResult, Request, Role, ServiceSpec};
 
 /// Offers one service.
 pub(super) struct Ros1Server {
@@ -30,16 +30,16 @@ impl Ros1Server {
         service: &str,
         spec: &ServiceSpec,
         context: &Context,
-    ) -> Result<WireServer<Self>, OpenError> {
+    ) -> OpenResult<WireServer<Self>> {
         let codec = ServiceCodec::new(core, spec)?;
         let requests = Arc::new(Requests::new(spec, context));
         let host = Arc::new(ServiceHost::new(service, &codec, Arc::clone(&requests)));
         if !core.offer(service, &host) {
-            return Err(OpenError::Transport {
-                middleware: NAME,
-                topic: spec.service.clone(),
-                reason: format!("this node offers {service} already; a name has one server"),
-            });
+            return Err(OpenError::transport(
+                NAME,
+                &spec.service,
+                format!("this node offers {service} already; a name has one server"),
+            ));
         }
         let mark = core.mark(Role::Server, service, &spec.mark);
         let (core, service) = (Arc::clone(core), service.to_owned());
@@ -64,11 +64,7 @@ impl ServerWire for Ros1Server {
         self.codec.encode_reply(payload)
     }
 
-    fn send(
-        &mut self,
-        ask: Ask,
-        answer: Result<Vec<Bytes>, &str>,
-    ) -> Result<Option<usize>, ServeError> {
+    fn send(&mut self, ask: Ask, answer: Result<Vec<Bytes>, &str>) -> Sent {
         let answer = answer.map_err(str::to_owned);
         let answer = answer.map(|pieces| Reply::new(pieces, self.host.context()));
         let bytes = answer.as_ref().map_or_else(|why| why.len() + HEAD, Reply::size);

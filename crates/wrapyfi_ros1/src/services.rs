@@ -18,8 +18,7 @@ use super::conversion::{from_ros1, to_ros1};
 use super::core::Core;
 use wrapyfi_data::types::{DataType, MessageType, Payload, RosService, ServiceKind, Stamp};
 use wrapyfi_data::{DecodeError, EncodeError};
-use wrapyfi_endpoint::codec::requests;
-use wrapyfi_endpoint::codec::ros1;
+use wrapyfi_endpoint::codec::{requests, ros1};
 use wrapyfi_endpoint::{OpenError, Request, ServiceSpec};
 
 /// Name of the format in errors.
@@ -68,10 +67,12 @@ impl ServiceCodec {
             let response = PairPlan::compile(definition.response(), answered.resolved(), rules)?;
             Ok((definition, AnyService { service, request, response }))
         });
-        let (definition, any) = found.map_err(|error| OpenError::Transport {
-            middleware: NAME,
-            topic: spec.service.clone(),
-            reason: format!("{service} cannot be used on ROS 1: {error}"),
+        let (definition, any) = found.map_err(|error| {
+            OpenError::transport(
+                NAME,
+                &spec.service,
+                format!("{service} cannot be used on ROS 1: {error}"),
+            )
         })?;
         let wire_type = ServiceType {
             name: definition.ros1_name(),
@@ -135,10 +136,10 @@ impl ServiceCodec {
         }
         let payload = &*requests::without_messages(payload)?;
         if payload.data_type() != spec.kind.data_type() {
-            return Err(EncodeError::Mismatch {
-                expected: spec.kind.data_type().to_string(),
-                actual: payload.data_type().to_string(),
-            });
+            return Err(EncodeError::mismatch(
+                spec.kind.data_type().to_string(),
+                payload.data_type().to_string(),
+            ));
         }
         let kind = message_type(spec.kind);
         let payload = super::publication::fitted(payload, kind, spec.color_order, &spec.limits)?;

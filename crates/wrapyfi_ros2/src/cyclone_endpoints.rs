@@ -79,9 +79,7 @@ pub(super) fn write(raw: &RawWriter, topic: &str, parts: &[&[u8]]) -> Result<(),
     raw.write(parts).map_err(|fault| match fault {
         WriteFault::Code(code) if code.is_timeout() => timeout(topic),
         WriteFault::Code(code) => stack("writing", topic, code),
-        WriteFault::Message(reason) => {
-            GraphError::Stack { operation: "writing", topic: topic.to_owned(), reason }
-        }
+        WriteFault::Message(reason) => GraphError::stack("writing", topic, &reason),
     })
 }
 
@@ -157,5 +155,5 @@ fn qos_events(events: &Events) -> QosEvents {
 
 /// Error for a call that CycloneDDS refused.
 pub(super) fn stack(operation: &'static str, topic: &str, code: ReturnCode) -> GraphError {
-    GraphError::Stack { operation, topic: topic.to_owned(), reason: code.to_string() }
+    GraphError::stack(operation, topic, &code)
 }

@@ -16,8 +16,9 @@ use super::dds_terms::{ENCLAVE, discovered, end_user_data, marked, to_dds, user_
 use super::discovery_info::{Announcing, DiscoveryInfo, EndpointKind, Gid};
 use super::domain::{DomainError, DomainLease};
 use super::graph::{
-    CdrClient, CdrReader, CdrServer, CdrWriter, DiscoveredEndpoint, Graph, GraphError, NodeWatch,
-    Notify, PeerWatch, Replay, ServiceDescription, ServiceMapping, TopicDescription, WriterTraits,
+    CdrClient, CdrReader, CdrServer, CdrWriter, Created, DiscoveredEndpoint, Graph, GraphError,
+    GraphResult, NodeWatch, Notify, PeerWatch, Replay, ServiceDescription, ServiceMapping,
+    TopicDescription, WriterTraits,
 };
 use super::names;
 use super::owners::Owners;
@@ -105,7 +106,7 @@ impl CycloneGraph {
         &self,
         topic: &TopicDescription,
         on_data: Notify,
-    ) -> Result<Box<dyn CdrReader>, GraphError> {
+    ) -> Created<dyn CdrReader> {
         let fault = |code| stack("creating a reader", &topic.name, code);
         let events = Events::new(&topic.name, topic.qos.reliability, on_data);
         let user_data = user_data(topic);
@@ -125,7 +126,7 @@ impl CycloneGraph {
         &self,
         topic: &TopicDescription,
         on_match: Notify,
-    ) -> Result<Box<dyn CdrWriter>, GraphError> {
+    ) -> Created<dyn CdrWriter> {
         self.write_dds(topic, WriterTraits::default(), on_match)
     }
 
@@ -134,7 +135,7 @@ impl CycloneGraph {
         topic: &TopicDescription,
         WriterTraits { replay, mark }: WriterTraits<'_>,
         on_match: Notify,
-    ) -> Result<Box<dyn CdrWriter>, GraphError> {
+    ) -> Created<dyn CdrWriter> {
         let fault = |code| stack("creating a writer", &topic.name, code);
         let events = Events::new(&topic.name, topic.qos.reliability, on_match);
         let user_data = marked(user_data(topic), mark);
@@ -156,11 +157,9 @@ impl CycloneGraph {
         id_key: &'static str,
         mark: Option<&BridgeMark>,
         on_event: &Notify,
-    ) -> Result<(Ends, Gid, [Listed; 2]), GraphError> {
-        let fault = |reason: String| GraphError::Stack {
-            operation: "creating a service's endpoints",
-            topic: service.name.clone(),
-            reason,
+    ) -> GraphResult<(Ends, Gid, [Listed; 2])> {
+        let fault = |reason: String| {
+            GraphError::stack("creating a service's endpoints", &service.name, &reason)
         };
         let code = |code: ReturnCode| fault(code.to_string());
         let names = names::service_to_dds(&service.name, &service.type_name)
@@ -201,28 +200,16 @@ impl Graph for CycloneGraph {
         &self.0.name
     }
 
-    fn advertise(
-        &self,
-        topic: &TopicDescription,
-        on_match: Notify,
-    ) -> Result<Box<dyn CdrWriter>, GraphError> {
-        self.advertise_dds(&to_dds(topic)?, on_match)
-    }
-
     fn advertise_with(
         &self,
         topic: &TopicDescription,
         traits: WriterTraits<'_>,
         on_match: Notify,
-    ) -> Result<Box<dyn CdrWriter>, GraphError> {
+    ) -> Created<dyn CdrWriter> {
         self.write_dds(&to_dds(topic)?, traits, on_match)
     }
 
-    fn subscribe(
-        &self,
-        topic: &TopicDescription,
-        on_data: Notify,
-    ) -> Result<Box<dyn CdrReader>, GraphError> {
+    fn subscribe(&self, topic: &TopicDescription, on_data: Notify) -> Created<dyn CdrReader> {
         self.subscribe_dds(&to_dds(topic)?, on_data)
     }
 
@@ -230,11 +217,7 @@ impl Graph for CycloneGraph {
         self.0.services.mapping()
     }
 
-    fn client(
-        &self,
-        service: &ServiceDescription,
-        on_event: Notify,
-    ) -> Result<Box<dyn CdrClient>, GraphError> {
+    fn client(&self, service: &ServiceDescription, on_event: Notify) -> Created<dyn CdrClient> {
         if let Some(other) = self.0.services.elsewhere(service)? {
             return other.client(service, on_event);
         }
@@ -242,20 +225,12 @@ impl Graph for CycloneGraph {
         Ok(Box::new(CycloneClient::new(ends, guid, listed)))
     }
 
-    fn server(
-        &self,
-        service: &ServiceDescription,
-        on_event: Notify,
-    ) -> Result<Box<dyn CdrServer>, GraphError> {
-        self.server_marked(service, None, on_event)
-    }
-
     fn server_marked(
         &self,
         service: &ServiceDescription,
         mark: Option<&BridgeMark>,
         on_event: Notify,
-    ) -> Result<Box<dyn CdrServer>, GraphError> {
+    ) -> Created<dyn CdrServer> {
         // There, there is no room for a mark.
         if let Some(other) = self.0.services.elsewhere(service)? {
             return other.server(service, on_event);
@@ -264,7 +239,7 @@ impl Graph for CycloneGraph {
         Ok(Box::new(CycloneServer::new(ends, listed)))
     }
 
-    fn endpoints(&self) -> Result<Vec<DiscoveredEndpoint>, GraphError> {
+    fn endpoints(&self) -> GraphResult<Vec<DiscoveredEndpoint>> {
         let found = cyclone::endpoints(&self.0.participant)
             .map_err(|code| stack("listing endpoints", &self.0.name.fqn(), code))?;
         Ok(found
@@ -277,18 +252,13 @@ impl Graph for CycloneGraph {
             .collect())
     }
 
-    fn watch(
-        &self,
-        topic: &str,
-        publishers: bool,
-        on_change: Notify,
-    ) -> Result<Box<dyn PeerWatch>, GraphError> {
+    fn watch(&self, topic: &str, publishers: bool, on_change: Notify) -> Created<dyn PeerWatch> {
         let index = self.0.peer_index().map_err(|code| stack("watching", topic, code))?;
         let topic = names::topic_to_dds(topic);
         Ok(Box::new(index.watch(self.0.clone(), topic, publishers, on_change)))
     }
 
-    fn nodes(&self) -> Result<Box<dyn NodeWatch>, GraphError> {
+    fn nodes(&self) -> Created<dyn NodeWatch> {
         let reader = self.subscribe_dds(&Owners::topic(), Arc::new(|| {}))?;
         Ok(Box::new(Owners::new(reader)))
     }

@@ -140,7 +140,7 @@ impl Ends {
     }
 
     fn fault(&self, operation: &'static str, reason: &str) -> GraphError {
-        GraphError::Stack { operation, topic: self.service.clone(), reason: reason.to_owned() }
+        GraphError::stack(operation, &self.service, &reason)
     }
 }
 

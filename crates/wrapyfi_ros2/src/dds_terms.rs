@@ -5,20 +5,15 @@
 //!   EndpointFound rt/chatter ── discovered ──▶ DiscoveredEndpoint /chatter, type, hash
 //! ```
 
-use super::cyclone;
 use super::discovery_info::Gid;
 use super::graph::{DiscoveredEndpoint, GraphError, TopicDescription};
-use super::names;
+use super::{cyclone, names};
 use wrapyfi_endpoint::BridgeMark;
 use wrapyfi_node::NodeName;
 
 /// A topic with the names that DDS has for it and its type.
 pub(super) fn to_dds(topic: &TopicDescription) -> Result<TopicDescription, GraphError> {
-    let fault = |reason: String| GraphError::Stack {
-        operation: "naming",
-        topic: topic.name.clone(),
-        reason,
-    };
+    let fault = |reason: String| GraphError::stack("naming", &topic.name, &reason);
     NodeName::check_topic(&topic.name).map_err(|error| fault(error.to_string()))?;
     let type_name =
         names::type_to_dds(&topic.type_name).map_err(|error| fault(error.to_string()))?;

@@ -9,15 +9,17 @@
 //! ```
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, MutexGuard};
 use std::time::{Duration, Instant};
 
 use super::follow::LOG_EVERY;
 use super::graph::{
-    DiscoveredEndpoint, Graph, GraphError, NodeWatch, Notify, PeerWatch, TopicDescription,
+    DiscoveredEndpoint, Graph, GraphResult, NodeWatch, Notify, PeerWatch, TopicDescription,
 };
 use super::matching::unmet;
-use wrapyfi_endpoint::{AnnouncedQos, Durability, Link, PinnedQos, Qos, QosPolicy, TopicSpec};
+use wrapyfi_endpoint::{
+    AnnouncedQos, Durability, Link, Mutex, PinnedQos, Qos, QosPolicy, TopicSpec,
+};
 
 /// Time for which a peer waits for the name of its node before it is reported without.
 const NAME_TIMEOUT: Duration = Duration::from_secs(1);
@@ -40,7 +42,7 @@ impl Names {
     }
 
     fn listen(&self) -> MutexGuard<'_, Option<Box<dyn NodeWatch>>> {
-        let mut nodes = self.nodes.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut nodes = self.nodes.lock();
         if nodes.is_none() {
             let listening = self.graph.nodes();
             *nodes = listening
@@ -86,7 +88,7 @@ impl Diagnosis {
         spec: &TopicSpec,
         awaits_publisher: bool,
         on_change: Notify,
-    ) -> Result<Self, GraphError> {
+    ) -> GraphResult<Self> {
         Ok(Self {
             watch: names.graph.watch(&topic.name, awaits_publisher, on_change)?,
             names: Arc::clone(names),

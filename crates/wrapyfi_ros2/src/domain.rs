@@ -10,9 +10,9 @@
 //! one is refused rather than silently given the first.
 
 use std::collections::BTreeMap;
-use std::sync::{Mutex, PoisonError};
 
 use super::cyclone::Entity;
+use wrapyfi_endpoint::Mutex;
 
 static DOMAINS: Mutex<BTreeMap<u32, Shared>> = Mutex::new(BTreeMap::new());
 
@@ -65,7 +65,7 @@ pub(super) struct DomainLease(u32);
 impl DomainLease {
     /// Opens domain `id`, or joins it where its configuration is the same.
     pub(super) fn acquire(id: u32, configuration: &str) -> Result<Self, DomainError> {
-        let mut domains = DOMAINS.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut domains = DOMAINS.lock();
         match domains.get_mut(&id) {
             Some(shared) if shared.configuration == configuration => shared.users += 1,
             Some(shared) => {
@@ -96,7 +96,7 @@ impl Drop for DomainLease {
     fn drop(&mut self) {
         // The lock is held while Cyclone stops its threads, so that nobody opens the domain half
         // closed. Callbacks never take this lock.
-        let mut domains = DOMAINS.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut domains = DOMAINS.lock();
         if let Some(shared) = domains.get_mut(&self.0) {
             shared.users -= 1;
             if shared.users == 0 {

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::diagnosis::{Diagnosis, Names};
-use super::graph::{GraphError, Notify, QosEvents, TopicDescription};
+use super::graph::{GraphResult, Notify, QosEvents, TopicDescription};
 use super::matching::{Decision, Matching};
 use wrapyfi_endpoint::{Counters, Qos, QosEvent, TopicSpec};
 
@@ -47,7 +47,7 @@ impl Follower {
         spec: &TopicSpec,
         listens: bool,
         on_change: Notify,
-    ) -> Result<Self, GraphError> {
+    ) -> GraphResult<Self> {
         let matching = spec.match_peers.then(|| Matching::new(listens, topic.qos, spec.pinned));
         let diagnosis = Diagnosis::new(names, topic, spec, listens, on_change)?;
         Ok(Self { diagnosis, matching, seen: 0, next: None })

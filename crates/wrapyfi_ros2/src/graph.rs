@@ -11,10 +11,12 @@
 
 mod service;
 
+use std::fmt::Display;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
+use wrapyfi_interfaces::Message;
 
 use wrapyfi_endpoint::{AnnouncedQos, BridgeMark, Qos, Wake};
 use wrapyfi_node::NodeName;
@@ -37,6 +39,14 @@ pub struct TopicDescription {
     pub qos: Qos,
     /// Messages larger than this are dropped on reception before they are copied.
     pub max_bytes: usize,
+}
+
+impl TopicDescription {
+    /// Topic of a type that is known when this is built.
+    pub(crate) fn of<M: Message>(name: &str, qos: Qos, max_bytes: usize) -> Self {
+        let (type_name, type_hash) = (M::ROS_TYPE.to_owned(), Some(M::TYPE_HASH.to_owned()));
+        Self { name: name.to_owned(), type_name, type_hash, qos, max_bytes }
+    }
 }
 
 /// Properties that only some writers have.
@@ -70,11 +80,9 @@ pub trait Graph: Send + Sync {
     ///
     /// # Errors
     /// When the DDS stack refuses; the reason is its own.
-    fn advertise(
-        &self,
-        topic: &TopicDescription,
-        on_match: Notify,
-    ) -> Result<Box<dyn CdrWriter>, GraphError>;
+    fn advertise(&self, topic: &TopicDescription, on_match: Notify) -> Created<dyn CdrWriter> {
+        self.advertise_with(topic, WriterTraits::default(), on_match)
+    }
 
     /// As [`Graph::advertise`], for a writer that is not as others are. A stack that cannot make one
     /// makes an ordinary one.
@@ -86,21 +94,14 @@ pub trait Graph: Send + Sync {
         topic: &TopicDescription,
         traits: WriterTraits<'_>,
         on_match: Notify,
-    ) -> Result<Box<dyn CdrWriter>, GraphError> {
-        _ = traits;
-        self.advertise(topic, on_match)
-    }
+    ) -> Created<dyn CdrWriter>;
 
     /// Creates a reader and announces it. `on_data` is called from a DDS thread when samples or
     /// matches change, possibly before this returns.
     ///
     /// # Errors
     /// When the DDS stack refuses.
-    fn subscribe(
-        &self,
-        topic: &TopicDescription,
-        on_data: Notify,
-    ) -> Result<Box<dyn CdrReader>, GraphError>;
+    fn subscribe(&self, topic: &TopicDescription, on_data: Notify) -> Created<dyn CdrReader>;
 
     /// Form in which this node maps services to DDS.
     fn service_mapping(&self) -> ServiceMapping;
@@ -109,21 +110,15 @@ pub trait Graph: Send + Sync {
     ///
     /// # Errors
     /// When the DDS stack refuses.
-    fn client(
-        &self,
-        service: &ServiceDescription,
-        on_event: Notify,
-    ) -> Result<Box<dyn CdrClient>, GraphError>;
+    fn client(&self, service: &ServiceDescription, on_event: Notify) -> Created<dyn CdrClient>;
 
     /// Creates a server and announces it. `on_event` is called as in [`Graph::subscribe`].
     ///
     /// # Errors
     /// When the DDS stack refuses.
-    fn server(
-        &self,
-        service: &ServiceDescription,
-        on_event: Notify,
-    ) -> Result<Box<dyn CdrServer>, GraphError>;
+    fn server(&self, service: &ServiceDescription, on_event: Notify) -> Created<dyn CdrServer> {
+        self.server_marked(service, None, on_event)
+    }
 
     /// As [`Graph::server`], with a mark as in [`WriterTraits::mark`].
     ///
@@ -134,16 +129,13 @@ pub trait Graph: Send + Sync {
         service: &ServiceDescription,
         mark: Option<&BridgeMark>,
         on_event: Notify,
-    ) -> Result<Box<dyn CdrServer>, GraphError> {
-        _ = mark;
-        self.server(service, on_event)
-    }
+    ) -> Created<dyn CdrServer>;
 
     /// The endpoints that exist now as far as discovery knows, those of this node included.
     ///
     /// # Errors
     /// When the DDS stack refuses.
-    fn endpoints(&self) -> Result<Vec<DiscoveredEndpoint>, GraphError>;
+    fn endpoints(&self) -> GraphResult<Vec<DiscoveredEndpoint>>;
 
     /// Begins to watch the endpoints that other participants have on a topic, given by its ROS name:
     /// publishers if `publishers`, else subscribers. `on_change` is called from a DDS thread when
@@ -151,18 +143,13 @@ pub trait Graph: Send + Sync {
     ///
     /// # Errors
     /// When the DDS stack refuses.
-    fn watch(
-        &self,
-        topic: &str,
-        publishers: bool,
-        on_change: Notify,
-    ) -> Result<Box<dyn PeerWatch>, GraphError>;
+    fn watch(&self, topic: &str, publishers: bool, on_change: Notify) -> Created<dyn PeerWatch>;
 
     /// Begins to listen for what other participants say about their nodes.
     ///
     /// # Errors
     /// When the DDS stack refuses.
-    fn nodes(&self) -> Result<Box<dyn NodeWatch>, GraphError>;
+    fn nodes(&self) -> Created<dyn NodeWatch>;
 }
 
 /// Knows which node owns which endpoint, from `ros_discovery_info`. It knows more the longer it
@@ -256,7 +243,7 @@ pub trait CdrWriter: Send {
     ///
     /// # Errors
     /// The message was not sent: [`GraphError::Timeout`] when reliable readers did not keep up.
-    fn write(&mut self, parts: &[&[u8]]) -> Result<(), GraphError>;
+    fn write(&mut self, parts: &[&[u8]]) -> GraphResult<()>;
 
     /// Reason, in words, for which fewer messages go out than are given; `None` where all do.
     fn slowed(&self) -> Option<String> {
@@ -282,7 +269,7 @@ pub trait CdrReader: Send {
     /// # Errors
     /// [`GraphError::TooLarge`] when the next sample was over the limit; it is gone, the one after
     /// it can be taken.
-    fn take(&mut self) -> Result<Option<CdrSample>, GraphError>;
+    fn take(&mut self) -> GraphResult<Option<CdrSample>>;
 
     /// Writers matched now.
     fn matched(&self) -> usize;
@@ -384,3 +371,16 @@ pub enum GraphError {
         reason: String,
     },
 }
+
+impl GraphError {
+    /// Error of the stack's own, in its words.
+    pub(crate) fn stack(operation: &'static str, topic: &str, reason: &dyn Display) -> Self {
+        Self::Stack { operation, topic: topic.to_owned(), reason: reason.to_string() }
+    }
+}
+
+/// Result of a DDS stack.
+pub type GraphResult<T> = Result<T, GraphError>;
+
+/// Result of creating an endpoint whose type only its stack knows.
+pub type Created<T> = GraphResult<Box<T>>;

@@ -97,7 +97,9 @@ pub use domain::DomainError;
 pub use environment::Adapter;
 pub use node_endpoints::NodeEndpoints;
 pub use node_handle::NodeHandle;
-pub use parameters::{ParameterClient, ParameterClientError, RefusedParameter, RemoteParameters};
+pub use parameters::{
+    ParameterClient, ParameterClientError, ParameterResult, RefusedParameter, RemoteParameters,
+};
 #[cfg(feature = "rmw")]
 pub use rmw_graph::RmwGraph;
 #[cfg(feature = "fastdds-services")]
@@ -112,8 +114,8 @@ use publisher::Ros2Publisher;
 use wrapyfi_data::types::MessageType;
 use wrapyfi_endpoint::codec::ros;
 use wrapyfi_endpoint::{
-    Client, Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, Server,
-    ServiceSpec, TopicSpec, Traits,
+    Client, Context, DiscoverError, Discovery, Listener, Middleware, OpenError, OpenResult, Opened,
+    Publisher, Server, ServiceSpec, TopicSpec, Traits,
 };
 use wrapyfi_node::NodeName;
 
@@ -169,12 +171,8 @@ impl Ros2 {
     ///
     /// # Errors
     /// When a rule for names is broken.
-    pub fn resolve(&self, topic: &str) -> Result<String, OpenError> {
-        let invalid = |reason: String| OpenError::InvalidName {
-            middleware: NAME,
-            topic: topic.to_owned(),
-            reason,
-        };
+    pub fn resolve(&self, topic: &str) -> OpenResult<String> {
+        let invalid = |reason: String| OpenError::invalid_name(NAME, topic, reason);
         let expanded =
             self.graph.node().expand(topic).map_err(|error| invalid(error.to_string()))?;
         let name = (self.remap)(&expanded).map_err(invalid)?;
@@ -182,7 +180,7 @@ impl Ros2 {
         Ok(name)
     }
 
-    fn describe(&self, spec: &TopicSpec) -> Result<TopicDescription, OpenError> {
+    fn describe(&self, spec: &TopicSpec) -> OpenResult<TopicDescription> {
         Ok(TopicDescription {
             name: self.resolve(&spec.topic)?,
             type_name: spec.message_type.ros_type().to_owned(),
@@ -202,11 +200,7 @@ impl Middleware for Ros2 {
         follow_conventions(spec, at_source);
     }
 
-    fn open_listener(
-        &self,
-        spec: &TopicSpec,
-        context: &Context,
-    ) -> Result<Box<dyn Listener>, OpenError> {
+    fn open_listener(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Listener> {
         if spec.message_type == MessageType::Properties {
             let opened = PropertiesListener::open(self, spec, context);
             return Ok(Box::new(opened.map_err(|error| unopened(spec, error))?));
@@ -217,11 +211,7 @@ impl Middleware for Ros2 {
         Ok(Box::new(listener))
     }
 
-    fn open_publisher(
-        &self,
-        spec: &TopicSpec,
-        context: &Context,
-    ) -> Result<Box<dyn Publisher>, OpenError> {
+    fn open_publisher(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Publisher> {
         if spec.message_type == MessageType::Properties {
             let opened = PropertiesPublisher::open(self, spec, context);
             return Ok(Box::new(opened.map_err(|error| unopened(spec, error))?));
@@ -232,19 +222,11 @@ impl Middleware for Ros2 {
         Ok(Box::new(publisher))
     }
 
-    fn open_client(
-        &self,
-        spec: &ServiceSpec,
-        context: &Context,
-    ) -> Result<Box<dyn Client>, OpenError> {
+    fn open_client(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Client> {
         Ok(Box::new(service::Ros2Client::open(self, spec, service::depth(spec), context)?))
     }
 
-    fn open_server(
-        &self,
-        spec: &ServiceSpec,
-        context: &Context,
-    ) -> Result<Box<dyn Server>, OpenError> {
+    fn open_server(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Server> {
         Ok(Box::new(service::Ros2Server::open(self, spec, service::depth(spec), context)?))
     }
 
@@ -266,19 +248,17 @@ impl Middleware for Ros2 {
 fn unopened(spec: &TopicSpec, error: ParameterClientError) -> OpenError {
     let topic = spec.topic.clone();
     match error {
-        ParameterClientError::Name { reason, .. } => {
-            OpenError::InvalidName { middleware: NAME, topic, reason }
-        }
-        other => OpenError::Transport { middleware: NAME, topic, reason: other.to_string() },
+        ParameterClientError::Name { reason, .. } => OpenError::invalid_name(NAME, &topic, reason),
+        other => OpenError::transport(NAME, &topic, other.to_string()),
     }
 }
 
 /// Error for a service that cannot be opened.
 fn no_service(spec: &ServiceSpec, error: &dyn std::error::Error) -> OpenError {
     let (topic, reason) = (spec.service.clone(), error.to_string());
-    OpenError::Transport { middleware: NAME, topic, reason }
+    OpenError::transport(NAME, &topic, reason)
 }
 
 fn transport(spec: &TopicSpec, error: &GraphError) -> OpenError {
-    OpenError::Transport { middleware: NAME, topic: spec.topic.clone(), reason: error.to_string() }
+    OpenError::transport(NAME, &spec.topic, error.to_string())
 }

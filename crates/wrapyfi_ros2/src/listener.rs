@@ -16,7 +16,7 @@ use super::any::ringing;
 use super::diagnosis::Names;
 use super::follow::Follower;
 use super::graph::{
-    DiscoveredEndpoint, Graph, GraphError, Notify, ServiceMapping, TopicDescription,
+    DiscoveredEndpoint, Graph, GraphResult, Notify, ServiceMapping, TopicDescription,
 };
 use super::matching::CALM;
 use super::receive_path::{Arrived, ReceivePath};
@@ -82,7 +82,7 @@ impl Ros2Listener {
         topic: &TopicDescription,
         spec: &TopicSpec,
         context: &Context,
-    ) -> Result<Self, GraphError> {
+    ) -> GraphResult<Self> {
         let (receive_path, receiver) =
             ReceivePath::new(&topic.name, spec.queue, spec.match_peers, context);
         // Weak, because the receive path owns the reader that owns the callback.
@@ -184,7 +184,7 @@ impl Ros2Listener {
     }
 
     /// Opens a reader with `qos` beside the one there is.
-    fn reopen(&mut self, qos: Qos, now: Instant) -> Result<(), GraphError> {
+    fn reopen(&mut self, qos: Qos, now: Instant) -> GraphResult<()> {
         let topic = TopicDescription { qos, ..self.topic.clone() };
         let reader = self.graph.subscribe(&topic, Arc::clone(&self.on_data))?;
         {

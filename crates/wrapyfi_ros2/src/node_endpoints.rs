@@ -23,7 +23,7 @@ use wrapyfi_interfaces::{Message, Service, ServiceHashes};
 
 use self::work::{Answers, Served, Work};
 use super::any::ringing;
-use super::graph::{Graph, GraphError, Notify, ServiceDescription, TopicDescription};
+use super::graph::{Graph, GraphError, GraphResult, Notify, ServiceDescription, TopicDescription};
 use super::node_handle::{NodeHandle, Shared};
 use wrapyfi_endpoint::{Durability, History, Qos, Reliability};
 use wrapyfi_node::logger_services::{LoggerService, Loggers};
@@ -49,7 +49,7 @@ impl NodeEndpoints {
     ///
     /// # Errors
     /// When the DDS stack refuses one of the topics, or there can be no thread.
-    pub fn start(graph: &Arc<dyn Graph>, store: ParameterStore) -> Result<Self, GraphError> {
+    pub fn start(graph: &Arc<dyn Graph>, store: ParameterStore) -> GraphResult<Self> {
         Self::start_with(graph, store, None)
     }
 
@@ -62,7 +62,7 @@ impl NodeEndpoints {
         graph: &Arc<dyn Graph>,
         mut store: ParameterStore,
         loggers: Option<&Arc<dyn Loggers>>,
-    ) -> Result<Self, GraphError> {
+    ) -> GraphResult<Self> {
         let node = graph.node().fqn();
         let simulated = store.get("use_sim_time").ok() == Some(&ParameterValue::Bool(true));
         let describes =
@@ -75,29 +75,25 @@ impl NodeEndpoints {
         let rosout = graph.advertise(&topic(LogLine::TOPIC, rosout_qos()), bell())?;
         let events = topic_of_events();
         let events = graph.advertise(&events, bell())?;
-        let mut servers = Vec::new();
-        for service in ParameterService::ALL {
-            let (hashes, depth) = (service.hashes(), ParameterService::DEPTH);
-            let name = format!("{node}/{}", service.name());
-            let described = description(&name, service.type_name(), hashes, depth);
-            let answers = Answers::Parameters(service);
-            servers.extend(serve(graph.as_ref(), &described, answers, bell()));
-        }
-        if describes {
-            type S = GetTypeDescription;
-            let name = format!("{node}/{}", TypeDescriptions::SERVICE);
-            let hashes = ServiceHashes::of::<S>();
-            let described = description(&name, S::ROS_TYPE, hashes, TypeDescriptions::DEPTH);
-            servers.extend(serve(graph.as_ref(), &described, Answers::Types, bell()));
-        }
-        let services = |loggers| LoggerService::ALL.map(|service| (service, loggers));
-        for (service, loggers) in loggers.into_iter().flat_map(services) {
-            let name = format!("{node}/{}", service.name());
-            let (hashes, depth) = (service.hashes(), LoggerService::DEPTH);
-            let described = description(&name, service.type_name(), hashes, depth);
-            let answers = Answers::Loggers(service, Arc::clone(loggers));
-            servers.extend(serve(graph.as_ref(), &described, answers, bell()));
-        }
+        let parameters = ParameterService::ALL.map(|service| {
+            let (kind, depth) = ((service.type_name(), service.hashes()), ParameterService::DEPTH);
+            (service.name(), kind, depth, Answers::Parameters(service))
+        });
+        type S = GetTypeDescription;
+        let kind = (S::ROS_TYPE, ServiceHashes::of::<S>());
+        let types = (TypeDescriptions::SERVICE, kind, TypeDescriptions::DEPTH, Answers::Types);
+        let levels = loggers.into_iter().flat_map(|loggers| {
+            LoggerService::ALL.map(|service| {
+                let (kind, depth) = ((service.type_name(), service.hashes()), LoggerService::DEPTH);
+                (service.name(), kind, depth, Answers::Loggers(service, Arc::clone(loggers)))
+            })
+        });
+        let offered = parameters.into_iter().chain(describes.then_some(types)).chain(levels);
+        let serve = |(name, kind, depth, answers)| {
+            let described = description(&format!("{node}/{name}"), kind, depth);
+            serve(graph.as_ref(), &described, answers, bell())
+        };
+        let servers: Vec<Served> = offered.filter_map(serve).collect();
         let offers_loggers = loggers.is_some();
         tracing::debug!(%node, services = servers.len(), "parameters, log and clock offered");
         let leave = Arc::new(AtomicBool::new(false));
@@ -111,11 +107,7 @@ impl NodeEndpoints {
         let thread = std::thread::Builder::new()
             .name("wrapyfi node".into())
             .spawn(move || work.run(&leave_of_thread))
-            .map_err(|error| GraphError::Stack {
-                operation: "starting a thread",
-                topic: node,
-                reason: error.to_string(),
-            })?;
+            .map_err(|error| GraphError::stack("starting a thread", &node, &error))?;
         Ok(Self { handle: NodeHandle(shared), leave, thread: Some(thread) })
     }
 
@@ -156,8 +148,7 @@ fn serve(
 
 fn description(
     name: &str,
-    type_name: &str,
-    hashes: ServiceHashes,
+    (type_name, hashes): (&str, ServiceHashes),
     depth: u32,
 ) -> ServiceDescription {
     ServiceDescription {
@@ -172,13 +163,7 @@ fn description(
 }
 
 fn topic<M: Message>(name: &str, qos: Qos) -> TopicDescription {
-    TopicDescription {
-        name: name.to_owned(),
-        type_name: M::ROS_TYPE.to_owned(),
-        type_hash: Some(M::TYPE_HASH.to_owned()),
-        qos,
-        max_bytes: MAX_BYTES,
-    }
+    TopicDescription::of::<M>(name, qos, MAX_BYTES)
 }
 
 fn topic_of_events() -> TopicDescription {

@@ -7,12 +7,12 @@
 use std::cell::Cell;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, MutexGuard};
 
 use wrapyfi_interfaces::rosgraph_msgs::msg::Clock;
 
 use wrapyfi_data::types::Stamp;
-use wrapyfi_endpoint::{Clock as NodeClock, RosNow, Wake};
+use wrapyfi_endpoint::{Clock as NodeClock, Mutex, RosNow, Wake};
 use wrapyfi_node::parameters::ParameterStore;
 use wrapyfi_node::type_description::TypeDescriptions;
 use wrapyfi_node::{LogLine, RosTime, TimeJump};
@@ -41,10 +41,6 @@ pub(super) struct Shared {
     pub(super) wake: Wake,
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 impl Shared {
     pub(super) fn new(store: ParameterStore, time: RosTime, wake: Wake) -> Self {
         Self {
@@ -60,19 +56,19 @@ impl Shared {
     }
 
     pub(super) fn store(&self) -> MutexGuard<'_, ParameterStore> {
-        lock(&self.store)
+        self.store.lock()
     }
 
     pub(super) fn types(&self) -> MutexGuard<'_, TypeDescriptions> {
-        lock(&self.types)
+        self.types.lock()
     }
 
     pub(super) fn take_lines(&self) -> VecDeque<(Stamp, LogLine)> {
-        std::mem::take(&mut *lock(&self.lines))
+        std::mem::take(&mut *self.lines.lock())
     }
 
     pub(super) fn now(&self) -> Stamp {
-        lock(&self.time).now(Stamp::now())
+        self.time.lock().now(Stamp::now())
     }
 
     pub(super) fn count_refused(&self) {
@@ -84,7 +80,7 @@ impl Shared {
     }
 
     pub(super) fn set_simulated(&self, simulated: bool) {
-        let jump = lock(&self.time).set_simulated(simulated);
+        let jump = self.time.lock().set_simulated(simulated);
         if let Some(jump) = jump {
             let to = if jump == TimeJump::ToSimulated { RosTime::TOPIC } else { "the system" };
             tracing::info!("the node's time comes from {to}");
@@ -92,7 +88,7 @@ impl Shared {
     }
 
     pub(super) fn on_clock(&self, clock: &Clock) {
-        let jump = lock(&self.time).on_clock(clock);
+        let jump = self.time.lock().on_clock(clock);
         match jump {
             Ok(Some(TimeJump::Backward { by })) => {
                 tracing::warn!("{} went back by {} s", RosTime::TOPIC, by.as_secs_f64());
@@ -129,7 +125,7 @@ impl NodeHandle {
             return;
         }
         let stamp = self.0.now();
-        let mut lines = lock(&self.0.lines);
+        let mut lines = self.0.lines.lock();
         if lines.len() >= MAX_LINES {
             lines.pop_front();
             self.0.lost_lines.fetch_add(1, Relaxed);
@@ -150,7 +146,7 @@ impl NodeHandle {
     pub fn clock(&self) -> NodeClock {
         let shared = Arc::clone(&self.0);
         NodeClock::default().with_ros_time(move || {
-            let time = lock(&shared.time);
+            let time = shared.time.lock();
             RosNow { stamp: time.now(Stamp::now()), simulated: time.is_simulated() }
         })
     }

@@ -6,10 +6,9 @@
 
 use wrapyfi_interfaces::cdr::CdrParts;
 
-use wrapyfi_data::EncodeError;
-use wrapyfi_data::Limits;
 use wrapyfi_data::plugin::Plugins;
 use wrapyfi_data::types::{Encoding, MessageType, Payload};
+use wrapyfi_data::{EncodeError, EncodeResult, Limits};
 use wrapyfi_endpoint::codec::{self, ros};
 
 /// `payload` as a message of `message_type`, in pieces. An image of the other form is converted:
@@ -20,12 +19,9 @@ pub(super) fn encode(
     color_order: Encoding,
     limits: &Limits,
     plugins: &Plugins,
-) -> Result<CdrParts, EncodeError> {
+) -> EncodeResult<CdrParts> {
     let payload = codec::fitted(payload, message_type, color_order, limits)?;
     let parts = ros::encode_with(&payload, message_type, plugins)?;
-    if parts.len() > limits.message_bytes {
-        let (actual, limit) = (parts.len() as u64, limits.message_bytes as u64);
-        return Err(EncodeError::TooLarge { actual, limit });
-    }
+    EncodeError::check_size(parts.len(), limits.message_bytes)?;
     Ok(parts)
 }

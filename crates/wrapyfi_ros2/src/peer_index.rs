@@ -10,12 +10,13 @@
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Weak};
 
 use super::cyclone::{BuiltinReader, EndpointFound, Entity, ReturnCode};
 use super::dds_terms::discovered;
 use super::discovery_info::{Announcing, Gid};
 use super::graph::{DiscoveredEndpoint, Notify, PeerWatch};
+use wrapyfi_endpoint::Mutex;
 
 /// Endpoints that are kept: strangers announce them.
 const MAX_ENDPOINTS: usize = 65_536;
@@ -64,7 +65,7 @@ impl PeerIndex {
             });
             readers.push(BuiltinReader::new(participant, is_writer, notify)?);
         }
-        *index.lock_readers() = readers;
+        *index.readers.lock() = readers;
         // Samples may have come before the readers were in their place, when the callback found
         // none.
         index.drain();
@@ -95,7 +96,7 @@ impl PeerIndex {
     fn add_watch(&self, topic: String, publishers: bool, notify: Notify) -> (Side, Arc<Watched>) {
         let watched = Arc::new(Watched { changes: AtomicU64::new(1), notify });
         let side = (topic, publishers);
-        let mut known = self.lock();
+        let mut known = self.known.lock();
         known.sides.entry(side.clone()).or_default().watches.push(Arc::downgrade(&watched));
         (side, watched)
     }
@@ -103,22 +104,14 @@ impl PeerIndex {
     /// Hears no more. Called by the owner: readers must not be dropped by a callback that held the
     /// last share of the index, because dropping them waits for that callback.
     pub(super) fn close(&self) {
-        let readers = std::mem::take(&mut *self.lock_readers());
+        let readers = std::mem::take(&mut *self.readers.lock());
         drop(readers);
-    }
-
-    fn lock(&self) -> MutexGuard<'_, Known> {
-        self.known.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn lock_readers(&self) -> MutexGuard<'_, Vec<BuiltinReader>> {
-        self.readers.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn drain(&self) {
         let mut rung = Vec::new();
         // Held all the while, so that two threads do not apply news in the wrong order.
-        for reader in self.lock_readers().iter() {
+        for reader in self.readers.lock().iter() {
             let taken = reader.take(|number, endpoint| rung.extend(self.apply(number, endpoint)));
             if let Err(error) = taken {
                 tracing::warn!(%error, "cannot read what discovery found");
@@ -131,7 +124,7 @@ impl PeerIndex {
 
     /// Enters an endpoint, or removes it; those to be watched.
     fn apply(&self, number: u64, endpoint: Option<EndpointFound>) -> Vec<Arc<Watched>> {
-        let mut known = self.lock();
+        let mut known = self.known.lock();
         let Known { sides, places } = &mut *known;
         let side = match endpoint {
             Some(endpoint) => {
@@ -173,7 +166,7 @@ impl PeerIndex {
     }
 
     fn peers(&self, side: &Side) -> Vec<DiscoveredEndpoint> {
-        let found: Vec<_> = match self.lock().sides.get(side) {
+        let found: Vec<_> = match self.known.lock().sides.get(side) {
             Some(one) => one.peers.values().cloned().collect(),
             None => Vec::new(),
         };
@@ -184,7 +177,7 @@ impl PeerIndex {
     }
 
     fn forget(&self, side: &Side, watched: &Arc<Watched>) {
-        let mut known = self.lock();
+        let mut known = self.known.lock();
         if let Some(one) = known.sides.get_mut(side) {
             one.watches.retain(|watch| watch.as_ptr() != Arc::as_ptr(watched));
             if one.peers.is_empty() && one.watches.is_empty() {
@@ -288,7 +281,7 @@ mod tests {
         for number in 0..500 {
             index.apply(number, None);
         }
-        let known = index.lock();
+        let known = index.known.lock();
         assert!(known.sides.is_empty() && known.places.is_empty());
     }
 }

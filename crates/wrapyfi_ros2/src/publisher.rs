@@ -24,16 +24,15 @@ use super::any::ringing;
 use super::diagnosis::Names;
 use super::follow::{EventLog, Follower};
 use super::graph::{
-    CdrWriter, DiscoveredEndpoint, Graph, GraphError, Notify, Replay, TopicDescription,
-    WriterTraits,
+    CdrWriter, DiscoveredEndpoint, Graph, GraphError, GraphResult, Notify, Replay,
+    TopicDescription, WriterTraits,
 };
 use super::matching::CALM;
 use super::origins::{MAX_ORIGINS, Origins};
 use super::payload;
-use wrapyfi_data::EncodeError;
-use wrapyfi_data::Limits;
 use wrapyfi_data::plugin::Plugins;
 use wrapyfi_data::types::{Encoding, MessageType, Payload};
+use wrapyfi_data::{EncodeError, Limits};
 use wrapyfi_endpoint::{
     AnnouncedDurability, BridgeMark, Context, DropReason, Durability, ForwardingPublisher, History,
     Link, Origin, PinnedQos, PublishError, Publisher, Qos, QosChange, QosEvent, QosPolicy,
@@ -85,7 +84,7 @@ impl Ros2Publisher {
         topic: &TopicDescription,
         spec: &TopicSpec,
         context: &Context,
-    ) -> Result<Self, GraphError> {
+    ) -> GraphResult<Self> {
         let on_match = ringing(&context.wake);
         let follower = Follower::new(names, topic, spec, false, Arc::clone(&on_match))?;
         let traits = WriterTraits { mark: spec.mark.as_ref(), ..WriterTraits::default() };
@@ -115,7 +114,7 @@ impl Ros2Publisher {
     }
 
     /// Opens a writer with `qos` beside the one there is.
-    fn reopen(&mut self, qos: Qos, now: Instant) -> Result<(), GraphError> {
+    fn reopen(&mut self, qos: Qos, now: Instant) -> GraphResult<()> {
         let topic = TopicDescription { qos, ..self.topic.clone() };
         let replay = self.wanted_replay();
         let traits = WriterTraits { replay, mark: self.mark.as_ref() };
@@ -158,7 +157,7 @@ impl Ros2Publisher {
     }
 
     /// Opens the writer of an origin that keeps messages, unless it is open: true where there is one.
-    fn has_own_writer(&mut self, origin: Origin, now: Instant) -> Result<bool, GraphError> {
+    fn has_own_writer(&mut self, origin: Origin, now: Instant) -> GraphResult<bool> {
         let Origin { publisher: origin, keeps } = origin;
         if self.origins.has(origin) {
             return Ok(true);

@@ -15,7 +15,7 @@
 
 use std::collections::{HashSet, VecDeque};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, MutexGuard};
 use std::task::Waker;
 use std::time::{Duration, Instant};
 
@@ -24,8 +24,9 @@ use bytes::Bytes;
 use super::follow::EventLog;
 use super::graph::{CdrReader, GraphError};
 use super::replays::{Replays, Through};
-use wrapyfi_endpoint::Throttle;
-use wrapyfi_endpoint::{Context, DropReason, QueueSpec, Receiver, Sender, Share, Waits, inbox};
+use wrapyfi_endpoint::{
+    Context, DropReason, Mutex, QueueSpec, Receiver, Sender, Share, Throttle, Waits, inbox,
+};
 
 /// Longest time that the first message of a publisher waits for room.
 const FIRST_WAITS: Duration = Duration::from_secs(1);
@@ -114,7 +115,7 @@ impl ReceivePath {
     }
 
     pub(super) fn lock(&self) -> MutexGuard<'_, ReceiveState> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        self.state.lock()
     }
 
     /// Moves what waits into the queue, as far as the policy goes.
@@ -287,7 +288,7 @@ mod tests {
         }
 
         fn put_of(&self, publisher: u64, message: Message) {
-            self.0.lock().unwrap().push_back((message, publisher));
+            self.0.lock().push_back((message, publisher));
         }
     }
 
@@ -295,7 +296,7 @@ mod tests {
 
     impl CdrReader for FakeReader {
         fn take(&mut self) -> Result<Option<CdrSample>, GraphError> {
-            match self.0.0.lock().unwrap().pop_front() {
+            match self.0.0.lock().pop_front() {
                 None => Ok(None),
                 Some((Ok(size), publisher)) => Ok(Some(CdrSample {
                     cdr: vec![0; size].into(),

@@ -11,7 +11,7 @@ use wrapyfi_rmw::{
 
 use super::graph::{
     CdrClient, CdrReader, CdrReply, CdrRequest, CdrSample, CdrServer, CdrWriter, GraphError,
-    Notify, Peers, QosEvents, RequestId, ServiceDescription, TopicDescription,
+    GraphResult, Notify, Peers, QosEvents, RequestId, ServiceDescription, TopicDescription,
 };
 use super::rmw_graph::{Shared, hash_from_text, stack, to_rmw};
 use wrapyfi_endpoint::{History, Qos};
@@ -37,7 +37,7 @@ impl RmwWriter {
 }
 
 impl CdrWriter for RmwWriter {
-    fn write(&mut self, parts: &[&[u8]]) -> Result<(), GraphError> {
+    fn write(&mut self, parts: &[&[u8]]) -> GraphResult<()> {
         self.publisher.publish(parts).map_err(|fault| unsent(&self.topic, fault))
     }
 
@@ -90,7 +90,7 @@ impl RmwReader {
 }
 
 impl CdrReader for RmwReader {
-    fn take(&mut self) -> Result<Option<CdrSample>, GraphError> {
+    fn take(&mut self) -> GraphResult<Option<CdrSample>> {
         match self.subscription.take(self.max_bytes) {
             Ok(Taken::Nothing) => Ok(None),
             Ok(Taken::Message(message)) => Ok(Some(CdrSample {
@@ -184,7 +184,7 @@ pub(super) fn uncreated(service: &ServiceDescription) -> impl FnOnce(Fault) -> G
 fn within(
     received: Received,
     service: &ServiceDescription,
-) -> Result<(bytes::Bytes, Received), GraphError> {
+) -> GraphResult<(bytes::Bytes, Received)> {
     match &received.cdr {
         Ok(cdr) => Ok((cdr.clone(), received)),
         Err(actual) => Err(GraphError::TooLarge {
@@ -209,7 +209,7 @@ impl RmwClient {
         node: &Node,
         service: &ServiceDescription,
         on_event: &Notify,
-    ) -> Result<Self, GraphError> {
+    ) -> GraphResult<Self> {
         let made = node.client(&described(service), Arc::clone(on_event));
         let client = made.map_err(uncreated(service))?;
         let watch = node.watch_graph(Arc::clone(on_event));
@@ -218,11 +218,11 @@ impl RmwClient {
 }
 
 impl CdrClient for RmwClient {
-    fn send(&mut self, parts: &[&[u8]]) -> Result<i64, GraphError> {
+    fn send(&mut self, parts: &[&[u8]]) -> GraphResult<i64> {
         self.client.send(parts).map_err(|fault| unsent(&self.service.name, fault))
     }
 
-    fn take(&mut self) -> Result<Option<CdrReply>, GraphError> {
+    fn take(&mut self) -> GraphResult<Option<CdrReply>> {
         let taken = self.client.take(self.service.max_bytes);
         let taken = taken.map_err(|fault| stack("taking", &self.service.name, &fault))?;
         let Some(received) = taken else { return Ok(None) };
@@ -246,10 +246,6 @@ impl CdrClient for RmwClient {
         let (since, was_new) = self.there_since.get()?;
         was_new.then(|| MATCH_SETTLES.saturating_sub(since.elapsed()))
     }
-
-    fn lost(&mut self) -> u64 {
-        0
-    }
 }
 
 pub(super) struct RmwServer {
@@ -265,7 +261,7 @@ impl RmwServer {
         node: &Node,
         service: &ServiceDescription,
         on_event: &Notify,
-    ) -> Result<Self, GraphError> {
+    ) -> GraphResult<Self> {
         let made = node.server(&described(service), Arc::clone(on_event));
         let server = made.map_err(uncreated(service))?;
         let watch = node.watch_graph(Arc::clone(on_event));
@@ -274,7 +270,7 @@ impl RmwServer {
 }
 
 impl CdrServer for RmwServer {
-    fn take(&mut self) -> Result<Option<CdrRequest>, GraphError> {
+    fn take(&mut self) -> GraphResult<Option<CdrRequest>> {
         let taken = self.server.take(self.service.max_bytes);
         let taken = taken.map_err(|fault| stack("taking", &self.service.name, &fault))?;
         let Some(received) = taken else { return Ok(None) };
@@ -284,11 +280,7 @@ impl CdrServer for RmwServer {
     }
 
     /// True: rmw itself waits until the client hears its reply.
-    fn hears(&self, _: &RequestId) -> bool {
-        true
-    }
-
-    fn reply(&mut self, id: &RequestId, parts: &[&[u8]]) -> Result<(), GraphError> {
+    fn reply(&mut self, id: &RequestId, parts: &[&[u8]]) -> GraphResult<()> {
         let id = wrapyfi_rmw::RequestId { client: id.client, sequence: id.sequence };
         let sent = self.server.reply(&id, parts);
         self.last_reply = Some(Instant::now());
@@ -300,10 +292,6 @@ impl CdrServer for RmwServer {
             0 => Peers::None,
             clients => Peers::Ready(clients),
         }
-    }
-
-    fn lost(&mut self) -> u64 {
-        0
     }
 }
 

@@ -13,8 +13,8 @@
 use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::hash::{DefaultHasher, Hash, Hasher as _};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use wrapyfi_rmw::{Durability, EndpointType, Fault, Gid, Liveliness, Node, NodeOptions, TypeHash};
@@ -22,15 +22,16 @@ use wrapyfi_rmw::{Durability, EndpointType, Fault, Gid, Liveliness, Node, NodeOp
 use super::config::CycloneConfig;
 use super::environment::DiscoveryRange;
 use super::graph::{
-    CdrClient, CdrReader, CdrServer, CdrWriter, DiscoveredEndpoint, Graph, GraphError, NodeWatch,
-    Notify, PeerWatch, ServiceDescription, ServiceMapping, TopicDescription, WriterTraits,
+    CdrClient, CdrReader, CdrServer, CdrWriter, Created, DiscoveredEndpoint, Graph, GraphError,
+    GraphResult, NodeWatch, Notify, PeerWatch, ServiceDescription, ServiceMapping,
+    TopicDescription, WriterTraits,
 };
 use super::names;
 use super::rmw_endpoints::{RmwClient, RmwReader, RmwServer, RmwWriter};
 use super::rmw_paired::{PairedClient, PairedServer};
 use wrapyfi_endpoint::{
-    AnnouncedDurability, AnnouncedQos, BridgeMark, History, Liveliness as RosLiveliness, Qos,
-    Reliability,
+    AnnouncedDurability, AnnouncedQos, BridgeMark, History, Liveliness as RosLiveliness, Mutex,
+    Qos, Reliability,
 };
 use wrapyfi_node::NodeName;
 
@@ -61,7 +62,7 @@ const MAX_PUBLISHERS: usize = 65_536;
 impl Publishers {
     /// The publisher's number; 0 where there are too many.
     pub(super) fn number(&self, gid: &Gid) -> u64 {
-        let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut known = self.0.lock();
         let (by_gid, by_number) = &mut *known;
         if let Some(&number) = by_gid.get(gid) {
             return number;
@@ -76,7 +77,7 @@ impl Publishers {
     }
 
     pub(super) fn gid(&self, number: u64) -> Option<Gid> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).1.get(&number).copied()
+        self.0.lock().1.get(&number).copied()
     }
 }
 
@@ -117,20 +118,12 @@ impl Graph for RmwGraph {
         &self.0.name
     }
 
-    fn advertise(
-        &self,
-        topic: &TopicDescription,
-        on_match: Notify,
-    ) -> Result<Box<dyn CdrWriter>, GraphError> {
-        self.advertise_with(topic, WriterTraits::default(), on_match)
-    }
-
     fn advertise_with(
         &self,
         topic: &TopicDescription,
         traits: WriterTraits<'_>,
         on_match: Notify,
-    ) -> Result<Box<dyn CdrWriter>, GraphError> {
+    ) -> Created<dyn CdrWriter> {
         let hash = topic.type_hash.as_deref().and_then(hash_from_text);
         let qos = to_rmw(&topic.qos);
         let node = self.0.marked(traits.mark);
@@ -139,11 +132,7 @@ impl Graph for RmwGraph {
         Ok(Box::new(RmwWriter::new(publisher, &topic.name)))
     }
 
-    fn subscribe(
-        &self,
-        topic: &TopicDescription,
-        on_data: Notify,
-    ) -> Result<Box<dyn CdrReader>, GraphError> {
+    fn subscribe(&self, topic: &TopicDescription, on_data: Notify) -> Created<dyn CdrReader> {
         let hash = topic.type_hash.as_deref().and_then(hash_from_text);
         let qos = to_rmw(&topic.qos);
         let made =
@@ -156,23 +145,11 @@ impl Graph for RmwGraph {
         self.0.mapping
     }
 
-    fn client(
-        &self,
-        service: &ServiceDescription,
-        on_event: Notify,
-    ) -> Result<Box<dyn CdrClient>, GraphError> {
+    fn client(&self, service: &ServiceDescription, on_event: Notify) -> Created<dyn CdrClient> {
         Ok(match self.0.mapping {
             ServiceMapping::Cyclone => Box::new(PairedClient::new(&self.0, service, &on_event)?),
             ServiceMapping::FastDds => Box::new(RmwClient::new(&self.0.node, service, &on_event)?),
         })
-    }
-
-    fn server(
-        &self,
-        service: &ServiceDescription,
-        on_event: Notify,
-    ) -> Result<Box<dyn CdrServer>, GraphError> {
-        self.server_marked(service, None, on_event)
     }
 
     fn server_marked(
@@ -180,7 +157,7 @@ impl Graph for RmwGraph {
         service: &ServiceDescription,
         mark: Option<&BridgeMark>,
         on_event: Notify,
-    ) -> Result<Box<dyn CdrServer>, GraphError> {
+    ) -> Created<dyn CdrServer> {
         let node = self.0.marked(mark);
         Ok(match self.0.mapping {
             ServiceMapping::Cyclone => {
@@ -190,11 +167,11 @@ impl Graph for RmwGraph {
         })
     }
 
-    fn endpoints(&self) -> Result<Vec<DiscoveredEndpoint>, GraphError> {
+    fn endpoints(&self) -> GraphResult<Vec<DiscoveredEndpoint>> {
         let found = self.0.all();
         let found =
             found.map_err(|fault| stack("listing endpoints", &self.0.name.fqn(), &fault))?;
-        let mut nameless = self.0.nameless.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut nameless = self.0.nameless.lock();
         let before = std::mem::take(&mut *nameless);
         let now = Instant::now();
         let named = found.into_iter().filter(|(node, found)| {
@@ -208,12 +185,7 @@ impl Graph for RmwGraph {
         Ok(named.map(|(_, found)| found).collect())
     }
 
-    fn watch(
-        &self,
-        topic: &str,
-        publishers: bool,
-        on_change: Notify,
-    ) -> Result<Box<dyn PeerWatch>, GraphError> {
+    fn watch(&self, topic: &str, publishers: bool, on_change: Notify) -> Created<dyn PeerWatch> {
         let side = if publishers { EndpointType::Publishers } else { EndpointType::Subscriptions };
         let watched = Arc::new(Watched {
             shared: Arc::clone(&self.0),
@@ -233,7 +205,7 @@ impl Graph for RmwGraph {
         Ok(Box::new(Watch { watched, _kept: kept }))
     }
 
-    fn nodes(&self) -> Result<Box<dyn NodeWatch>, GraphError> {
+    fn nodes(&self) -> Created<dyn NodeWatch> {
         Ok(Box::new(Nodes {
             shared: Arc::clone(&self.0),
             seen: u64::MAX,
@@ -257,7 +229,7 @@ impl Shared {
     /// The node that has endpoints with this mark.
     fn marked(&self, mark: Option<&BridgeMark>) -> Node {
         let Some(mark) = mark else { return self.node.clone() };
-        let mut marks = self.marks.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut marks = self.marks.lock();
         if let Some(node) = marks.get(mark) {
             return node.clone();
         }
@@ -401,7 +373,7 @@ impl Watched {
             }
         };
         now.sort_by_key(|peer| peer.gid);
-        let mut peers = self.peers.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut peers = self.peers.lock();
         let is_new = *peers != now;
         if is_new {
             *peers = now;
@@ -419,7 +391,7 @@ struct Watch {
 
 impl PeerWatch for Watch {
     fn peers(&self) -> Vec<DiscoveredEndpoint> {
-        self.watched.peers.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.watched.peers.lock().clone()
     }
 
     fn changes(&self) -> u64 {
@@ -457,7 +429,7 @@ impl NodeWatch for Nodes {
 /// Error for a call that rmw refused.
 pub(super) fn stack(operation: &'static str, topic: &str, fault: &Fault) -> GraphError {
     let reason = format!("{fault}");
-    GraphError::Stack { operation, topic: topic.to_owned(), reason }
+    GraphError::stack(operation, topic, &reason)
 }
 
 pub(super) fn to_rmw(qos: &Qos) -> wrapyfi_rmw::Qos {

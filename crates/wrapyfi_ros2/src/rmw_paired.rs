@@ -17,8 +17,8 @@ use std::sync::Arc;
 use wrapyfi_rmw::{EndpointType, Fault, Message, Node, Publisher, Subscription, Taken};
 
 use super::graph::{
-    CdrClient, CdrReply, CdrRequest, CdrServer, DiscoveredEndpoint, GraphError, Notify, Peers,
-    RequestId, ServiceDescription,
+    CdrClient, CdrReply, CdrRequest, CdrServer, DiscoveredEndpoint, GraphError, GraphResult,
+    Notify, Peers, RequestId, ServiceDescription,
 };
 use super::names;
 use super::rmw_endpoints::{service_qos, uncreated, unsent};
@@ -42,7 +42,7 @@ impl Ends {
         service: &ServiceDescription,
         [sends, takes]: [Half<'_>; 2],
         on_event: &Notify,
-    ) -> Result<Self, GraphError> {
+    ) -> GraphResult<Self> {
         let qos = service_qos(service);
         let hash = |text: Option<&str>| text.and_then(hash_from_text);
         let (topic, kind, kind_hash) = takes;
@@ -55,19 +55,21 @@ impl Ends {
         Ok(Self { publisher, subscription, service: service.clone(), lost: 0 })
     }
 
-    fn send(&mut self, client: u64, sequence: i64, parts: &[&[u8]]) -> Result<(), GraphError> {
+    fn send(&mut self, client: u64, sequence: i64, parts: &[&[u8]]) -> GraphResult<()> {
         let mut room = [0; HEADER];
         let joined = service_header::join(client, sequence, parts, &mut room);
-        let joined = joined.ok_or_else(|| GraphError::Stack {
-            operation: "writing",
-            topic: self.service.name.clone(),
-            reason: "the message has no encapsulation header".to_owned(),
+        let joined = joined.ok_or_else(|| {
+            GraphError::stack(
+                "writing",
+                &self.service.name,
+                &"the message has no encapsulation header",
+            )
         })?;
         self.publisher.publish(&joined).map_err(|fault| unsent(&self.service.name, fault))
     }
 
     /// The next message, its identity taken off; `what` names it.
-    fn take(&self, what: &'static str) -> Result<Option<(Message, Identified)>, GraphError> {
+    fn take(&self, what: &'static str) -> GraphResult<Option<(Message, Identified)>> {
         let (service, limit) = (&self.service.name, self.service.max_bytes);
         match self.subscription.take(limit.saturating_add(HEADER)) {
             Ok(Taken::Nothing) => Ok(None),
@@ -112,12 +114,9 @@ fn halves<'a>(names: &'a names::ServiceNames, service: &'a ServiceDescription) -
     ]
 }
 
-fn names(service: &ServiceDescription) -> Result<names::ServiceNames, GraphError> {
-    names::service_to_dds(&service.name, &service.type_name).map_err(|error| GraphError::Stack {
-        operation: "creating a service's endpoints",
-        topic: service.name.clone(),
-        reason: error.to_string(),
-    })
+fn names(service: &ServiceDescription) -> GraphResult<names::ServiceNames> {
+    names::service_to_dds(&service.name, &service.type_name)
+        .map_err(|error| GraphError::stack("creating a service's endpoints", &service.name, &error))
 }
 
 pub(super) struct PairedClient {
@@ -131,7 +130,7 @@ impl PairedClient {
         shared: &Shared,
         service: &ServiceDescription,
         on_event: &Notify,
-    ) -> Result<Self, GraphError> {
+    ) -> GraphResult<Self> {
         let names = names(service)?;
         let [requests, replies] = halves(&names, service);
         let ends = Ends::new(&shared.node, service, [requests, replies], on_event)?;
@@ -141,14 +140,14 @@ impl PairedClient {
 }
 
 impl CdrClient for PairedClient {
-    fn send(&mut self, parts: &[&[u8]]) -> Result<i64, GraphError> {
+    fn send(&mut self, parts: &[&[u8]]) -> GraphResult<i64> {
         let sequence = self.sequence.saturating_add(1);
         self.ends.send(self.id, sequence, parts)?;
         self.sequence = sequence;
         Ok(sequence)
     }
 
-    fn take(&mut self) -> Result<Option<CdrReply>, GraphError> {
+    fn take(&mut self) -> GraphResult<Option<CdrReply>> {
         while let Some((message, reply)) = self.ends.take("reply")? {
             if reply.client == self.id {
                 let (sequence, cdr) = (reply.sequence, reply.cdr);
@@ -185,7 +184,7 @@ impl PairedServer {
         node: &Node,
         service: &ServiceDescription,
         on_event: &Notify,
-    ) -> Result<Self, GraphError> {
+    ) -> GraphResult<Self> {
         let names = names(service)?;
         let [requests, replies] = halves(&names, service);
         let topics = [requests.0.to_owned(), replies.0.to_owned()];
@@ -214,7 +213,7 @@ impl PairedServer {
 }
 
 impl CdrServer for PairedServer {
-    fn take(&mut self) -> Result<Option<CdrRequest>, GraphError> {
+    fn take(&mut self) -> GraphResult<Option<CdrRequest>> {
         let taken = self.ends.take("request")?;
         Ok(taken.map(|(message, request)| {
             let source_timestamp_ns = message.source_timestamp_ns;
@@ -233,7 +232,7 @@ impl CdrServer for PairedServer {
         hear
     }
 
-    fn reply(&mut self, id: &RequestId, parts: &[&[u8]]) -> Result<(), GraphError> {
+    fn reply(&mut self, id: &RequestId, parts: &[&[u8]]) -> GraphResult<()> {
         self.ends.send(service_header::client(id), id.sequence, parts)
     }
 

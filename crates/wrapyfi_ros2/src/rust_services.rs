@@ -40,7 +40,7 @@ mod server;
 mod settings;
 mod watch;
 
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::{Arc, Weak};
 
 pub use announce::ServiceEndpoints;
 pub use settings::RustServicesError;
@@ -51,8 +51,11 @@ use self::participant::{Participant, Topics};
 use self::server::Server;
 use self::settings::Settings;
 use super::config::CycloneConfig;
-use super::graph::{CdrClient, CdrServer, GraphError, Notify, ServiceDescription};
+use super::graph::{
+    CdrClient, CdrServer, Created, GraphError, GraphResult, Notify, ServiceDescription,
+};
 use super::names;
+use wrapyfi_endpoint::Mutex;
 use wrapyfi_node::NodeName;
 
 /// Services of one node in the mapping of Fast DDS.
@@ -110,11 +113,7 @@ impl RustServices {
     ///
     /// # Errors
     /// When a name is invalid or RustDDS refuses.
-    pub fn client(
-        &self,
-        service: &ServiceDescription,
-        on_event: Notify,
-    ) -> Result<Box<dyn CdrClient>, GraphError> {
+    pub fn client(&self, service: &ServiceDescription, on_event: Notify) -> Created<dyn CdrClient> {
         let (requests, replies) = dds_names(service)?;
         let topics = Topics { written: requests, read: replies, service };
         let opened = self.participant()?.open("creating a client", &topics, on_event)?;
@@ -125,11 +124,7 @@ impl RustServices {
     ///
     /// # Errors
     /// When a name is invalid or RustDDS refuses.
-    pub fn server(
-        &self,
-        service: &ServiceDescription,
-        on_event: Notify,
-    ) -> Result<Box<dyn CdrServer>, GraphError> {
+    pub fn server(&self, service: &ServiceDescription, on_event: Notify) -> Created<dyn CdrServer> {
         let (requests, replies) = dds_names(service)?;
         let topics = Topics { written: replies, read: requests, service };
         let opened = self.participant()?.open("creating a server", &topics, on_event)?;
@@ -137,12 +132,12 @@ impl RustServices {
     }
 
     fn existing(&self) -> Option<Arc<Participant>> {
-        self.0.participant.lock().unwrap_or_else(PoisonError::into_inner).upgrade()
+        self.0.participant.lock().upgrade()
     }
 
     /// The participant, created where there is none.
-    fn participant(&self) -> Result<Arc<Participant>, GraphError> {
-        let mut known = self.0.participant.lock().unwrap_or_else(PoisonError::into_inner);
+    fn participant(&self) -> GraphResult<Arc<Participant>> {
+        let mut known = self.0.participant.lock();
         if let Some(participant) = known.upgrade() {
             return Ok(participant);
         }
@@ -156,12 +151,8 @@ impl RustServices {
 type Named = (String, String);
 
 /// Names of the requests and of the replies of a service.
-fn dds_names(service: &ServiceDescription) -> Result<(Named, Named), GraphError> {
-    let fault = |reason: String| GraphError::Stack {
-        operation: "naming",
-        topic: service.name.clone(),
-        reason,
-    };
+fn dds_names(service: &ServiceDescription) -> GraphResult<(Named, Named)> {
+    let fault = |reason: String| GraphError::stack("naming", &service.name, &reason);
     NodeName::check_topic(&service.name).map_err(|error| fault(error.to_string()))?;
     let names = names::service_to_dds(&service.name, &service.type_name)
         .map_err(|error| fault(error.to_string()))?;

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use super::config::CycloneConfig;
 use super::discovery_info::Announcing;
-use super::graph::{GraphError, ServiceDescription, ServiceMapping};
+use super::graph::{GraphError, GraphResult, ServiceDescription, ServiceMapping};
 #[cfg(feature = "fastdds-services")]
 use super::rust_services::{RustServices, RustServicesError};
 
@@ -38,7 +38,7 @@ impl Services {
     pub(super) fn elsewhere(
         &self,
         service: &ServiceDescription,
-    ) -> Result<Option<&RustServices>, GraphError> {
+    ) -> GraphResult<Option<&RustServices>> {
         match &self.0 {
             None => Ok(None),
             Some(Ok(services)) => Ok(Some(services)),
@@ -83,7 +83,7 @@ impl Services {
     pub(super) fn elsewhere(
         &self,
         service: &ServiceDescription,
-    ) -> Result<Option<&dyn super::graph::Graph>, GraphError> {
+    ) -> GraphResult<Option<&dyn super::graph::Graph>> {
         match self.0 {
             ServiceMapping::Cyclone => Ok(None),
             ServiceMapping::FastDds => Err(refused(
@@ -104,9 +104,5 @@ impl Services {
 }
 
 fn refused(service: &ServiceDescription, reason: &str) -> GraphError {
-    GraphError::Stack {
-        operation: "creating a service's endpoints",
-        topic: service.name.clone(),
-        reason: reason.to_owned(),
-    }
+    GraphError::stack("creating a service's endpoints", &service.name, &reason)
 }

@@ -13,8 +13,8 @@
 //! reply for a while, so that this is counted and taken for no other.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
@@ -22,21 +22,19 @@ use tokio::sync::{Notify, watch};
 use wrapyfi_yarp::Dialect;
 use wrapyfi_yarp::port::{LinkError, PortOptions, RpcClient, RpcError};
 
-use super::Shared;
-use super::client_dialects;
 use super::directory::unless_slow;
 use super::found_format::{self, FoundFormat};
 use super::link_state::LinkState;
 use super::opening::{numbered, until_open};
 use super::options::YarpOptions;
-use super::payload;
 use super::tasks::{Stop, Stopped};
+use super::{Shared, client_dialects, payload};
 use wrapyfi_data::types::Stamp;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::calls::{Calls, Stage};
-use wrapyfi_endpoint::codec::EncodeError;
+use wrapyfi_endpoint::codec::{EncodeError, EncodeResult};
 use wrapyfi_endpoint::wire_client::{ClientWire, WireClient};
-use wrapyfi_endpoint::{CallError, Clock, Context, Link, OpenError, Request, ServiceSpec};
+use wrapyfi_endpoint::{CallError, Clock, Context, Link, Mutex, OpenResult, Request, ServiceSpec};
 
 /// Time after the deadline of a call in which its reply is still known, and counted as late.
 const LATE: Duration = Duration::from_secs(30);
@@ -101,14 +99,6 @@ struct ClientState {
 }
 
 impl ClientState {
-    fn outcomes(&self) -> MutexGuard<'_, VecDeque<(i64, Outcome, Instant)>> {
-        self.outcomes.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn idle(&self) -> MutexGuard<'_, Vec<(u64, Arc<RpcClient>)>> {
-        self.idle.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     fn target(&self) -> String {
         format!("{}:/{}", self.options.carrier(), self.service)
     }
@@ -116,14 +106,14 @@ impl ClientState {
     /// A connection to the server as it is now; `None` when it is lost.
     async fn connection(&self, shared: &Shared, time: u64) -> Option<Arc<RpcClient>> {
         let free = {
-            let mut idle = self.idle();
+            let mut idle = self.idle.lock();
             idle.retain(|(known, _)| *known == time);
             idle.pop()
         };
         if let Some((_, free)) = free {
             return Some(free);
         }
-        let base = self.name.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let base = self.name.lock().clone();
         let options = PortOptions { register: false, ..shared.asking() };
         // A name of its own: a server keeps one connection of each.
         let name = format!("{base}/{}", numbered(""));
@@ -149,7 +139,7 @@ impl ClientState {
     }
 
     /// A request in the dialect that the server has `told`, where it has.
-    fn write(&self, request: &Request, told: Option<Dialect>) -> Result<Written, EncodeError> {
+    fn write(&self, request: &Request, told: Option<Dialect>) -> EncodeResult<Written> {
         let options = self.options();
         let write = |dialect| payload::encode_request(request, &self.spec, options, dialect);
         let usual = write(told.unwrap_or(self.dialect))?;
@@ -161,19 +151,15 @@ impl ClientState {
         Ok(Written(usual, other))
     }
 
-    fn told(&self) -> MutexGuard<'_, Option<Dialect>> {
-        self.told.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// The format of a request that the server reads: it is asked once, and where that decides.
     async fn readable<'a>(&self, shared: &Shared, written: &'a Written) -> &'a Bytes {
         let Written(usual, Some(other)) = written else { return &written.0 };
-        let told = *self.told();
+        let told = *self.told.lock();
         let dialect = match told {
             Some(dialect) => dialect,
             None => client_dialects::ask(&shared.network, &self.service).await.0,
         };
-        *self.told() = Some(dialect);
+        *self.told.lock() = Some(dialect);
         if dialect == self.dialect { usual } else { other }
     }
 
@@ -189,17 +175,17 @@ impl ClientState {
             if let Some(client) = self.connection(shared, time).await {
                 if left().is_zero() {
                     // It must not be carried out late.
-                    self.idle().push((time, client));
+                    self.idle.lock().push((time, client));
                     return None;
                 }
                 let body = match body {
                     Body::Written(body) => body,
                     Body::Unwritten(request) => {
-                        let told = *self.told();
+                        let told = *self.told.lock();
                         match self.write(request, told) {
                             Ok(body) => written.insert(body),
                             Err(fault) => {
-                                self.idle().push((time, client));
+                                self.idle.lock().push((time, client));
                                 return Some(Outcome::Unwritable(fault));
                             }
                         }
@@ -208,7 +194,7 @@ impl ClientState {
                 let body = self.readable(shared, body).await;
                 match client.call_bytes(body, left() + LATE).await {
                     Ok(reply) => {
-                        self.idle().push((time, client));
+                        self.idle.lock().push((time, client));
                         return Some(reply.map_or(Outcome::Silence, Outcome::Reply));
                     }
                     Err(error) if was_not_sent(&error) => {}
@@ -238,7 +224,7 @@ fn was_not_sent(error: &RpcError) -> bool {
 async fn keep((shared, state): (Arc<Shared>, Arc<ClientState>), mut stopped: Stopped) {
     // One that panicked had connections.
     state.up.send_replace(None);
-    state.idle().clear();
+    state.idle.lock().clear();
     let opened = until_open(&shared, &state.service, &state.link_state, || {
         let own = state.options.port.clone();
         let name = own.unwrap_or_else(|| numbered(&state.service));
@@ -249,13 +235,13 @@ async fn keep((shared, state): (Arc<Shared>, Arc<ClientState>), mut stopped: Sto
         () = stopped.wait() => return,
         port = opened => port,
     };
-    port.name().clone_into(&mut state.name.lock().unwrap_or_else(PoisonError::into_inner));
+    port.name().clone_into(&mut state.name.lock());
     tokio::select! {
         () = stopped.wait() => {}
         () = stay_connected(&shared, &state, &port) => {}
     }
     state.up.send_replace(None);
-    state.idle().clear();
+    state.idle.lock().clear();
     port.disconnect().await;
     state.link_state.waiting("YARP, which has ended");
     port.close().await;
@@ -293,7 +279,7 @@ async fn stay_connected(shared: &Shared, state: &ClientState, port: &RpcClient) 
         }
         has_just_come = false;
         backoff.reset();
-        *state.told() = None;
+        *state.told.lock() = None;
         time += 1;
         state.up.send_replace(Some(time));
         state.link_state.connected(1);
@@ -314,7 +300,7 @@ async fn stay_connected(shared: &Shared, state: &ClientState, port: &RpcClient) 
             }
         }
         state.up.send_replace(None);
-        state.idle().clear();
+        state.idle.lock().clear();
         state.link_state.waiting(format!("port {} to answer", state.service));
         port.disconnect().await;
     }
@@ -325,7 +311,7 @@ impl YarpClient {
         shared: &Arc<Shared>,
         spec: &ServiceSpec,
         context: &Context,
-    ) -> Result<WireClient<Self>, OpenError> {
+    ) -> OpenResult<WireClient<Self>> {
         let options = YarpOptions::of_service(spec)?;
         super::check_name(&spec.service)?;
         if let Some(port) = &options.port {
@@ -393,7 +379,7 @@ async fn make(shared: Arc<Shared>, state: Arc<ClientState>, number: i64, outgoin
     let outcome = state.call(&shared, &outgoing.body, outgoing.deadline).await;
     state.out.fetch_sub(1, Relaxed);
     if let Some(outcome) = outcome {
-        state.outcomes().push_back((number, outcome, state.clock.now()));
+        state.outcomes.lock().push_back((number, outcome, state.clock.now()));
     }
     state.link_state.wake().ring();
 }
@@ -401,11 +387,7 @@ async fn make(shared: Arc<Shared>, state: Arc<ClientState>, number: i64, outgoin
 impl ClientWire for YarpClient {
     type Written = Outgoing;
 
-    fn write(
-        &self,
-        request: &Request,
-        deadline: Instant,
-    ) -> Result<(Outgoing, usize), EncodeError> {
+    fn write(&self, request: &Request, deadline: Instant) -> EncodeResult<(Outgoing, usize)> {
         if self.state.options.finds_format {
             let body = Body::Unwritten(request.clone());
             return Ok((Outgoing { body, deadline }, request.size_hint()));
@@ -430,7 +412,7 @@ impl ClientWire for YarpClient {
                 make(Arc::clone(&self.shared), Arc::clone(&self.state), self.number, outgoing);
             self.shared.tasks.spawn_aside(call);
         }
-        let came = std::mem::take(&mut *self.state.outcomes());
+        let came = std::mem::take(&mut *self.state.outcomes.lock());
         for ended in came {
             self.end(calls, ended);
         }

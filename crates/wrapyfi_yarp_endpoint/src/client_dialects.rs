@@ -10,7 +10,7 @@
 //! The other way round a server is asked before the first request with a float ([`ask`]).
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::sync::OnceCell;
@@ -19,6 +19,7 @@ use wrapyfi_yarp::port::{Network, Received};
 use wrapyfi_yarp::{Bottle, Dialect};
 
 use super::options::{BottleFormat, YarpOptions};
+use wrapyfi_endpoint::Mutex;
 
 /// Most clients whose dialect is remembered.
 const MOST: usize = 256;
@@ -102,7 +103,7 @@ impl ClientDialects {
     }
 
     fn known<T>(&self, look: impl FnOnce(&mut HashMap<Arc<str>, Dialect>) -> T) -> T {
-        look(&mut self.known.lock().unwrap_or_else(PoisonError::into_inner))
+        look(&mut self.known.lock())
     }
 }
 

@@ -8,7 +8,7 @@
 //!
 //! The ports of a device are there before it can answer, so it is asked again for a while.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::sync::{Notify, watch};
@@ -21,6 +21,7 @@ use super::opening::numbered;
 use super::options::YarpOptions;
 use super::{Shared, board, payload};
 use wrapyfi_data::types::MessageType;
+use wrapyfi_endpoint::Mutex;
 use wrapyfi_endpoint::backoff::Backoff;
 
 /// Longest time that a device may take for all its answers.
@@ -86,7 +87,7 @@ impl Device {
 
     /// The options as they are now.
     pub(super) fn options(&self) -> Arc<YarpOptions> {
-        let options = Arc::clone(&self.told.lock().unwrap_or_else(PoisonError::into_inner));
+        let options = Arc::clone(&self.told.lock());
         if matches!(self.subject, Some(Subject::Joints { .. })) && options.axes.is_empty() {
             self.wanted.notify_one();
         }
@@ -94,7 +95,7 @@ impl Device {
     }
 
     fn tell(&self, options: Arc<YarpOptions>) {
-        *self.told.lock().unwrap_or_else(PoisonError::into_inner) = options;
+        *self.told.lock() = options;
     }
 
     /// Waits, for a short while, until the device has told.

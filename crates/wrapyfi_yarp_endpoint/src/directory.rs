@@ -10,7 +10,7 @@
 //! there. When the name server ends and comes back, everybody is rung: a new one knows nothing.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Weak};
 use std::time::Duration;
 
 use tokio::sync::Notify;
@@ -19,6 +19,7 @@ use wrapyfi_yarp::name::{NameClient, NameEvent, Registrar};
 use wrapyfi_yarp::port::names::Registration;
 
 use super::options::brings_files;
+use wrapyfi_endpoint::Mutex;
 use wrapyfi_endpoint::backoff::Backoff;
 
 /// Longest time that opening an endpoint waits for the first answer of the name server.
@@ -102,35 +103,31 @@ impl Directory {
         Self { server, is_afar, inner: Mutex::default() }
     }
 
-    fn inner(&self) -> MutexGuard<'_, Inner> {
-        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Number of the name server's connection, counted from the first; `None` while it is away.
     pub(super) fn reached(&self) -> Option<u64> {
-        self.inner().reached
+        self.inner.lock().reached
     }
 
     /// True once the name server has answered, or could not be reached.
     pub(super) fn was_asked(&self) -> bool {
-        let inner = self.inner();
+        let inner = self.inner.lock();
         inner.reached.is_some() || inner.failure.is_some()
     }
 
     /// True when a port of this name is registered.
     pub(super) fn knows(&self, name: &str) -> bool {
-        self.inner().names.contains_key(name)
+        self.inner.lock().names.contains_key(name)
     }
 
     /// The port of this name.
     pub(super) fn entry(&self, name: &str) -> Option<Entry> {
-        self.inner().names.get(name).cloned()
+        self.inner.lock().names.get(name).cloned()
     }
 
     /// Enters where the name server has found the port of an entry; the entry.
     pub(super) fn locate(&self, name: &str, number: u64, found: &Registration) -> Entry {
         let located = Entry::located(number, found);
-        let mut inner = self.inner();
+        let mut inner = self.inner.lock();
         if let Some(entry) = inner.names.get_mut(name).filter(|entry| entry.number == number) {
             entry.clone_from(&located);
         }
@@ -139,17 +136,17 @@ impl Directory {
 
     /// Number of changes of the registered names.
     pub(super) fn changes(&self) -> u64 {
-        self.inner().changes
+        self.inner.lock().changes
     }
 
     /// All ports by name.
     pub(super) fn entries(&self) -> BTreeMap<String, Entry> {
-        self.inner().names.clone()
+        self.inner.lock().names.clone()
     }
 
     /// Reason why nothing is known; `None` while the name server is there.
     pub(super) fn waiting_for(&self) -> Option<String> {
-        let inner = self.inner();
+        let inner = self.inner.lock();
         if inner.reached.is_some() {
             return None;
         }
@@ -191,7 +188,7 @@ impl Directory {
     /// As [`Directory::watch`], for any of these names.
     pub(super) fn watch_any(&self, names: &[impl AsRef<str>]) -> Arc<Notify> {
         let bell = Arc::new(Notify::new());
-        let mut inner = self.inner();
+        let mut inner = self.inner.lock();
         for name in names {
             let watchers = inner.watchers.entry(name.as_ref().to_owned()).or_default();
             watchers.retain(|watcher| watcher.strong_count() > 0);
@@ -201,7 +198,7 @@ impl Directory {
     }
 
     fn ring_all(&self) {
-        let mut inner = self.inner();
+        let mut inner = self.inner.lock();
         inner.watchers.retain(|_, watchers| {
             watchers.retain(|watcher| watcher.upgrade().is_some_and(|bell| ring(&bell)));
             !watchers.is_empty()
@@ -209,7 +206,7 @@ impl Directory {
     }
 
     fn apply(&self, event: NameEvent) {
-        let mut inner = self.inner();
+        let mut inner = self.inner.lock();
         inner.changes += 1;
         let name = match event {
             NameEvent::Added(name) => {
@@ -229,7 +226,7 @@ impl Directory {
     }
 
     fn found(&self, ports: Vec<Registration>) {
-        let mut inner = self.inner();
+        let mut inner = self.inner.lock();
         inner.times += 1;
         inner.reached = Some(inner.times);
         inner.failure = None;
@@ -240,13 +237,13 @@ impl Directory {
 
     /// Takes over names of the same name server, where they are others than are known.
     fn amended(&self, ports: Vec<Registration>) {
-        if self.inner().enter(ports) {
+        if self.inner.lock().enter(ports) {
             self.ring_all();
         }
     }
 
     pub(super) fn lost(&self, why: &dyn std::fmt::Display) {
-        let mut inner = self.inner();
+        let mut inner = self.inner.lock();
         let was = inner.reached.take().is_some();
         inner.failure = Some(why.to_string());
         drop(inner);

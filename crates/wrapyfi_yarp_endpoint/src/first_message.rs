@@ -10,8 +10,8 @@
 //! whenever it comes, and nobody has to be asked again and again.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use tokio::sync::{Notify, Semaphore};
@@ -21,7 +21,7 @@ use super::directory::Entry;
 use super::opening::numbered;
 use super::survey::pause;
 use super::{Shared, types};
-use wrapyfi_endpoint::LearnError;
+use wrapyfi_endpoint::{LearnError, Mutex};
 
 /// Most ports that are listened to at once, of those that may send often. Fewer would have ports that send
 /// once a second wait for each other: 50 of them in turns of 8 take a third of a second longer.
@@ -91,10 +91,6 @@ enum State {
 }
 
 impl FirstMessages {
-    fn ports(&self) -> MutexGuard<'_, BTreeMap<String, Heard>> {
-        self.ports.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Number of ports whose type was learnt.
     pub(super) fn shown(&self) -> u64 {
         self.shown.load(Ordering::Acquire)
@@ -102,7 +98,7 @@ impl FirstMessages {
 
     /// The type that the first message of a port has shown.
     pub(super) fn told(&self, port: &str, number: u64) -> Option<&'static str> {
-        match self.ports().get(port)? {
+        match self.ports.lock().get(port)? {
             Heard { number: heard, state: State::Told(told), .. } if *heard == number => {
                 Some(*told)
             }
@@ -111,7 +107,7 @@ impl FirstMessages {
     }
 
     fn set(&self, port: &str, number: u64, state: State) {
-        let mut ports = self.ports();
+        let mut ports = self.ports.lock();
         if let Some(heard) = ports.get_mut(port).filter(|heard| heard.number == number) {
             if matches!(state, State::Failed(..)) {
                 heard.failures = heard.failures.saturating_add(1);
@@ -122,7 +118,7 @@ impl FirstMessages {
 
     /// Takes a message in: the first one that tells is what counts.
     fn hear(&self, received: &Received, limits: &wrapyfi_yarp::Limits) {
-        let mut ports = self.ports();
+        let mut ports = self.ports.lock();
         let Some(heard) = ports.get_mut(&*received.from) else { return };
         if matches!(heard.state, State::Told(_)) {
             return;
@@ -165,7 +161,7 @@ pub(super) fn learn(shared: &Arc<Shared>, port: &str) -> Result<String, LearnErr
     if let Some(known) = shared.types.of(port, number, promised) {
         return Ok(known);
     }
-    let mut ports = shared.types.heard.ports();
+    let mut ports = shared.types.heard.ports.lock();
     let known = ports.get(port).filter(|heard| heard.number == number);
     let failures = match known {
         None => 0,

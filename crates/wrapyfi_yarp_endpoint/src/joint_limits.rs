@@ -7,7 +7,7 @@
 //! ```
 
 use std::collections::BTreeSet;
-use std::sync::{Mutex, PoisonError};
+use wrapyfi_endpoint::Mutex;
 
 /// Least and greatest position of a joint, in YARP's units.
 pub(super) type Range = (f64, f64);
@@ -40,7 +40,7 @@ impl JointLimits {
         if (range.0..=range.1).contains(&value) {
             return None;
         }
-        let mut named = self.named.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut named = self.named.lock();
         named.insert(joint).then_some(range)
     }
 }

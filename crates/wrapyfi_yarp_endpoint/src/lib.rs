@@ -80,9 +80,9 @@ use wrapyfi_data::types::{Map, MessageType, Value};
 use wrapyfi_endpoint::network::ReachedByOthers;
 use wrapyfi_endpoint::restart::restarted;
 use wrapyfi_endpoint::{
-    Client, Context, Conventions, DiscoverError, Discovered, Discovery, LearnError, Learned,
-    Listener, Middleware, OpenError, PROGRESS, Publisher, Role, Server, ServiceSpec, Share,
-    TopicSpec, Traits, topic_of_name,
+    Client, Context, Conventions, DiscoverError, Discovered, Discovery, LearnResult, Learned,
+    Listener, Middleware, OpenError, OpenResult, Opened, PROGRESS, Publisher, Role, Server,
+    ServiceSpec, Share, TopicSpec, Traits, topic_of_name,
 };
 
 /// Name of this middleware in addresses.
@@ -386,37 +386,21 @@ impl Middleware for Yarp {
         NAME
     }
 
-    fn open_listener(
-        &self,
-        spec: &TopicSpec,
-        context: &Context,
-    ) -> Result<Box<dyn Listener>, OpenError> {
+    fn open_listener(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Listener> {
         self.may_listen()?;
         Ok(Box::new(listener::YarpListener::open(&self.shared, spec, context)?))
     }
 
-    fn open_publisher(
-        &self,
-        spec: &TopicSpec,
-        context: &Context,
-    ) -> Result<Box<dyn Publisher>, OpenError> {
+    fn open_publisher(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Publisher> {
         self.may_listen()?;
         Ok(Box::new(publisher::YarpPublisher::open(&self.shared, spec, context)?))
     }
 
-    fn open_client(
-        &self,
-        spec: &ServiceSpec,
-        context: &Context,
-    ) -> Result<Box<dyn Client>, OpenError> {
+    fn open_client(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Client> {
         Ok(Box::new(client::YarpClient::open(&self.shared, spec, context)?))
     }
 
-    fn open_server(
-        &self,
-        spec: &ServiceSpec,
-        context: &Context,
-    ) -> Result<Box<dyn Server>, OpenError> {
+    fn open_server(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Server> {
         self.may_listen()?;
         Ok(Box::new(server::YarpServer::open(&self.shared, spec, context)?))
     }
@@ -430,11 +414,7 @@ impl Middleware for Yarp {
         Traits { tells_own: true, untyped: true, carriers: true, ..Traits::default() }
     }
 
-    fn learn_topic(
-        &self,
-        found: &Discovered,
-        types: &mut TypeStore,
-    ) -> Result<Learned, LearnError> {
+    fn learn_topic(&self, found: &Discovered, types: &mut TypeStore) -> LearnResult<Learned> {
         if found.type_name.is_some() || found.role != Role::Publisher {
             return topic_of_name(NAME, found, types);
         }
@@ -520,10 +500,6 @@ fn name_fault(name: &str) -> Option<&'static str> {
     None
 }
 
-fn check_name(name: &str) -> Result<(), OpenError> {
-    check_topic(name).map_err(|reason| OpenError::InvalidName {
-        middleware: NAME,
-        topic: name.to_owned(),
-        reason,
-    })
+fn check_name(name: &str) -> OpenResult<()> {
+    check_topic(name).map_err(|reason| OpenError::invalid_name(NAME, name, reason))
 }

@@ -1,8 +1,6 @@
 //! State of an endpoint's connections, written by its task and read by its owner.
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
-
-use wrapyfi_endpoint::{Link, Wake};
+use wrapyfi_endpoint::{Link, Mutex, Wake};
 
 /// Written by the task of an endpoint, read by its owner, who is rung at changes.
 #[derive(Debug)]
@@ -29,7 +27,7 @@ impl LinkState {
     }
 
     fn set(&self, link: Link) {
-        let mut state = self.state();
+        let mut state = self.state.lock();
         if *state != link {
             *state = link;
             drop(state);
@@ -38,14 +36,10 @@ impl LinkState {
     }
 
     pub(super) fn link(&self) -> Link {
-        self.state().clone()
+        self.state.lock().clone()
     }
 
     pub(super) fn wake(&self) -> &Wake {
         &self.wake
-    }
-
-    fn state(&self) -> MutexGuard<'_, Link> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

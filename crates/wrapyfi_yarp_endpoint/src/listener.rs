@@ -5,26 +5,24 @@
 //!                         │ oversize │ own_publication     each connection's task; block: it waits
 //! ```
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::Instant;
 
 use wrapyfi_yarp::Dialect;
 use wrapyfi_yarp::port::{Answer, PortOptions, Received, RpcServer};
 
-use super::Shared;
 use super::device::Device;
-use super::intrinsics;
 use super::link_state::LinkState;
 use super::losses::Losses;
 use super::opening::{numbered, until_open};
 use super::options::YarpOptions;
-use super::payload;
 use super::port_connection::PortConnection;
 use super::tasks::{Stop, Stopped};
+use super::{Shared, intrinsics, payload};
 use wrapyfi_data::types::{DataType, Stamp};
 use wrapyfi_endpoint::{
-    Context, DropReason, Link, Listener, OpenError, Receiver, Sample, Sender, TakeError, TopicSpec,
-    Waits, inbox,
+    Context, DropReason, Link, Listener, Mutex, OpenResult, Receiver, Sample, Sender, TakeError,
+    TopicSpec, Waits, inbox,
 };
 
 /// Receives one topic.
@@ -61,13 +59,9 @@ struct ListenerState {
 }
 
 impl ListenerState {
-    fn port(&self) -> MutexGuard<'_, Option<RpcServer>> {
-        self.port.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Names of the ports that send.
     fn sources(&self) -> Vec<String> {
-        let port = self.port();
+        let port = self.port.lock();
         let status = port.as_ref().map(RpcServer::status).unwrap_or_default();
         let sources = status.into_iter().filter(|one| one.incoming && one.name.starts_with('/'));
         sources.map(|one| one.name).collect()
@@ -75,7 +69,7 @@ impl ListenerState {
 
     /// Counts what never became a message.
     fn count_losses(&self) {
-        if let Some(port) = &*self.port() {
+        if let Some(port) = &*self.port.lock() {
             self.losses.count(port.counters(), self.inbox.counters());
         }
     }
@@ -103,7 +97,7 @@ impl YarpListener {
         shared: &Arc<Shared>,
         spec: &TopicSpec,
         context: &Context,
-    ) -> Result<Self, OpenError> {
+    ) -> OpenResult<Self> {
         let options = YarpOptions::of_topic(spec)?;
         super::check_name(&spec.topic)?;
         if let Some(port) = &options.port {
@@ -175,7 +169,7 @@ async fn keep(
     };
     let own = port.name().to_owned();
     let (connection, changes) = (PortConnection::from(&topic, &own, &options), port.connected());
-    *state.port() = Some(port);
+    *state.port.lock() = Some(port);
     let counted = async {
         let mut changes = changes.clone();
         loop {
@@ -212,7 +206,7 @@ async fn keep(
 
 /// Closes the port that is open, if any.
 async fn close(state: &ListenerState) {
-    let port = state.port().take();
+    let port = state.port.lock().take();
     if let Some(port) = port {
         port.close().await;
     }

@@ -2,12 +2,12 @@
 //! they were whole, and those written that do not reach a reader.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, PoisonError};
 
 use wrapyfi_yarp::port::{Fate, Loss, Room, Written};
 
-use wrapyfi_endpoint::{Counters, DropReason, Share};
+use wrapyfi_endpoint::{Counters, DropReason, Mutex, Share};
 
 /// Faults of peers that cost a message each.
 const REASONS: [(&str, DropReason); 9] = [
@@ -29,7 +29,7 @@ pub(super) struct Losses(Mutex<BTreeMap<&'static str, u64>>);
 impl Losses {
     /// Counts the faults that the port has noticed since the last call.
     pub(super) fn count(&self, port: &wrapyfi_yarp::port::Counters, counters: &Counters) {
-        let mut counted = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut counted = self.0.lock();
         for (fault, reason) in REASONS {
             let (now, known) = (port.get(fault), counted.entry(fault).or_default());
             for _ in *known..now {

@@ -2,7 +2,7 @@
 //! not found.
 
 use std::collections::BTreeSet;
-use std::sync::{Mutex, PoisonError};
+use wrapyfi_endpoint::Mutex;
 
 /// Names of our ports. A name belongs to one port of a network at a time.
 #[derive(Debug, Default)]
@@ -10,7 +10,7 @@ pub(super) struct OwnPorts(Mutex<(BTreeSet<String>, u64)>);
 
 impl OwnPorts {
     fn with<T>(&self, look: impl FnOnce(&mut BTreeSet<String>, &mut u64) -> T) -> T {
-        let (names, changes) = &mut *self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let (names, changes) = &mut *self.0.lock();
         look(names, changes)
     }
 

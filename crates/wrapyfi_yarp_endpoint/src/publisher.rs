@@ -15,8 +15,8 @@
 //! now or whenever it comes. Our own port then has a name that nobody has to know, so the input's
 //! name stays free for the program that opens it.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use tokio::sync::watch;
@@ -38,7 +38,7 @@ use super::tasks::{Stop, Stopped};
 use super::{Shared, input};
 use wrapyfi_data::types::{DataType, MessageType, Payload, Stamp};
 use wrapyfi_endpoint::{
-    Context, Counters, DropReason, Link, OpenError, PublishError, Publisher, TopicSpec,
+    Context, Counters, DropReason, Link, Mutex, OpenResult, PublishError, Publisher, TopicSpec,
 };
 
 /// Sends one topic.
@@ -74,10 +74,6 @@ struct PublisherState {
 }
 
 impl PublisherState {
-    fn port(&self) -> MutexGuard<'_, Option<OutputPort>> {
-        self.port.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Writes the forms of a message to their readers, files to those of carrier mjpeg and objects to
     /// all others; none where the port is closed.
     fn write(
@@ -86,7 +82,7 @@ impl PublisherState {
         sent: &Arc<Sent>,
     ) -> Option<Written> {
         let (mut written, mut number) = (Written::default(), None);
-        let port = self.port();
+        let port = self.port.lock();
         let port = port.as_ref()?;
         for Outgoing { payload, stamp } in messages {
             let is_file = payload.kind == PayloadKind::Raw;
@@ -107,7 +103,7 @@ impl PublisherState {
 
     /// Names of the ports that read.
     fn readers(&self) -> Vec<String> {
-        let port = self.port();
+        let port = self.port.lock();
         let status = port.as_ref().map(OutputPort::status).unwrap_or_default();
         status.into_iter().filter(|one| !one.incoming).map(|one| one.name).collect()
     }
@@ -118,7 +114,7 @@ impl YarpPublisher {
         shared: &Arc<Shared>,
         spec: &TopicSpec,
         context: &Context,
-    ) -> Result<Self, OpenError> {
+    ) -> OpenResult<Self> {
         let options = YarpOptions::of_topic(spec)?;
         let name = options.port.clone().unwrap_or_else(|| spec.topic.clone());
         super::check_name(&name)?;
@@ -311,7 +307,7 @@ async fn serve(
     let changes = port.connected();
     shared.own.insert(&name);
     state.commands.store(destination.is_some(), Relaxed);
-    *state.port() = Some(port);
+    *state.port.lock() = Some(port);
     state.opening.send_replace(false);
     let connection = connection(&name, options, destination);
     let kept = async {
@@ -350,7 +346,7 @@ fn connection(
 /// Closes the port that is open, if any.
 async fn close(shared: &Shared, state: &PublisherState, options: &YarpOptions) {
     state.opening.send_replace(false);
-    let port = state.port().take();
+    let port = state.port.lock().take();
     let Some(port) = port else { return };
     let name = port.name().to_owned();
     if !state.commands.load(Relaxed)
@@ -390,7 +386,7 @@ impl Publisher for YarpPublisher {
     /// ends, as `connection_lost`. Readers of carrier mjpeg get a
     /// picture as a file, all others as an object.
     fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
-        let (objects, pictures) = self.state.port().as_ref().map_or((0, 0), |port| {
+        let (objects, pictures) = self.state.port.lock().as_ref().map_or((0, 0), |port| {
             let pictures = port.picture_readers();
             (port.connected().borrow().outputs.saturating_sub(pictures), pictures)
         });

@@ -11,27 +11,26 @@
 //! A YARP client asks one thing at a time on a connection, and waits for as long as it wants to: so a
 //! request that is not answered in its time is answered by an error.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 use bytes::Bytes;
 use tokio::sync::oneshot;
 use wrapyfi_yarp::Dialect;
 use wrapyfi_yarp::port::{Answer, PortOptions, Received, RpcServer};
 
-use super::Shared;
 use super::client_dialects::{self, ClientDialects};
 use super::found_format::{self, FoundFormat};
 use super::link_state::LinkState;
 use super::losses::Losses;
 use super::opening::until_open;
 use super::options::{BottleFormat, YarpOptions};
-use super::payload;
 use super::tasks::{Stop, Stopped};
+use super::{Shared, payload};
 use wrapyfi_data::types::{Payload, ServiceKind};
-use wrapyfi_endpoint::codec::{DecodeError, EncodeError};
+use wrapyfi_endpoint::codec::{DecodeError, EncodeResult};
 use wrapyfi_endpoint::requests::Requests;
-use wrapyfi_endpoint::wire_server::{ServerWire, WireServer};
-use wrapyfi_endpoint::{Context, Link, OpenError, Request, ServeError, ServiceSpec};
+use wrapyfi_endpoint::wire_server::{Sent, ServerWire, WireServer};
+use wrapyfi_endpoint::{Context, Link, Mutex, OpenResult, Request, ServiceSpec};
 
 /// Offers one service.
 pub(super) struct YarpServer {
@@ -80,10 +79,6 @@ struct ServerState {
 }
 
 impl ServerState {
-    fn port(&self) -> MutexGuard<'_, Option<RpcServer>> {
-        self.port.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Reply to a request that failed. It has no floats, and so no dialect.
     fn error(&self, text: &str, format: RequestFormat) -> Bytes {
         let options = self.formats.of(&self.options, format.bottle);
@@ -95,7 +90,7 @@ impl ServerState {
         &self,
         answer: &Payload,
         format: RequestFormat,
-    ) -> Result<(Bytes, Option<Bytes>), EncodeError> {
+    ) -> EncodeResult<(Bytes, Option<Bytes>)> {
         let options = self.formats.of(&self.options, format.bottle);
         let write = |dialect| payload::encode_reply(answer, &self.spec, options, dialect);
         let body = write(format.dialect.unwrap_or(self.dialect))?;
@@ -145,7 +140,7 @@ impl YarpServer {
         shared: &Arc<Shared>,
         spec: &ServiceSpec,
         context: &Context,
-    ) -> Result<WireServer<Self>, OpenError> {
+    ) -> OpenResult<WireServer<Self>> {
         let options = YarpOptions::of_service(spec)?;
         let name = options.port.clone().unwrap_or_else(|| spec.service.clone());
         super::check_name(&name)?;
@@ -207,14 +202,14 @@ async fn keep((shared, state): (Arc<Shared>, Arc<ServerState>), mut stopped: Sto
     };
     let mut changes = port.connected();
     shared.own.insert(name);
-    *state.port() = Some(port);
+    *state.port.lock() = Some(port);
     if state.is_function() {
         found_format::mark(&shared, name).await;
     }
     let counted = async {
         loop {
             changes.mark_unchanged();
-            if let Some(port) = &*state.port() {
+            if let Some(port) = &*state.port.lock() {
                 state.losses.count(port.counters(), &state.context.counters);
                 let status = port.status();
                 let clients = status.iter().filter(|one| one.incoming && one.name.starts_with('/'));
@@ -237,7 +232,7 @@ async fn keep((shared, state): (Arc<Shared>, Arc<ServerState>), mut stopped: Sto
 
 /// Closes the port that is open, if any.
 async fn close(shared: &Shared, state: &ServerState) {
-    let port = state.port().take();
+    let port = state.port.lock().take();
     if let Some(port) = port {
         port.close().await;
         shared.own.remove(&state.name);
@@ -254,15 +249,11 @@ impl ServerWire for YarpServer {
         payload::decode_request(body, spec, options, format.dialect.unwrap_or(*dialect))
     }
 
-    fn write(&self, ask: &Ask, payload: &Payload) -> Result<Self::Answer, EncodeError> {
+    fn write(&self, ask: &Ask, payload: &Payload) -> EncodeResult<Self::Answer> {
         self.state.write(payload, ask.format)
     }
 
-    fn send(
-        &mut self,
-        Ask { reply, format, .. }: Ask,
-        answer: Result<Self::Answer, &str>,
-    ) -> Result<Option<usize>, ServeError> {
+    fn send(&mut self, Ask { reply, format, .. }: Ask, answer: Result<Self::Answer, &str>) -> Sent {
         let (body, other) = answer.unwrap_or_else(|why| (self.state.error(why, format), None));
         let bytes = body.len();
         let answer = match other {

@@ -11,8 +11,8 @@
 //! turns.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use tokio::sync::Semaphore;
@@ -22,7 +22,7 @@ use super::Shared;
 use super::directory::Entry;
 use super::role::role;
 use super::types::FILES;
-use wrapyfi_endpoint::Role;
+use wrapyfi_endpoint::{Mutex, Role};
 
 /// Longest time that a port is given for its answer: those that died are still registered.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -90,10 +90,6 @@ impl Answer {
 }
 
 impl Survey {
-    fn answers(&self) -> MutexGuard<'_, BTreeMap<String, Answer>> {
-        self.answers.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Number of answers that have come or were given up.
     pub(super) fn changes(&self) -> u64 {
         self.changes.load(Ordering::Acquire)
@@ -101,7 +97,7 @@ impl Survey {
 
     /// Answer of a port, if it has given one.
     pub(super) fn told(&self, name: &str) -> Option<Arc<Inspection>> {
-        match &self.answers().get(name)?.state {
+        match &self.answers.lock().get(name)?.state {
             State::Told(told) | State::Stale(told) => Some(Arc::clone(told)),
             State::Asked(before) => before.clone(),
             State::Silent(_) => None,
@@ -110,13 +106,13 @@ impl Survey {
 
     /// True while the answer of a port is awaited.
     pub(super) fn is_being_asked(&self, name: &str) -> bool {
-        self.answers().get(name).is_some_and(|answer| matches!(answer.state, State::Asked(_)))
+        self.answers.lock().get(name).is_some_and(|answer| matches!(answer.state, State::Asked(_)))
     }
 
     /// Has a port asked again that is connected with `own`, a port of ours, and was taken for something
     /// else: it writes to ours where it `sends`, else it reads.
     pub(super) fn met(&self, name: &str, own: &str, sends: bool) {
-        let mut answers = self.answers();
+        let mut answers = self.answers.lock();
         let Some(answer) = answers.get_mut(name) else { return };
         let State::Told(told) = &answer.state else { return };
         let is_sender = matches!(role(name, Some(told)).1, Role::Publisher | Role::Client);
@@ -128,7 +124,7 @@ impl Survey {
 
     /// True when all of these ports have answered, or were given up for now.
     pub(super) fn is_over(&self, ports: &BTreeMap<String, Entry>) -> bool {
-        let answers = self.answers();
+        let answers = self.answers.lock();
         ports.keys().all(|name| {
             answers.get(name).is_some_and(|answer| !matches!(answer.state, State::Asked(_)))
         })
@@ -136,12 +132,12 @@ impl Survey {
 
     /// Forgets the ports that `exists` does not know.
     pub(super) fn forget(&self, exists: impl Fn(&str) -> bool) {
-        self.answers().retain(|name, _| exists(name));
+        self.answers.lock().retain(|name, _| exists(name));
     }
 
     /// Marks those that have to be asked.
     fn due(&self, ports: &BTreeMap<String, Entry>, now: Instant) -> Vec<(String, Entry)> {
-        let mut answers = self.answers();
+        let mut answers = self.answers.lock();
         let is_due =
             |name: &str, number| answers.get(name).is_none_or(|answer| answer.is_due(number, now));
         let due = ports.iter().filter(|(name, entry)| is_due(name, entry.number));
@@ -160,7 +156,7 @@ impl Survey {
     }
 
     fn enter(&self, name: &str, number: u64, told: Option<Inspection>, now: Instant) {
-        let mut answers = self.answers();
+        let mut answers = self.answers.lock();
         // Another port may have the name by now, or nobody.
         let Some(answer) = answers.get_mut(name).filter(|answer| answer.number == number) else {
             return;

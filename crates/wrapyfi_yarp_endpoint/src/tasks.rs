@@ -1,11 +1,10 @@
 //! The tasks of a YARP instance: one for each endpoint, which closes its port at the end.
 
-use std::sync::{Mutex, PoisonError};
-
 use tokio::runtime::Handle;
 use tokio::sync::watch;
 use tokio::task::JoinSet;
 
+use wrapyfi_endpoint::Mutex;
 use wrapyfi_endpoint::restart::restarted;
 
 /// Runtime of the endpoints' tasks, which ends all of them.
@@ -59,7 +58,7 @@ impl Tasks {
         begin: impl FnMut() -> F + Send + 'static,
     ) {
         let task = restarted(format!("the task of {name}"), tell, begin);
-        let mut running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut running = self.running.lock();
         while running.try_join_next().is_some() {}
         running.spawn_on(task, &self.handle);
     }
@@ -73,7 +72,7 @@ impl Tasks {
     pub(super) async fn end(&self) {
         self.ending.send_replace(true);
         let mut running = {
-            let mut running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut running = self.running.lock();
             std::mem::take(&mut *running)
         };
         while running.join_next().await.is_some() {}

@@ -26,9 +26,8 @@ use super::proxy::Proxy;
 use super::supervisor::{Side, Supervised};
 use super::traffic::{TopicTraffic, Traffic};
 use super::turns::Runs;
-use wrapyfi_endpoint::Mutex;
-use wrapyfi_endpoint::Throttle;
 use wrapyfi_endpoint::network::{Insecure, ReachedByOthers};
+use wrapyfi_endpoint::{Mutex, Throttle};
 
 /// Settings of a [`Broker`]; the fields mean what they mean in [`ZeroMqConfig`].
 #[derive(Debug, Clone, PartialEq, Eq)]

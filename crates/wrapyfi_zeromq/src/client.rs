@@ -10,17 +10,16 @@ use std::time::Instant;
 
 use bytes::Bytes;
 
-use super::deadline;
 use super::envelope::{self, ServiceMessage};
 use super::service_connection::{Delivery, End, ServiceConnection, ServiceHandle, Unusable};
-use super::{Shared, transport};
-use wrapyfi_data::EncodeError;
+use super::{Shared, deadline, transport};
+use wrapyfi_data::EncodeResult;
 use wrapyfi_data::types::{Payload, Stamp};
 use wrapyfi_endpoint::calls::{Calls, Stage};
 use wrapyfi_endpoint::codec::requests;
 use wrapyfi_endpoint::codec::requests::mark::{Content, Kind, Mark};
 use wrapyfi_endpoint::wire_client::{ClientWire, WireClient};
-use wrapyfi_endpoint::{CallError, Context, DropReason, Link, OpenError, Request, ServiceSpec};
+use wrapyfi_endpoint::{CallError, Context, DropReason, Link, OpenResult, Request, ServiceSpec};
 
 /// A request until it is sent.
 pub(super) struct Outgoing {
@@ -41,7 +40,7 @@ impl ZeroMqClient {
         endpoint: &str,
         spec: &ServiceSpec,
         context: &Context,
-    ) -> Result<WireClient<Self>, OpenError> {
+    ) -> OpenResult<WireClient<Self>> {
         let mut spec = spec.clone();
         // Beyond this the broker would cut the connection.
         spec.limits.message_bytes = spec.limits.message_bytes.min(shared.max_frame_bytes);
@@ -87,11 +86,7 @@ fn read(
 impl ClientWire for ZeroMqClient {
     type Written = Outgoing;
 
-    fn write(
-        &self,
-        request: &Request,
-        deadline: Instant,
-    ) -> Result<(Outgoing, usize), EncodeError> {
+    fn write(&self, request: &Request, deadline: Instant) -> EncodeResult<(Outgoing, usize)> {
         let body = requests::encode_request(request, &self.spec)?;
         let bytes = body.len();
         Ok((Outgoing { body: body.into(), deadline }, bytes))

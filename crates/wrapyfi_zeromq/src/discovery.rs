@@ -19,9 +19,8 @@ use std::time::{Duration, Instant};
 
 use super::frames::{Received, receive};
 use super::link::{self, BrokerLink, Watch};
-use super::options;
 use super::traffic::{TRAFFIC_TOPIC, TopicTraffic, TrafficTable, guess};
-use super::{NAME, Shared};
+use super::{NAME, Shared, options};
 use wrapyfi_endpoint::{DiscoverError, Discovered, Discovery, Role, Traffic, Wake};
 
 /// Prefix of the subscription that makes Wrapyfi's broker tell its counts. Not listed.

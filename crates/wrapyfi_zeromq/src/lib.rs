@@ -68,8 +68,8 @@ pub use service_broker::{ServiceBroker, ServiceBrokerConfig, ServiceBrokerStatus
 pub use traffic::TopicTraffic;
 
 use wrapyfi_endpoint::{
-    Client, Context, DiscoverError, Discovery, Listener, Middleware, Mutex, OpenError, Publisher,
-    Role, Server, ServiceSpec, TopicSpec,
+    Client, Context, DiscoverError, Discovery, Listener, Middleware, Mutex, OpenError, OpenResult,
+    Opened, Publisher, Role, Server, ServiceSpec, TopicSpec,
 };
 
 /// Name of this middleware in addresses.
@@ -267,16 +267,14 @@ impl ZeroMq {
     }
 
     /// Address that a client or a server connects to. A server brings the broker along.
-    fn service_endpoint(&self, role: Role, spec: &ServiceSpec) -> Result<String, OpenError> {
+    fn service_endpoint(&self, role: Role, spec: &ServiceSpec) -> OpenResult<String> {
         check_topic(&spec.service).map_err(|reason| invalid(&spec.service, reason))?;
         let rep_port = self.config.rep_port;
         let port = match role {
             Role::Client if rep_port != 0 => rep_port,
             _ => {
-                let ports = self.start_services().map_err(|error| OpenError::Transport {
-                    middleware: NAME,
-                    topic: spec.service.clone(),
-                    reason: error.to_string(),
+                let ports = self.start_services().map_err(|error| {
+                    OpenError::transport(NAME, &spec.service, error.to_string())
                 })?;
                 if role == Role::Client { ports.0 } else { ports.1 }
             }
@@ -284,7 +282,7 @@ impl ZeroMq {
         Ok(options::endpoint(self.shared.ip, port))
     }
 
-    fn check(&self, topic: &str) -> Result<(), OpenError> {
+    fn check(&self, topic: &str) -> OpenResult<()> {
         let own = [self.monitor_topic.as_str(), traffic::TRAFFIC_TOPIC];
         let own = own.into_iter().find(|own| topic.starts_with(own));
         let checked = match own {
@@ -302,39 +300,23 @@ impl Middleware for ZeroMq {
         NAME
     }
 
-    fn open_listener(
-        &self,
-        spec: &TopicSpec,
-        context: &Context,
-    ) -> Result<Box<dyn Listener>, OpenError> {
+    fn open_listener(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Listener> {
         self.check(&spec.topic)?;
         Ok(Box::new(listener::ZeroMqListener::open(&self.shared, spec, context)?))
     }
 
-    fn open_publisher(
-        &self,
-        spec: &TopicSpec,
-        context: &Context,
-    ) -> Result<Box<dyn Publisher>, OpenError> {
+    fn open_publisher(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Publisher> {
         self.check(&spec.topic)?;
         Ok(Box::new(publisher::ZeroMqPublisher::open(&self.shared, spec, context)))
     }
 
     /// One pair of ports is one service: `spec.service` is not sent.
-    fn open_client(
-        &self,
-        spec: &ServiceSpec,
-        context: &Context,
-    ) -> Result<Box<dyn Client>, OpenError> {
+    fn open_client(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Client> {
         let endpoint = self.service_endpoint(Role::Client, spec)?;
         Ok(Box::new(client::ZeroMqClient::open(&self.shared, &endpoint, spec, context)?))
     }
 
-    fn open_server(
-        &self,
-        spec: &ServiceSpec,
-        context: &Context,
-    ) -> Result<Box<dyn Server>, OpenError> {
+    fn open_server(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Server> {
         let endpoint = self.service_endpoint(Role::Server, spec)?;
         Ok(Box::new(server::ZeroMqServer::open(&self.shared, &endpoint, spec, context)?))
     }
@@ -377,7 +359,7 @@ pub fn check_topic(topic: &str) -> Result<(), String> {
 }
 
 fn invalid(topic: &str, reason: String) -> OpenError {
-    OpenError::InvalidName { middleware: NAME, topic: topic.to_owned(), reason }
+    OpenError::invalid_name(NAME, topic, reason)
 }
 
 fn check_ports(ports: [(&'static str, u16); 2]) -> Result<(), ZeroMqError> {
@@ -386,9 +368,5 @@ fn check_ports(ports: [(&'static str, u16); 2]) -> Result<(), ZeroMqError> {
 }
 
 fn transport(topic: &str, error: zmq::Error) -> OpenError {
-    OpenError::Transport {
-        middleware: NAME,
-        topic: topic.to_owned(),
-        reason: contexts::reason(error),
-    }
+    OpenError::transport(NAME, topic, contexts::reason(error))
 }

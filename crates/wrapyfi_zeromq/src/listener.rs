@@ -5,13 +5,12 @@ use std::task::{Wake, Waker};
 
 use super::io::{Command, Handle};
 use super::link::{self, BrokerLink, Watch};
-use super::options;
 use super::own_messages::Listening;
 use super::reception::{Arrival, Reception};
-use super::{Shared, transport};
+use super::{Shared, options, transport};
 use wrapyfi_endpoint::codec::frames;
 use wrapyfi_endpoint::{
-    Context, Link, Listener, OpenError, Overflow, QueueSpec, Receiver, Sample, TakeError,
+    Context, Link, Listener, OpenResult, Overflow, QueueSpec, Receiver, Sample, TakeError,
     TopicSpec, inbox,
 };
 
@@ -38,11 +37,7 @@ fn socket_depth(queue: QueueSpec) -> i32 {
 }
 
 impl ZeroMqListener {
-    pub(super) fn open(
-        shared: &Shared,
-        spec: &TopicSpec,
-        context: &Context,
-    ) -> Result<Self, OpenError> {
+    pub(super) fn open(shared: &Shared, spec: &TopicSpec, context: &Context) -> OpenResult<Self> {
         let link = BrokerLink::new(&shared.pub_endpoint);
         let (socket, watch) = shared
             .contexts

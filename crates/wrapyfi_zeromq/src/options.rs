@@ -7,8 +7,7 @@ use std::time::Duration;
 use socket2::{SockRef, TcpKeepalive};
 
 use super::config::FRAME_SLACK;
-use wrapyfi_endpoint::Mutex;
-use wrapyfi_endpoint::backoff;
+use wrapyfi_endpoint::{Mutex, backoff};
 
 /// Time in which a closed socket may still send the messages that it holds.
 pub(super) const LINGER: Duration = Duration::from_millis(500);

@@ -18,12 +18,11 @@ use bytes::Bytes;
 use mio::unix::SourceFd;
 use mio::{Interest, Registry, Token};
 
-use super::contexts;
 use super::io::{Command, Handle, Look, index};
 use super::link::{self, BrokerLink};
-use super::options;
 use super::own_messages::OwnTopic;
 use super::peer::{Message, Peer};
+use super::{contexts, options};
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::{Context, DropReason, Mutex, PROGRESS, Throttle};
 

@@ -18,8 +18,8 @@ use wrapyfi_endpoint::calls::ends;
 use wrapyfi_endpoint::codec::requests;
 use wrapyfi_endpoint::codec::requests::mark::{Kind, Mark};
 use wrapyfi_endpoint::requests::{Asked, Requests};
-use wrapyfi_endpoint::wire_server::{ServerWire, WireServer};
-use wrapyfi_endpoint::{Context, DropReason, Link, OpenError, Request, ServeError, ServiceSpec};
+use wrapyfi_endpoint::wire_server::{Sent, ServerWire, WireServer};
+use wrapyfi_endpoint::{Context, DropReason, Link, OpenResult, Request, ServeError, ServiceSpec};
 
 /// Serves one pair of ports.
 pub(super) struct ZeroMqServer {
@@ -33,7 +33,7 @@ impl ZeroMqServer {
         endpoint: &str,
         spec: &ServiceSpec,
         context: &Context,
-    ) -> Result<WireServer<Self>, OpenError> {
+    ) -> OpenResult<WireServer<Self>> {
         let mut spec = spec.clone();
         // Beyond this the broker would cut the connection.
         spec.limits.message_bytes = spec.limits.message_bytes.min(shared.max_frame_bytes);
@@ -61,13 +61,10 @@ impl ServerWire for ZeroMqServer {
         if let Some(mark) = envelope::mark(&delivery.envelope) {
             let (wanted, served) = (mark.content.message_type().data_type(), self.spec.kind);
             if mark.kind != Kind::Request || wanted != served.data_type() {
-                return Err(DecodeError::Mismatch {
-                    expected: format!(
-                        "a request for {}, which is what it returns",
-                        served.data_type()
-                    ),
-                    actual: format!("one for {wanted}"),
-                });
+                return Err(DecodeError::mismatch(
+                    format!("a request for {}, which is what it returns", served.data_type()),
+                    format!("one for {wanted}"),
+                ));
             }
         }
         match &delivery.body {
@@ -88,11 +85,7 @@ impl ServerWire for ZeroMqServer {
         Ok(ServiceMessage { envelope, body })
     }
 
-    fn send(
-        &mut self,
-        delivery: Delivery,
-        answer: Result<ServiceMessage, &str>,
-    ) -> Result<Option<usize>, ServeError> {
+    fn send(&mut self, delivery: Delivery, answer: Result<ServiceMessage, &str>) -> Sent {
         let is_reply = answer.is_ok();
         let message = answer.unwrap_or_else(|why| ServiceMessage::error(delivery.envelope, why));
         let bytes = message.size();

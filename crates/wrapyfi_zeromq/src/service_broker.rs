@@ -19,9 +19,8 @@ use super::service_connection::SEND_HWM;
 use super::service_proxy::ServiceProxy;
 use super::supervisor::{Side, Supervised};
 use super::turns::Runs;
-use wrapyfi_endpoint::Mutex;
-use wrapyfi_endpoint::ServiceSpec;
 use wrapyfi_endpoint::network::Insecure;
+use wrapyfi_endpoint::{Mutex, ServiceSpec};
 
 /// Settings of a [`ServiceBroker`]; the fields mean what they mean in [`ZeroMqConfig`].
 #[derive(Debug, Clone, PartialEq, Eq)]

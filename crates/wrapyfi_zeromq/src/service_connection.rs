@@ -15,11 +15,10 @@ use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 
-use super::Shared;
 use super::envelope::{self, Misfit, ServiceMessage};
 use super::io::Handle;
 use super::link::{self, BrokerLink, Watch};
-use super::options;
+use super::{Shared, options};
 use wrapyfi_data::DecodeError;
 use wrapyfi_endpoint::requests::Requests;
 use wrapyfi_endpoint::{Context, DropReason, Mutex, ServiceSpec, Share};
@@ -58,16 +57,11 @@ impl Unusable {
     /// The fault, where one frame of at most `limit` bytes was wanted.
     pub(super) fn fault(self, wanted: &str, limit: usize) -> DecodeError {
         match self {
-            Self::TooLarge(size) => DecodeError::TooLarge {
-                what: "message",
-                path: "$".into(),
-                actual: size as u64,
-                limit: limit as u64,
-            },
-            Self::Frames(frames) => DecodeError::Mismatch {
-                expected: format!("a {wanted} of one frame"),
-                actual: format!("{frames} frames"),
-            },
+            Self::TooLarge(size) => DecodeError::too_large(size, limit),
+            Self::Frames(frames) => DecodeError::mismatch(
+                format!("a {wanted} of one frame"),
+                format!("{frames} frames"),
+            ),
         }
     }
 }

@@ -12,14 +12,13 @@ use crate::edits::Edits;
 use crate::exit::Failure;
 use crate::in_force::{InForce, Options, change_by, ros2_types, warn_of_unheard};
 use crate::lines::Lines;
-use crate::logging;
 use crate::middlewares::{Loaded, Middlewares};
 use crate::node::Node;
 use crate::on_graph::{OnGraph, Parts};
 use crate::page::{self, Page};
 use crate::reload::{Reload, Watch};
 use crate::shutdown::Shutdown;
-use crate::table;
+use crate::{logging, table};
 
 /// Most routes without a message that get a line of their own at the end.
 const FEW_IDLE: usize = 10;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
@@ -12,14 +12,13 @@ use tokio::sync::Semaphore;
 use wrapyfi_core::engine::RouteStatus;
 use wrapyfi_retry::contained;
 
-use super::Parts;
 use super::document::Document;
-use super::metrics;
 use super::previews::Previews;
-use crate::logging;
-use crate::middlewares;
+use super::{Parts, metrics};
 use crate::why::judge::judge;
 use crate::why::question::explain;
+use crate::{logging, middlewares};
+use wrapyfi_core::endpoint::Mutex;
 
 /// Time for which statuses are the newest, however many ask.
 const FRESH: Duration = Duration::from_millis(250);
@@ -114,7 +113,7 @@ impl Answers {
 
     /// Lets go of the messages of routes that nobody looks at any more.
     pub(super) fn sweep(&self) {
-        lock(&self.previews).sweep(Instant::now());
+        self.previews.lock().sweep(Instant::now());
     }
 
     pub(super) async fn answer(&self, path: &str, query: &str) -> Answer {
@@ -144,7 +143,7 @@ impl Answers {
     }
 
     fn now(&self) -> Arc<Now> {
-        let mut now = lock(&self.now);
+        let mut now = self.now.lock();
         if let Some(now) = &*now
             && now.at.elapsed() < FRESH
         {
@@ -169,7 +168,7 @@ impl Answers {
     fn previews(&self, query: &str) -> Answer {
         let now = self.now();
         let wanted = ids(query).filter_map(|id| Some((id, now.routes.get(*now.places.get(id)?)?)));
-        let mut previews = lock(&self.previews);
+        let mut previews = self.previews.lock();
         let found: BTreeMap<_, _> = wanted
             .take(MAX_PREVIEWS)
             .filter_map(|(id, route)| {
@@ -225,8 +224,4 @@ fn id(route: &RouteStatus) -> String {
 /// The numbers that a query names: `id=…&id=…`.
 fn ids(query: &str) -> impl Iterator<Item = &str> {
     query.split('&').filter_map(|pair| pair.strip_prefix("id="))
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

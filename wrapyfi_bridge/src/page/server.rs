@@ -1,6 +1,5 @@
 //! HTTP on a port of this machine: who is answered, and how much of it at once.
 
-use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::net::TcpListener;
 use std::sync::Arc;
@@ -15,8 +14,8 @@ use hyper::{Method, Request, Response, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use tokio::net::TcpStream;
 use tokio::sync::oneshot;
-use tokio::task::AbortHandle;
 use tokio::time::{interval, sleep, timeout};
+use wrapyfi_retry::NewestTasks;
 
 use super::answers::{Answer, Answers};
 
@@ -45,7 +44,7 @@ pub(super) async fn serve(
         Ok(listener) => listener,
         Err(error) => return tracing::error!("the live page has ended: {error}"),
     };
-    let mut open: VecDeque<AbortHandle> = VecDeque::new();
+    let mut open = NewestTasks::default();
     let mut sweep = interval(SWEEP_EVERY);
     loop {
         let accepted = tokio::select! {
@@ -60,14 +59,8 @@ pub(super) async fn serve(
             sleep(REFUSED_FOR).await;
             continue;
         };
-        open.retain(|one| !one.is_finished());
-        if open.len() >= MAX_CONNECTIONS
-            && let Some(oldest) = open.pop_front()
-        {
-            oldest.abort();
-        }
         let answers = Arc::clone(&answers);
-        open.push_back(tokio::spawn(serve_one(stream, answers)).abort_handle());
+        open.enter(tokio::spawn(serve_one(stream, answers)).abort_handle(), MAX_CONNECTIONS);
     }
 }
 

@@ -9,7 +9,7 @@
 
 use std::borrow::Cow;
 
-use super::{DecodeError, EncodeError, fitted, ros};
+use super::{DecodeError, DecodeResult, EncodeError, EncodeResult, fitted, ros};
 use crate::Limits;
 use crate::types::{
     DataType, Encoding, Header, MessageType, NativeObject, Payload, Properties, RosMessage,
@@ -28,11 +28,24 @@ pub enum ConvertError {
 }
 
 /// Reads properties from a native object.
-pub fn properties(value: &Value) -> Result<Properties, DecodeError> {
-    Properties::from_value(value).map_err(|error| DecodeError::Mismatch {
-        expected: "properties".to_owned(),
-        actual: format!("a {}: {error}", value.kind()),
+pub fn properties(value: &Value) -> DecodeResult<Properties> {
+    Properties::from_value(value).map_err(|error| {
+        DecodeError::mismatch("properties", format!("a {}: {error}", value.kind()))
     })
+}
+
+/// The properties that a payload sets, and their size in bytes.
+///
+/// # Errors
+/// When it is another payload, or its size is over the limit.
+pub fn properties_to_set(payload: &Payload, limit: usize) -> EncodeResult<(&Properties, usize)> {
+    let Payload::Properties(properties) = payload else {
+        let (expected, actual) = (DataType::Properties, payload.data_type());
+        return Err(EncodeError::mismatch(expected.to_string(), actual.to_string()));
+    };
+    let size = properties.size();
+    EncodeError::check_size(size, limit)?;
+    Ok((properties, size))
 }
 
 /// True when [`convert_payload`] can convert one kind to the other.
@@ -104,7 +117,7 @@ pub fn received_as(
     color_order: Encoding,
     limits: &Limits,
     now: Stamp,
-) -> Result<Payload, DecodeError> {
+) -> DecodeResult<Payload> {
     let converted = convert_payload(payload, to, color_order, limits, || now);
     let fit = converted.and_then(|payload| match fitted(&payload, to, color_order, limits)? {
         Cow::Owned(fit) => Ok(fit),
@@ -115,15 +128,13 @@ pub fn received_as(
         ConvertError::To(EncodeError::TooLarge { actual, limit }) => {
             DecodeError::TooLarge { what: "message", path: "$".into(), actual, limit }
         }
-        ConvertError::To(error) => {
-            DecodeError::Mismatch { expected: to.to_string(), actual: error.to_string() }
-        }
+        ConvertError::To(error) => DecodeError::mismatch(to.to_string(), error.to_string()),
     })
 }
 
 fn mismatch(expected: &impl ToString, actual: &Payload) -> ConvertError {
     let (expected, actual) = (expected.to_string(), ros::describe(actual));
-    EncodeError::Mismatch { expected, actual }.into()
+    EncodeError::mismatch(expected, actual).into()
 }
 
 fn ros_message(
@@ -140,9 +151,8 @@ fn ros_message(
             let header = || Header { stamp, frame_id };
             let read = RosMessage::from_value_with(to, value, header, limits.message_bytes);
             Ok(read
-                .map_err(|error| DecodeError::Mismatch {
-                    expected: to.to_string(),
-                    actual: format!("a {kind}: {error}"),
+                .map_err(|error| {
+                    DecodeError::mismatch(to.to_string(), format!("a {kind}: {error}"))
                 })?
                 .into())
         }

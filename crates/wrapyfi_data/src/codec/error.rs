@@ -38,6 +38,36 @@ pub enum DecodeError {
     },
 }
 
+impl DecodeError {
+    /// Fault of the whole: the bytes do not follow `format`.
+    pub fn malformed(format: &'static str, reason: impl Into<String>) -> Self {
+        Self::Malformed { format, path: "$".to_owned(), reason: reason.into() }
+    }
+
+    /// Another kind than the one this endpoint carries.
+    pub fn mismatch(expected: impl Into<String>, actual: impl Into<String>) -> Self {
+        Self::Mismatch { expected: expected.into(), actual: actual.into() }
+    }
+
+    /// A message of more bytes than a message may have.
+    #[must_use]
+    pub fn too_large(actual: usize, limit: usize) -> Self {
+        let (actual, limit) = (actual as u64, limit as u64);
+        Self::TooLarge { what: "message", path: "$".to_owned(), actual, limit }
+    }
+
+    /// Compares the size of a message with its limit, both in bytes.
+    ///
+    /// # Errors
+    /// When it is over the limit.
+    pub fn check_size(actual: usize, limit: usize) -> DecodeResult<()> {
+        if actual > limit { Err(Self::too_large(actual, limit)) } else { Ok(()) }
+    }
+}
+
+/// Result of decoding.
+pub type DecodeResult<T> = Result<T, DecodeError>;
+
 fn remedy(what: &str) -> &'static str {
     if matches!(what, "message" | "memory of the values") { " (raise max_message_mib)" } else { "" }
 }
@@ -75,3 +105,37 @@ pub enum EncodeError {
         limit: u64,
     },
 }
+
+impl EncodeError {
+    /// A whole that `format` has no way to write.
+    pub fn unrepresentable(
+        format: &'static str,
+        what: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> Self {
+        let (what, remedy) = (what.into(), remedy.into());
+        Self::Unrepresentable { format, what, path: "$".to_owned(), remedy }
+    }
+
+    /// Another kind than the one this endpoint carries.
+    pub fn mismatch(expected: impl Into<String>, actual: impl Into<String>) -> Self {
+        Self::Mismatch { expected: expected.into(), actual: actual.into() }
+    }
+
+    /// A message of more bytes than a message may have.
+    #[must_use]
+    pub fn too_large(actual: usize, limit: usize) -> Self {
+        Self::TooLarge { actual: actual as u64, limit: limit as u64 }
+    }
+
+    /// Compares the size of a message with its limit, both in bytes.
+    ///
+    /// # Errors
+    /// When it is over the limit.
+    pub fn check_size(actual: usize, limit: usize) -> EncodeResult<()> {
+        if actual > limit { Err(Self::too_large(actual, limit)) } else { Ok(()) }
+    }
+}
+
+/// Result of encoding.
+pub type EncodeResult<T> = Result<T, EncodeError>;

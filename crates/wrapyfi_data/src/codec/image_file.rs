@@ -27,7 +27,7 @@ use image::{ColorType, ImageDecoder, ImageFormat, ImageReader};
 use tiff::decoder::DecodingResult;
 use tiff::encoder::colortype::{CMYK8, Gray32Float, GrayI32};
 
-use super::{DecodeError, EncodeError, Path, jpeg};
+use super::{DecodeError, DecodeResult, EncodeError, Path, jpeg};
 use crate::Limits;
 use crate::types::{CompressedFormat, Encoding, RawPixels};
 
@@ -40,7 +40,7 @@ pub fn decode(
     file: &Bytes,
     limits: &Limits,
     color_order: Option<Encoding>,
-) -> Result<RawPixels, DecodeError> {
+) -> DecodeResult<RawPixels> {
     if CompressedFormat::sniff(file) == Some(CompressedFormat::Jpeg) {
         return jpeg::decode(file, limits, color_order);
     }
@@ -76,7 +76,7 @@ pub fn decode(
 /// Largest number of bytes that a WebP decoder takes because three bytes of a file claim them.
 const WEBP_WORK: u64 = 1 << 24;
 
-fn known_format(file: &[u8]) -> Result<(ImageFormat, &'static str), DecodeError> {
+fn known_format(file: &[u8]) -> DecodeResult<(ImageFormat, &'static str)> {
     let known = [
         (ImageFormat::Png, "PNG"),
         (ImageFormat::Bmp, "BMP"),
@@ -89,10 +89,10 @@ fn known_format(file: &[u8]) -> Result<(ImageFormat, &'static str), DecodeError>
     found.ok_or_else(|| {
         let begins = file.get(..file.len().min(8)).unwrap_or_default();
         let begins = begins.escape_ascii();
-        DecodeError::Mismatch {
-            expected: "a JPEG, PNG, BMP, GIF, TIFF or WebP file".into(),
-            actual: format!("a file of {} bytes that begins with \"{begins}\"", file.len()),
-        }
+        DecodeError::mismatch(
+            "a JPEG, PNG, BMP, GIF, TIFF or WebP file",
+            format!("a file of {} bytes that begins with \"{begins}\"", file.len()),
+        )
     })
 }
 
@@ -106,7 +106,7 @@ fn check_size(
     height: u32,
     actual: u64,
     limits: &Limits,
-) -> Result<(), DecodeError> {
+) -> DecodeResult<()> {
     let limit = limits.message_bytes as u64;
     if actual <= limit {
         return Ok(());
@@ -152,7 +152,7 @@ fn encoded(color: ColorType, pixels: Vec<u8>) -> Option<(Encoding, Vec<u8>)> {
 ///
 /// # Errors
 /// As [`decode`].
-pub(crate) fn decode_inks(file: &[u8], limits: &Limits) -> Result<Option<RawPixels>, DecodeError> {
+pub(crate) fn decode_inks(file: &[u8], limits: &Limits) -> DecodeResult<Option<RawPixels>> {
     if !matches!(known_format(file), Ok((ImageFormat::Tiff, _))) {
         return Ok(None);
     }
@@ -179,11 +179,7 @@ pub(crate) fn inks_to_rgb(inks: &RawPixels) -> RawPixels {
 
 /// Reads the picture in a TIFF file: grey of 1, 8, 16 or 32 bits, colour of 8 bits; true beside it
 /// where its four channels are inks, which have no encoding of their own.
-fn tiff(
-    file: &[u8],
-    limits: &Limits,
-    name: &'static str,
-) -> Result<(RawPixels, bool), DecodeError> {
+fn tiff(file: &[u8], limits: &Limits, name: &'static str) -> DecodeResult<(RawPixels, bool)> {
     claims::check_tiff(file).map_err(|reason| malformed(name, reason))?;
     let fault = |error: tiff::TiffError| malformed(name, error.to_string());
     let mut bounds = tiff::decoder::Limits::default();

@@ -13,7 +13,7 @@ use bytes::Bytes;
 pub use super::jpeg_absent::{decode, encode};
 #[cfg(feature = "jpeg")]
 pub use super::jpeg_file::{decode, encode};
-use super::{DecodeError, EncodeError, Path};
+use super::{DecodeError, EncodeError, EncodeResult, Path};
 use crate::Limits;
 use crate::types::{CompressedFormat, Encoding, Image, MessageType, Payload, Pixels, RawPixels};
 
@@ -31,7 +31,7 @@ pub fn convert(
     to: MessageType,
     color_order: Encoding,
     limits: &Limits,
-) -> Result<Image, EncodeError> {
+) -> EncodeResult<Image> {
     let pixels = match (&image.pixels, to) {
         (Pixels::Raw(raw), MessageType::CompressedImage) => Pixels::Compressed {
             format: CompressedFormat::Jpeg,
@@ -54,7 +54,7 @@ pub fn fitted<'p>(
     to: MessageType,
     color_order: Encoding,
     limits: &Limits,
-) -> Result<Cow<'p, Payload>, EncodeError> {
+) -> EncodeResult<Cow<'p, Payload>> {
     let Payload::Image(image) = payload else { return Ok(Cow::Borrowed(payload)) };
     match (&image.pixels, to) {
         (Pixels::Raw(_), MessageType::CompressedImage)
@@ -71,16 +71,15 @@ fn decompress(
     file: &Bytes,
     limits: &Limits,
     color_order: Encoding,
-) -> Result<RawPixels, EncodeError> {
+) -> EncodeResult<RawPixels> {
     let decoded = match format {
         CompressedFormat::Jpeg => decode(file, limits, Some(color_order)),
         #[cfg(feature = "pictures")]
         CompressedFormat::Png => super::image_file::decode(file, limits, Some(color_order)),
         #[cfg(not(feature = "pictures"))]
-        CompressedFormat::Png => Err(DecodeError::Mismatch {
-            expected: "JPEG, or a program built with feature `pictures`".to_owned(),
-            actual: "PNG".to_owned(),
-        }),
+        CompressedFormat::Png => {
+            Err(DecodeError::mismatch("JPEG, or a program built with feature `pictures`", "PNG"))
+        }
     };
     decoded.map_err(|error| match error {
         DecodeError::TooLarge { actual, limit, .. } => EncodeError::TooLarge { actual, limit },

@@ -2,7 +2,7 @@
 
 use bytes::Bytes;
 
-use super::{DecodeError, EncodeError, Path};
+use super::{DecodeError, DecodeResult, EncodeError, Path};
 use crate::Limits;
 use crate::types::{Encoding, RawPixels};
 
@@ -28,9 +28,9 @@ pub fn decode(
     _file: &Bytes,
     _limits: &Limits,
     _color_order: Option<Encoding>,
-) -> Result<RawPixels, DecodeError> {
-    Err(DecodeError::Mismatch {
-        expected: "an image that is no JPEG, or a program built with feature `jpeg`".to_owned(),
-        actual: "JPEG".to_owned(),
-    })
+) -> DecodeResult<RawPixels> {
+    Err(DecodeError::mismatch(
+        "an image that is no JPEG, or a program built with feature `jpeg`",
+        "JPEG",
+    ))
 }

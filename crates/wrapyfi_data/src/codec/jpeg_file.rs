@@ -4,7 +4,7 @@ use bytes::Bytes;
 use turbojpeg::{Compressor, Decompressor, PixelFormat, Subsamp};
 
 use super::jpeg_header::JpegHeader;
-use super::{DecodeError, EncodeError, Path};
+use super::{DecodeError, DecodeResult, EncodeError, Path};
 use crate::Limits;
 use crate::types::{Encoding, RawPixels};
 
@@ -70,7 +70,7 @@ pub fn decode(
     file: &Bytes,
     limits: &Limits,
     color_order: Option<Encoding>,
-) -> Result<RawPixels, DecodeError> {
+) -> DecodeResult<RawPixels> {
     let malformed = |reason: String| DecodeError::Malformed {
         format: "JPEG",
         path: Path::Root.to_string(),

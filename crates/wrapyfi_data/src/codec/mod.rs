@@ -38,8 +38,8 @@ pub mod ros;
 pub mod ros1;
 pub mod sound;
 
-pub use convert::{ConvertError, convert_payload, is_convertible, received_as};
-pub use error::{DecodeError, EncodeError};
+pub use convert::{ConvertError, convert_payload, is_convertible, properties_to_set, received_as};
+pub use error::{DecodeError, DecodeResult, EncodeError, EncodeResult};
 pub use jpeg::{convert, fitted};
 
 pub(crate) use path::Path;

@@ -5,7 +5,7 @@
 //!   Picture (Pillow) ─────────────────────────────▶ Image, as it is; CMYK as rgb8
 //! ```
 
-use super::{DecodeError, EncodeError, convert};
+use super::{DecodeError, DecodeResult, EncodeError, convert};
 use crate::Limits;
 use crate::types::{Dtype, Encoding, Image, MessageType, Pixels, RawPixels, Stamp, Tensor, Value};
 
@@ -34,11 +34,7 @@ impl Image {
     ///
     /// # Errors
     /// A mismatch when `value` is anything else; the error says what it is.
-    pub fn from_value(
-        value: &Value,
-        color_order: Encoding,
-        stamp: Stamp,
-    ) -> Result<Self, DecodeError> {
+    pub fn from_value(value: &Value, color_order: Encoding, stamp: Stamp) -> DecodeResult<Self> {
         match value {
             Value::Tensor(tensor) => {
                 raw_pixels(tensor, color_order).map(|raw| Self::new(stamp, raw))
@@ -50,16 +46,16 @@ impl Image {
                 }
                 _ => Ok(Self { stamp, ..picture.image.clone() }),
             },
-            other => Err(DecodeError::Mismatch {
-                expected: "an image: an array or a Pillow image".into(),
-                actual: match other {
+            other => Err(DecodeError::mismatch(
+                "an image: an array or a Pillow image",
+                match other {
                     Value::Tagged(tagged) => match &tagged.refused {
                         Some(reason) => format!("an object that was not read: {reason}"),
                         None => format!("an object of the unknown plug-in {:?}", tagged.key),
                     },
                     other => other.kind().to_owned(),
                 },
-            }),
+            )),
         }
     }
 
@@ -73,21 +69,21 @@ impl Image {
     pub fn to_value(&self, color_order: Encoding, limits: &Limits) -> Result<Value, EncodeError> {
         match convert(self.clone(), MessageType::Image, color_order, limits)?.pixels {
             Pixels::Raw(raw) => array(raw, color_order).map(Value::Tensor),
-            Pixels::Compressed { format, .. } => Err(EncodeError::Mismatch {
-                expected: "pixels".into(),
-                actual: format!("a {format} image"),
-            }),
+            Pixels::Compressed { format, .. } => {
+                Err(EncodeError::mismatch("pixels", format!("a {format} image")))
+            }
         }
     }
 }
 
 /// The picture in an array of shape (height, width) or (height, width, channels).
-fn raw_pixels(tensor: &Tensor, color_order: Encoding) -> Result<RawPixels, DecodeError> {
-    let mismatch = || DecodeError::Mismatch {
-        expected: "uint8 of shape (H, W), (H, W, 3) or (H, W, 4), float32 of shape (H, W) or \
-                   (H, W, 3), or uint16 or int32 of shape (H, W)"
-            .into(),
-        actual: format!("{} of shape {:?}", tensor.dtype, tensor.shape),
+fn raw_pixels(tensor: &Tensor, color_order: Encoding) -> DecodeResult<RawPixels> {
+    let mismatch = || {
+        DecodeError::mismatch(
+            "uint8 of shape (H, W), (H, W, 3) or (H, W, 4), float32 of shape (H, W) or \
+                   (H, W, 3), or uint16 or int32 of shape (H, W)",
+            format!("{} of shape {:?}", tensor.dtype, tensor.shape),
+        )
     };
     let (height, width, channels) = match *tensor.shape {
         [height, width] => (height, width, 1),
@@ -98,9 +94,8 @@ fn raw_pixels(tensor: &Tensor, color_order: Encoding) -> Result<RawPixels, Decod
     let (Ok(width), Ok(height)) = (u32::try_from(width), u32::try_from(height)) else {
         return Err(mismatch());
     };
-    RawPixels::dense(width, height, encoding, tensor.data.clone()).map_err(|error| {
-        DecodeError::Malformed { format: "image", path: "$".into(), reason: error.to_string() }
-    })
+    RawPixels::dense(width, height, encoding, tensor.data.clone())
+        .map_err(|error| DecodeError::malformed("image", error.to_string()))
 }
 
 /// Encoding of the pixels in an array of this element type and number of channels; `None` where there is none.
@@ -128,11 +123,8 @@ pub fn array(raw: RawPixels, color_order: Encoding) -> Result<Tensor, EncodeErro
     let dense = dense.in_color_order(color_order);
     let (dtype, shape) = layout(&dense);
     let what = format!("{} image of {}x{}", dense.encoding, dense.width, dense.height);
-    Tensor::new(dtype, shape, dense.data).map_err(|error| EncodeError::Unrepresentable {
-        format: "array",
-        what,
-        path: "$".into(),
-        remedy: format!("its bytes do not fit: {error}"),
+    Tensor::new(dtype, shape, dense.data).map_err(|error| {
+        EncodeError::unrepresentable("array", what, format!("its bytes do not fit: {error}"))
     })
 }
 

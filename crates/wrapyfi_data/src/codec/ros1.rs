@@ -17,7 +17,7 @@ use wrapyfi_interfaces::std_msgs::msg::Header;
 use wrapyfi_interfaces::wrapyfi_ros2_interfaces::msg::ROS2AudioMessage;
 
 use super::ros::{audio, describe, image};
-use super::{DecodeError, EncodeError, json};
+use super::{DecodeError, DecodeResult, EncodeError, EncodeResult, json};
 use crate::Limits;
 use crate::plugin::Plugins;
 use crate::types::{MessageType, Payload, Value};
@@ -95,7 +95,7 @@ pub fn encode(
     sequence: u32,
     limits: &Limits,
     plugins: &Plugins,
-) -> Result<Vec<Bytes>, EncodeError> {
+) -> EncodeResult<Vec<Bytes>> {
     let mut fields = Vec::with_capacity(128);
     let data = match (payload, message_type) {
         (Payload::NativeObject(value), MessageType::NativeObject | MessageType::StringJson) => {
@@ -105,7 +105,7 @@ pub fn encode(
             Some(text) => Bytes::copy_from_slice(text.as_bytes()),
             None => {
                 let (expected, actual) = ("a text".to_owned(), format!("a {}", value.kind()));
-                return Err(EncodeError::Mismatch { expected, actual });
+                return Err(EncodeError::mismatch(expected, actual));
             }
         },
         (Payload::Image(picture), MessageType::Image) => {
@@ -140,15 +140,12 @@ pub fn encode(
         _ => {
             let known = Ros1Type::of(message_type).map(|known| known.name);
             let expected = known.unwrap_or_else(|| message_type.to_string());
-            return Err(EncodeError::Mismatch { expected, actual: describe(payload) });
+            return Err(EncodeError::mismatch(expected, describe(payload)));
         }
     };
     fields.put_u32_le(countable("data", data.len())?);
     let size = fields.len().saturating_add(data.len());
-    if size > limits.message_bytes {
-        let (actual, limit) = (size as u64, limits.message_bytes as u64);
-        return Err(EncodeError::TooLarge { actual, limit });
-    }
+    EncodeError::check_size(size, limits.message_bytes)?;
     Ok(vec![Bytes::from(fields), data])
 }
 
@@ -161,15 +158,8 @@ pub fn decode(
     message_type: MessageType,
     limits: &Limits,
     plugins: &Plugins,
-) -> Result<Payload, DecodeError> {
-    if message.len() > limits.message_bytes {
-        return Err(DecodeError::TooLarge {
-            what: "message",
-            path: "$".to_owned(),
-            actual: message.len() as u64,
-            limit: limits.message_bytes as u64,
-        });
-    }
+) -> DecodeResult<Payload> {
+    DecodeError::check_size(message.len(), limits.message_bytes)?;
     let mut fields = Fields { message, at: 0 };
     let payload = match message_type {
         MessageType::NativeObject | MessageType::StringJson => {
@@ -214,17 +204,17 @@ pub fn decode(
             audio::decode_upstream(read)?.into()
         }
         other @ (MessageType::Properties | MessageType::Ros(_)) => {
-            return Err(DecodeError::Mismatch {
-                expected: other.to_string(),
-                actual: format!("a message of {} bytes", message.len()),
-            });
+            return Err(DecodeError::mismatch(
+                other.to_string(),
+                format!("a message of {} bytes", message.len()),
+            ));
         }
     };
     fields.end()?;
     Ok(payload)
 }
 
-fn write_header(fields: &mut Vec<u8>, sequence: u32, header: &Header) -> Result<(), EncodeError> {
+fn write_header(fields: &mut Vec<u8>, sequence: u32, header: &Header) -> EncodeResult<()> {
     fields.put_u32_le(sequence);
     // ROS 1 knows no time before 1970.
     fields.put_u32_le(u32::try_from(header.stamp.sec).unwrap_or(0));
@@ -232,13 +222,13 @@ fn write_header(fields: &mut Vec<u8>, sequence: u32, header: &Header) -> Result<
     write_text(fields, "header.frame_id", &header.frame_id)
 }
 
-fn write_text(fields: &mut Vec<u8>, field: &str, text: &str) -> Result<(), EncodeError> {
+fn write_text(fields: &mut Vec<u8>, field: &str, text: &str) -> EncodeResult<()> {
     fields.put_u32_le(countable(field, text.len())?);
     fields.put_slice(text.as_bytes());
     Ok(())
 }
 
-fn countable(field: &str, size: usize) -> Result<u32, EncodeError> {
+fn countable(field: &str, size: usize) -> EncodeResult<u32> {
     u32::try_from(size).map_err(|_e| EncodeError::Unrepresentable {
         format: FORMAT,
         what: format!("{size} bytes in one field"),
@@ -258,7 +248,7 @@ impl Fields<'_> {
         DecodeError::Malformed { format: FORMAT, path: format!("$.{field}"), reason }
     }
 
-    fn take(&mut self, field: &str, size: usize) -> Result<Bytes, DecodeError> {
+    fn take(&mut self, field: &str, size: usize) -> DecodeResult<Bytes> {
         let left = self.message.len() - self.at;
         if size > left {
             let reason = format!("{size} bytes are announced, {left} are left");
@@ -269,21 +259,21 @@ impl Fields<'_> {
         Ok(self.message.slice(from..self.at))
     }
 
-    fn u8(&mut self, field: &str) -> Result<u8, DecodeError> {
+    fn u8(&mut self, field: &str) -> DecodeResult<u8> {
         Ok(self.take(field, 1)?.first().copied().unwrap_or_default())
     }
 
-    fn u32(&mut self, field: &str) -> Result<u32, DecodeError> {
+    fn u32(&mut self, field: &str) -> DecodeResult<u32> {
         let bytes = self.take(field, 4)?;
         Ok(bytes.first_chunk::<4>().map_or(0, |bytes| u32::from_le_bytes(*bytes)))
     }
 
-    fn bytes(&mut self, field: &str) -> Result<Bytes, DecodeError> {
+    fn bytes(&mut self, field: &str) -> DecodeResult<Bytes> {
         let size = self.u32(field)?;
         self.take(field, usize::try_from(size).unwrap_or(usize::MAX))
     }
 
-    fn text(&mut self, field: &str) -> Result<String, DecodeError> {
+    fn text(&mut self, field: &str) -> DecodeResult<String> {
         let bytes = self.bytes(field)?;
         String::from_utf8(bytes.to_vec()).map_err(|error| {
             let at = error.utf8_error().valid_up_to();
@@ -291,7 +281,7 @@ impl Fields<'_> {
         })
     }
 
-    fn header(&mut self) -> Result<Header, DecodeError> {
+    fn header(&mut self) -> DecodeResult<Header> {
         let _sequence = self.u32("header.seq")?;
         let sec = self.u32("header.stamp")?;
         let nanosec = self.u32("header.stamp")?;
@@ -302,11 +292,11 @@ impl Fields<'_> {
         Ok(Header { stamp, frame_id })
     }
 
-    fn end(&self) -> Result<(), DecodeError> {
+    fn end(&self) -> DecodeResult<()> {
         let left = self.message.len() - self.at;
         if left > 0 {
             let reason = format!("{left} bytes are left behind the last field");
-            return Err(DecodeError::Malformed { format: FORMAT, path: "$".to_owned(), reason });
+            return Err(DecodeError::malformed(FORMAT, reason));
         }
         Ok(())
     }

@@ -18,7 +18,7 @@
 
 use bytes::Bytes;
 
-use super::DecodeError;
+use super::{DecodeError, DecodeResult};
 use crate::types::{AudioChunk, Dtype, SampleFormat, Stamp, Tensor, Value};
 
 impl AudioChunk {
@@ -38,7 +38,7 @@ impl AudioChunk {
     ///
     /// # Errors
     /// A mismatch when `value` is no such tuple, malformed when its numbers contradict each other.
-    pub fn from_value(value: &Value, stamp: Stamp) -> Result<Self, DecodeError> {
+    pub fn from_value(value: &Value, stamp: Stamp) -> DecodeResult<Self> {
         let (array, rate) = match value {
             Value::Tuple(items) | Value::List(items) => match items.as_slice() {
                 [Value::Tensor(array), rate] => (array, rate),
@@ -93,7 +93,7 @@ impl AudioChunk {
 }
 
 fn mismatch(expected: &str, actual: &str) -> DecodeError {
-    DecodeError::Mismatch { expected: format!("sound as {expected}"), actual: actual.to_owned() }
+    DecodeError::mismatch(format!("sound as {expected}"), actual.to_owned())
 }
 
 fn kinds(items: &[Value]) -> String {
@@ -102,7 +102,7 @@ fn kinds(items: &[Value]) -> String {
 }
 
 /// The sound in the tuple that Wrapyfi sends on ZeroMQ.
-pub fn from_message(value: &Value, stamp: Stamp) -> Result<AudioChunk, DecodeError> {
+pub fn from_message(value: &Value, stamp: Stamp) -> DecodeResult<AudioChunk> {
     const EXPECTED: &str = "(chunk, channels, rate, array)";
     let items = match value {
         Value::Tuple(items) | Value::List(items) => items.as_slice(),
@@ -139,7 +139,7 @@ fn number(
     index: usize,
     name: &str,
     range: std::ops::RangeInclusive<u32>,
-) -> Result<u32, DecodeError> {
+) -> DecodeResult<u32> {
     let whole = match *value {
         Value::Int(value) => Some(value),
         Value::Float(value) if value.fract() == 0.0 => Some(value as i64),
@@ -155,11 +155,8 @@ fn number(
 
 /// The samples of an array.
 #[allow(clippy::cast_possible_truncation)] // float64 to float32 rounds: sound has no more precision
-fn samples(array: &Tensor) -> Result<(SampleFormat, Bytes), DecodeError> {
-    let mismatch = || DecodeError::Mismatch {
-        expected: "sound as float32 or int16".into(),
-        actual: array.dtype().to_string(),
-    };
+fn samples(array: &Tensor) -> DecodeResult<(SampleFormat, Bytes)> {
+    let mismatch = || DecodeError::mismatch("sound as float32 or int16", array.dtype().to_string());
     let floats = |samples: Vec<f32>| {
         let bytes: Vec<u8> = samples.into_iter().flat_map(f32::to_le_bytes).collect();
         (SampleFormat::F32Le, Bytes::from(bytes))

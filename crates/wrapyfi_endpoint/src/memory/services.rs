@@ -6,15 +6,15 @@
 
 use std::collections::VecDeque;
 use std::fmt;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Instant;
 
-use super::{Bus, lock};
+use super::Bus;
 use crate::calls::{Calls, Stage};
 use crate::requests::Requests;
 use crate::wire_client::{ClientWire, WireClient};
-use crate::wire_server::{ServerWire, WireServer};
-use crate::{CallError, Context, Link, Request, Role, ServeError, ServiceSpec, Wake};
+use crate::wire_server::{Sent, ServerWire, WireServer};
+use crate::{CallError, Context, Link, Mutex, Request, Role, ServiceSpec, Wake};
 use wrapyfi_data::types::Payload;
 use wrapyfi_data::{DecodeError, EncodeError};
 
@@ -105,13 +105,13 @@ struct ClientEnd {
 
 impl ClientEnd {
     fn drain(&self) -> VecDeque<(i64, Answer)> {
-        let [here, late] = &mut *self.replies.lock().unwrap_or_else(PoisonError::into_inner);
+        let [here, late] = &mut *self.replies.lock();
         std::mem::replace(here, std::mem::take(late))
     }
 
     fn push(&self, carriage: &Carriage, sequence: i64, answer: Answer) {
         let (now, then) = carriage.carry(Way::Reply, (sequence, answer));
-        let [here, late] = &mut *self.replies.lock().unwrap_or_else(PoisonError::into_inner);
+        let [here, late] = &mut *self.replies.lock();
         here.extend(now);
         late.extend(then);
         self.wake.ring();
@@ -139,7 +139,7 @@ impl MemoryClient {
         spec: &ServiceSpec,
         context: &Context,
     ) -> WireClient<Self> {
-        let mut locked = lock(bus);
+        let mut locked = bus.lock();
         let service = locked.services.entry(spec.service.clone()).or_default();
         service.clients += 1;
         service.watchers.push(context.wake.clone());
@@ -161,7 +161,7 @@ impl ClientWire for MemoryClient {
     fn turn(&mut self, calls: &mut Calls<Request>) {
         let before = std::mem::take(&mut self.late);
         while calls.next_to_send().is_some() {
-            let mut bus = lock(&self.bus);
+            let mut bus = self.bus.lock();
             let Some(service) = bus.services.get_mut(&self.service) else { break };
             let Some(server) = service.servers.pop_front() else { break };
             service.servers.push_back(Arc::clone(&server));
@@ -193,7 +193,7 @@ impl ClientWire for MemoryClient {
     }
 
     fn link(&self) -> Link {
-        let servers = lock(&self.bus).services.get(&self.service).map(|s| s.servers.len());
+        let servers = self.bus.lock().services.get(&self.service).map(|s| s.servers.len());
         Link { peers: Some(servers.unwrap_or(0)), ..Link::default() }
     }
 }
@@ -208,7 +208,7 @@ fn put(server: &Requests<Ask>, ask: Ask) {
 
 impl Drop for MemoryClient {
     fn drop(&mut self) {
-        if let Some(service) = lock(&self.bus).services.get_mut(&self.service) {
+        if let Some(service) = self.bus.lock().services.get_mut(&self.service) {
             service.clients = service.clients.saturating_sub(1);
             service.ring();
         }
@@ -228,7 +228,7 @@ impl MemoryServer {
         context: &Context,
     ) -> WireServer<Self> {
         let requests = Arc::new(Requests::new(spec, context));
-        let mut locked = lock(bus);
+        let mut locked = bus.lock();
         let service = locked.services.entry(spec.service.clone()).or_default();
         service.servers.push_back(Arc::clone(&requests));
         service.type_name = Some(spec.kind.ros_type());
@@ -251,25 +251,21 @@ impl ServerWire for MemoryServer {
         Ok(payload.clone())
     }
 
-    fn send(
-        &mut self,
-        ask: Ask,
-        answer: Result<Payload, &str>,
-    ) -> Result<Option<usize>, ServeError> {
-        let carriage = lock(&self.bus).carriage.clone();
+    fn send(&mut self, ask: Ask, answer: Result<Payload, &str>) -> Sent {
+        let carriage = self.bus.lock().carriage.clone();
         ask.client.push(&carriage, ask.sequence, answer.map_err(str::to_owned));
         Ok(Some(0))
     }
 
     fn link(&self) -> Link {
-        let clients = lock(&self.bus).services.get(&self.service).map(|s| s.clients);
+        let clients = self.bus.lock().services.get(&self.service).map(|s| s.clients);
         Link { peers: Some(clients.unwrap_or(0)), ..Link::default() }
     }
 }
 
 impl Drop for MemoryServer {
     fn drop(&mut self) {
-        if let Some(service) = lock(&self.bus).services.get_mut(&self.service) {
+        if let Some(service) = self.bus.lock().services.get_mut(&self.service) {
             service.servers.retain(|server| !Arc::ptr_eq(server, &self.requests));
             service.ring();
         }

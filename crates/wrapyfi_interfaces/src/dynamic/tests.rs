@@ -4,11 +4,10 @@ use proptest::prelude::*;
 use serde_json::{Value, json};
 
 use super::*;
-use crate::Message;
 use crate::description::{IndividualTypeDescription, TypeDescription};
 use crate::parser::{Dialect, TypeName};
 use crate::store::ResolvedType;
-use crate::test_data;
+use crate::{Message, test_data};
 
 const LIMIT: usize = 1 << 20;
 

@@ -9,10 +9,8 @@
 
 use super::error::TranscodeError;
 use super::op::{Block, Check, CheckKind, Count, ELEMENT, Each, Op, PathId};
-use super::severity;
-use super::text;
 use super::wire::{Short, Source, Target};
-use super::{Options, Transcoded};
+use super::{Options, Transcoded, severity, text};
 
 /// State that the steps share.
 #[derive(Debug)]

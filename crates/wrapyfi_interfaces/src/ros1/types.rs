@@ -12,12 +12,11 @@ use std::ffi::OsStr;
 use std::fmt;
 
 use super::definition::{Definition, ServiceDefinition, parse_name};
-use super::derive;
 use super::error::{DefinitionError, PairError};
 use super::names::is_service_part;
 use super::plan::PairPlan;
 use super::rules::Rules;
-use super::standard;
+use super::{derive, standard};
 use crate::parser::{Dialect, InterfaceKind, TypeName};
 use crate::store::{Disk, Looked, ResolveError, ResolvedType, TypeStore};
 

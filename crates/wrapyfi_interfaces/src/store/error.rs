@@ -1,7 +1,6 @@
 //! Errors of resolving a type.
 
-use std::fmt;
-use std::io;
+use std::{fmt, io};
 
 use crate::description::DescribeError;
 use crate::parser::{InterfaceKind, ParseError, ParseFault, TypeName};

@@ -27,9 +27,8 @@ pub(crate) use text::{definition_text, ros1_builtin};
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
-use std::fmt;
-use std::io;
 use std::path::{Path, PathBuf};
+use std::{fmt, io};
 
 use crate::parser::{Dialect, InterfaceKind, MessageDefinition, TypeName};
 use crate::type_description_interfaces::msg::TypeSource;

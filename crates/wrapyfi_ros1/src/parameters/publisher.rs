@@ -14,8 +14,8 @@ use super::values::{to_xml, under};
 use super::watched;
 use crate::core::Core;
 use crate::xmlrpc::{self, text};
-use wrapyfi_data::EncodeError;
-use wrapyfi_data::types::{DataType, Payload};
+use wrapyfi_data::codec::properties_to_set;
+use wrapyfi_data::types::Payload;
 use wrapyfi_endpoint::{
     Context, Counters, DropReason, Link, Mutex, PublishError, Publisher, TopicSpec,
 };
@@ -99,16 +99,7 @@ async fn send(core: Weak<Core>, outbox: Arc<Outbox>, counters: Arc<Counters>) {
 
 impl Publisher for ParameterPublisher {
     fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
-        let Payload::Properties(properties) = payload else {
-            let (expected, actual) = (DataType::Properties, payload.data_type());
-            let (expected, actual) = (expected.to_string(), actual.to_string());
-            return Err(EncodeError::Mismatch { expected, actual }.into());
-        };
-        let size = properties.size();
-        if size > self.max_bytes {
-            let (actual, limit) = (size as u64, self.max_bytes as u64);
-            return Err(EncodeError::TooLarge { actual, limit }.into());
-        }
+        let (properties, size) = properties_to_set(payload, self.max_bytes)?;
         if let Some(reason) = self.core.fault() {
             return Err(PublishError::Transport { topic: self.key.clone(), reason });
         }

@@ -8,8 +8,9 @@ use wrapyfi_interfaces::type_description_interfaces::srv::GetTypeDescription_Req
 use super::*;
 use crate::graph::{
     CdrClient, CdrReader, CdrRequest, CdrSample, CdrServer, CdrWriter, DiscoveredEndpoint,
-    NodeWatch, PeerWatch, Peers, RequestId, ServiceMapping,
+    NodeWatch, PeerWatch, Peers, RequestId, ServiceMapping, WriterTraits,
 };
+use wrapyfi_endpoint::BridgeMark;
 use wrapyfi_node::NodeName;
 
 /// Errors that the graph's servers return in turn; after them nothing waits.
@@ -36,7 +37,12 @@ impl Graph for MadeUp {
         &self.node
     }
 
-    fn advertise(&self, _: &TopicDescription, _: Notify) -> Result<Box<dyn CdrWriter>, GraphError> {
+    fn advertise_with(
+        &self,
+        _: &TopicDescription,
+        _: WriterTraits<'_>,
+        _: Notify,
+    ) -> Result<Box<dyn CdrWriter>, GraphError> {
         Ok(Box::new(End(Script::default())))
     }
 
@@ -52,7 +58,12 @@ impl Graph for MadeUp {
         nothing()
     }
 
-    fn server(&self, _: &ServiceDescription, _: Notify) -> Result<Box<dyn CdrServer>, GraphError> {
+    fn server_marked(
+        &self,
+        _: &ServiceDescription,
+        _: Option<&BridgeMark>,
+        _: Notify,
+    ) -> Result<Box<dyn CdrServer>, GraphError> {
         Ok(Box::new(End(Arc::clone(&self.script))))
     }
 

@@ -10,7 +10,7 @@ use std::time::Instant;
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_interfaces::{Message, Service};
 
-use super::ParameterClientError;
+use super::{ParameterClientError, ParameterResult};
 use crate::graph::Peers;
 use crate::service::Ros2Client;
 use crate::{Ros2, ServiceOptions, no_service};
@@ -38,7 +38,7 @@ impl<S: Service> Asker<S> {
         which: ParameterService,
         options: &ServiceOptions,
         wake: &Wake,
-    ) -> Result<Self, ParameterClientError> {
+    ) -> ParameterResult<Self> {
         let name = which.name();
         let service = service::<S>()?;
         let spec = options.spec(&format!("{node}/{name}"), service);
@@ -59,7 +59,7 @@ impl<S: Service> Asker<S> {
     }
 
     /// Begins a call that [`Asker::poll`] will end.
-    pub(super) fn begin(&mut self, request: &S::Request) -> Result<Ticket, ParameterClientError> {
+    pub(super) fn begin(&mut self, request: &S::Request) -> ParameterResult<Ticket> {
         let request = self.message(request);
         Ok(self.client.send(&request, self.options.timeout)?)
     }
@@ -75,10 +75,7 @@ impl<S: Service> Asker<S> {
     }
 
     /// Calls, and waits for the reply.
-    pub(super) fn ask(
-        &mut self,
-        request: &S::Request,
-    ) -> Result<S::Response, ParameterClientError> {
+    pub(super) fn ask(&mut self, request: &S::Request) -> ParameterResult<S::Response> {
         let request = self.message(request);
         let result = self.client.call(&request, self.options.timeout);
         self.response(result)
@@ -94,10 +91,7 @@ impl<S: Service> Asker<S> {
         Request::Message(RosMessage::new(self.service.request(), request.encode().to_bytes()))
     }
 
-    fn response(
-        &self,
-        result: Result<Reply, CallError>,
-    ) -> Result<S::Response, ParameterClientError> {
+    fn response(&self, result: Result<Reply, CallError>) -> ParameterResult<S::Response> {
         let reply = match result {
             Ok(reply) => reply,
             Err(CallError::TimedOut { service, timeout_ms, .. })

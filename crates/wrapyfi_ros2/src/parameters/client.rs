@@ -9,7 +9,9 @@ use wrapyfi_interfaces::rcl_interfaces::srv::{
 };
 
 use super::asker::Asker;
-use super::{CHUNK, MAX_NAMES, ParameterClientError, RefusedParameter, node_name, options};
+use super::{
+    CHUNK, MAX_NAMES, ParameterClientError, ParameterResult, RefusedParameter, node_name, options,
+};
 use crate::graph::Peers;
 use crate::{Ros2, ServiceOptions};
 use wrapyfi_data::types::{ParameterType, ParameterValue, Properties};
@@ -69,7 +71,7 @@ impl ParameterClient {
         node: &str,
         given: &ServiceOptions,
         wake: &Wake,
-    ) -> Result<Self, ParameterClientError> {
+    ) -> ParameterResult<Self> {
         let node = node_name(ros2, node)?;
         let options = options(given);
         // One at once, which knows whether the node is there.
@@ -102,7 +104,7 @@ impl ParameterClient {
     ///
     /// # Errors
     /// When the node is absent, does not answer, or has more than 65536.
-    pub fn list(&mut self) -> Result<Vec<String>, ParameterClientError> {
+    pub fn list(&mut self) -> ParameterResult<Vec<String>> {
         let asker = asker!(self, list, List);
         let names = asker.ask(&ListParameters_Request::default())?.result.names;
         if names.len() > MAX_NAMES {
@@ -116,7 +118,7 @@ impl ParameterClient {
     ///
     /// # Errors
     /// When the node is absent or does not answer, or has not declared one of them.
-    pub fn get<N: AsRef<str>>(&mut self, names: &[N]) -> Result<Properties, ParameterClientError> {
+    pub fn get<N: AsRef<str>>(&mut self, names: &[N]) -> ParameterResult<Properties> {
         let mut found = Properties::new();
         for names in names.chunks(CHUNK) {
             let names: Vec<String> = names.iter().map(|name| name.as_ref().to_owned()).collect();
@@ -142,7 +144,7 @@ impl ParameterClient {
     ///
     /// # Errors
     /// When the node is absent or does not answer, or refused some of them: which, and why.
-    pub fn set(&mut self, properties: &Properties) -> Result<(), ParameterClientError> {
+    pub fn set(&mut self, properties: &Properties) -> ParameterResult<()> {
         if properties.is_empty() {
             return Ok(());
         }
@@ -169,7 +171,7 @@ impl ParameterClient {
     fn get_all_or_none(
         &mut self,
         names: &[String],
-    ) -> Result<Option<Vec<(String, ParameterValue)>>, ParameterClientError> {
+    ) -> ParameterResult<Option<Vec<(String, ParameterValue)>>> {
         let asker = asker!(self, get, Get);
         let values = asker.ask(&GetParameters_Request { names: names.to_vec() })?.values;
         if values.len() != names.len() {
@@ -184,7 +186,7 @@ impl ParameterClient {
         Ok(Some(found))
     }
 
-    fn check_declared(&mut self, names: &[String]) -> Result<(), ParameterClientError> {
+    fn check_declared(&mut self, names: &[String]) -> ParameterResult<()> {
         let declared: HashSet<String> = self.list()?.into_iter().collect();
         let names: Vec<String> =
             names.iter().filter(|name| !declared.contains(*name)).cloned().collect();
@@ -195,10 +197,7 @@ impl ParameterClient {
     }
 
     /// The parameters as messages, where empty lists have the type that the node has declared.
-    fn typed(
-        &mut self,
-        properties: &Properties,
-    ) -> Result<Vec<msg::Parameter>, ParameterClientError> {
+    fn typed(&mut self, properties: &Properties) -> ParameterResult<Vec<msg::Parameter>> {
         let mut types = Vec::new();
         let names: Vec<String> = properties
             .iter()

@@ -96,6 +96,9 @@ pub enum ParameterClientError {
     Graph(#[from] GraphError),
 }
 
+/// Result of reading or setting the parameters of another node.
+pub type ParameterResult<T> = Result<T, ParameterClientError>;
+
 /// A few of several things.
 fn list<T: fmt::Display>(things: &[T]) -> String {
     const SHOWN: usize = 8;

@@ -3,7 +3,7 @@
 
 use std::time::Instant;
 
-use super::{ParameterClientError, RemoteParameters};
+use super::{ParameterClientError, ParameterResult, RemoteParameters};
 use crate::graph::{Peers, ServiceMapping};
 use crate::{Ros2, ServiceOptions};
 use wrapyfi_endpoint::{Context, DropReason, Link, Listener, Review, Sample, TakeError, TopicSpec};
@@ -20,11 +20,7 @@ pub(crate) struct PropertiesListener {
 }
 
 impl PropertiesListener {
-    pub(crate) fn open(
-        ros2: &Ros2,
-        spec: &TopicSpec,
-        context: &Context,
-    ) -> Result<Self, ParameterClientError> {
+    pub(crate) fn open(ros2: &Ros2, spec: &TopicSpec, context: &Context) -> ParameterResult<Self> {
         let options =
             ServiceOptions { max_bytes: spec.limits.message_bytes, ..ServiceOptions::default() };
         Ok(Self {

@@ -16,7 +16,7 @@ mod publisher;
 mod remote;
 
 pub use client::ParameterClient;
-pub use error::{ParameterClientError, RefusedParameter};
+pub use error::{ParameterClientError, ParameterResult, RefusedParameter};
 pub(super) use listener::PropertiesListener;
 pub(super) use publisher::PropertiesPublisher;
 pub use remote::RemoteParameters;

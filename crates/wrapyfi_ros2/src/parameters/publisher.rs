@@ -1,12 +1,12 @@
 //! An endpoint that sets the parameters of a node.
 
 use super::listener::link;
-use super::{ParameterClient, ParameterClientError};
+use super::{ParameterClient, ParameterClientError, ParameterResult};
 use crate::graph::{Peers, ServiceMapping};
 use crate::{Ros2, ServiceOptions};
-use wrapyfi_data::EncodeError;
 use wrapyfi_data::Limits;
-use wrapyfi_data::types::{DataType, Payload};
+use wrapyfi_data::codec::properties_to_set;
+use wrapyfi_data::types::Payload;
 use wrapyfi_endpoint::{Context, Link, PublishError, Publisher, TopicSpec, Wake};
 
 /// Sets parameters of one node. Each message waits for the node's answer.
@@ -18,11 +18,7 @@ pub(crate) struct PropertiesPublisher {
 }
 
 impl PropertiesPublisher {
-    pub(crate) fn open(
-        ros2: &Ros2,
-        spec: &TopicSpec,
-        context: &Context,
-    ) -> Result<Self, ParameterClientError> {
+    pub(crate) fn open(ros2: &Ros2, spec: &TopicSpec, context: &Context) -> ParameterResult<Self> {
         let max_bytes = spec.limits.message_bytes;
         // No longer than the end of the program may wait for it.
         let options =
@@ -38,16 +34,7 @@ impl PropertiesPublisher {
 
 impl Publisher for PropertiesPublisher {
     fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
-        let Payload::Properties(properties) = payload else {
-            let (expected, actual) = (DataType::Properties, payload.data_type());
-            let (expected, actual) = (expected.to_string(), actual.to_string());
-            return Err(EncodeError::Mismatch { expected, actual }.into());
-        };
-        let size = properties.size();
-        if size > self.max_bytes {
-            let (actual, limit) = (size as u64, self.max_bytes as u64);
-            return Err(EncodeError::TooLarge { actual, limit }.into());
-        }
+        let (properties, size) = properties_to_set(payload, self.max_bytes)?;
         if self.client.servers() == Peers::None {
             let topic = self.client.node().to_owned();
             return Err(PublishError::NoConsumer { topic });

@@ -25,7 +25,7 @@ use wrapyfi_interfaces::rcl_interfaces::srv::{
 use super::asker::Asker;
 use super::client::too_many;
 use super::event::changes_by;
-use super::{CHUNK, MAX_NAMES, ParameterClientError, node_name, options};
+use super::{CHUNK, MAX_NAMES, ParameterClientError, ParameterResult, node_name, options};
 use crate::any::ringing;
 use crate::diagnosis::Names;
 use crate::graph::{CdrReader, GraphError, PeerWatch, Peers, TopicDescription};
@@ -109,16 +109,11 @@ impl RemoteParameters {
         node: &str,
         given: &ServiceOptions,
         wake: &Wake,
-    ) -> Result<Self, ParameterClientError> {
+    ) -> ParameterResult<Self> {
         let node = node_name(ros2, node)?;
         let options = options(given);
-        let events = TopicDescription {
-            name: EVENTS.to_owned(),
-            type_name: ParameterEvent::ROS_TYPE.to_owned(),
-            type_hash: Some(ParameterEvent::TYPE_HASH.to_owned()),
-            qos: Qos { history: History::KeepLast(EVENTS_KEPT), ..Qos::default() },
-            max_bytes: options.max_bytes,
-        };
+        let qos = Qos { history: History::KeepLast(EVENTS_KEPT), ..Qos::default() };
+        let events = TopicDescription::of::<ParameterEvent>(EVENTS, qos, options.max_bytes);
         let backoff = Backoff::of_process(0).starting_at(LOOK_SELDOM);
         // Events first: nothing may change between the values and them.
         Ok(Self {
@@ -173,7 +168,7 @@ impl RemoteParameters {
     ///
     /// # Errors
     /// When the node does not answer, or answers nonsense. It is asked again after a while.
-    pub fn take(&mut self, now: Instant) -> Result<Option<Properties>, ParameterClientError> {
+    pub fn take(&mut self, now: Instant) -> ParameterResult<Option<Properties>> {
         let taken = self.look(now).and_then(|()| self.advance());
         if let Err(error) = &taken {
             tracing::debug!(node = self.node, %error, "parameters are not known");
@@ -204,7 +199,7 @@ impl RemoteParameters {
     }
 
     /// Notices that the node has come, gone, or is another one than it was.
-    fn look(&mut self, now: Instant) -> Result<(), ParameterClientError> {
+    fn look(&mut self, now: Instant) -> ParameterResult<()> {
         let (Peers::Ready(servers), Peers::Ready(_)) = (self.list.servers(), self.get.servers())
         else {
             if !matches!(self.stage, Stage::Absent) {
@@ -239,7 +234,7 @@ impl RemoteParameters {
     }
 
     /// Begins to read all values.
-    fn read(&mut self) -> Result<(), ParameterClientError> {
+    fn read(&mut self) -> ParameterResult<()> {
         self.cancel();
         // Should the request be refused, the caller says when to try again.
         self.stage = Stage::Listing(self.list.begin(&ListParameters_Request::default())?);
@@ -255,7 +250,7 @@ impl RemoteParameters {
     }
 
     /// Goes on as far as what has arrived allows.
-    fn advance(&mut self) -> Result<Option<Properties>, ParameterClientError> {
+    fn advance(&mut self) -> ParameterResult<Option<Properties>> {
         loop {
             match std::mem::replace(&mut self.stage, Stage::Absent) {
                 stage @ (Stage::Absent | Stage::Failed(_)) => {
@@ -297,7 +292,7 @@ impl RemoteParameters {
         }
     }
 
-    fn listed(&mut self, names: &[String]) -> Result<Option<Properties>, ParameterClientError> {
+    fn listed(&mut self, names: &[String]) -> ParameterResult<Option<Properties>> {
         if names.len() > MAX_NAMES {
             return Err(too_many(&self.node, names.len()));
         }
@@ -311,7 +306,7 @@ impl RemoteParameters {
         &mut self,
         mut left: Vec<Vec<String>>,
         values: Properties,
-    ) -> Result<Option<Properties>, ParameterClientError> {
+    ) -> ParameterResult<Option<Properties>> {
         let Some(asked) = left.pop() else { return Ok(self.have_read(values)) };
         let ticket = self.get.begin(&GetParameters_Request { names: asked.clone() })?;
         self.stage = Stage::Getting(Reading { ticket, asked, left, values });
@@ -322,7 +317,7 @@ impl RemoteParameters {
         &mut self,
         reading: Reading,
         reply: GetParameters_Response,
-    ) -> Result<Option<Properties>, ParameterClientError> {
+    ) -> ParameterResult<Option<Properties>> {
         let Reading { asked, mut left, mut values, .. } = reading;
         if reply.values.len() == asked.len() {
             for (name, value) in asked.into_iter().zip(reply.values) {
@@ -354,7 +349,7 @@ impl RemoteParameters {
     }
 
     /// The next event that changes something.
-    fn follow(&mut self) -> Result<Option<Properties>, ParameterClientError> {
+    fn follow(&mut self) -> ParameterResult<Option<Properties>> {
         loop {
             let lost = self.events.lost();
             if lost > 0 {
@@ -392,7 +387,7 @@ impl RemoteParameters {
         }
     }
 
-    fn check_size(&self, actual: usize) -> Result<(), ParameterClientError> {
+    fn check_size(&self, actual: usize) -> ParameterResult<()> {
         if actual <= self.max_bytes {
             return Ok(());
         }

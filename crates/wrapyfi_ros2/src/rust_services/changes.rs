@@ -9,9 +9,9 @@
 //! after it returns, by the thread that is telling already.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::announce::ServiceEndpoints;
+use wrapyfi_endpoint::Mutex;
 
 /// Function that is called with the endpoints that exist.
 pub(super) type OnChange = Box<dyn Fn(&ServiceEndpoints) + Send>;
@@ -32,12 +32,12 @@ struct State {
 impl Changes {
     /// Endpoints that exist.
     pub(super) fn endpoints(&self) -> ServiceEndpoints {
-        self.lock().endpoints.clone()
+        self.0.lock().endpoints.clone()
     }
 
     /// Notes the endpoints that exist, which the next [`Changes::notify`] reports.
     pub(super) fn set(&self, endpoints: &ServiceEndpoints) {
-        let mut state = self.lock();
+        let mut state = self.0.lock();
         state.endpoints = endpoints.clone();
         state.unreported = true;
     }
@@ -45,7 +45,7 @@ impl Changes {
     /// Notifies `on_change` from now on, instead of the function before.
     pub(super) fn notify_by(&self, on_change: OnChange) {
         let before = {
-            let mut state = self.lock();
+            let mut state = self.0.lock();
             state.unreported = true;
             state.on_change.replace(on_change)
         };
@@ -56,7 +56,7 @@ impl Changes {
 
     /// Reports a change that is not reported yet. Where another thread is reporting, that one goes on with it.
     pub(super) fn notify(&self) {
-        let mut state = self.lock();
+        let mut state = self.0.lock();
         if state.notifying {
             return;
         }
@@ -68,7 +68,7 @@ impl Changes {
             if catch_unwind(AssertUnwindSafe(|| on_change(&endpoints))).is_err() {
                 tracing::error!("a callback for endpoints of services panicked");
             }
-            state = self.lock();
+            state = self.0.lock();
             state.notifying = false;
             if state.on_change.is_none() {
                 state.on_change = Some(on_change);
@@ -76,16 +76,12 @@ impl Changes {
                 // Replaced while it was called.
                 drop(state);
                 drop(on_change);
-                state = self.lock();
+                state = self.0.lock();
                 if state.notifying {
                     return;
                 }
             }
         }
-    }
-
-    fn lock(&self) -> MutexGuard<'_, State> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -168,7 +164,7 @@ mod tests {
         let changes = Arc::new(Changes::default());
         let last = Arc::new(Mutex::new(usize::MAX));
         let seen = Arc::clone(&last);
-        changes.notify_by(Box::new(move |ends| *seen.lock().unwrap() = ends.readers.len()));
+        changes.notify_by(Box::new(move |ends| *seen.lock() = ends.readers.len()));
         std::thread::scope(|scope| {
             for _ in 0..4 {
                 scope.spawn(|| {
@@ -180,6 +176,6 @@ mod tests {
             }
         });
         // Whoever told last was not alone, but nothing is left unreported.
-        assert_eq!(*last.lock().unwrap(), changes.endpoints().readers.len());
+        assert_eq!(*last.lock(), changes.endpoints().readers.len());
     }
 }

@@ -6,10 +6,9 @@
 //! ```
 
 use super::adapter::Received;
-use super::identity;
 use super::outgoing::Identity;
 use super::participant::Opened;
-use super::remotes;
+use super::{identity, remotes};
 use crate::discovery_info::Gid;
 use crate::graph::{CdrClient, CdrReply, GraphError, Peers};
 

@@ -7,7 +7,7 @@
 //! ```
 
 use std::net::SocketAddr;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::MutexGuard;
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
@@ -21,7 +21,8 @@ use super::fragments::Identified;
 use super::large::{self, Addressed, MAX_LARGE, Sent, UnsendableReply};
 use super::remotes::{PREFIX, Remotes};
 use super::settings::WholeSamples;
-use crate::graph::GraphError;
+use crate::graph::{GraphError, GraphResult};
+use wrapyfi_endpoint::Mutex;
 
 /// Longest time that a write waits for reliable peers that do not keep up.
 pub(super) const MAX_BLOCKING: Duration = Duration::from_millis(500);
@@ -71,7 +72,7 @@ impl Outgoing {
         parts: &[&[u8]],
         identity: Identity,
         remotes: &Mutex<Remotes>,
-    ) -> Result<i64, GraphError> {
+    ) -> GraphResult<i64> {
         let body = adapter::body(parts).map_err(|error| fault(&self.service, "writing", &error))?;
         let mut sent = self.sent();
         if let Some(owed) = sent.owed.take() {
@@ -98,7 +99,7 @@ impl Outgoing {
         body: Bytes,
         related: Option<SampleIdentity>,
         stamp: Timestamp,
-    ) -> Result<i64, GraphError> {
+    ) -> GraphResult<i64> {
         let options = WriteOptionsBuilder::new()
             .source_timestamp(stamp)
             .related_sample_identity_opt(related)
@@ -125,7 +126,7 @@ impl Outgoing {
         (size, limit): (usize, usize),
         identity: SampleIdentity,
         remotes: &Mutex<Remotes>,
-    ) -> Result<i64, GraphError> {
+    ) -> GraphResult<i64> {
         let refused = |error: UnsendableReply| Err(fault(&self.service, "writing", &error));
         if size > MAX_LARGE {
             return refused(UnsendableReply::TooLarge { size, limit: MAX_LARGE });
@@ -222,7 +223,7 @@ impl Outgoing {
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+    mutex.lock()
 }
 
 /// Error for a call that RustDDS refused.
@@ -231,5 +232,5 @@ pub(super) fn fault(
     operation: &'static str,
     error: &dyn std::fmt::Display,
 ) -> GraphError {
-    GraphError::Stack { operation, topic: service.to_owned(), reason: error.to_string() }
+    GraphError::stack(operation, service, &error)
 }

@@ -8,8 +8,8 @@
 
 use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::MutexGuard;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use rustdds::dds::ReadError;
 use rustdds::no_key::{DeserializedCacheChange, SimpleDataReader};
@@ -23,6 +23,7 @@ use super::remotes::{PREFIX, Remotes};
 use super::settings::WholeSamples;
 use crate::discovery_info::Gid;
 use crate::graph::{GraphError, Notify, Peers, ServiceDescription};
+use wrapyfi_endpoint::Mutex;
 
 /// Disposals in a row that one call passes over. RustDDS says of a disposal what it says of an
 /// empty reader, so that the sample behind it is looked for by asking again.
@@ -103,7 +104,7 @@ impl Pair {
 
     /// Remote endpoints that the two are matched with.
     pub(super) fn remotes(&self) -> MutexGuard<'_, Remotes> {
-        self.remotes.lock().unwrap_or_else(PoisonError::into_inner)
+        self.remotes.lock()
     }
 
     pub(super) fn peers(&self) -> Peers {
@@ -139,7 +140,7 @@ impl Pair {
 
     fn taken(&self, sample: DeserializedCacheChange<Received>) -> Taken {
         let (writer, number) = (sample.writer_guid().to_bytes(), i64::from(sample.sequence_number));
-        self.lost.fetch_add(self.numbers().note(writer, number), Relaxed);
+        self.lost.fetch_add(self.numbers.lock().note(writer, number), Relaxed);
         let stamp = sample.source_timestamp().unwrap_or(sample.receive_instant);
         Taken {
             writer,
@@ -152,13 +153,13 @@ impl Pair {
 
     /// Forgets an endpoint that discovery has lost; true when it was matched.
     pub(super) fn remote_lost(&self, gid: &Gid) -> bool {
-        self.numbers().retain(|known| known != gid);
+        self.numbers.lock().retain(|known| known != gid);
         self.remotes().remove(gid)
     }
 
     /// Forgets the endpoints of a participant that discovery has lost.
     pub(super) fn participant_lost(&self, prefix: &[u8]) -> bool {
-        self.numbers().retain(|gid| !gid.starts_with(prefix));
+        self.numbers.lock().retain(|gid| !gid.starts_with(prefix));
         self.remotes().retain(|gid| !gid.starts_with(prefix))
     }
 
@@ -171,7 +172,7 @@ impl Pair {
         let stays = |gid: &Gid| {
             gid.first_chunk::<PREFIX>() == own.first_chunk::<PREFIX>() || discovered.contains(gid)
         };
-        self.numbers().retain(stays);
+        self.numbers.lock().retain(stays);
         self.remotes().retain(stays)
     }
 
@@ -183,10 +184,6 @@ impl Pair {
         let writers = dds.discovered_writers();
         let writers = writers.iter().map(|known| known.writer_proxy.remote_writer_guid);
         Some(readers.chain(writers).map(|guid| guid.to_bytes()).collect())
-    }
-
-    fn numbers(&self) -> MutexGuard<'_, Numbers> {
-        self.numbers.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// A remote reader has matched our writer.

@@ -5,7 +5,7 @@
 //!                           ends: thread, empty announcement, RustDDS's own threads, goodbye
 //! ```
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 use rustdds::dds::CreateError;
 use rustdds::policy::{Durability, History, Reliability, ResourceLimits};
@@ -20,9 +20,10 @@ use super::goodbye::Goodbye;
 use super::outgoing::{MAX_BLOCKING, Writer};
 use super::pair::{Pair, Reader};
 use super::settings::{Settings, WholeSamples};
-use super::watch::{AddError, Watch};
+use super::watch::Watch;
 use crate::discovery_info::{Gid, TOPIC};
-use crate::graph::{GraphError, Notify, ServiceDescription};
+use crate::graph::{GraphError, GraphResult, Notify, ServiceDescription};
+use wrapyfi_endpoint::Mutex;
 
 /// Fields drop in this order, after the announcement's end.
 pub(super) struct Participant {
@@ -49,15 +50,10 @@ pub(super) struct Topics<'a> {
 
 impl Participant {
     /// Joins the domain.
-    pub(super) fn new(
-        settings: &Settings,
-        changes: &Arc<Changes>,
-    ) -> Result<Arc<Self>, GraphError> {
+    pub(super) fn new(settings: &Settings, changes: &Arc<Changes>) -> GraphResult<Arc<Self>> {
         let node = settings.node.fqn();
-        let fault = |error: &dyn std::fmt::Display| GraphError::Stack {
-            operation: "creating the participant of services",
-            topic: node.clone(),
-            reason: error.to_string(),
+        let fault = |error: &dyn std::fmt::Display| {
+            GraphError::stack("creating the participant of services", &node, &error)
         };
         let mut builder = DomainParticipantBuilder::new(settings.domain_id)
             .socket_receive_buffer_size(SOCKET_BUFFER)
@@ -97,7 +93,7 @@ impl Participant {
 
     /// GUID of the participant.
     pub(super) fn gid(&self) -> Gid {
-        self.announcement().gid()
+        self.announcement.lock().gid()
     }
 
     /// Creates one end of a service and announces it.
@@ -106,19 +102,12 @@ impl Participant {
         operation: &'static str,
         topics: &Topics<'_>,
         notify: Notify,
-    ) -> Result<Opened, GraphError> {
+    ) -> GraphResult<Opened> {
         let service = topics.service;
         let pair = self
             .watch
             .add(|| self.endpoints_of(topics), |ends| Pair::new(service, self.whole, ends, notify))
-            .map_err(|error| GraphError::Stack {
-                operation,
-                topic: service.name.clone(),
-                reason: match error {
-                    AddError::Create(error) => error.to_string(),
-                    AddError::Io(error) => error.to_string(),
-                },
-            })?;
+            .map_err(|error| GraphError::stack(operation, &service.name, &error))?;
         let (reader, writer) = (pair.reader_guid().to_bytes(), pair.writer_guid().to_bytes());
         self.change(|announcement| announcement.add(reader, writer));
         Ok(Opened { pair, _listed: Listed { participant: Arc::clone(self), reader, writer } })
@@ -139,21 +128,17 @@ impl Participant {
     /// Changes the announcement, then tells the owner without a lock.
     fn change(&self, change: impl FnOnce(&mut Announcement)) {
         {
-            let mut announcement = self.announcement();
+            let mut announcement = self.announcement.lock();
             change(&mut announcement);
             self.changes.set(announcement.endpoints());
         }
         self.changes.notify();
     }
-
-    fn announcement(&self) -> MutexGuard<'_, Announcement> {
-        self.announcement.lock().unwrap_or_else(PoisonError::into_inner)
-    }
 }
 
 impl Drop for Participant {
     fn drop(&mut self) {
-        self.announcement().retire();
+        self.announcement.lock().retire();
     }
 }
 

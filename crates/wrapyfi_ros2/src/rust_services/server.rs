@@ -9,10 +9,9 @@
 use rustdds::GUID;
 
 use super::adapter::Received;
-use super::identity;
 use super::outgoing::Identity;
 use super::participant::Opened;
-use super::remotes;
+use super::{identity, remotes};
 use crate::graph::{CdrRequest, CdrServer, GraphError, Peers, RequestId, ServiceMapping};
 
 /// Takes requests, sends replies.

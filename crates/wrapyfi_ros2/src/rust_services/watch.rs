@@ -16,7 +16,7 @@ use std::io;
 use std::net::SocketAddr;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, MutexGuard, Weak};
 use std::thread::JoinHandle;
 
 use rustdds::mio1::event::Source as _;
@@ -30,6 +30,7 @@ use super::greeting::Greeting;
 use super::outgoing::Writer;
 use super::pair::{Pair, Reader};
 use super::settings::Settings;
+use wrapyfi_endpoint::Mutex;
 
 const WAKER: Token = Token(0);
 const PARTICIPANT: Token = Token(1);
@@ -125,17 +126,14 @@ impl Drop for Watch {
 }
 
 /// Error of watching a new pair of endpoints.
+#[derive(Debug, thiserror::Error)]
 pub(super) enum AddError<E> {
     /// The pair could not be created.
+    #[error("{0}")]
     Create(E),
     /// The operating system refused.
-    Io(io::Error),
-}
-
-impl<E> From<io::Error> for AddError<E> {
-    fn from(error: io::Error) -> Self {
-        Self::Io(error)
-    }
+    #[error("{0}")]
+    Io(#[from] io::Error),
 }
 
 /// The thread's own.
@@ -277,5 +275,5 @@ impl Watched {
 }
 
 fn lock(routes: &Mutex<Routes>) -> MutexGuard<'_, Routes> {
-    routes.lock().unwrap_or_else(PoisonError::into_inner)
+    routes.lock()
 }

@@ -13,15 +13,14 @@ use super::server::Ros2Server;
 use super::{ServiceOptions, codec};
 use crate::Ros2;
 use crate::graph::Peers;
-use wrapyfi_data::DecodeError;
-use wrapyfi_data::EncodeError;
 use wrapyfi_data::types::{Payload, RosMessage, RosService};
+use wrapyfi_data::{DecodeError, EncodeError};
 use wrapyfi_endpoint::codec::ros;
 use wrapyfi_endpoint::wire_client::WireClient;
 use wrapyfi_endpoint::wire_server::WireServer;
 use wrapyfi_endpoint::{
-    CallError, Client, Context, CountersSnapshot, DropReason, OpenError, Reply, Request, RequestId,
-    ServeError, Server, Ticket, Wake,
+    CallError, Client, Context, CountersSnapshot, DropReason, OpenResult, Reply, Request,
+    RequestId, ServeError, Server, Ticket, Wake,
 };
 
 /// Calls one service.
@@ -62,7 +61,7 @@ impl AnyClient {
         service: RosService,
         options: &ServiceOptions,
         wake: &Wake,
-    ) -> Result<Self, OpenError> {
+    ) -> OpenResult<Self> {
         let context = Context { wake: wake.clone(), ..Context::default() };
         let raw = Ros2Client::open(ros2, &options.spec(name, service), options.depth, &context)?;
         let (name, options) = (ros2.resolve(name)?, options.clone());
@@ -152,10 +151,7 @@ impl AnyClient {
                     Err(fault) => ros::fault(&fault),
                 }
             }
-            other => DecodeError::Mismatch {
-                expected: ros_type.to_string(),
-                actual: other.data_type().to_string(),
-            },
+            other => DecodeError::mismatch(ros_type.to_string(), other.data_type().to_string()),
         };
         Err(CallError::Reply { service: self.name.clone(), fault })
     }
@@ -212,7 +208,7 @@ impl AnyServer {
         service: RosService,
         options: &ServiceOptions,
         wake: &Wake,
-    ) -> Result<Self, OpenError> {
+    ) -> OpenResult<Self> {
         let context = Context { wake: wake.clone(), ..Context::default() };
         let raw = Ros2Server::open(ros2, &options.spec(name, service), options.depth, &context)?;
         let (name, max_bytes) = (ros2.resolve(name)?, options.max_bytes);
@@ -272,10 +268,9 @@ impl AnyServer {
                     Err(fault) => ros::fault(&fault),
                 }
             }
-            Request::Call(_) => DecodeError::Mismatch {
-                expected: ros_type.to_string(),
-                actual: "a call with arguments".to_owned(),
-            },
+            Request::Call(_) => {
+                DecodeError::mismatch(ros_type.to_string(), "a call with arguments")
+            }
         };
         Err(self.raw.refuse_malformed(asked.id, &fault))
     }
@@ -315,10 +310,9 @@ impl AnyServer {
 }
 
 fn unsuitable(fault: &wrapyfi_interfaces::dynamic::ValueError) -> EncodeError {
-    EncodeError::Unrepresentable {
-        format: "a service",
-        what: fault.to_string(),
-        path: "$".to_owned(),
-        remedy: "give the fields of its definition".to_owned(),
-    }
+    EncodeError::unrepresentable(
+        "a service",
+        fault.to_string(),
+        "give the fields of its definition",
+    )
 }

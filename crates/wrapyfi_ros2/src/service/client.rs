@@ -18,10 +18,9 @@ use crate::any::ringing;
 use crate::graph::{CdrClient, GraphError, Peers, ServiceMapping};
 use crate::{Ros2, no_service};
 use wrapyfi_data::EncodeError;
-use wrapyfi_endpoint::Throttle;
 use wrapyfi_endpoint::calls::{Calls, Stage};
 use wrapyfi_endpoint::wire_client::{ClientWire, WireClient};
-use wrapyfi_endpoint::{CallError, Context, Link, OpenError, Request, ServiceSpec};
+use wrapyfi_endpoint::{CallError, Context, Link, OpenResult, Request, ServiceSpec, Throttle};
 
 /// Calls one service.
 pub(in super::super) struct Ros2Client {
@@ -40,7 +39,7 @@ impl Ros2Client {
         spec: &ServiceSpec,
         depth: u32,
         context: &Context,
-    ) -> Result<WireClient<Self>, OpenError> {
+    ) -> OpenResult<WireClient<Self>> {
         let codec = ServiceCodec::new(&ServiceSpec {
             service: ros2.resolve(&spec.service)?,
             ..spec.clone()

@@ -17,13 +17,11 @@ use wrapyfi_interfaces::store::TypeStore;
 
 use crate::graph::ServiceDescription;
 use crate::{no_service, payload};
-use wrapyfi_data::DecodeError;
-use wrapyfi_data::EncodeError;
 use wrapyfi_data::types::{
     DataType, MessageType, Payload, RosMessage, RosService, RosType, ServiceKind, value_of,
 };
-use wrapyfi_endpoint::codec::requests;
-use wrapyfi_endpoint::codec::{json, ros};
+use wrapyfi_data::{DecodeError, DecodeResult, EncodeError, EncodeResult};
+use wrapyfi_endpoint::codec::{json, requests, ros};
 use wrapyfi_endpoint::{OpenError, Request, ServiceSpec};
 
 /// Codec of one service: how its requests and replies are written.
@@ -49,7 +47,7 @@ struct Wrapped {
 pub fn returned(
     kind: ServiceKind,
     reply: &DynamicMessage,
-) -> Result<Result<Payload, String>, DecodeError> {
+) -> DecodeResult<Result<Payload, String>> {
     let codec = ServiceCodec::new(&ServiceSpec::new("", kind));
     codec.map_err(|error| malformed("response", error.to_string()))?.read_reply(reply)
 }
@@ -88,7 +86,7 @@ impl ServiceCodec {
         self.spec.limits.message_bytes
     }
 
-    pub(super) fn encode_request(&self, request: &Request) -> Result<Bytes, EncodeError> {
+    pub(super) fn encode_request(&self, request: &Request) -> EncodeResult<Bytes> {
         let Some(Wrapped { arguments, .. }) = &self.wrapped else {
             return requests::asked_message(request, self.service, self.most())
                 .map(|asked| asked.cdr);
@@ -103,7 +101,7 @@ impl ServiceCodec {
         written(self.service.request(), [("request", field)])
     }
 
-    pub(super) fn decode_request(&self, cdr: &Bytes) -> Result<Request, DecodeError> {
+    pub(super) fn decode_request(&self, cdr: &Bytes) -> DecodeResult<Request> {
         let Some(Wrapped { arguments, .. }) = &self.wrapped else {
             return self.own(self.service.request(), cdr).map(Request::Message);
         };
@@ -117,7 +115,7 @@ impl ServiceCodec {
         }
     }
 
-    pub(super) fn encode_reply(&self, returned: &Payload) -> Result<Bytes, EncodeError> {
+    pub(super) fn encode_reply(&self, returned: &Payload) -> EncodeResult<Bytes> {
         let Some(Wrapped { returned: plan, .. }) = &self.wrapped else {
             let message = requests::returned_message(returned, self.service, self.most());
             return message.map(|message| message.cdr);
@@ -126,7 +124,7 @@ impl ServiceCodec {
         let wanted = self.spec.kind.data_type();
         if returned.data_type() != wanted {
             let (expected, actual) = (wanted.to_string(), returned.data_type().to_string());
-            return Err(EncodeError::Mismatch { expected, actual });
+            return Err(EncodeError::mismatch(expected, actual));
         }
         let message_type = self.spec.kind.message_type();
         let field = match (message_type, returned) {
@@ -140,14 +138,14 @@ impl ServiceCodec {
     }
 
     /// Payload or error that a reply carries.
-    pub(super) fn decode_reply(&self, cdr: &Bytes) -> Result<Result<Payload, String>, DecodeError> {
+    pub(super) fn decode_reply(&self, cdr: &Bytes) -> DecodeResult<Result<Payload, String>> {
         if self.wrapped.is_none() {
             return self.own(self.service.response(), cdr).map(|message| Ok(message.into()));
         }
         self.read_reply(&self.fields(self.service.response(), cdr)?)
     }
 
-    fn read_reply(&self, message: &DynamicMessage) -> Result<Result<Payload, String>, DecodeError> {
+    fn read_reply(&self, message: &DynamicMessage) -> DecodeResult<Result<Payload, String>> {
         let Some(Wrapped { returned, .. }) = &self.wrapped else {
             return Ok(Ok(value_of(message).into()));
         };
@@ -173,13 +171,13 @@ impl ServiceCodec {
     }
 
     /// A message of a service that is no function: what costs nothing is checked.
-    fn own(&self, ros_type: RosType, cdr: &Bytes) -> Result<RosMessage, DecodeError> {
+    fn own(&self, ros_type: RosType, cdr: &Bytes) -> DecodeResult<RosMessage> {
         let message = RosMessage::new(ros_type, cdr.clone());
         message.check(self.most()).map_err(|error| ros::fault(&error))?;
         Ok(message)
     }
 
-    fn fields(&self, ros_type: RosType, cdr: &Bytes) -> Result<DynamicMessage, DecodeError> {
+    fn fields(&self, ros_type: RosType, cdr: &Bytes) -> DecodeResult<DynamicMessage> {
         ros_type.plan().decode_exact(cdr, self.most()).map_err(|error| ros::fault(&error))
     }
 
@@ -189,14 +187,11 @@ impl ServiceCodec {
         payload: &Payload,
         message_type: MessageType,
         plan: &TypePlan,
-    ) -> Result<DynamicMessage, EncodeError> {
+    ) -> EncodeResult<DynamicMessage> {
         let ServiceSpec { color_order, limits, plugins, .. } = &self.spec;
         let cdr = payload::encode(payload, message_type, *color_order, limits, plugins)?.to_bytes();
-        plan.decode(&cdr, limits.message_bytes).map_err(|fault| EncodeError::Unrepresentable {
-            format: "a service",
-            what: fault.to_string(),
-            path: "$".to_owned(),
-            remedy: "raise max_message_mib".to_owned(),
+        plan.decode(&cdr, limits.message_bytes).map_err(|fault| {
+            EncodeError::unrepresentable("a service", fault.to_string(), "raise max_message_mib")
         })
     }
 
@@ -207,7 +202,7 @@ impl ServiceCodec {
         field: &str,
         plan: &TypePlan,
         message_type: MessageType,
-    ) -> Result<Payload, DecodeError> {
+    ) -> DecodeResult<Payload> {
         let nested = of.get(field).and_then(|value| value.as_message());
         let nested = nested.ok_or_else(|| malformed(field, "no message".to_owned()))?;
         let cdr = plan.encode(nested).map_err(|fault| malformed(field, fault.to_string()))?;
@@ -239,7 +234,7 @@ pub(super) fn error_reply(service: RosService, text: &str) -> Option<DynamicMess
 fn written(
     ros_type: RosType,
     fields: impl IntoIterator<Item = (&'static str, DynamicValue)>,
-) -> Result<Bytes, EncodeError> {
+) -> EncodeResult<Bytes> {
     let mut message = ros_type.plan().default_message();
     for (name, value) in fields {
         message.set(name, value).map_err(|fault| unwritable(&fault))?;
@@ -247,28 +242,24 @@ fn written(
     Ok(ros_type.plan().encode(&message).map_err(|fault| unwritable(&fault))?.to_bytes())
 }
 
-fn text(json: Vec<u8>) -> Result<String, EncodeError> {
-    String::from_utf8(json).map_err(|error| EncodeError::Unrepresentable {
-        format: "a service",
-        what: format!("JSON that is not UTF-8: {error}"),
-        path: "$".to_owned(),
-        remedy: "write it in UTF-8".to_owned(),
+fn text(json: Vec<u8>) -> EncodeResult<String> {
+    String::from_utf8(json).map_err(|error| {
+        EncodeError::unrepresentable(
+            "a service",
+            format!("JSON that is not UTF-8: {error}"),
+            "write it in UTF-8",
+        )
     })
 }
 
-fn text_of(message: &DynamicMessage, field: &str) -> Result<Bytes, DecodeError> {
+fn text_of(message: &DynamicMessage, field: &str) -> DecodeResult<Bytes> {
     let text = message.get(field).and_then(|value| value.as_str());
     let text = text.ok_or_else(|| malformed(field, "no text".to_owned()))?;
     Ok(Bytes::copy_from_slice(text.as_bytes()))
 }
 
 fn unwritable(fault: &ValueError) -> EncodeError {
-    EncodeError::Unrepresentable {
-        format: "a service",
-        what: fault.to_string(),
-        path: "$".to_owned(),
-        remedy: "check the definition of its type".to_owned(),
-    }
+    EncodeError::unrepresentable("a service", fault.to_string(), "check the definition of its type")
 }
 
 fn malformed(field: &str, reason: String) -> DecodeError {
@@ -276,7 +267,7 @@ fn malformed(field: &str, reason: String) -> DecodeError {
 }
 
 fn mismatch(expected: DataType, actual: DataType) -> DecodeError {
-    DecodeError::Mismatch { expected: expected.to_string(), actual: actual.to_string() }
+    DecodeError::mismatch(expected.to_string(), actual.to_string())
 }
 
 #[cfg(test)]

@@ -18,13 +18,14 @@ use super::replies::{Replies, Reply, Unsent};
 use crate::any::ringing;
 use crate::graph::{GraphError, Peers, RequestId};
 use crate::{Ros2, no_service};
-use wrapyfi_data::DecodeError;
-use wrapyfi_data::EncodeError;
 use wrapyfi_data::types::Payload;
+use wrapyfi_data::{DecodeError, EncodeError};
 use wrapyfi_endpoint::calls::ends;
 use wrapyfi_endpoint::requests::Requests;
-use wrapyfi_endpoint::wire_server::{ServerWire, WireServer};
-use wrapyfi_endpoint::{Context, DropReason, Link, OpenError, Request, ServeError, ServiceSpec};
+use wrapyfi_endpoint::wire_server::{Sent, ServerWire, WireServer};
+use wrapyfi_endpoint::{
+    Context, DropReason, Link, OpenResult, Request, ServeError, ServeResult, ServiceSpec,
+};
 
 /// Serves one service.
 pub(in super::super) struct Ros2Server {
@@ -50,7 +51,7 @@ impl Ros2Server {
         spec: &ServiceSpec,
         depth: u32,
         context: &Context,
-    ) -> Result<WireServer<Self>, OpenError> {
+    ) -> OpenResult<WireServer<Self>> {
         let codec = ServiceCodec::new(&ServiceSpec {
             service: ros2.resolve(&spec.service)?,
             ..spec.clone()
@@ -110,7 +111,7 @@ impl ServerWire for Ros2Server {
     // A client that does not keep up would hold up the end.
     const TELLS_END: bool = false;
 
-    fn fetch(&mut self, requests: &Requests<Ask>) -> Result<(), ServeError> {
+    fn fetch(&mut self, requests: &Requests<Ask>) -> ServeResult<()> {
         self.count_losses();
         let taken = match self.replies.take() {
             Ok(None) => return Ok(()),
@@ -144,11 +145,7 @@ impl ServerWire for Ros2Server {
         self.codec.encode_reply(payload)
     }
 
-    fn send(
-        &mut self,
-        Ask { id, until, .. }: Ask,
-        answer: Result<Bytes, &str>,
-    ) -> Result<Option<usize>, ServeError> {
+    fn send(&mut self, Ask { id, until, .. }: Ask, answer: Result<Bytes, &str>) -> Sent {
         let why = answer.as_ref().err().copied();
         let sent = match answer {
             Ok(cdr) => {
@@ -162,15 +159,13 @@ impl ServerWire for Ros2Server {
         match (sent, why) {
             (Ok(None), Some(why)) => Err(ServeError::Reply {
                 service: service(),
-                fault: EncodeError::Unrepresentable {
-                    format: self.codec.spec.kind.ros_type(),
-                    what: format!("an error ({why})"),
-                    path: "$".to_owned(),
-                    remedy:
-                        "the client waits for its time-out; the types of wrapyfi_msgs/srv have \
+                fault: EncodeError::unrepresentable(
+                    self.codec.spec.kind.ros_type(),
+                    format!("an error ({why})"),
+                    "the client waits for its time-out; the types of wrapyfi_msgs/srv have \
                              room for errors"
-                            .to_owned(),
-                },
+                        .to_owned(),
+                ),
             }),
             (Ok(bytes), _) => Ok(bytes),
             (Err(error), _) => {

@@ -55,13 +55,12 @@ use super::spare::Spare;
 use super::stream::Stream;
 use super::unix::Meeting;
 use crate::Bottle;
-use crate::wire::admin;
 use crate::wire::bare::{self, BareReader};
 use crate::wire::header::{self, HeaderReader};
 use crate::wire::http::HttpRequest;
 use crate::wire::message::{Found, MessageReader};
 use crate::wire::text::{self, Lines, TextReader};
-use crate::wire::{Body, Carrier, Command, Fault, Incoming, Opening, Sender, Step, number};
+use crate::wire::{Body, Carrier, Command, Fault, Incoming, Opening, Sender, Step, admin, number};
 use wrapyfi_retry::liveness;
 
 pub use event::{Answer, Data, Event, SessionError, SessionOptions};

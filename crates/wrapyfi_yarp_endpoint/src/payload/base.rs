@@ -12,13 +12,13 @@
 use bytes::Bytes;
 use wrapyfi_yarp::{Bottle, Dialect, Value as Element};
 
-use super::super::options::{BaseCommand, YarpOptions};
+use super::super::options::BaseCommand;
+use super::native;
 use super::numbers::{self, Numbers};
+use super::rules::Rules;
 use super::sensors::{of_vector3, quaternion, roll_pitch_yaw, vector3};
-use super::{fault, native};
-use wrapyfi_data::Limits;
 use wrapyfi_data::types::{Header, Map, Stamp, Value};
-use wrapyfi_endpoint::codec::{DecodeError, EncodeError};
+use wrapyfi_endpoint::codec::{DecodeError, DecodeResult, EncodeError, EncodeResult};
 
 /// Numbers of an odometry, three times three.
 const ODOMETRY: usize = 9;
@@ -31,15 +31,9 @@ const CARTESIAN: i32 = 3;
 const ALL_POWER: f64 = 100.0;
 
 /// Reads an odometry as fields of an `Odometry`.
-pub(super) fn read_odometry(
-    bytes: &Bytes,
-    options: &YarpOptions,
-    dialect: Dialect,
-    limits: &Limits,
-    stamp: Stamp,
-) -> Result<Map, DecodeError> {
-    let Numbers { values, shape: None } = numbers::read(bytes, dialect, limits)? else {
-        return Err(fault::mismatch("an odometry", "a matrix"));
+pub(super) fn read_odometry(bytes: &Bytes, rules: Rules<'_>, stamp: Stamp) -> DecodeResult<Map> {
+    let Numbers { values, shape: None } = numbers::read(bytes, rules)? else {
+        return Err(DecodeError::mismatch("an odometry", "a matrix"));
     };
     let &[x, y, theta, vx, vy, turn, ..] = values.as_slice() else {
         return Err(unlike(values.len()));
@@ -47,18 +41,18 @@ pub(super) fn read_odometry(
     if values.len() != ODOMETRY {
         return Err(unlike(values.len()));
     }
-    let [theta, turn] = options.radians([theta, turn]);
+    let [theta, turn] = rules.options.radians([theta, turn]);
     let or = |name: &str, usual: &str| {
         if name.is_empty() { usual.to_owned() } else { name.to_owned() }
     };
-    let header = Header { stamp, frame_id: or(&options.frame_id, ODOM) };
+    let header = Header { stamp, frame_id: or(&rules.options.frame_id, ODOM) };
     let orientation = quaternion([0.0, 0.0, theta]);
     let pose = Map::from([("position", vector3([x, y, 0.0])), ("orientation", orientation)]);
     let twist =
         Map::from([("linear", vector3([vx, vy, 0.0])), ("angular", vector3([0.0, 0.0, turn]))]);
     Ok(Map::from([
         ("header", Value::from(header.to_fields())),
-        ("child_frame_id", or(&options.child_frame_id, BASE_LINK).into()),
+        ("child_frame_id", or(&rules.options.child_frame_id, BASE_LINK).into()),
         ("pose", Map::from([("pose", pose)]).into()),
         ("twist", Map::from([("twist", twist)]).into()),
     ]))
@@ -66,15 +60,11 @@ pub(super) fn read_odometry(
 
 fn unlike(count: usize) -> DecodeError {
     let wanted = format!("{ODOMETRY} numbers of an odometry");
-    fault::mismatch(wanted, format!("a vector of {count}"))
+    DecodeError::mismatch(wanted, format!("a vector of {count}"))
 }
 
 /// Writes an odometry. The velocity in the world is that of the robot, turned as the robot is.
-pub(super) fn write_odometry(
-    fields: &Value,
-    options: &YarpOptions,
-    dialect: Dialect,
-) -> Result<Vec<u8>, EncodeError> {
+pub(super) fn write_odometry(fields: &Value, rules: Rules<'_>) -> EncodeResult<Vec<u8>> {
     let part = |outer: &str, inner: &str| {
         fields.get(outer).and_then(|fields| fields.get(outer)).and_then(|it| it.get(inner)).cloned()
     };
@@ -83,38 +73,34 @@ pub(super) fn write_odometry(
     let [vx, vy, _] = of_vector3(part("twist", "linear").as_ref());
     let [_, _, turn] = of_vector3(part("twist", "angular").as_ref());
     let (sin, cos) = theta.sin_cos();
-    let [theta, turn] = options.degrees([theta, turn]);
+    let [theta, turn] = rules.options.degrees([theta, turn]);
     let world = [vx * cos - vy * sin, vx * sin + vy * cos, turn];
-    floats([[x, y, theta], [vx, vy, turn], world].concat(), dialect)
+    floats([[x, y, theta], [vx, vy, turn], world].concat(), rules.dialect)
 }
 
 /// Writes the velocity that a `Twist` asks of a base.
 pub(super) fn write_velocity(
     twist: &Value,
     base: BaseCommand,
-    options: &YarpOptions,
-    dialect: Dialect,
-) -> Result<Vec<u8>, EncodeError> {
+    rules: Rules<'_>,
+) -> EncodeResult<Vec<u8>> {
     let [x, y, _] = of_vector3(twist.get("linear"));
     let [_, _, turn] = of_vector3(twist.get("angular"));
-    let [turn] = options.degrees([turn]);
+    let [turn] = rules.options.degrees([turn]);
     let velocity = [x, y, turn];
     if let Some(odd) = velocity.iter().find(|value| !value.is_finite()) {
-        return Err(EncodeError::Mismatch {
-            expected: "a velocity of numbers".to_owned(),
-            actual: odd.to_string(),
-        });
+        return Err(EncodeError::mismatch("a velocity of numbers", odd.to_string()));
     }
     match base {
-        BaseCommand::Velocity => floats(velocity.into(), dialect),
+        BaseCommand::Velocity => floats(velocity.into(), rules.dialect),
         BaseCommand::Control => {
             let numbers = velocity.into_iter().chain([ALL_POWER]).map(Element::Float64);
             let values = std::iter::once(Element::Int32(CARTESIAN)).chain(numbers).collect();
-            native::bytes(&Bottle { values }, dialect)
+            native::bytes(&Bottle { values }, rules.dialect)
         }
     }
 }
 
-fn floats(values: Vec<f64>, dialect: Dialect) -> Result<Vec<u8>, EncodeError> {
+fn floats(values: Vec<f64>, dialect: Dialect) -> EncodeResult<Vec<u8>> {
     native::bytes(&values.into_iter().map(Element::Float64).collect(), dialect)
 }

@@ -13,10 +13,10 @@ use wrapyfi_yarp::sig::ImageHeader;
 
 use super::super::intrinsics::Intrinsics;
 use super::super::options::YarpOptions;
-use super::fault;
+use super::{fault, numbers};
 use wrapyfi_data::Limits;
-use wrapyfi_data::types::{Map, Tensor, Value};
-use wrapyfi_endpoint::codec::DecodeError;
+use wrapyfi_data::types::Map;
+use wrapyfi_endpoint::codec::{DecodeError, DecodeResult};
 
 /// The size of the picture that a message is; none where it is something else.
 pub(super) fn size(bytes: &Bytes, limits: &Limits) -> Option<(usize, usize)> {
@@ -25,12 +25,10 @@ pub(super) fn size(bytes: &Bytes, limits: &Limits) -> Option<(usize, usize)> {
 }
 
 /// The fields of the `CameraInfo` of a picture, without its header.
-pub(super) fn info(
-    (width, height): (usize, usize),
-    options: &YarpOptions,
-) -> Result<Map, DecodeError> {
-    let size =
-        |value: usize| u32::try_from(value).map_err(|error| fault::malformed("image", &error));
+pub(super) fn info((width, height): (usize, usize), options: &YarpOptions) -> DecodeResult<Map> {
+    let size = |value: usize| {
+        u32::try_from(value).map_err(|error| DecodeError::malformed("image", error.to_string()))
+    };
     let mut fields = Map::from([("width", size(width)?), ("height", size(height)?)]);
     let Some(intrinsics) = &options.intrinsics else { return Ok(fields) };
     let Intrinsics { focal: [fx, fy], center: [cx, cy], model, distortion } = intrinsics;
@@ -42,9 +40,7 @@ pub(super) fn info(
         ("d", distortion.to_vec()),
     ];
     for (name, values) in matrix {
-        let tensor = Tensor::from_elements(&[values.len()], values);
-        let tensor = tensor.map_err(|error| fault::malformed("calibration", &error))?;
-        fields.insert(name, Value::from(tensor));
+        fields.insert(name, numbers::field(values)?);
     }
     fields.insert("distortion_model", model.as_str());
     Ok(fields)

@@ -20,10 +20,11 @@ use wrapyfi_yarp::{Bottle, Dialect, Value as Element, sig};
 use super::super::joint_limits;
 use super::super::options::{Axis, Control, YarpOptions};
 use super::joints::{floats, texts};
-use super::{Bytewise, Outgoing, fault, native, ros};
+use super::rules::Rules;
+use super::{Bytewise, Outgoing, native, ros};
 use wrapyfi_data::types::{Header, MessageType, Payload, Stamp, Value};
 use wrapyfi_endpoint::TopicSpec;
-use wrapyfi_endpoint::codec::EncodeError;
+use wrapyfi_endpoint::codec::{EncodeError, EncodeResult};
 
 /// Ending of the name of the port on which a control board takes commands.
 pub(in super::super) const COMMAND_PORT: &str = "/command:i";
@@ -44,12 +45,11 @@ pub(super) fn is_for(spec: &TopicSpec, options: &YarpOptions) -> bool {
 pub(super) fn of_state(
     fields: &Value,
     spec: &TopicSpec,
-    options: &YarpOptions,
-    dialect: Dialect,
-) -> Result<Vec<u8>, EncodeError> {
+    rules: Rules<'_>,
+) -> EncodeResult<Vec<u8>> {
     let lists = ["position", "velocity", "effort"].map(|name| floats(fields, name));
-    let port = destination(spec, options);
-    Movement::of(&texts(fields, "name"), lists, port, options)?.encode(dialect)
+    let port = destination(spec, rules.options);
+    Movement::of(&texts(fields, "name"), lists, port, rules.options)?.encode(rules.dialect)
 }
 
 /// The movements that a `JointTrajectory` for a control board asks for, each with its time from now on;
@@ -60,7 +60,7 @@ pub(in super::super) fn trajectory(
     options: &YarpOptions,
     dialect: Dialect,
     now: Stamp,
-) -> Result<Option<Vec<(Duration, Outgoing)>>, EncodeError> {
+) -> EncodeResult<Option<Vec<(Duration, Outgoing)>>> {
     let Payload::RosMessage(message) = payload else { return Ok(None) };
     let is_wanted = spec.message_type == MessageType::Ros(message.ros_type);
     let is_movement = message.ros_type.name() == ros::TRAJECTORY && options.bottle.is_none();
@@ -76,14 +76,14 @@ pub(in super::super) fn trajectory(
         let time = from_start(point)?;
         let due = wait.as_ref().copied().unwrap_or_default().saturating_add(time);
         if movements.last().is_some_and(|(before, _)| *before > due) {
-            return Err(EncodeError::Mismatch {
-                expected: "points in the order of their times".to_owned(),
-                actual: format!("one at {time:?} behind a later one"),
-            });
+            return Err(EncodeError::mismatch(
+                "points in the order of their times",
+                format!("one at {time:?} behind a later one"),
+            ));
         }
         let lists = ["positions", "velocities", "effort"].map(|name| floats(point, name));
         let bytes = Movement::of(&names, lists, port, options)?.encode(dialect)?;
-        fault::check_size(bytes.len(), spec.limits.message_bytes)?;
+        EncodeError::check_size(bytes.len(), spec.limits.message_bytes)?;
         let sent_at = |begin: Stamp| sig::Stamp {
             count: 0,
             time_s: begin.as_secs_f64() + time.as_secs_f64(),
@@ -95,7 +95,7 @@ pub(in super::super) fn trajectory(
 }
 
 /// The time of a point since its trajectory began.
-fn from_start(point: &Value) -> Result<Duration, EncodeError> {
+fn from_start(point: &Value) -> EncodeResult<Duration> {
     let time = point.get("time_from_start");
     let part = |name| time.and_then(|time| time.get(name)).and_then(Value::as_i64).unwrap_or(0);
     let (sec, nanosec) = (part("sec"), part("nanosec"));
@@ -103,9 +103,11 @@ fn from_start(point: &Value) -> Result<Duration, EncodeError> {
     let found = found.map(|(sec, nanosec)| {
         Duration::from_secs(sec).saturating_add(Duration::from_nanos(nanosec.into()))
     });
-    found.ok_or_else(|| EncodeError::Mismatch {
-        expected: "times from the start of the trajectory".to_owned(),
-        actual: format!("{sec} s and {nanosec} ns"),
+    found.ok_or_else(|| {
+        EncodeError::mismatch(
+            "times from the start of the trajectory",
+            format!("{sec} s and {nanosec} ns"),
+        )
     })
 }
 
@@ -125,7 +127,7 @@ impl Movement {
         [positions, velocities, efforts]: [Vec<f64>; 3],
         port: &str,
         options: &YarpOptions,
-    ) -> Result<Self, EncodeError> {
+    ) -> EncodeResult<Self> {
         let control = options.control.unwrap_or(if !positions.is_empty() {
             Control::Position
         } else if !velocities.is_empty() {
@@ -172,7 +174,7 @@ impl Movement {
         Ok(Self { control, joints, values })
     }
 
-    fn encode(self, dialect: Dialect) -> Result<Vec<u8>, EncodeError> {
+    fn encode(self, dialect: Dialect) -> EncodeResult<Vec<u8>> {
         let (interface, all, some) = match self.control {
             Control::Position => ("ipos", "poss", ""),
             Control::PositionDirect => ("ipod", "dpos", "dpog"),
@@ -210,7 +212,7 @@ fn select(
     what: &str,
     port: &str,
     options: &YarpOptions,
-) -> Result<(Option<Vec<usize>>, Vec<f64>), EncodeError> {
+) -> EncodeResult<(Option<Vec<usize>>, Vec<f64>)> {
     let (count, joints) = (known(options), &options.joints);
     if count == 0 || (joints.is_empty() && !names.is_empty()) {
         let rpc = port.strip_suffix(COMMAND_PORT).unwrap_or(port);
@@ -252,5 +254,5 @@ fn select(
 }
 
 fn mismatch(expected: String, actual: &impl ToString) -> EncodeError {
-    EncodeError::Mismatch { expected, actual: actual.to_string() }
+    EncodeError::mismatch(expected, actual.to_string())
 }

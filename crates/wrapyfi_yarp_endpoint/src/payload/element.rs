@@ -16,7 +16,7 @@ use wrapyfi_yarp::{Bottle, Dialect, Value as Element};
 use super::{fault, word};
 use wrapyfi_data::Limits;
 use wrapyfi_data::types::{Dtype, Map, Value, nested_list};
-use wrapyfi_endpoint::codec::EncodeError;
+use wrapyfi_endpoint::codec::EncodeResult;
 
 /// Most numbers of an array that become values of a bottle one by one.
 const MOST_NUMBERS: usize = 1 << 20;
@@ -76,7 +76,7 @@ pub(super) struct Writer<'a> {
 
 impl Writer<'_> {
     /// A value as the elements of a bottle: those of a list, the pairs of a dict, or itself alone.
-    pub(super) fn bottle(&self, value: &Value) -> Result<Bottle, EncodeError> {
+    pub(super) fn bottle(&self, value: &Value) -> EncodeResult<Bottle> {
         match value {
             Value::List(items) | Value::Tuple(items) | Value::Set(items) => {
                 self.elements(items, "$", 1)
@@ -96,13 +96,13 @@ impl Writer<'_> {
         items: &[Value],
         path: &str,
         depth: usize,
-    ) -> Result<Bottle, EncodeError> {
+    ) -> EncodeResult<Bottle> {
         let at = |(index, item)| self.element(item, &format!("{path}[{index}]"), depth);
         items.iter().enumerate().map(at).collect()
     }
 
     /// A dict as lists of key and value.
-    pub(super) fn pairs(&self, map: &Map, path: &str, depth: usize) -> Result<Bottle, EncodeError> {
+    pub(super) fn pairs(&self, map: &Map, path: &str, depth: usize) -> EncodeResult<Bottle> {
         let pair = |(key, value): (&Value, &Value)| {
             let inside = match key.as_str() {
                 Some(key) => format!("{path}.{key}"),
@@ -116,12 +116,7 @@ impl Writer<'_> {
     }
 
     /// One value as an element.
-    pub(super) fn element(
-        &self,
-        value: &Value,
-        path: &str,
-        depth: usize,
-    ) -> Result<Element, EncodeError> {
+    pub(super) fn element(&self, value: &Value, path: &str, depth: usize) -> EncodeResult<Element> {
         if depth > self.limits.depth {
             let limit = self.limits.depth;
             let what = format!("more than {limit} lists in each other");

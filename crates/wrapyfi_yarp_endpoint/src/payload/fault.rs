@@ -15,41 +15,6 @@ pub(super) fn limits(limits: &Limits) -> wrapyfi_yarp::Limits {
     }
 }
 
-/// Checks a message that came.
-pub(super) fn check_received(bytes: usize, limit: usize) -> Result<(), DecodeError> {
-    if bytes > limit {
-        return Err(too_large(bytes, limit));
-    }
-    Ok(())
-}
-
-/// Checks a message to send.
-pub(super) fn check_size(bytes: usize, limit: usize) -> Result<(), EncodeError> {
-    if bytes > limit {
-        return Err(EncodeError::TooLarge { actual: bytes as u64, limit: limit as u64 });
-    }
-    Ok(())
-}
-
-fn too_large(actual: usize, limit: usize) -> DecodeError {
-    DecodeError::TooLarge {
-        what: "message",
-        path: "$".to_owned(),
-        actual: actual as u64,
-        limit: limit as u64,
-    }
-}
-
-/// Bytes that break the format.
-pub(super) fn malformed(format: &'static str, reason: &impl ToString) -> DecodeError {
-    DecodeError::Malformed { format, path: "$".to_owned(), reason: reason.to_string() }
-}
-
-/// Something else than the endpoint carries.
-pub(super) fn mismatch(expected: impl Into<String>, actual: impl Into<String>) -> DecodeError {
-    DecodeError::Mismatch { expected: expected.into(), actual: actual.into() }
-}
-
 /// Something that a bottle, an image, … cannot hold.
 pub(super) fn unwritable(
     format: &'static str,
@@ -68,8 +33,8 @@ pub(super) fn unwritable(
 /// A bottle that cannot be read.
 pub(super) fn bottle(error: &BottleError) -> DecodeError {
     match *error {
-        BottleError::TooLong { length, limit } => too_large(length, limit),
-        _ => malformed("bottle", error),
+        BottleError::TooLong { length, limit } => DecodeError::too_large(length, limit),
+        _ => DecodeError::malformed("bottle", error.to_string()),
     }
 }
 
@@ -86,19 +51,19 @@ pub(super) fn encode(error: &wrapyfi_yarp::bottle::EncodeError) -> EncodeError {
 /// An image that cannot be read.
 pub(super) fn image(error: &ImageError) -> DecodeError {
     match *error {
-        ImageError::TooLong { length, limit } => too_large(length, limit),
-        ImageError::NotAnImage { .. } => mismatch("an image", error.to_string()),
-        _ => malformed("image", error),
+        ImageError::TooLong { length, limit } => DecodeError::too_large(length, limit),
+        ImageError::NotAnImage { .. } => DecodeError::mismatch("an image", error.to_string()),
+        _ => DecodeError::malformed("image", error.to_string()),
     }
 }
 
 /// A sound that cannot be read.
 pub(super) fn sound(error: &SoundError) -> DecodeError {
     match *error {
-        SoundError::TooLong { length, limit } => too_large(length, limit),
+        SoundError::TooLong { length, limit } => DecodeError::too_large(length, limit),
         SoundError::NotASound { .. } | SoundError::OtherVersion { .. } | SoundError::Bottle => {
-            mismatch("a sound", error.to_string())
+            DecodeError::mismatch("a sound", error.to_string())
         }
-        _ => malformed("sound", error),
+        _ => DecodeError::malformed("sound", error.to_string()),
     }
 }

@@ -12,11 +12,11 @@
 use bytes::Bytes;
 use wrapyfi_yarp::{Bottle, Dialect, Value as Element};
 
+use super::native;
+use super::rules::Rules;
 use super::sensors::{of_quaternion, of_vector3, vector3};
-use super::{fault, native};
-use wrapyfi_data::Limits;
 use wrapyfi_data::types::{Header, Map, Stamp, Value};
-use wrapyfi_endpoint::codec::{DecodeError, EncodeError};
+use wrapyfi_endpoint::codec::{DecodeError, DecodeResult, EncodeResult};
 
 /// Elements of a transform.
 const PARTS: usize = 11;
@@ -24,13 +24,8 @@ const PARTS: usize = 11;
 const WENT_WELL: i32 = 0;
 
 /// Reads transforms as fields of a `TFMessage`. `stamp` is for those without a time.
-pub(super) fn read(
-    bytes: &Bytes,
-    dialect: Dialect,
-    limits: &Limits,
-    stamp: Stamp,
-) -> Result<Map, DecodeError> {
-    let bottle = native::bottle(bytes, dialect, limits)?;
+pub(super) fn read(bytes: &Bytes, rules: Rules<'_>, stamp: Stamp) -> DecodeResult<Map> {
+    let bottle = native::bottle(bytes, rules)?;
     let list = match bottle.values.as_slice() {
         [result, Element::List(list)] if result.as_i64().is_some() => list,
         _ => &bottle,
@@ -41,7 +36,7 @@ pub(super) fn read(
     };
     let transforms = transforms.ok_or_else(|| {
         let wanted = "transforms (parent child time static x y z qx qy qz qw)";
-        fault::mismatch(wanted, native::shown(&bottle))
+        DecodeError::mismatch(wanted, native::shown(&bottle))
     })?;
     Ok(Map::from([("transforms", Value::List(transforms))]))
 }
@@ -69,10 +64,7 @@ fn transform(bottle: &Bottle, stamp: Stamp) -> Option<Value> {
 }
 
 /// Writes the transforms of a message, and says the time of the first one.
-pub(super) fn write(
-    fields: &Value,
-    dialect: Dialect,
-) -> Result<(Vec<u8>, Option<Stamp>), EncodeError> {
+pub(super) fn write(fields: &Value, dialect: Dialect) -> EncodeResult<(Vec<u8>, Option<Stamp>)> {
     let transforms = fields.get("transforms").and_then(Value::as_items).unwrap_or_default();
     let mut first = None;
     let one = |fields: &Value| {

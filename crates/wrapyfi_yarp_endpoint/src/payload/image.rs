@@ -12,6 +12,7 @@ use wrapyfi_yarp::sig::{self, ImageHeader, PixelCode, Rows};
 use wrapyfi_yarp::{Bottle, Dialect, Value as Element};
 
 use super::super::options::YarpOptions;
+use super::rules::Rules;
 use super::{fault, native};
 use wrapyfi_data::types::{
     CompressedFormat, Encoding, Image, MessageType, NumpyArray, Pixels, RawPixels, Stamp,
@@ -19,7 +20,7 @@ use wrapyfi_data::types::{
 use wrapyfi_endpoint::TopicSpec;
 use wrapyfi_endpoint::codec::json::base64;
 use wrapyfi_endpoint::codec::npy::{self, NpyArray};
-use wrapyfi_endpoint::codec::{DecodeError, EncodeError, convert};
+use wrapyfi_endpoint::codec::{DecodeError, DecodeResult, EncodeError, EncodeResult, convert};
 
 /// Pixels of YARP and what ROS calls them.
 const PIXELS: [(PixelCode, Encoding); 9] = [
@@ -40,20 +41,15 @@ const QUANTA: [u16; 3] = [1, sig::DEFAULT_QUANTUM, 4096];
 const IMAGE: [u8; 8] = [0, 1, 0, 0, 4, 0, 0, 0];
 
 /// Writes a picture that has the form of its type as messages of the topic carry it.
-pub(super) fn encode(
-    image: &Image,
-    spec: &TopicSpec,
-    options: &YarpOptions,
-    dialect: Dialect,
-) -> Result<Vec<u8>, EncodeError> {
+pub(super) fn encode(image: &Image, spec: &TopicSpec, rules: Rules<'_>) -> EncodeResult<Vec<u8>> {
     match &image.pixels {
-        Pixels::Raw(raw) => encode_raw(raw.clone(), spec, options),
-        Pixels::Compressed { data, .. } => encode_file(data, dialect),
+        Pixels::Raw(raw) => encode_raw(raw.clone(), spec, rules.options),
+        Pixels::Compressed { data, .. } => encode_file(data, rules.dialect),
     }
 }
 
 /// The picture as the JPEG file that carrier mjpeg brings.
-pub(super) fn encode_jpeg(image: &Image, spec: &TopicSpec) -> Result<Bytes, EncodeError> {
+pub(super) fn encode_jpeg(image: &Image, spec: &TopicSpec) -> EncodeResult<Bytes> {
     let is_png = |image: &Image| {
         matches!(image.pixels, Pixels::Compressed { format: CompressedFormat::Png, .. })
     };
@@ -70,11 +66,7 @@ pub(super) fn encode_jpeg(image: &Image, spec: &TopicSpec) -> Result<Bytes, Enco
     }
 }
 
-fn encode_raw(
-    raw: RawPixels,
-    spec: &TopicSpec,
-    options: &YarpOptions,
-) -> Result<Vec<u8>, EncodeError> {
+fn encode_raw(raw: RawPixels, spec: &TopicSpec, options: &YarpOptions) -> EncodeResult<Vec<u8>> {
     let rows = rows(options);
     let (code, raw) = if options.wrapyfi_images {
         wrapyfi_order(raw, spec.color_order)
@@ -89,7 +81,7 @@ fn encode_raw(
     let raw = RawPixels::new(raw.width, raw.height, raw.encoding, raw.step, raw.data.clone())
         .map_err(|error| refused(&error.to_string()))?;
     let image = lay_out(code, &raw).map_err(|error| refused(&error.to_string()))?;
-    fault::check_size(
+    EncodeError::check_size(
         sig::IMAGE_HEADER_BYTES.saturating_add(image.data().len()),
         spec.limits.message_bytes,
     )?;
@@ -126,7 +118,7 @@ fn rows(options: &YarpOptions) -> Rows {
 }
 
 /// A file as Wrapyfi sends it: base64 of a `.npy` file of one string of bytes.
-fn encode_file(file: &Bytes, dialect: Dialect) -> Result<Vec<u8>, EncodeError> {
+fn encode_file(file: &Bytes, dialect: Dialect) -> EncodeResult<Vec<u8>> {
     let length = file.len();
     let array = NumpyArray::new(format!("'|S{length}'"), length, vec![], file.clone());
     let array = array.map_err(|error| {
@@ -143,32 +135,27 @@ pub(super) fn decode(
     bytes: &Bytes,
     kind: PayloadKind,
     spec: &TopicSpec,
-    options: &YarpOptions,
-    dialect: Dialect,
+    rules: Rules<'_>,
     stamp: Stamp,
-) -> Result<Image, DecodeError> {
+) -> DecodeResult<Image> {
     let pixels = match kind {
         PayloadKind::Raw => file(bytes.clone())?,
         PayloadKind::Bottle if bytes.starts_with(&IMAGE) => {
-            Pixels::Raw(decode_raw(bytes, spec, options)?)
+            Pixels::Raw(decode_raw(bytes, spec, rules.options)?)
         }
-        PayloadKind::Bottle => decode_file(&native::bottle(bytes, dialect, &spec.limits)?)?,
+        PayloadKind::Bottle => decode_file(&native::bottle(bytes, rules)?)?,
     };
-    Ok(Image { stamp, frame_id: options.frame_id.clone(), pixels })
+    Ok(Image { stamp, frame_id: rules.options.frame_id.clone(), pixels })
 }
 
-fn decode_raw(
-    bytes: &Bytes,
-    spec: &TopicSpec,
-    options: &YarpOptions,
-) -> Result<RawPixels, DecodeError> {
+fn decode_raw(bytes: &Bytes, spec: &TopicSpec, options: &YarpOptions) -> DecodeResult<RawPixels> {
     let image = sig::Image::decode_as(bytes, rows(options), &fault::limits(&spec.limits));
     let image = image.map_err(|error| fault::image(&error))?;
     let code = image.pixel();
     let found = PIXELS.into_iter().find(|(known, _)| *known == code);
     let mut encoding = found.map(|(_, encoding)| encoding).ok_or_else(|| {
         let names: Vec<_> = PIXELS.iter().map(|(code, _)| code.to_string()).collect();
-        fault::mismatch(
+        DecodeError::mismatch(
             format!("an image of pixels {}", names.join(", ")),
             format!("one of pixels {code}, which have no name in ROS"),
         )
@@ -176,8 +163,9 @@ fn decode_raw(
     if options.wrapyfi_images && encoding == Encoding::Rgb8 {
         encoding = spec.color_order.color_order().unwrap_or(Encoding::Bgr8);
     }
-    let size =
-        |value: usize| u32::try_from(value).map_err(|error| fault::malformed("image", &error));
+    let size = |value: usize| {
+        u32::try_from(value).map_err(|error| DecodeError::malformed("image", error.to_string()))
+    };
     let (width, height) = (size(image.width())?, size(image.height())?);
     let read = if image.header().is_empty() {
         RawPixels::dense(width, height, encoding, Bytes::new())
@@ -185,12 +173,13 @@ fn decode_raw(
         let step = size(image.header().stride)?;
         RawPixels::new(width, height, encoding, step, image.data().clone())
     };
-    read.map_err(|error| fault::malformed("image", &error))
+    read.map_err(|error| DecodeError::malformed("image", error.to_string()))
 }
 
-fn decode_file(bottle: &Bottle) -> Result<Pixels, DecodeError> {
-    let unlike =
-        || fault::mismatch("an image, or a JPEG file as Wrapyfi sends it", native::shown(bottle));
+fn decode_file(bottle: &Bottle) -> DecodeResult<Pixels> {
+    let unlike = || {
+        DecodeError::mismatch("an image, or a JPEG file as Wrapyfi sends it", native::shown(bottle))
+    };
     match bottle.values.as_slice() {
         [Element::Blob(bytes)] => file(bytes.clone()),
         [Element::String(text)] => {
@@ -207,10 +196,10 @@ fn decode_file(bottle: &Bottle) -> Result<Pixels, DecodeError> {
 }
 
 /// An image file, told by its first bytes.
-fn file(data: Bytes) -> Result<Pixels, DecodeError> {
+fn file(data: Bytes) -> DecodeResult<Pixels> {
     let format = CompressedFormat::sniff(&data);
     let format = format.ok_or_else(|| {
-        fault::mismatch("a jpeg or png file", format!("{} other bytes", data.len()))
+        DecodeError::mismatch("a jpeg or png file", format!("{} other bytes", data.len()))
     })?;
     Ok(Pixels::Compressed { format, data })
 }

@@ -11,14 +11,13 @@
 //! control board tells of its joints.
 
 use bytes::Bytes;
-use wrapyfi_yarp::{Bottle, Dialect};
+use wrapyfi_yarp::Bottle;
 
-use super::super::options::YarpOptions;
-use super::numbers::{self, Numbers, Width};
-use super::{fault, native};
-use wrapyfi_data::Limits;
+use super::native;
+use super::numbers::{self, Numbers};
+use super::rules::Rules;
 use wrapyfi_data::types::{Map, Tensor, Value};
-use wrapyfi_endpoint::codec::{DecodeError, EncodeError};
+use wrapyfi_endpoint::codec::{DecodeError, DecodeResult, EncodeError, EncodeResult};
 
 /// Places in the list of `stateExt:o`, each followed by whether it is valid.
 const POSITION: usize = 0;
@@ -26,30 +25,25 @@ const VELOCITY: usize = 2;
 const TORQUE: usize = 12;
 
 /// Reads the state of joints as fields of the message, without its header.
-pub(super) fn read(
-    bytes: &Bytes,
-    options: &YarpOptions,
-    dialect: Dialect,
-    limits: &Limits,
-) -> Result<Map, DecodeError> {
-    let [position, velocity, effort] = match numbers::read(bytes, dialect, limits) {
+pub(super) fn read(bytes: &Bytes, rules: Rules<'_>) -> DecodeResult<Map> {
+    let [position, velocity, effort] = match numbers::read(bytes, rules) {
         Ok(Numbers { values, shape: None }) => [values, Vec::new(), Vec::new()],
         Ok(Numbers { shape: Some((rows, columns)), .. }) => {
             let actual = format!("a matrix of {rows} x {columns}");
-            return Err(fault::mismatch("the positions of joints", actual));
+            return Err(DecodeError::mismatch("the positions of joints", actual));
         }
         Err(error) => {
-            let bottle = native::bottle(bytes, dialect, limits)?;
+            let bottle = native::bottle(bytes, rules)?;
             extended(&bottle).ok_or(error)?
         }
     };
     for (what, values) in
         [("positions", &position), ("velocities", &velocity), ("torques", &effort)]
     {
-        let (names, given) = (options.joints.len(), values.len());
+        let (names, given) = (rules.options.joints.len(), values.len());
         let counts = names > 0 && given != names && (given > 0 || what == "positions");
         if counts {
-            return Err(fault::mismatch(
+            return Err(DecodeError::mismatch(
                 format!("{names} joints, as option joints names"),
                 format!("{given} {what}"),
             ));
@@ -57,23 +51,18 @@ pub(super) fn read(
     }
     let angles = |mut values: Vec<f64>| {
         for (joint, value) in values.iter_mut().enumerate() {
-            if options.has_degrees(joint) {
+            if rules.options.has_degrees(joint) {
                 *value = value.to_radians();
             }
         }
-        field(values)
+        numbers::field(values)
     };
     Ok(Map::from([
-        ("name", options.joints.iter().map(String::as_str).collect()),
+        ("name", rules.options.joints.iter().map(String::as_str).collect()),
         ("position", angles(position)?),
         ("velocity", angles(velocity)?),
-        ("effort", field(effort)?),
+        ("effort", numbers::field(effort)?),
     ]))
-}
-
-fn field(values: Vec<f64>) -> Result<Value, DecodeError> {
-    let tensor = Tensor::from_elements(&[values.len()], values);
-    tensor.map(Value::from).map_err(|error| fault::malformed("vector", &error))
 }
 
 /// Positions, velocities and torques of a `stateExt:o`; those that it calls invalid are left out.
@@ -88,19 +77,15 @@ fn extended(bottle: &Bottle) -> Option<[Vec<f64>; 3]> {
 }
 
 /// Writes the positions of a message, in the order of option `joints` where it is given.
-pub(super) fn write(
-    fields: &Value,
-    options: &YarpOptions,
-    dialect: Dialect,
-) -> Result<Vec<u8>, EncodeError> {
+pub(super) fn write(fields: &Value, rules: Rules<'_>) -> EncodeResult<Vec<u8>> {
     let (names, position) = (texts(fields, "name"), floats(fields, "position"));
-    let mut values = ordered(&names, position, &options.joints)?;
+    let mut values = ordered(&names, position, &rules.options.joints)?;
     for (joint, value) in values.iter_mut().enumerate() {
-        if options.has_degrees(joint) {
+        if rules.options.has_degrees(joint) {
             *value = value.to_degrees();
         }
     }
-    numbers::write(Numbers { values, shape: None }, Width::Float64, dialect)
+    numbers::write_vector(values, rules)
 }
 
 /// The numbers of a field of a message.
@@ -115,8 +100,8 @@ pub(super) fn texts<'a>(fields: &'a Value, name: &str) -> Vec<&'a str> {
     items.iter().filter_map(Value::as_str).collect()
 }
 
-fn ordered(names: &[&str], position: Vec<f64>, joints: &[String]) -> Result<Vec<f64>, EncodeError> {
-    let mismatch = |expected: String, actual: String| EncodeError::Mismatch { expected, actual };
+fn ordered(names: &[&str], position: Vec<f64>, joints: &[String]) -> EncodeResult<Vec<f64>> {
+    let mismatch = |expected: String, actual: String| EncodeError::mismatch(expected, actual);
     if !names.is_empty() && names.len() != position.len() {
         let (names, count) = (names.len(), position.len());
         return Err(mismatch(format!("{names} positions, one a name"), format!("{count}")));

@@ -10,13 +10,12 @@
 //! last ray: the number of rays divides YARP's range. The status has no place in ROS.
 
 use bytes::Bytes;
-use wrapyfi_yarp::{Bottle, Dialect, Value as Element};
+use wrapyfi_yarp::{Bottle, Value as Element};
 
-use super::super::options::YarpOptions;
-use super::{fault, native, numbers};
-use wrapyfi_data::Limits;
+use super::rules::Rules;
+use super::{native, numbers};
 use wrapyfi_data::types::{Map, Tensor, Value};
-use wrapyfi_endpoint::codec::{DecodeError, EncodeError};
+use wrapyfi_endpoint::codec::{DecodeError, DecodeResult, EncodeResult};
 
 /// Status of a device that works, `DEVICE_OK_IN_USE`.
 const IN_USE: i32 = 1;
@@ -44,25 +43,20 @@ pub(in super::super) fn is_scan(bottle: &Bottle) -> bool {
 }
 
 /// Reads a scan as fields of a `LaserScan`, without its header.
-pub(super) fn read(
-    bytes: &Bytes,
-    options: &YarpOptions,
-    dialect: Dialect,
-    limits: &Limits,
-) -> Result<Map, DecodeError> {
-    let bottle = native::bottle(bytes, dialect, limits)?;
+pub(super) fn read(bytes: &Bytes, rules: Rules<'_>) -> DecodeResult<Map> {
+    let bottle = native::bottle(bytes, rules)?;
     let parts = parts(&bottle).ok_or_else(|| {
         let wanted = "a scan: angle_min angle_max range_min range_max (distances) status";
-        fault::mismatch(wanted, native::shown(&bottle))
+        DecodeError::mismatch(wanted, native::shown(&bottle))
     })?;
     let ([first, end, least, most], distances) = parts;
-    let [first, end] = options.radians([first, end]);
+    let [first, end] = rules.options.radians([first, end]);
     let count = distances.len();
     #[allow(clippy::cast_precision_loss)] // far fewer rays than a double can count
     let step = if count == 0 { 0.0 } else { (end - first) / count as f64 };
     let last = if count == 0 { first } else { end - step };
     let ranges = Tensor::from_elements(&[count], distances.into_iter().map(narrow).collect());
-    let ranges = ranges.map_err(|error| fault::malformed("scan", &error))?;
+    let ranges = ranges.map_err(|error| DecodeError::malformed("scan", error.to_string()))?;
     let number = |value| Value::from(f64::from(narrow(value)));
     Ok(Map::from([
         ("angle_min", number(first)),
@@ -81,11 +75,7 @@ fn narrow(value: f64) -> f32 {
 }
 
 /// Writes a scan.
-pub(super) fn write(
-    fields: &Value,
-    options: &YarpOptions,
-    dialect: Dialect,
-) -> Result<Vec<u8>, EncodeError> {
+pub(super) fn write(fields: &Value, rules: Rules<'_>) -> EncodeResult<Vec<u8>> {
     let number = |name| fields.get(name).and_then(Value::as_f64).unwrap_or_default();
     let ranges = fields.get("ranges").and_then(Value::as_tensor).and_then(Tensor::to_vec::<f32>);
     let scan: Bottle =
@@ -93,9 +83,9 @@ pub(super) fn write(
     let (first, step) = (number("angle_min"), number("angle_increment"));
     #[allow(clippy::cast_precision_loss)] // far fewer rays than a double can count
     let end = step.mul_add(scan.len() as f64, first);
-    let [first, end] = options.degrees([first, end]);
+    let [first, end] = rules.options.degrees([first, end]);
     let bounds = [first, end, number("range_min"), number("range_max")];
     let values = bounds.into_iter().map(Element::Float64);
     let rest = [Element::List(scan), Element::Int32(IN_USE)];
-    native::bytes(&Bottle { values: values.chain(rest).collect() }, dialect)
+    native::bytes(&Bottle { values: values.chain(rest).collect() }, rules.dialect)
 }

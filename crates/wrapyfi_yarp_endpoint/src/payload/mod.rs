@@ -26,6 +26,7 @@ mod numbers;
 mod positional;
 mod requests;
 mod ros;
+mod rules;
 mod sensors;
 mod sound;
 #[cfg(test)]
@@ -38,10 +39,12 @@ use wrapyfi_yarp::{Dialect, sig};
 
 use super::intrinsics::CAMERA_INFO;
 use super::options::{BottleFormat, YarpOptions};
-use element::Writer;
+use rules::Rules;
 use wrapyfi_data::types::{DataType, MessageType, NativeObject, Payload, Stamp};
 use wrapyfi_endpoint::TopicSpec;
-use wrapyfi_endpoint::codec::{DecodeError, EncodeError, fitted, received_as};
+use wrapyfi_endpoint::codec::{
+    DecodeError, DecodeResult, EncodeError, EncodeResult, fitted, received_as,
+};
 
 pub(super) use command::{COMMAND_PORT, trajectory};
 pub(super) use laser::is_scan;
@@ -68,15 +71,16 @@ pub fn encode(
     spec: &TopicSpec,
     options: &YarpOptions,
     dialect: Dialect,
-) -> Result<Outgoing, EncodeError> {
+) -> EncodeResult<Outgoing> {
     let format = options.bottle.unwrap_or_default();
-    let writer = Writer { dialect, limits: &spec.limits };
+    let rules = Rules::new(options, dialect, &spec.limits);
+    let writer = rules.writer();
     let wanted = spec.message_type.data_type();
     if let (DataType::Image, Payload::Image(image)) = (wanted, payload)
         && options.sends_files()
     {
         let file = image::encode_jpeg(image, spec)?;
-        fault::check_size(file.len(), spec.limits.message_bytes)?;
+        EncodeError::check_size(file.len(), spec.limits.message_bytes)?;
         return Ok(Outgoing { payload: Bytewise::raw(file), stamp: envelope(Some(image.stamp)) });
     }
     let payload = &*fitted(payload, spec.message_type, spec.color_order, &spec.limits)?;
@@ -93,7 +97,7 @@ pub fn encode(
             (native::encode(&properties.to_value(), format, &spec.plugins, writer)?, None)
         }
         (DataType::Image, Payload::Image(image)) => {
-            (image::encode(image, spec, options, dialect)?, Some(image.stamp))
+            (image::encode(image, spec, rules)?, Some(image.stamp))
         }
         (DataType::AudioChunk, Payload::AudioChunk(sound)) => {
             (sound::encode(sound, dialect)?, Some(sound.stamp))
@@ -101,19 +105,19 @@ pub fn encode(
         (DataType::RosMessage, Payload::RosMessage(message))
             if spec.message_type == MessageType::Ros(message.ros_type) =>
         {
-            ros::encode(message, spec, options, dialect)?
+            ros::encode(message, spec, rules)?
         }
         _ => {
-            return Err(EncodeError::Mismatch {
-                expected: spec.message_type.to_string(),
-                actual: match payload {
+            return Err(EncodeError::mismatch(
+                spec.message_type.to_string(),
+                match payload {
                     Payload::RosMessage(message) => format!("a {}", message.ros_type),
                     other => other.data_type().to_string(),
                 },
-            });
+            ));
         }
     };
-    fault::check_size(bytes.len(), spec.limits.message_bytes)?;
+    EncodeError::check_size(bytes.len(), spec.limits.message_bytes)?;
     Ok(Outgoing { payload: Bytewise::object(bytes), stamp: envelope(stamp) })
 }
 
@@ -146,10 +150,10 @@ pub fn decode(
     options: &YarpOptions,
     dialect: Dialect,
     now: Stamp,
-) -> Result<Payload, DecodeError> {
-    fault::check_received(received.bytes.len(), spec.limits.message_bytes)?;
-    native::in_either(&received.bytes, dialect, &spec.limits, |dialect| {
-        decode_as(received, stamp, spec, options, dialect, now)
+) -> DecodeResult<Payload> {
+    DecodeError::check_size(received.bytes.len(), spec.limits.message_bytes)?;
+    native::in_either(&received.bytes, Rules::new(options, dialect, &spec.limits), |rules| {
+        decode_as(received, stamp, spec, rules, now)
     })
 }
 
@@ -157,33 +161,30 @@ fn decode_as(
     received: &Bytewise,
     stamp: Option<sig::Stamp>,
     spec: &TopicSpec,
-    options: &YarpOptions,
-    dialect: Dialect,
+    rules: Rules<'_>,
     now: Stamp,
-) -> Result<Payload, DecodeError> {
+) -> DecodeResult<Payload> {
+    let Rules { options, limits, .. } = rules;
     let bytes: &Bytes = &received.bytes;
     let sent_at = time(stamp);
     let stamp = sent_at.unwrap_or(now);
-    let limits = &spec.limits;
     let kind = spec.message_type.data_type();
     if kind == DataType::Image {
-        let image = image::decode(bytes, received.kind, spec, options, dialect, stamp)?;
+        let image = image::decode(bytes, received.kind, spec, rules, stamp)?;
         return Ok(image.into());
     }
     if received.kind == PayloadKind::Raw {
         let actual = format!("{} bytes that are no bottle, as carrier mjpeg brings", bytes.len());
-        return Err(fault::mismatch(spec.message_type.to_string(), actual));
+        return Err(DecodeError::mismatch(spec.message_type.to_string(), actual));
     }
     match (spec.message_type, kind) {
         (MessageType::Ros(ros_type), _) => {
-            ros::decode(bytes, ros_type, spec, options, dialect, stamp).map(Payload::from)
+            ros::decode(bytes, ros_type, spec, rules, stamp).map(Payload::from)
         }
-        (_, DataType::AudioChunk) => {
-            sound::decode(bytes, options, dialect, limits, stamp).map(Payload::from)
-        }
+        (_, DataType::AudioChunk) => sound::decode(bytes, rules, stamp).map(Payload::from),
         (message_type, _) => {
             let format = options.bottle.unwrap_or_default();
-            let bottle = native::bottle(bytes, dialect, limits)?;
+            let bottle = native::bottle(bytes, rules)?;
             let object = |value| NativeObject {
                 stamp: sent_at.unwrap_or_default(),
                 frame_id: options.frame_id.clone(),
@@ -197,7 +198,7 @@ fn decode_as(
             } else {
                 format
             };
-            let value = native::decode(&bottle, format, &spec.plugins, dialect, limits)?;
+            let value = native::decode(&bottle, format, &spec.plugins, rules)?;
             received_as(object(value).into(), message_type, spec.color_order, limits, now)
         }
     }

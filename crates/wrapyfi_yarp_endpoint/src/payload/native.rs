@@ -13,45 +13,41 @@ use wrapyfi_yarp::{Bottle, Dialect, Value as Element};
 use super::super::options::BottleFormat;
 use super::element::{self, Writer};
 use super::fault;
-use wrapyfi_data::Limits;
+use super::rules::Rules;
 use wrapyfi_data::plugin::Plugins;
 use wrapyfi_data::types::Value;
-use wrapyfi_endpoint::codec::{DecodeError, EncodeError, json};
+use wrapyfi_endpoint::codec::{DecodeError, DecodeResult, EncodeError, EncodeResult, json};
 
 /// Reads a message with `read`: in `dialect`, or in the other one where its bytes are whole in that
 /// one alone. The length of a message is known, so the sizes of floats tell who wrote them.
 pub(super) fn in_either<T>(
     bytes: &Bytes,
-    dialect: Dialect,
-    limits: &Limits,
-    read: impl Fn(Dialect) -> Result<T, DecodeError>,
-) -> Result<T, DecodeError> {
-    read(dialect).or_else(|error| {
-        let bounds = fault::limits(limits);
+    rules: Rules<'_>,
+    read: impl Fn(Rules<'_>) -> DecodeResult<T>,
+) -> DecodeResult<T> {
+    read(rules).or_else(|error| {
+        let bounds = fault::limits(rules.limits);
         let whole = |dialect| {
             let frame = Bottle::frame(bytes, dialect, &bounds);
             matches!(frame, Ok(Frame::Complete(length)) if length == bytes.len())
         };
-        if whole(dialect) || !whole(dialect.other()) {
+        let other = rules.dialect.other();
+        if whole(rules.dialect) || !whole(other) {
             return Err(error);
         }
         // The other dialect's error is the one that is reported.
-        read(dialect.other())
+        read(Rules { dialect: other, ..rules })
     })
 }
 
 /// Reads the bottle that a message is.
-pub(super) fn bottle(
-    bytes: &Bytes,
-    dialect: Dialect,
-    limits: &Limits,
-) -> Result<Bottle, DecodeError> {
-    let read = Bottle::decode_whole(bytes, dialect, &fault::limits(limits));
+pub(super) fn bottle(bytes: &Bytes, rules: Rules<'_>) -> DecodeResult<Bottle> {
+    let read = Bottle::decode_whole(bytes, rules.dialect, &fault::limits(rules.limits));
     read.map_err(|error| fault::bottle(&error))
 }
 
 /// The bytes of a bottle.
-pub(super) fn bytes(bottle: &Bottle, dialect: Dialect) -> Result<Vec<u8>, EncodeError> {
+pub(super) fn bytes(bottle: &Bottle, dialect: Dialect) -> EncodeResult<Vec<u8>> {
     bottle.encode(dialect).map_err(|error| fault::encode(&error))
 }
 
@@ -66,17 +62,17 @@ pub(super) fn encode(
     format: BottleFormat,
     plugins: &Plugins,
     writer: Writer<'_>,
-) -> Result<Vec<u8>, EncodeError> {
+) -> EncodeResult<Vec<u8>> {
     let bottle = match (format, value) {
         (BottleFormat::Json, _) => single(json::encode_with(value, plugins)?),
         (BottleFormat::Bottle, _) | (BottleFormat::Property, Value::Map(_)) => {
             writer.bottle(value)?
         }
         (BottleFormat::Property, other) => {
-            return Err(EncodeError::Mismatch {
-                expected: "a dict, whose pairs become a Property (bottle: property)".to_owned(),
-                actual: format!("a {}", other.kind()),
-            });
+            return Err(EncodeError::mismatch(
+                "a dict, whose pairs become a Property (bottle: property)",
+                format!("a {}", other.kind()),
+            ));
         }
     };
     bytes(&bottle, writer.dialect)
@@ -87,26 +83,27 @@ pub(super) fn decode(
     bottle: &Bottle,
     format: BottleFormat,
     plugins: &Plugins,
-    dialect: Dialect,
-    limits: &Limits,
-) -> Result<Value, DecodeError> {
+    rules: Rules<'_>,
+) -> DecodeResult<Value> {
     match (format, bottle.values.as_slice()) {
         (BottleFormat::Json, [Element::String(text)]) => {
-            let read = json::decode_or_text(&text.clone().into_bytes(), limits, plugins);
+            let read = json::decode_or_text(&text.clone().into_bytes(), rules.limits, plugins);
             // A string of YARP may hold any bytes.
             match str::from_utf8(text.as_bytes()) {
                 Ok(_) => read,
-                Err(_) => Ok(element::to_value(&Element::String(text.clone()), dialect)),
+                Err(_) => Ok(element::to_value(&Element::String(text.clone()), rules.dialect)),
             }
         }
-        (BottleFormat::Json | BottleFormat::Bottle, _) => Ok(element::to_list(bottle, dialect)),
+        (BottleFormat::Json | BottleFormat::Bottle, _) => {
+            Ok(element::to_list(bottle, rules.dialect))
+        }
         (BottleFormat::Property, pairs) => {
             let bottle = match pairs {
                 [Element::Dict(whole)] => whole,
                 _ => bottle,
             };
-            let map = element::to_map(bottle, dialect).map(Value::from);
-            map.ok_or_else(|| fault::mismatch("pairs of key and value", shown(bottle)))
+            let map = element::to_map(bottle, rules.dialect).map(Value::from);
+            map.ok_or_else(|| DecodeError::mismatch("pairs of key and value", shown(bottle)))
         }
     }
 }
@@ -116,12 +113,9 @@ pub(super) fn encode_text(
     value: &Value,
     format: BottleFormat,
     writer: Writer<'_>,
-) -> Result<Vec<u8>, EncodeError> {
+) -> EncodeResult<Vec<u8>> {
     let Some(text) = value.as_str() else {
-        return Err(EncodeError::Mismatch {
-            expected: "a text".to_owned(),
-            actual: format!("a {}", value.kind()),
-        });
+        return Err(EncodeError::mismatch("a text", format!("a {}", value.kind())));
     };
     let bottle = match format {
         BottleFormat::Json => single(text.to_owned()),
@@ -131,7 +125,7 @@ pub(super) fn encode_text(
 }
 
 /// The bottle of a text form, as typed into `yarp write`.
-pub(super) fn typed(text: &str, writer: Writer<'_>) -> Result<Bottle, EncodeError> {
+pub(super) fn typed(text: &str, writer: Writer<'_>) -> EncodeResult<Bottle> {
     let limits = fault::limits(writer.limits);
     let typed = Bottle::from_text_as(text.as_bytes(), writer.dialect, &limits);
     typed.map_err(|error| fault::text(&error))

@@ -13,10 +13,10 @@ use bytes::Bytes;
 use wrapyfi_yarp::sig::{Matrix, Vector};
 use wrapyfi_yarp::{Bottle, Dialect, Value as Element};
 
+use super::rules::Rules;
 use super::{fault, native};
-use wrapyfi_data::Limits;
 use wrapyfi_data::types::{Map, Tensor, Value};
-use wrapyfi_endpoint::codec::{DecodeError, EncodeError};
+use wrapyfi_endpoint::codec::{DecodeError, DecodeResult, EncodeError, EncodeResult};
 
 /// Most dimensions of an array that YARP has a form for.
 const DIMENSIONS: usize = 2;
@@ -50,7 +50,7 @@ impl Width {
     }
 
     /// Numbers as the data of a message.
-    fn data(self, values: Vec<f64>) -> Result<Tensor, DecodeError> {
+    fn data(self, values: Vec<f64>) -> DecodeResult<Tensor> {
         let count = [values.len()];
         let data = match self {
             Self::Float64 => Tensor::from_elements(&count, values),
@@ -65,18 +65,18 @@ impl Width {
                 Tensor::from_elements(&count, values?)
             }
         };
-        data.map_err(|error| fault::malformed("vector", &error))
+        data.map_err(|error| DecodeError::malformed("vector", error.to_string()))
     }
 }
 
 /// A number that is one of 32 bits.
-fn integer(value: f64) -> Result<i32, DecodeError> {
+fn integer(value: f64) -> DecodeResult<i32> {
     #[allow(clippy::cast_possible_truncation)] // compared with what it was
     let whole = value as i32;
     if f64::from(whole) == value {
         return Ok(whole);
     }
-    Err(fault::mismatch(
+    Err(DecodeError::mismatch(
         "integers of 32 bits",
         format!("{value}: use std_msgs/msg/Float64MultiArray"),
     ))
@@ -96,22 +96,19 @@ impl Numbers {
 }
 
 /// Reads a vector, a matrix, or any bottle of numbers or of equal lists of numbers.
-pub(super) fn read(
-    bytes: &Bytes,
-    dialect: Dialect,
-    limits: &Limits,
-) -> Result<Numbers, DecodeError> {
-    let bounds = fault::limits(limits);
-    if let Ok(Vector(values)) = Vector::<f64>::decode(bytes, dialect, &bounds) {
+pub(super) fn read(bytes: &Bytes, rules: Rules<'_>) -> DecodeResult<Numbers> {
+    let bounds = fault::limits(rules.limits);
+    if let Ok(Vector(values)) = Vector::<f64>::decode(bytes, rules.dialect, &bounds) {
         return Ok(Numbers::vector(values));
     }
-    if let Ok(matrix) = Matrix::decode(bytes, dialect, &bounds) {
+    if let Ok(matrix) = Matrix::decode(bytes, rules.dialect, &bounds) {
         let shape = Some((matrix.rows(), matrix.columns()));
         return Ok(Numbers { values: matrix.values().to_vec(), shape });
     }
-    let bottle = native::bottle(bytes, dialect, limits)?;
-    of_bottle(&bottle)
-        .ok_or_else(|| fault::mismatch("a vector or a matrix of numbers", native::shown(&bottle)))
+    let bottle = native::bottle(bytes, rules)?;
+    of_bottle(&bottle).ok_or_else(|| {
+        DecodeError::mismatch("a vector or a matrix of numbers", native::shown(&bottle))
+    })
 }
 
 /// All elements as numbers.
@@ -139,7 +136,7 @@ fn of_bottle(bottle: &Bottle) -> Option<Numbers> {
 }
 
 /// The fields of the message.
-pub(super) fn to_fields(numbers: Numbers, width: Width) -> Result<Map, DecodeError> {
+pub(super) fn to_fields(numbers: Numbers, width: Width) -> DecodeResult<Map> {
     let Numbers { values, shape } = numbers;
     let count = values.len();
     let dims: Vec<Value> = match shape {
@@ -157,7 +154,7 @@ fn dim(label: &str, size: usize, stride: usize) -> Value {
 }
 
 /// The numbers in the fields of a message.
-pub(super) fn of_fields(fields: &Value, width: Width) -> Result<Numbers, EncodeError> {
+pub(super) fn of_fields(fields: &Value, width: Width) -> EncodeResult<Numbers> {
     let data = fields.get("data").and_then(Value::as_tensor).and_then(|data| width.read(data));
     let data = data.unwrap_or_default();
     let layout = fields.get("layout");
@@ -201,19 +198,26 @@ pub(super) fn of_fields(fields: &Value, width: Width) -> Result<Numbers, EncodeE
 }
 
 fn beyond(offset: usize, wanted: usize, given: usize) -> EncodeError {
-    EncodeError::Mismatch {
-        expected: format!("{wanted} numbers behind offset {offset}, as layout says"),
-        actual: format!("data of {given}"),
-    }
+    EncodeError::mismatch(
+        format!("{wanted} numbers behind offset {offset}, as layout says"),
+        format!("data of {given}"),
+    )
 }
 
 /// Writes a vector or a matrix.
+/// Writes a vector of float64.
+pub(super) fn write_vector(values: Vec<f64>, rules: Rules<'_>) -> EncodeResult<Vec<u8>> {
+    write(Numbers { values, shape: None }, Width::Float64, rules.dialect)
+}
+
+/// The numbers of a field of a message.
+pub(super) fn field(values: Vec<f64>) -> DecodeResult<Value> {
+    let tensor = Tensor::from_elements(&[values.len()], values);
+    tensor.map(Value::from).map_err(|error| DecodeError::malformed("vector", error.to_string()))
+}
+
 #[allow(clippy::cast_possible_truncation)] // they were of that width in the message
-pub(super) fn write(
-    numbers: Numbers,
-    width: Width,
-    dialect: Dialect,
-) -> Result<Vec<u8>, EncodeError> {
+pub(super) fn write(numbers: Numbers, width: Width, dialect: Dialect) -> EncodeResult<Vec<u8>> {
     let count = numbers.values.len();
     let written = match (numbers.shape, width, dialect) {
         (None, Width::Int32, _) => {

@@ -11,12 +11,13 @@ use wrapyfi_interfaces::dynamic::{DynamicMessage, DynamicValue};
 use wrapyfi_yarp::{Bottle, Dialect, Value as Element};
 
 use super::element::{self, Writer};
-use super::{fault, requests, ros};
+use super::rules::Rules;
+use super::{requests, ros};
 use wrapyfi_data::types::{
     Map, RosType, RosValueError, Value, fields_of_call, fields_of_return, value_of,
 };
-use wrapyfi_endpoint::codec::{DecodeError, EncodeError};
-use wrapyfi_endpoint::{Call, Request, ServiceSpec};
+use wrapyfi_endpoint::codec::{DecodeError, DecodeResult, EncodeError, EncodeResult};
+use wrapyfi_endpoint::{Call, Request};
 
 /// The field that the generator of ROS puts into messages without any.
 const FILLER: &str = "structure_needs_at_least_one_member";
@@ -29,7 +30,7 @@ pub(super) fn call(
     ros_type: RosType,
     request: &Request,
     limit: usize,
-) -> Result<DynamicMessage, EncodeError> {
+) -> EncodeResult<DynamicMessage> {
     let Call { args, kwargs } = &*wrapyfi_endpoint::codec::requests::call(request)?;
     let read = fields_of_call(ros_type, args, kwargs, limit);
     read.map_err(|error| other_fields(ros_type, &error))
@@ -40,19 +41,16 @@ pub(super) fn reply(
     ros_type: RosType,
     value: &Value,
     limit: usize,
-) -> Result<DynamicMessage, EncodeError> {
+) -> EncodeResult<DynamicMessage> {
     fields_of_return(ros_type, value, limit).map_err(|error| other_fields(ros_type, &error))
 }
 
 fn other_fields(ros_type: RosType, error: &RosValueError) -> EncodeError {
-    EncodeError::Mismatch {
-        expected: format!("the fields of a {ros_type}"),
-        actual: format!("others: {error}"),
-    }
+    EncodeError::mismatch(format!("the fields of a {ros_type}"), format!("others: {error}"))
 }
 
 /// The values of the fields, in order.
-pub(super) fn write(fields: &DynamicMessage, writer: Writer<'_>) -> Result<Bottle, EncodeError> {
+pub(super) fn write(fields: &DynamicMessage, writer: Writer<'_>) -> EncodeResult<Bottle> {
     let Value::Map(fields) = value_of(fields) else { return Ok(Bottle::new()) };
     let values = fields.iter().filter(|(name, _)| name.as_str() != Some(FILLER));
     let at = |(name, value): (&Value, &Value)| {
@@ -62,10 +60,7 @@ pub(super) fn write(fields: &DynamicMessage, writer: Writer<'_>) -> Result<Bottl
 }
 
 /// As [`write`], with success as `[ok]` or `[fail]`.
-pub(super) fn write_reply(
-    fields: &DynamicMessage,
-    writer: Writer<'_>,
-) -> Result<Bottle, EncodeError> {
+pub(super) fn write_reply(fields: &DynamicMessage, writer: Writer<'_>) -> EncodeResult<Bottle> {
     let mut bottle = write(fields, writer)?;
     if let Some((success, message)) = verdict(fields) {
         let [word, _] = if success { GOOD } else { BAD };
@@ -107,21 +102,20 @@ pub(super) fn by_name(args: &[Value], ros_type: RosType) -> Option<Map> {
 pub(super) fn read_reply(
     bottle: &Bottle,
     ros_type: RosType,
-    spec: &ServiceSpec,
-    dialect: Dialect,
-) -> Result<Result<Value, String>, DecodeError> {
+    rules: Rules<'_>,
+) -> DecodeResult<Result<Value, String>> {
     let defaults = ros_type.plan().default_message();
     let given = match verdict(&defaults).and_then(|_| judged(bottle)) {
         Some(fields) => fields,
         None => match requests::failure(bottle) {
             Some(text) => return Ok(Err(text)),
-            None => in_order(bottle, &defaults, ros_type, dialect)?,
+            None => in_order(bottle, &defaults, ros_type, rules.dialect)?,
         },
     };
     let named = ros::named(given.into(), &defaults);
     let fields =
-        fields_of_return(ros_type, &named, spec.limits.message_bytes).map_err(|error| {
-            fault::mismatch(format!("the fields of a {ros_type}"), format!("others: {error}"))
+        fields_of_return(ros_type, &named, rules.limits.message_bytes).map_err(|error| {
+            DecodeError::mismatch(format!("the fields of a {ros_type}"), format!("others: {error}"))
         })?;
     Ok(Ok(value_of(&fields)))
 }
@@ -151,7 +145,7 @@ fn in_order(
     defaults: &DynamicMessage,
     ros_type: RosType,
     dialect: Dialect,
-) -> Result<Map, DecodeError> {
+) -> DecodeResult<Map> {
     let values: Vec<Value> =
         bottle.values.iter().map(|value| element::to_value(value, dialect)).collect();
     if let Some(fields) = by_name(&values, ros_type) {
@@ -172,7 +166,7 @@ fn in_order(
             let values = values.into_iter().take(rest).chain([text.into()]);
             Ok(names.iter().copied().zip(values).collect())
         }
-        (names, _) if values.len() > names.len() => Err(fault::mismatch(
+        (names, _) if values.len() > names.len() => Err(DecodeError::mismatch(
             format!("{} values, the fields of a {ros_type}", names.len()),
             format!("{} values", values.len()),
         )),

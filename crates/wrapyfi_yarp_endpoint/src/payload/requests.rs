@@ -13,11 +13,14 @@ use wrapyfi_yarp::{Bottle, Dialect, Value as Element};
 
 use super::super::options::{BottleFormat, YarpOptions};
 use super::element::{self, Writer};
+use super::rules::Rules;
 use super::{fault, native, positional};
 use wrapyfi_data::types::{
     AudioChunk, DataType, Dtype, Map, Payload, SampleFormat, ServiceKind, Stamp, Tensor, Value,
 };
-use wrapyfi_endpoint::codec::{DecodeError, EncodeError, json, requests};
+use wrapyfi_endpoint::codec::{
+    DecodeError, DecodeResult, EncodeError, EncodeResult, json, requests,
+};
 use wrapyfi_endpoint::{Call, Request, ServiceSpec};
 
 /// First word of the reply of a server that fails.
@@ -50,7 +53,7 @@ pub fn encode_request(
     spec: &ServiceSpec,
     options: &YarpOptions,
     dialect: Dialect,
-) -> Result<Bytes, EncodeError> {
+) -> EncodeResult<Bytes> {
     let writer = Writer { dialect, limits: &spec.limits };
     let arguments = match (format(spec, options), spec.kind) {
         (BottleFormat::Json, _) => native::single(requests::encode_request(request, spec)?),
@@ -82,33 +85,27 @@ pub fn decode_request(
     spec: &ServiceSpec,
     options: &YarpOptions,
     dialect: Dialect,
-) -> Result<Request, DecodeError> {
-    fault::check_received(bytes.len(), spec.limits.message_bytes)?;
-    native::in_either(bytes, dialect, &spec.limits, |dialect| {
-        decode_request_as(bytes, spec, options, dialect)
+) -> DecodeResult<Request> {
+    DecodeError::check_size(bytes.len(), spec.limits.message_bytes)?;
+    native::in_either(bytes, Rules::new(options, dialect, &spec.limits), |rules| {
+        decode_request_as(bytes, spec, rules)
     })
 }
 
-fn decode_request_as(
-    bytes: &Bytes,
-    spec: &ServiceSpec,
-    options: &YarpOptions,
-    dialect: Dialect,
-) -> Result<Request, DecodeError> {
-    let mut bottle = native::bottle(bytes, dialect, &spec.limits)?;
-    let writer = Writer { dialect, limits: &spec.limits };
-    let words = words(options, writer).unwrap_or_default();
+fn decode_request_as(bytes: &Bytes, spec: &ServiceSpec, rules: Rules<'_>) -> DecodeResult<Request> {
+    let mut bottle = native::bottle(bytes, rules)?;
+    let words = words(rules.options, rules.writer()).unwrap_or_default();
     if !words.is_empty() && bottle.values.starts_with(&words.values) {
         bottle.values.drain(..words.len());
     }
-    if format(spec, options) == BottleFormat::Json
+    if format(spec, rules.options) == BottleFormat::Json
         && let [Element::String(text)] = bottle.values.as_slice()
         && text.as_bytes().trim_ascii_start().starts_with(b"[")
     {
         return requests::decode_request(&text.clone().into_bytes(), spec);
     }
     let mut args: Vec<Value> =
-        bottle.values.iter().map(|value| element::to_value(value, dialect)).collect();
+        bottle.values.iter().map(|value| element::to_value(value, rules.dialect)).collect();
     if let ServiceKind::Ros(service) = spec.kind
         && let Some(kwargs) = positional::by_name(&args, service.request())
     {
@@ -133,7 +130,7 @@ pub fn encode_reply(
     spec: &ServiceSpec,
     options: &YarpOptions,
     dialect: Dialect,
-) -> Result<Bytes, EncodeError> {
+) -> EncodeResult<Bytes> {
     let writer = Writer { dialect, limits: &spec.limits };
     let payload = &*requests::without_messages(payload)?;
     let value = match (spec.kind.data_type(), payload) {
@@ -143,10 +140,7 @@ pub fn encode_reply(
         }
         (DataType::AudioChunk, Payload::AudioChunk(sound)) => tuple(sound)?,
         (wanted, other) => {
-            return Err(EncodeError::Mismatch {
-                expected: wanted.to_string(),
-                actual: other.data_type().to_string(),
-            });
+            return Err(EncodeError::mismatch(wanted.to_string(), other.data_type().to_string()));
         }
     };
     let bottle = match (format(spec, options), spec.kind) {
@@ -166,7 +160,7 @@ pub fn encode_reply(
 }
 
 /// Wrapyfi's `(chunk, channels, rate, array)`.
-fn tuple(sound: &AudioChunk) -> Result<Value, EncodeError> {
+fn tuple(sound: &AudioChunk) -> EncodeResult<Value> {
     let sound = sound.to_format(SampleFormat::F32Le);
     let shape = [sound.frames as usize, usize::from(sound.channels)];
     let array = Tensor::new(Dtype::F32, shape, sound.data).map_err(|error| {
@@ -209,22 +203,21 @@ pub fn decode_reply(
     options: &YarpOptions,
     dialect: Dialect,
     now: Stamp,
-) -> Result<Result<Payload, String>, DecodeError> {
-    fault::check_received(bytes.len(), spec.limits.message_bytes)?;
-    native::in_either(bytes, dialect, &spec.limits, |dialect| {
-        decode_reply_as(bytes, spec, options, dialect, now)
+) -> DecodeResult<Result<Payload, String>> {
+    DecodeError::check_size(bytes.len(), spec.limits.message_bytes)?;
+    native::in_either(bytes, Rules::new(options, dialect, &spec.limits), |rules| {
+        decode_reply_as(bytes, spec, rules, now)
     })
 }
 
 fn decode_reply_as(
     bytes: &Bytes,
     spec: &ServiceSpec,
-    options: &YarpOptions,
-    dialect: Dialect,
+    rules: Rules<'_>,
     now: Stamp,
-) -> Result<Result<Payload, String>, DecodeError> {
-    let bottle = native::bottle(bytes, dialect, &spec.limits)?;
-    let format = format(spec, options);
+) -> DecodeResult<Result<Payload, String>> {
+    let bottle = native::bottle(bytes, rules)?;
+    let format = format(spec, rules.options);
     if let (BottleFormat::Json, [Element::String(text)]) = (format, bottle.values.as_slice()) {
         // Pictures and sound come as native objects, too: as arrays.
         let native = ServiceSpec { kind: ServiceKind::NativeObject, ..spec.clone() };
@@ -234,13 +227,13 @@ fn decode_reply_as(
         };
     }
     if let ServiceKind::Ros(service) = spec.kind {
-        let read = positional::read_reply(&bottle, service.response(), spec, dialect)?;
+        let read = positional::read_reply(&bottle, service.response(), rules)?;
         return Ok(read.map(Payload::from));
     }
     if let Some(text) = failure(&bottle) {
         return Ok(Err(text));
     }
-    let value = native::decode(&bottle, format, &spec.plugins, dialect, &spec.limits)?;
+    let value = native::decode(&bottle, format, &spec.plugins, rules)?;
     requests::received(value.into(), spec, now).map(Ok)
 }
 
@@ -261,12 +254,12 @@ pub(super) fn failure(bottle: &Bottle) -> Option<String> {
 }
 
 /// The words of option `command`.
-fn words(options: &YarpOptions, writer: Writer<'_>) -> Result<Bottle, EncodeError> {
+fn words(options: &YarpOptions, writer: Writer<'_>) -> EncodeResult<Bottle> {
     options.command.as_deref().map_or(Ok(Bottle::new()), |text| native::typed(text, writer))
 }
 
-fn finish(bottle: &Bottle, spec: &ServiceSpec, dialect: Dialect) -> Result<Bytes, EncodeError> {
+fn finish(bottle: &Bottle, spec: &ServiceSpec, dialect: Dialect) -> EncodeResult<Bytes> {
     let bytes = native::bytes(bottle, dialect)?;
-    fault::check_size(bytes.len(), spec.limits.message_bytes)?;
+    EncodeError::check_size(bytes.len(), spec.limits.message_bytes)?;
     Ok(bytes.into())
 }

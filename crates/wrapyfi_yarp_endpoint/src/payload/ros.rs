@@ -14,16 +14,16 @@
 
 use bytes::Bytes;
 use wrapyfi_interfaces::dynamic::{DynamicMessage, DynamicValue};
-use wrapyfi_yarp::{Dialect, Value as Element};
+use wrapyfi_yarp::Value as Element;
 
 use super::super::intrinsics::CAMERA_INFO;
-use super::super::options::{BottleFormat, YarpOptions};
-use super::element::Writer;
+use super::super::options::BottleFormat;
 use super::numbers::Width;
+use super::rules::Rules;
 use super::{base, camera, command, fault, frames, joints, laser, native, numbers, sensors};
 use wrapyfi_data::types::{Header, Map, RosMessage, RosType, Stamp, Value};
 use wrapyfi_endpoint::TopicSpec;
-use wrapyfi_endpoint::codec::{DecodeError, EncodeError, json};
+use wrapyfi_endpoint::codec::{DecodeError, DecodeResult, EncodeResult, json};
 
 /// Joints of a control board, and movements of them.
 pub(crate) const JOINTS: &str = "sensor_msgs/msg/JointState";
@@ -41,38 +41,38 @@ const TWIST_STAMPED: &str = "geometry_msgs/msg/TwistStamped";
 pub(super) fn encode(
     message: &RosMessage,
     spec: &TopicSpec,
-    options: &YarpOptions,
-    dialect: Dialect,
-) -> Result<(Vec<u8>, Option<Stamp>), EncodeError> {
+    rules: Rules<'_>,
+) -> EncodeResult<(Vec<u8>, Option<Stamp>)> {
     let fields = fields(message, spec)?;
     let name = message.ros_type.name();
-    let bytes = match (name, Width::of(name), options.bottle) {
-        (_, _, Some(BottleFormat::Json)) => {
-            native::bytes(&native::single(json::encode_with(&fields, &spec.plugins)?), dialect)?
+    let bytes = match (name, Width::of(name), rules.options.bottle) {
+        (_, _, Some(BottleFormat::Json)) => native::bytes(
+            &native::single(json::encode_with(&fields, &spec.plugins)?),
+            rules.dialect,
+        )?,
+        (JOINTS, _, None) if command::is_for(spec, rules.options) => {
+            command::of_state(&fields, spec, rules)?
         }
-        (JOINTS, _, None) if command::is_for(spec, options) => {
-            command::of_state(&fields, spec, options, dialect)?
-        }
-        (JOINTS, _, None) => joints::write(&fields, options, dialect)?,
-        (IMU, _, None) => sensors::write_imu(&fields, options, dialect)?,
-        (WRENCH, _, None) => sensors::write_wrench(&fields, dialect)?,
-        (FRAMES, _, None) => return frames::write(&fields, dialect),
-        (SCAN, _, None) => laser::write(&fields, options, dialect)?,
-        (ODOMETRY, _, None) => base::write_odometry(&fields, options, dialect)?,
-        (TWIST | TWIST_STAMPED, _, None) if let Some(base) = options.base => {
+        (JOINTS, _, None) => joints::write(&fields, rules)?,
+        (IMU, _, None) => sensors::write_imu(&fields, rules)?,
+        (WRENCH, _, None) => sensors::write_wrench(&fields, rules)?,
+        (FRAMES, _, None) => return frames::write(&fields, rules.dialect),
+        (SCAN, _, None) => laser::write(&fields, rules)?,
+        (ODOMETRY, _, None) => base::write_odometry(&fields, rules)?,
+        (TWIST | TWIST_STAMPED, _, None) if let Some(base) = rules.options.base => {
             let twist = fields.get("twist").unwrap_or(&fields);
-            base::write_velocity(twist, base, options, dialect)?
+            base::write_velocity(twist, base, rules)?
         }
         (_, Some(width), None) => {
-            numbers::write(numbers::of_fields(&fields, width)?, width, dialect)?
+            numbers::write(numbers::of_fields(&fields, width)?, width, rules.dialect)?
         }
-        _ => native::bytes(&Writer { dialect, limits: &spec.limits }.bottle(&fields)?, dialect)?,
+        _ => native::bytes(&rules.writer().bottle(&fields)?, rules.dialect)?,
     };
     Ok((bytes, Header::of_fields(&fields).map(|header| header.stamp)))
 }
 
 /// The fields of a message.
-pub(super) fn fields(message: &RosMessage, spec: &TopicSpec) -> Result<Value, EncodeError> {
+pub(super) fn fields(message: &RosMessage, spec: &TopicSpec) -> EncodeResult<Value> {
     message.to_value(spec.limits.message_bytes).map_err(|error| {
         let what = format!("a malformed {}: {error}", message.ros_type);
         fault::unwritable("bottle", what, "$", "look at its publisher")
@@ -84,30 +84,26 @@ pub(super) fn decode(
     bytes: &Bytes,
     ros_type: RosType,
     spec: &TopicSpec,
-    options: &YarpOptions,
-    dialect: Dialect,
+    rules: Rules<'_>,
     stamp: Stamp,
-) -> Result<RosMessage, DecodeError> {
-    let limits = &spec.limits;
+) -> DecodeResult<RosMessage> {
     let name = ros_type.name();
-    let fields = match (name, Width::of(name), options.bottle) {
-        (JOINTS, _, None) => joints::read(bytes, options, dialect, limits)?,
-        (IMU, _, None) => sensors::read_imu(bytes, options, dialect, limits)?,
-        (WRENCH, _, None) => sensors::read_wrench(bytes, options, dialect, limits)?,
-        (FRAMES, _, None) => frames::read(bytes, dialect, limits, stamp)?,
-        (SCAN, _, None) => laser::read(bytes, options, dialect, limits)?,
-        (ODOMETRY, _, None) => base::read_odometry(bytes, options, dialect, limits, stamp)?,
-        (CAMERA_INFO, _, None) if let Some(size) = camera::size(bytes, limits) => {
-            camera::info(size, options)?
+    let fields = match (name, Width::of(name), rules.options.bottle) {
+        (JOINTS, _, None) => joints::read(bytes, rules)?,
+        (IMU, _, None) => sensors::read_imu(bytes, rules)?,
+        (WRENCH, _, None) => sensors::read_wrench(bytes, rules)?,
+        (FRAMES, _, None) => frames::read(bytes, rules, stamp)?,
+        (SCAN, _, None) => laser::read(bytes, rules)?,
+        (ODOMETRY, _, None) => base::read_odometry(bytes, rules, stamp)?,
+        (CAMERA_INFO, _, None) if let Some(size) = camera::size(bytes, rules.limits) => {
+            camera::info(size, rules.options)?
         }
-        (_, Some(width), None) => {
-            numbers::to_fields(numbers::read(bytes, dialect, limits)?, width)?
-        }
-        _ => pairs(bytes, ros_type, spec, dialect)?,
+        (_, Some(width), None) => numbers::to_fields(numbers::read(bytes, rules)?, width)?,
+        _ => pairs(bytes, ros_type, spec, rules)?,
     };
-    let header = || Header { stamp, frame_id: options.frame_id.clone() };
-    RosMessage::from_value_with(ros_type, fields.into(), header, limits.message_bytes)
-        .map_err(|error| fault::mismatch(ros_type.name(), format!("other fields: {error}")))
+    let header = || Header { stamp, frame_id: rules.options.frame_id.clone() };
+    RosMessage::from_value_with(ros_type, fields.into(), header, rules.limits.message_bytes)
+        .map_err(|error| DecodeError::mismatch(ros_type.name(), format!("other fields: {error}")))
 }
 
 /// The fields in a dict: pairs of name and value, or JSON.
@@ -115,17 +111,17 @@ fn pairs(
     bytes: &Bytes,
     ros_type: RosType,
     spec: &TopicSpec,
-    dialect: Dialect,
-) -> Result<Map, DecodeError> {
-    let bottle = native::bottle(bytes, dialect, &spec.limits)?;
+    rules: Rules<'_>,
+) -> DecodeResult<Map> {
+    let bottle = native::bottle(bytes, rules)?;
     let format = match bottle.values.as_slice() {
         [Element::String(_)] => BottleFormat::Json,
         _ => BottleFormat::Property,
     };
-    let value = native::decode(&bottle, format, &spec.plugins, dialect, &spec.limits)?;
+    let value = native::decode(&bottle, format, &spec.plugins, rules)?;
     match named(value, &ros_type.plan().default_message()) {
         Value::Map(fields) => Ok(fields),
-        other => Err(fault::mismatch(
+        other => Err(DecodeError::mismatch(
             format!("the fields of a {ros_type} as pairs (name value)"),
             format!("a {}", other.kind()),
         )),

@@ -10,14 +10,13 @@
 //! `multipleanalogsensorsserver`: option `sensor` says which sensor of each list is meant.
 
 use bytes::Bytes;
-use wrapyfi_yarp::{Bottle, Dialect};
+use wrapyfi_yarp::Bottle;
 
-use super::super::options::YarpOptions;
-use super::numbers::{self, Numbers, Width};
-use super::{fault, native};
-use wrapyfi_data::Limits;
-use wrapyfi_data::types::{Map, Tensor, Value};
-use wrapyfi_endpoint::codec::{DecodeError, EncodeError};
+use super::native;
+use super::numbers::{self, Numbers};
+use super::rules::Rules;
+use wrapyfi_data::types::{Map, Value};
+use wrapyfi_endpoint::codec::{DecodeError, DecodeResult, EncodeResult};
 
 /// Numbers of an inertial sensor, four times three.
 const INERTIAL: usize = 12;
@@ -39,18 +38,18 @@ enum Message {
     Measures(Bottle),
 }
 
-fn message(bytes: &Bytes, dialect: Dialect, limits: &Limits) -> Result<Message, DecodeError> {
-    let bottle = match numbers::read(bytes, dialect, limits) {
+fn message(bytes: &Bytes, rules: Rules<'_>) -> DecodeResult<Message> {
+    let bottle = match numbers::read(bytes, rules) {
         Ok(Numbers { values, shape: None }) if !values.is_empty() => {
             return Ok(Message::Numbers(values));
         }
-        _ => native::bottle(bytes, dialect, limits)?,
+        _ => native::bottle(bytes, rules)?,
     };
     if bottle.len() > FORCE_TORQUES && bottle.values.iter().all(|list| list.as_list().is_some()) {
         return Ok(Message::Measures(bottle));
     }
     let wanted = "a vector of numbers, or the lists of measures:o";
-    Err(fault::mismatch(wanted, native::shown(&bottle)))
+    Err(DecodeError::mismatch(wanted, native::shown(&bottle)))
 }
 
 /// The numbers of a sensor in a list of `measures:o`; none where the list is shorter.
@@ -62,42 +61,39 @@ fn measure<const N: usize>(bottle: &Bottle, list: usize, sensor: usize) -> Optio
 
 fn missing(what: &str, bottle: &Bottle, sensor: usize) -> DecodeError {
     let wanted = format!("{what} number {sensor} (option sensor) among the measurements");
-    fault::mismatch(wanted, native::shown(bottle))
+    DecodeError::mismatch(wanted, native::shown(bottle))
 }
 
 /// Reads an inertial sensor as fields of an `Imu`, without its header.
-pub(super) fn read_imu(
-    bytes: &Bytes,
-    options: &YarpOptions,
-    dialect: Dialect,
-    limits: &Limits,
-) -> Result<Map, DecodeError> {
-    let (angles, acceleration, velocity) = match message(bytes, dialect, limits)? {
+pub(super) fn read_imu(bytes: &Bytes, rules: Rules<'_>) -> DecodeResult<Map> {
+    let (angles, acceleration, velocity) = match message(bytes, rules)? {
         Message::Numbers(values) => {
             let &[r, p, y, ax, ay, az, wx, wy, wz, _, _, _] = values.as_slice() else {
                 let count = values.len();
                 let wanted = format!("{INERTIAL} numbers of an inertial sensor");
-                return Err(fault::mismatch(wanted, format!("a vector of {count}")));
+                return Err(DecodeError::mismatch(wanted, format!("a vector of {count}")));
             };
             (Some([r, p, y]), Some([ax, ay, az]), Some([wx, wy, wz]))
         }
         Message::Measures(bottle) => {
-            let list = |list| measure::<3>(&bottle, list, options.sensor);
+            let list = |list| measure::<3>(&bottle, list, rules.options.sensor);
             let found = (list(ORIENTATIONS), list(ACCELEROMETERS), list(GYROSCOPES));
             if matches!(found, (None, None, None)) {
-                return Err(missing("an inertial sensor", &bottle, options.sensor));
+                return Err(missing("an inertial sensor", &bottle, rules.options.sensor));
             }
             found
         }
     };
     let mut fields = Map::new();
     match angles {
-        Some(angles) => drop(fields.insert("orientation", quaternion(options.radians(angles)))),
+        Some(angles) => {
+            drop(fields.insert("orientation", quaternion(rules.options.radians(angles))))
+        }
         None => drop(fields.insert("orientation_covariance", unmeasured()?)),
     }
     match velocity {
         Some(velocity) => {
-            drop(fields.insert("angular_velocity", vector3(options.radians(velocity))));
+            drop(fields.insert("angular_velocity", vector3(rules.options.radians(velocity))));
         }
         None => drop(fields.insert("angular_velocity_covariance", unmeasured()?)),
     }
@@ -109,32 +105,23 @@ pub(super) fn read_imu(
 }
 
 /// Writes the vector of an inertial sensor; ROS has no magnetic field there.
-pub(super) fn write_imu(
-    fields: &Value,
-    options: &YarpOptions,
-    dialect: Dialect,
-) -> Result<Vec<u8>, EncodeError> {
-    let angles = options.degrees(roll_pitch_yaw(fields.get("orientation")));
+pub(super) fn write_imu(fields: &Value, rules: Rules<'_>) -> EncodeResult<Vec<u8>> {
+    let angles = rules.options.degrees(roll_pitch_yaw(fields.get("orientation")));
     let acceleration = of_vector3(fields.get("linear_acceleration"));
-    let velocity = options.degrees(of_vector3(fields.get("angular_velocity")));
+    let velocity = rules.options.degrees(of_vector3(fields.get("angular_velocity")));
     let values = [angles, acceleration, velocity, [0.0; 3]].concat();
-    numbers::write(Numbers { values, shape: None }, Width::Float64, dialect)
+    numbers::write_vector(values, rules)
 }
 
 /// Reads forces and torques as fields of a `WrenchStamped`, without its header.
-pub(super) fn read_wrench(
-    bytes: &Bytes,
-    options: &YarpOptions,
-    dialect: Dialect,
-    limits: &Limits,
-) -> Result<Map, DecodeError> {
-    let values = match message(bytes, dialect, limits)? {
+pub(super) fn read_wrench(bytes: &Bytes, rules: Rules<'_>) -> DecodeResult<Map> {
+    let values = match message(bytes, rules)? {
         Message::Numbers(values) => <[f64; FORCES]>::try_from(values).map_err(|values| {
             let wanted = format!("{FORCES} numbers, force and torque");
-            fault::mismatch(wanted, format!("a vector of {}", values.len()))
+            DecodeError::mismatch(wanted, format!("a vector of {}", values.len()))
         })?,
-        Message::Measures(bottle) => measure(&bottle, FORCE_TORQUES, options.sensor)
-            .ok_or_else(|| missing("a force and torque sensor", &bottle, options.sensor))?,
+        Message::Measures(bottle) => measure(&bottle, FORCE_TORQUES, rules.options.sensor)
+            .ok_or_else(|| missing("a force and torque sensor", &bottle, rules.options.sensor))?,
     };
     let [fx, fy, fz, tx, ty, tz] = values;
     let wrench = Map::from([("force", vector3([fx, fy, fz])), ("torque", vector3([tx, ty, tz]))]);
@@ -142,18 +129,16 @@ pub(super) fn read_wrench(
 }
 
 /// Writes the vector of forces and torques.
-pub(super) fn write_wrench(fields: &Value, dialect: Dialect) -> Result<Vec<u8>, EncodeError> {
+pub(super) fn write_wrench(fields: &Value, rules: Rules<'_>) -> EncodeResult<Vec<u8>> {
     let wrench = fields.get("wrench");
     let part = |name| of_vector3(wrench.and_then(|wrench| wrench.get(name)));
     let values = [part("force"), part("torque")].concat();
-    numbers::write(Numbers { values, shape: None }, Width::Float64, dialect)
+    numbers::write_vector(values, rules)
 }
 
 /// The covariance that says that nothing was measured.
-fn unmeasured() -> Result<Value, DecodeError> {
-    let values = vec![-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-    let tensor = Tensor::from_elements(&[values.len()], values);
-    tensor.map(Value::from).map_err(|error| fault::malformed("vector", &error))
+fn unmeasured() -> DecodeResult<Value> {
+    numbers::field(vec![-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
 }
 
 pub(super) fn vector3([x, y, z]: Vector3) -> Value {
@@ -196,7 +181,11 @@ pub(super) fn roll_pitch_yaw(orientation: Option<&Value>) -> Vector3 {
 mod tests {
     use proptest::prelude::*;
 
+    use super::super::super::options::YarpOptions;
+    use super::super::numbers::Width;
     use super::*;
+    use wrapyfi_data::Limits;
+    use wrapyfi_yarp::Dialect;
 
     proptest! {
         #[test]
@@ -219,19 +208,20 @@ mod tests {
             values.iter_mut().take(3).for_each(|angle| *angle *= scale);
             values.iter_mut().skip(9).for_each(|field| *field = 0.0);
             for dialect in [Dialect::V3, Dialect::V4] {
+                let rules = Rules::new(&options, dialect, &limits);
                 let vector = |values: &[f64]| {
                     let numbers = Numbers { values: values.to_vec(), shape: None };
                     Bytes::from(numbers::write(numbers, Width::Float64, dialect).unwrap())
                 };
-                let fields = read_imu(&vector(&values), &options, dialect, &limits).unwrap();
-                let bytes = write_imu(&fields.into(), &options, dialect).unwrap().into();
-                let back = numbers::read(&bytes, dialect, &limits).unwrap().values;
+                let fields = read_imu(&vector(&values), rules).unwrap();
+                let bytes = write_imu(&fields.into(), rules).unwrap().into();
+                let back = numbers::read(&bytes, rules).unwrap().values;
                 for (one, other) in values.iter().zip(&back) {
                     prop_assert!((one - other).abs() < 1e-9, "{back:?}");
                 }
                 let forces = vector(&values[..FORCES]);
-                let fields = read_wrench(&forces, &options, dialect, &limits).unwrap();
-                prop_assert_eq!(&write_wrench(&fields.into(), dialect).unwrap(), &forces);
+                let fields = read_wrench(&forces, rules).unwrap();
+                prop_assert_eq!(&write_wrench(&fields.into(), rules).unwrap(), &forces);
             }
         }
     }

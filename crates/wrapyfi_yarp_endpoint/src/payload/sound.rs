@@ -13,11 +13,10 @@ use bytes::Bytes;
 use wrapyfi_yarp::Dialect;
 use wrapyfi_yarp::sig::{Sound, SoundError};
 
-use super::super::options::YarpOptions;
+use super::rules::Rules;
 use super::{fault, native};
-use wrapyfi_data::Limits;
 use wrapyfi_data::types::{AudioChunk, SampleFormat, Stamp};
-use wrapyfi_endpoint::codec::{DecodeError, EncodeError};
+use wrapyfi_endpoint::codec::{DecodeError, DecodeResult, EncodeError};
 
 /// Factor by which Wrapyfi multiplies floats to make integers.
 const FULL_SCALE: f64 = 32767.0;
@@ -57,32 +56,27 @@ fn sample(x: f32) -> i16 {
 }
 
 /// Reads a sound.
-pub(super) fn decode(
-    bytes: &Bytes,
-    options: &YarpOptions,
-    dialect: Dialect,
-    limits: &Limits,
-    stamp: Stamp,
-) -> Result<AudioChunk, DecodeError> {
-    let bounds = fault::limits(limits);
-    let read = match Sound::decode(bytes, dialect, &bounds) {
+pub(super) fn decode(bytes: &Bytes, rules: Rules<'_>, stamp: Stamp) -> DecodeResult<AudioChunk> {
+    let bounds = fault::limits(rules.limits);
+    let read = match Sound::decode(bytes, rules.dialect, &bounds) {
         // The samples of YARP 4 are followed by no bottle, but the number of elements tells the
         // version.
-        Err(SoundError::OtherVersion { .. }) => Sound::decode(bytes, dialect.other(), &bounds),
+        Err(SoundError::OtherVersion { .. }) => {
+            Sound::decode(bytes, rules.dialect.other(), &bounds)
+        }
         read => read,
     };
     let sound = match read {
         // Over text carriers its samples come as numbers of any width.
         Err(error @ (SoundError::NotASound { .. } | SoundError::Truncated { .. })) => {
-            let bottle =
-                native::bottle(bytes, dialect, limits).map_err(|_none| fault::sound(&error))?;
+            let bottle = native::bottle(bytes, rules).map_err(|_none| fault::sound(&error))?;
             Sound::from_bottle(&bottle)
-                .map_err(|_other| fault::mismatch("a sound", native::shown(&bottle)))
+                .map_err(|_other| DecodeError::mismatch("a sound", native::shown(&bottle)))
         }
         read => read.map_err(|error| fault::sound(&error)),
     }?;
     let damaged = |what: &str, value: &dyn std::fmt::Display, limit: u64| {
-        fault::malformed("sound", &format!("{what} {value}, from 1 to {limit} are read"))
+        DecodeError::malformed("sound", format!("{what} {value}, from 1 to {limit} are read"))
     };
     let channels = u8::try_from(sound.channels())
         .map_err(|_many| damaged("channels:", &sound.channels(), u8::MAX.into()))?;
@@ -96,6 +90,6 @@ pub(super) fn decode(
         sound.to_interleaved().into_iter().flat_map(i16::to_le_bytes).collect()
     };
     let chunk = AudioChunk::new(stamp, frames, channels, rate, SampleFormat::S16Le, data);
-    let chunk = chunk.map_err(|error| fault::malformed("sound", &error))?;
-    Ok(AudioChunk { frame_id: options.frame_id.clone(), ..chunk })
+    let chunk = chunk.map_err(|error| DecodeError::malformed("sound", error.to_string()))?;
+    Ok(AudioChunk { frame_id: rules.options.frame_id.clone(), ..chunk })
 }

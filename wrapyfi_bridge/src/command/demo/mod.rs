@@ -31,10 +31,9 @@ use crate::exit::Failure;
 use crate::in_force::InForce;
 use crate::middlewares::{DemoMiddlewares, Endpoints};
 use crate::node::Node;
-use crate::output;
 use crate::page::{self, Page};
 use crate::shutdown::Shutdown;
-use crate::table;
+use crate::{output, table};
 
 /// Runs for `--seconds`, or until the process is asked to end.
 ///

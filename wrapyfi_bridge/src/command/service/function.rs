@@ -12,8 +12,9 @@ use anyhow::anyhow;
 use bytes::Bytes;
 use wrapyfi_core::Limits;
 use wrapyfi_core::codec::{self, json};
-use wrapyfi_core::endpoint::{Call, CallError, Context, Request, ServeError, Server, ServiceSpec};
-use wrapyfi_core::endpoint::{EndpointAddress, TopicSpec};
+use wrapyfi_core::endpoint::{
+    Call, CallError, Context, EndpointAddress, Request, ServeError, Server, ServiceSpec, TopicSpec,
+};
 use wrapyfi_core::middleware::{ros1, yarp};
 use wrapyfi_core::types::{Map, Payload, ServiceKind, Stamp, Value};
 
@@ -22,10 +23,9 @@ use crate::cli::{CallArgs, ServeArgs, ServiceName};
 use crate::command::{WAIT_SLICE, any};
 use crate::describe::{describe, summary};
 use crate::exit::Failure;
-use crate::input;
 use crate::middlewares::{Middlewares, Role};
-use crate::output;
 use crate::shutdown::Shutdown;
+use crate::{input, output};
 
 /// Calls once and prints what the function returned.
 ///

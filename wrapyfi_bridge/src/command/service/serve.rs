@@ -13,10 +13,9 @@ use super::{function, no_type, shown};
 use crate::cli::{ServeArgs, ServiceName};
 use crate::command::{WAIT_SLICE, any};
 use crate::exit::Failure;
-use crate::input;
 use crate::middlewares::Middlewares;
-use crate::output;
 use crate::shutdown::Shutdown;
+use crate::{input, output};
 
 /// Serves until `count` requests were answered or the process is asked to end.
 ///

@@ -27,7 +27,7 @@ pub(crate) use text::{RawString, Text};
 
 use bytes::Bytes;
 
-use super::{DecodeError, EncodeError};
+use super::{DecodeError, DecodeResult, EncodeResult};
 use crate::Limits;
 use crate::plugin::Plugins;
 use crate::types::{Tensor, Value};
@@ -48,7 +48,7 @@ const MAX_DIGITS: usize = 4300;
 ///
 /// # Errors
 /// When `text` is not a native object, or exceeds a limit.
-pub fn decode(text: &Bytes, limits: &Limits) -> Result<Value, DecodeError> {
+pub fn decode(text: &Bytes, limits: &Limits) -> DecodeResult<Value> {
     decode_with(text, limits, &Plugins::standard())
 }
 
@@ -57,7 +57,7 @@ pub fn decode(text: &Bytes, limits: &Limits) -> Result<Value, DecodeError> {
 /// # Errors
 /// As [`decode`]. An object that its plug-in refuses is no error: it is carried as
 /// [`crate::types::Tagged`] with the reason.
-pub fn decode_with(text: &Bytes, limits: &Limits, plugins: &Plugins) -> Result<Value, DecodeError> {
+pub fn decode_with(text: &Bytes, limits: &Limits, plugins: &Plugins) -> DecodeResult<Value> {
     decode::run(text, None, limits, plugins)
 }
 
@@ -75,11 +75,7 @@ pub fn decode_with(text: &Bytes, limits: &Limits, plugins: &Plugins) -> Result<V
 /// # Errors
 /// As [`decode_with`] where a limit is exceeded, `__wrapyfi__` stands in the text, which was therefore
 /// meant as an object, or the text is no UTF-8.
-pub fn decode_or_text(
-    text: &Bytes,
-    limits: &Limits,
-    plugins: &Plugins,
-) -> Result<Value, DecodeError> {
+pub fn decode_or_text(text: &Bytes, limits: &Limits, plugins: &Plugins) -> DecodeResult<Value> {
     decode_with(text, limits, plugins).or_else(|error| {
         let is_plain = matches!(error, DecodeError::Malformed { .. })
             && memchr::memmem::find(text, TAG.as_bytes()).is_none();
@@ -100,7 +96,7 @@ pub fn decode_with_tensors(
     tensors: &[Tensor],
     limits: &Limits,
     plugins: &Plugins,
-) -> Result<Value, DecodeError> {
+) -> DecodeResult<Value> {
     decode::run(text, Some(tensors), limits, plugins)
 }
 
@@ -112,7 +108,7 @@ pub fn decode_with_tensors(
 ///
 /// # Errors
 /// When something inside has no form in Wrapyfi's JSON; the message says where and what to do.
-pub fn encode(value: &Value) -> Result<Vec<u8>, EncodeError> {
+pub fn encode(value: &Value) -> EncodeResult<Vec<u8>> {
     encode_with(value, &Plugins::standard())
 }
 
@@ -120,7 +116,7 @@ pub fn encode(value: &Value) -> Result<Vec<u8>, EncodeError> {
 ///
 /// # Errors
 /// As [`encode`], and when the plug-in of an object inside is not among `plugins`.
-pub fn encode_with(value: &Value, plugins: &Plugins) -> Result<Vec<u8>, EncodeError> {
+pub fn encode_with(value: &Value, plugins: &Plugins) -> EncodeResult<Vec<u8>> {
     encode::run(value, None, plugins).map(|(text, _)| text)
 }
 
@@ -132,7 +128,7 @@ pub fn encode_with(value: &Value, plugins: &Plugins) -> Result<Vec<u8>, EncodeEr
 pub fn encode_with_tensors(
     value: &Value,
     plugins: &Plugins,
-) -> Result<(Vec<u8>, Vec<Tensor>), EncodeError> {
+) -> EncodeResult<(Vec<u8>, Vec<Tensor>)> {
     encode::run(value, Some(Vec::new()), plugins)
 }
 

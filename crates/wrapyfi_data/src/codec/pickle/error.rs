@@ -116,10 +116,5 @@ impl From<PickleError> for DecodeError {
 
 /// Error for a thing that this protocol has no way to write.
 pub(super) fn unwritable(what: impl Into<String>, remedy: &str) -> EncodeError {
-    EncodeError::Unrepresentable {
-        format: "pickle",
-        what: what.into(),
-        path: "$".to_owned(),
-        remedy: remedy.to_owned(),
-    }
+    EncodeError::unrepresentable("pickle", what, remedy)
 }

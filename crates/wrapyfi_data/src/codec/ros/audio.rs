@@ -9,10 +9,10 @@ use wrapyfi_interfaces::wrapyfi_msgs::msg;
 use wrapyfi_interfaces::wrapyfi_ros2_interfaces::msg::ROS2AudioMessage;
 
 use super::{FORMAT, countable, header, little_endian, malformed, misfit, quote, stamp};
-use crate::codec::{DecodeError, EncodeError};
+use crate::codec::{DecodeResult, EncodeError, EncodeResult};
 use crate::types::{AudioChunk, SampleFormat};
 
-pub(super) fn encode(sound: &AudioChunk) -> Result<CdrParts, EncodeError> {
+pub(super) fn encode(sound: &AudioChunk) -> EncodeResult<CdrParts> {
     check(sound)?;
     let message = msg::AudioChunk {
         header: header(sound.stamp, &sound.frame_id),
@@ -30,14 +30,12 @@ pub(super) fn encode(sound: &AudioChunk) -> Result<CdrParts, EncodeError> {
 }
 
 /// Writes what Python Wrapyfi accepts: floats under the label of integers.
-pub(super) fn encode_upstream(sound: &AudioChunk) -> Result<CdrParts, EncodeError> {
+pub(super) fn encode_upstream(sound: &AudioChunk) -> EncodeResult<CdrParts> {
     upstream_message(sound).map(|message| message.encode())
 }
 
 /// The fields that Python Wrapyfi accepts.
-pub(in crate::codec) fn upstream_message(
-    sound: &AudioChunk,
-) -> Result<ROS2AudioMessage, EncodeError> {
+pub(in crate::codec) fn upstream_message(sound: &AudioChunk) -> EncodeResult<ROS2AudioMessage> {
     check(sound)?;
     let sound = sound.to_format(SampleFormat::F32Le);
     countable("data", sound.data.len())?;
@@ -56,7 +54,7 @@ pub(in crate::codec) fn upstream_message(
 }
 
 /// The fields are public, so they may contradict each other.
-fn check(sound: &AudioChunk) -> Result<(), EncodeError> {
+fn check(sound: &AudioChunk) -> EncodeResult<()> {
     let AudioChunk { stamp, frames, channels, sample_rate, format, ref data, .. } = *sound;
     AudioChunk::new(stamp, frames, channels, sample_rate, format, data.clone()).map_err(
         |error| EncodeError::Unrepresentable {
@@ -74,9 +72,7 @@ fn step(sound: &AudioChunk) -> u32 {
     sound.format.bytes_per_sample() as u32 * u32::from(sound.channels)
 }
 
-pub(in crate::codec) fn decode_upstream(
-    message: ROS2AudioMessage,
-) -> Result<AudioChunk, DecodeError> {
+pub(in crate::codec) fn decode_upstream(message: ROS2AudioMessage) -> DecodeResult<AudioChunk> {
     decode(msg::AudioChunk {
         header: message.header,
         chunk_size: message.chunk_size,
@@ -91,7 +87,7 @@ pub(in crate::codec) fn decode_upstream(
     })
 }
 
-pub(super) fn decode(message: msg::AudioChunk) -> Result<AudioChunk, DecodeError> {
+pub(super) fn decode(message: msg::AudioChunk) -> DecodeResult<AudioChunk> {
     let format = sample_format(&message)?;
     let data = if message.is_bigendian == 0 {
         message.data.clone()
@@ -112,7 +108,7 @@ pub(super) fn decode(message: msg::AudioChunk) -> Result<AudioChunk, DecodeError
 }
 
 /// The format whose samples fill the data exactly.
-fn sample_format(message: &msg::AudioChunk) -> Result<SampleFormat, DecodeError> {
+fn sample_format(message: &msg::AudioChunk) -> DecodeResult<SampleFormat> {
     let samples = u64::from(message.chunk_size) * u64::from(message.channels);
     [SampleFormat::F32Le, SampleFormat::S16Le]
         .into_iter()

@@ -57,15 +57,17 @@ pub(in crate::codec) fn file_message(image: &Image) -> Result<msg::CompressedIma
 }
 
 fn mismatch(expected: &str, pixels: &Pixels) -> EncodeError {
-    EncodeError::Mismatch { expected: expected.to_owned(), actual: describe_pixels(pixels) }
+    EncodeError::mismatch(expected.to_owned(), describe_pixels(pixels))
 }
 
 pub(in crate::codec) fn decode_raw(message: msg::Image) -> Result<Image, DecodeError> {
     let stamp = stamp(&message.header);
     let msg::Image { header, height, width, encoding, is_bigendian, step, data } = message;
-    let encoding = Encoding::from_name(&encoding).ok_or_else(|| DecodeError::Mismatch {
-        expected: format!("an image encoded as {}", Encoding::ALL.map(Encoding::name).join(", ")),
-        actual: quote(&encoding),
+    let encoding = Encoding::from_name(&encoding).ok_or_else(|| {
+        DecodeError::mismatch(
+            format!("an image encoded as {}", Encoding::ALL.map(Encoding::name).join(", ")),
+            quote(&encoding),
+        )
     })?;
     let mut raw = RawPixels::new(width, height, encoding, step, data).map_err(|e| misfit(&e))?;
     let value_size = encoding.bytes_per_pixel() / encoding.channels();
@@ -78,10 +80,8 @@ pub(in crate::codec) fn decode_raw(message: msg::Image) -> Result<Image, DecodeE
 pub(in crate::codec) fn decode_file(message: msg::CompressedImage) -> Result<Image, DecodeError> {
     let stamp = stamp(&message.header);
     let msg::CompressedImage { header, format, data } = message;
-    let unknown = || DecodeError::Mismatch {
-        expected: "a jpeg or png image".to_owned(),
-        actual: format!("format {}", quote(&format)),
-    };
+    let unknown =
+        || DecodeError::mismatch("a jpeg or png image", format!("format {}", quote(&format)));
     let label = format.to_ascii_lowercase();
     // compressed_depth_image_transport puts a header of its own before the PNG file.
     if label.contains("compresseddepth") {

@@ -27,7 +27,7 @@ use wrapyfi_interfaces::std_msgs::msg::{Header, String as Text};
 use wrapyfi_interfaces::wrapyfi_msgs::msg::{AudioChunk, NativeObject};
 use wrapyfi_interfaces::wrapyfi_ros2_interfaces::msg::ROS2AudioMessage;
 
-use super::{DecodeError, EncodeError};
+use super::{DecodeError, DecodeResult, EncodeError, EncodeResult};
 use crate::Limits;
 use crate::plugin::Plugins;
 use crate::types::{MessageType, Payload, Pixels, RosMessage, ShapeError, Stamp, swap_byte_order};
@@ -39,7 +39,7 @@ const FORMAT: &str = "CDR";
 ///
 /// # Errors
 /// When the payload is not of the kind or the form that the type carries, or has no JSON form.
-pub fn encode(payload: &Payload, message_type: MessageType) -> Result<CdrParts, EncodeError> {
+pub fn encode(payload: &Payload, message_type: MessageType) -> EncodeResult<CdrParts> {
     encode_with(payload, message_type, &Plugins::standard())
 }
 
@@ -51,7 +51,7 @@ pub fn encode_with(
     payload: &Payload,
     message_type: MessageType,
     plugins: &Plugins,
-) -> Result<CdrParts, EncodeError> {
+) -> EncodeResult<CdrParts> {
     match (payload, message_type) {
         (Payload::Image(picture), MessageType::Image) => image::encode_raw(picture),
         (Payload::Image(picture), MessageType::CompressedImage) => image::encode_file(picture),
@@ -69,10 +69,7 @@ pub fn encode_with(
         {
             Ok(CdrParts::from(message.cdr.clone()))
         }
-        _ => Err(EncodeError::Mismatch {
-            expected: message_type.ros_type().to_owned(),
-            actual: describe(payload),
-        }),
+        _ => Err(EncodeError::mismatch(message_type.ros_type().to_owned(), describe(payload))),
     }
 }
 
@@ -80,11 +77,7 @@ pub fn encode_with(
 ///
 /// # Errors
 /// When the bytes are no such message, exceed `limits`, or contradict themselves.
-pub fn decode(
-    cdr: &Bytes,
-    message_type: MessageType,
-    limits: &Limits,
-) -> Result<Payload, DecodeError> {
+pub fn decode(cdr: &Bytes, message_type: MessageType, limits: &Limits) -> DecodeResult<Payload> {
     decode_with(cdr, message_type, limits, &Plugins::standard())
 }
 
@@ -97,7 +90,7 @@ pub fn decode_with(
     message_type: MessageType,
     limits: &Limits,
     plugins: &Plugins,
-) -> Result<Payload, DecodeError> {
+) -> DecodeResult<Payload> {
     match message_type {
         MessageType::Image => image::decode_raw(read(cdr, limits)?).map(Payload::Image),
         MessageType::CompressedImage => image::decode_file(read(cdr, limits)?).map(Payload::Image),
@@ -117,10 +110,10 @@ pub fn decode_with(
             Ok(message.into())
         }
         // Parameters are behind services of their node, on no topic.
-        MessageType::Properties => Err(DecodeError::Mismatch {
-            expected: "the parameters of a node".to_owned(),
-            actual: format!("a message of {} bytes", cdr.len()),
-        }),
+        MessageType::Properties => Err(DecodeError::mismatch(
+            "the parameters of a node",
+            format!("a message of {} bytes", cdr.len()),
+        )),
     }
 }
 
@@ -152,7 +145,7 @@ fn names(message_type: MessageType) -> (&'static str, &'static str) {
     }
 }
 
-fn read<M: Message>(cdr: &Bytes, limits: &Limits) -> Result<M, DecodeError> {
+fn read<M: Message>(cdr: &Bytes, limits: &Limits) -> DecodeResult<M> {
     M::decode(cdr, limits.message_bytes).map_err(|error| fault(&error))
 }
 
@@ -160,12 +153,7 @@ fn read<M: Message>(cdr: &Bytes, limits: &Limits) -> Result<M, DecodeError> {
 #[must_use]
 pub fn fault(error: &CdrError) -> DecodeError {
     match *error {
-        CdrError::TooLarge { actual, limit } => DecodeError::TooLarge {
-            what: "message",
-            path: "$".to_owned(),
-            actual: actual as u64,
-            limit: limit as u64,
-        },
+        CdrError::TooLarge { actual, limit } => DecodeError::too_large(actual, limit),
         _ => malformed(error.path(), error.to_string()),
     }
 }
@@ -190,7 +178,7 @@ fn stamp(header: &Header) -> Stamp {
 }
 
 /// Checks that CDR can count a field of `size` bytes.
-fn countable(field: &str, size: usize) -> Result<(), EncodeError> {
+fn countable(field: &str, size: usize) -> EncodeResult<()> {
     if u32::try_from(size).is_ok() {
         return Ok(());
     }

@@ -7,7 +7,7 @@ use wrapyfi_interfaces::wrapyfi_msgs::msg;
 
 use super::{FORMAT, countable, fault, header, malformed, quote, stamp};
 use crate::Limits;
-use crate::codec::{DecodeError, EncodeError, json};
+use crate::codec::{DecodeResult, EncodeError, json};
 use crate::plugin::Plugins;
 use crate::types::{Dtype, NativeObject, Tensor, Value};
 
@@ -32,7 +32,7 @@ pub(super) fn decode(
     message: msg::NativeObject,
     limits: &Limits,
     plugins: &Plugins,
-) -> Result<NativeObject, DecodeError> {
+) -> DecodeResult<NativeObject> {
     let stamp = stamp(&message.header);
     let tensors = message
         .tensors
@@ -46,11 +46,7 @@ pub(super) fn decode(
 }
 
 /// Reads a `std_msgs/msg/String` without copying its JSON; other text is a text.
-pub(super) fn decode_text(
-    cdr: &Bytes,
-    limits: &Limits,
-    plugins: &Plugins,
-) -> Result<Value, DecodeError> {
+pub(super) fn decode_text(cdr: &Bytes, limits: &Limits, plugins: &Plugins) -> DecodeResult<Value> {
     if cdr.len() > limits.message_bytes {
         let (actual, limit) = (cdr.len(), limits.message_bytes);
         return Err(fault(&CdrError::TooLarge { actual, limit }));
@@ -63,11 +59,12 @@ pub(super) fn decode_text(
 
 fn text(json: Vec<u8>) -> Result<String, EncodeError> {
     countable("json", json.len().saturating_add(1))?; // with the terminator
-    String::from_utf8(json).map_err(|error| EncodeError::Unrepresentable {
-        format: FORMAT,
-        what: format!("JSON that is not UTF-8 from byte {} on", error.utf8_error().valid_up_to()),
-        path: "$".to_owned(),
-        remedy: "write it in UTF-8".to_owned(),
+    String::from_utf8(json).map_err(|error| {
+        EncodeError::unrepresentable(
+            FORMAT,
+            format!("JSON that is not UTF-8 from byte {} on", error.utf8_error().valid_up_to()),
+            "write it in UTF-8",
+        )
     })
 }
 
@@ -81,7 +78,7 @@ fn tensor_message(tensor: Tensor) -> Result<msg::Tensor, EncodeError> {
     })
 }
 
-fn tensor_from(index: usize, message: msg::Tensor) -> Result<Tensor, DecodeError> {
+fn tensor_from(index: usize, message: msg::Tensor) -> DecodeResult<Tensor> {
     let misfit = |field: &str, reason| malformed(&format!("tensors[{index}].{field}"), reason);
     let dtype = Dtype::from_name(&message.dtype).ok_or_else(|| {
         let known = Dtype::ALL.map(Dtype::name).join(", ");

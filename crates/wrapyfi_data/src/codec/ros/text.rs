@@ -11,10 +11,7 @@ use crate::types::Value;
 /// Writes a text as it is.
 pub(super) fn encode(value: &Value) -> Result<CdrParts, EncodeError> {
     let Some(text) = value.as_str() else {
-        return Err(EncodeError::Mismatch {
-            expected: "a text".to_owned(),
-            actual: format!("a {}", value.kind()),
-        });
+        return Err(EncodeError::mismatch("a text", format!("a {}", value.kind())));
     };
     countable("data", text.len())?;
     Ok(Text { data: text.to_owned() }.encode())

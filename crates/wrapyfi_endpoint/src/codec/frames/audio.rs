@@ -2,15 +2,11 @@
 
 use bytes::Bytes;
 
-use crate::codec::{DecodeError, EncodeError, json, sound};
+use crate::codec::{DecodeResult, EncodeError, json, sound};
 use wrapyfi_data::Limits;
 use wrapyfi_data::types::{AudioChunk, Dtype, SampleFormat, Stamp, Tensor, Value};
 
-pub(super) fn decode(
-    body: &Bytes,
-    stamp: Stamp,
-    limits: &Limits,
-) -> Result<AudioChunk, DecodeError> {
+pub(super) fn decode(body: &Bytes, stamp: Stamp, limits: &Limits) -> DecodeResult<AudioChunk> {
     sound::from_message(&json::decode(body, limits)?, stamp)
 }
 
@@ -18,12 +14,7 @@ pub(super) fn encode(sound: &AudioChunk) -> Result<Vec<u8>, EncodeError> {
     let sound = sound.to_format(SampleFormat::F32Le);
     let shape = [sound.frames as usize, usize::from(sound.channels)];
     let array = Tensor::new(Dtype::F32, shape, sound.data).map_err(|error| {
-        EncodeError::Unrepresentable {
-            format: "sound",
-            what: error.to_string(),
-            path: "$".into(),
-            remedy: "make chunks with AudioChunk::new".into(),
-        }
+        EncodeError::unrepresentable("sound", error.to_string(), "make chunks with AudioChunk::new")
     })?;
     json::encode(&Value::Tuple(vec![
         sound.frames.into(),

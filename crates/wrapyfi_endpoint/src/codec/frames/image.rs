@@ -3,7 +3,7 @@
 use bytes::Bytes;
 
 use crate::TopicSpec;
-use crate::codec::{DecodeError, EncodeError, json, picture};
+use crate::codec::{DecodeError, DecodeResult, EncodeResult, json, picture};
 use wrapyfi_data::types::{CompressedFormat, Encoding, Image, Pixels, Stamp, Value};
 
 pub(super) fn decode(
@@ -11,24 +11,18 @@ pub(super) fn decode(
     stamp: Stamp,
     color_order: Encoding,
     spec: &TopicSpec,
-) -> Result<Image, DecodeError> {
+) -> DecodeResult<Image> {
     if let Some(format) = CompressedFormat::sniff(body) {
         return Ok(Image::new(stamp, Pixels::Compressed { format, data: body.clone() }));
     }
     match json::decode(body, &spec.limits)? {
         value @ Value::Tensor(_) => Image::from_value(&value, color_order, stamp),
-        other => Err(DecodeError::Mismatch {
-            expected: "an image as array".into(),
-            actual: other.kind().into(),
-        }),
+        other => Err(DecodeError::mismatch("an image as array", other.kind())),
     }
 }
 
 /// Body of an image that has the form of its type, and the order of its channels where it is an array of colours.
-pub(super) fn encode(
-    image: &Image,
-    spec: &TopicSpec,
-) -> Result<(Vec<u8>, Option<Encoding>), EncodeError> {
+pub(super) fn encode(image: &Image, spec: &TopicSpec) -> EncodeResult<(Vec<u8>, Option<Encoding>)> {
     match &image.pixels {
         Pixels::Compressed { data, .. } => Ok((data.to_vec(), None)),
         Pixels::Raw(raw) => {

@@ -30,14 +30,7 @@ use wrapyfi_data::types::{AudioChunk, DataType, Image, NativeObject, Payload, St
 /// When the frames are no message of `spec`'s type or exceed its limits.
 pub fn decode(frames: &[Bytes], spec: &TopicSpec, received: Stamp) -> Result<Payload, DecodeError> {
     let size: usize = frames.iter().map(Bytes::len).sum();
-    if size > spec.limits.message_bytes {
-        return Err(DecodeError::TooLarge {
-            what: "message",
-            path: "$".into(),
-            actual: size as u64,
-            limit: spec.limits.message_bytes as u64,
-        });
-    }
+    DecodeError::check_size(size, spec.limits.message_bytes)?;
     match (spec.message_type.data_type(), frames) {
         (DataType::NativeObject, [_, body, header @ ..])
             if header.len() <= 1 && header.iter().all(|header| header::is_one(header)) =>
@@ -73,10 +66,10 @@ pub fn decode(frames: &[Bytes], spec: &TopicSpec, received: Stamp) -> Result<Pay
                 DataType::Properties | DataType::RosMessage => "2",
                 DataType::Image | DataType::AudioChunk => "3",
             };
-            Err(DecodeError::Mismatch {
-                expected: format!("{data_type} in {wanted} frames"),
-                actual: format!("{} frames of {size} bytes together", frames.len()),
-            })
+            Err(DecodeError::mismatch(
+                format!("{data_type} in {wanted} frames"),
+                format!("{} frames of {size} bytes together", frames.len()),
+            ))
         }
     }
 }
@@ -105,11 +98,12 @@ pub fn encode(payload: &Payload, spec: &TopicSpec) -> Result<Vec<Vec<u8>>, Encod
         }
         (DataType::RosMessage, Payload::RosMessage(message)) => {
             let value = message.to_value(spec.limits.message_bytes);
-            let value = value.map_err(|error| EncodeError::Unrepresentable {
-                format: "JSON",
-                what: format!("a malformed {}: {error}", message.ros_type),
-                path: "$".to_owned(),
-                remedy: "look at its publisher".to_owned(),
+            let value = value.map_err(|error| {
+                EncodeError::unrepresentable(
+                    "JSON",
+                    format!("a malformed {}: {error}", message.ros_type),
+                    "look at its publisher",
+                )
             })?;
             vec![topic, json::encode_with(&value, &spec.plugins)?]
         }
@@ -121,19 +115,11 @@ pub fn encode(payload: &Payload, spec: &TopicSpec) -> Result<Vec<Vec<u8>>, Encod
             vec![topic, header::write(sound.stamp, None, &sound.frame_id), audio::encode(sound)?]
         }
         _ => {
-            return Err(EncodeError::Mismatch {
-                expected: wanted.to_string(),
-                actual: payload.data_type().to_string(),
-            });
+            return Err(EncodeError::mismatch(wanted.to_string(), payload.data_type().to_string()));
         }
     };
     let size: usize = frames.iter().map(Vec::len).sum();
-    if size > spec.limits.message_bytes {
-        return Err(EncodeError::TooLarge {
-            actual: size as u64,
-            limit: spec.limits.message_bytes as u64,
-        });
-    }
+    EncodeError::check_size(size, spec.limits.message_bytes)?;
     Ok(frames)
 }
 

@@ -29,7 +29,10 @@ pub(super) fn write_image(raw: RawPixels, spec: &ServiceSpec) -> Result<Vec<u8>,
         _ => 1,
     };
     // Three bytes are the shortest number with its comma and its space.
-    super::check_size((array.data().len() / size).saturating_mul(3), spec)?;
+    EncodeError::check_size(
+        (array.data().len() / size).saturating_mul(3),
+        spec.limits.message_bytes,
+    )?;
     // Nearly all numbers of a picture have three digits at most.
     let mut out = Vec::with_capacity((array.data().len() / size).saturating_mul(5) + 64);
     out.extend_from_slice(b"{\"img\": ");
@@ -56,7 +59,7 @@ pub(super) fn write_image(raw: RawPixels, spec: &ServiceSpec) -> Result<Vec<u8>,
 
 pub(super) fn write_sound(sound: &AudioChunk, spec: &ServiceSpec) -> Result<Vec<u8>, EncodeError> {
     let sound = sound.to_format(SampleFormat::F32Le);
-    super::check_size((sound.data.len() / 4).saturating_mul(3), spec)?;
+    EncodeError::check_size((sound.data.len() / 4).saturating_mul(3), spec.limits.message_bytes)?;
     let AudioChunk { frames, channels, sample_rate, ref data, .. } = sound;
     let mut out = format!("{{\"aud\": [{frames}, {channels}, {sample_rate}, ").into_bytes();
     let write = |bytes: &[u8], out: &mut Vec<u8>| {
@@ -254,12 +257,12 @@ impl<'a> Reader<'a> {
     fn key(&mut self, key: &str) -> Result<(), DecodeError> {
         let expected = || format!("a reply {{\"{key}\": …}}");
         if !self.take(b'{') {
-            return Err(DecodeError::Mismatch { expected: expected(), actual: "no object".into() });
+            return Err(DecodeError::mismatch(expected(), "no object"));
         }
         let quoted = format!("\"{key}\"");
         if self.peek() != Some(b'"') || !self.rest().starts_with(quoted.as_bytes()) {
-            let actual = "an object that does not begin with it".into();
-            return Err(DecodeError::Mismatch { expected: expected(), actual });
+            let actual = "an object that does not begin with it";
+            return Err(DecodeError::mismatch(expected(), actual));
         }
         self.at += quoted.len();
         self.token(b':')
@@ -366,16 +369,13 @@ impl<'a> Reader<'a> {
 
 fn malformed(reason: String, at: usize) -> DecodeError {
     let reason = if at == 0 { reason } else { format!("{reason} (byte {at})") };
-    DecodeError::Malformed { format: "lists of numbers", path: "$".into(), reason }
+    DecodeError::malformed("lists of numbers", reason)
 }
 
 fn mismatch(expected: &str, lists: &Lists) -> DecodeError {
     let kind = if lists.floats { "floats" } else { "integers" };
-    DecodeError::Mismatch {
-        expected: expected.to_owned(),
-        actual: format!(
-            "{kind} from {} to {} of shape {:?}",
-            lists.least, lists.greatest, lists.shape
-        ),
-    }
+    DecodeError::mismatch(
+        expected.to_owned(),
+        format!("{kind} from {} to {} of shape {:?}", lists.least, lists.greatest, lists.shape),
+    )
 }

@@ -5,7 +5,7 @@
 //!   arguments, a dict, a list, one value ── fields ────────▶ CDR
 //! ```
 
-use crate::codec::EncodeError;
+use crate::codec::{EncodeError, EncodeResult};
 use crate::{Call, Request};
 use wrapyfi_data::types::{
     Payload, RosMessage, RosService, RosType, RosValueError, fields_of_call, fields_of_return,
@@ -16,7 +16,7 @@ pub fn asked_message(
     request: &Request,
     service: RosService,
     most: usize,
-) -> Result<RosMessage, EncodeError> {
+) -> EncodeResult<RosMessage> {
     let ros_type = service.request();
     match request {
         Request::Message(message) => given(message, ros_type, most),
@@ -31,40 +31,33 @@ pub fn returned_message(
     payload: &Payload,
     service: RosService,
     most: usize,
-) -> Result<RosMessage, EncodeError> {
+) -> EncodeResult<RosMessage> {
     let ros_type = service.response();
     match payload {
         Payload::RosMessage(message) => given(message, ros_type, most),
         Payload::NativeObject(value) => fields_of_return(ros_type, value, most)
             .and_then(|fields| Ok(RosMessage::from_fields(ros_type, &fields)?))
             .map_err(|error| unsuitable(&error)),
-        other => Err(EncodeError::Mismatch {
-            expected: ros_type.to_string(),
-            actual: other.data_type().to_string(),
-        }),
+        other => Err(EncodeError::mismatch(ros_type.to_string(), other.data_type().to_string())),
     }
 }
 
 /// Passes a message on unread, if it is of the type and not too large.
-fn given(message: &RosMessage, wanted: RosType, most: usize) -> Result<RosMessage, EncodeError> {
+fn given(message: &RosMessage, wanted: RosType, most: usize) -> EncodeResult<RosMessage> {
     if message.ros_type != wanted {
         let (expected, actual) = (wanted.to_string(), message.ros_type.to_string());
-        return Err(EncodeError::Mismatch { expected, actual });
+        return Err(EncodeError::mismatch(expected, actual));
     }
-    if message.cdr.len() > most {
-        let (actual, limit) = (message.cdr.len() as u64, most as u64);
-        return Err(EncodeError::TooLarge { actual, limit });
-    }
+    EncodeError::check_size(message.cdr.len(), most)?;
     Ok(message.clone())
 }
 
 fn unsuitable(error: &RosValueError) -> EncodeError {
-    EncodeError::Unrepresentable {
-        format: "a service",
-        what: error.to_string(),
-        path: "$".to_owned(),
-        remedy: "give the fields of its definition".to_owned(),
-    }
+    EncodeError::unrepresentable(
+        "a service",
+        error.to_string(),
+        "give the fields of its definition",
+    )
 }
 
 #[cfg(test)]

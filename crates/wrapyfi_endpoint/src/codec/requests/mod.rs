@@ -24,19 +24,19 @@ use std::borrow::Cow;
 
 use bytes::Bytes;
 
-use super::{DecodeError, EncodeError, fitted, json, received_as, ros};
+use super::{DecodeError, DecodeResult, EncodeError, EncodeResult, fitted, json, received_as, ros};
 use crate::{Call, Request, ServiceSpec};
 use mark::Content;
 pub use message::{asked_message, returned_message};
 use wrapyfi_data::types::{CompressedFormat, DataType, Image, Map, Payload, Pixels, Stamp, Value};
 
 /// Call of a request, for middlewares without messages of ROS.
-pub fn call(request: &Request) -> Result<Cow<'_, Call>, EncodeError> {
+pub fn call(request: &Request) -> EncodeResult<Cow<'_, Call>> {
     request.call().map_err(|error| unreadable(&error))
 }
 
 /// Returned value for middlewares without messages of ROS: a message becomes a map of its fields.
-pub fn without_messages(payload: &Payload) -> Result<Cow<'_, Payload>, EncodeError> {
+pub fn without_messages(payload: &Payload) -> EncodeResult<Cow<'_, Payload>> {
     let Payload::RosMessage(message) = payload else { return Ok(Cow::Borrowed(payload)) };
     let value = message.to_value(message.cdr.len());
     let value = value.map_err(|error| unreadable(&ros::fault(&error)))?;
@@ -44,19 +44,18 @@ pub fn without_messages(payload: &Payload) -> Result<Cow<'_, Payload>, EncodeErr
 }
 
 fn unreadable(error: &DecodeError) -> EncodeError {
-    EncodeError::Unrepresentable {
-        format: "ROS",
-        what: format!("a malformed message: {error}"),
-        path: "$".to_owned(),
-        remedy: "look at who sends it".to_owned(),
-    }
+    EncodeError::unrepresentable(
+        "ROS",
+        format!("a malformed message: {error}"),
+        "look at who sends it",
+    )
 }
 
 /// Writes a request as Wrapyfi's servers read it.
 ///
 /// # Errors
 /// When an argument has no form in Wrapyfi's JSON, or the request exceeds the message size.
-pub fn encode_request(request: &Request, spec: &ServiceSpec) -> Result<Vec<u8>, EncodeError> {
+pub fn encode_request(request: &Request, spec: &ServiceSpec) -> EncodeResult<Vec<u8>> {
     let Call { args, kwargs } = &*call(request)?;
     if let Some((key, _)) = kwargs.iter().find(|(key, _)| key.as_str().is_none()) {
         return Err(EncodeError::Unrepresentable {
@@ -68,7 +67,7 @@ pub fn encode_request(request: &Request, spec: &ServiceSpec) -> Result<Vec<u8>, 
     }
     let both = Value::List(vec![Value::Tuple(args.clone()), Value::Map(kwargs.clone())]);
     let text = json::encode_with(&both, &spec.plugins)?;
-    check_size(text.len(), spec)?;
+    EncodeError::check_size(text.len(), spec.limits.message_bytes)?;
     Ok(text)
 }
 
@@ -76,12 +75,9 @@ pub fn encode_request(request: &Request, spec: &ServiceSpec) -> Result<Vec<u8>, 
 ///
 /// # Errors
 /// When it is no list of arguments and keyword arguments, or exceeds a limit.
-pub fn decode_request(body: &Bytes, spec: &ServiceSpec) -> Result<Request, DecodeError> {
+pub fn decode_request(body: &Bytes, spec: &ServiceSpec) -> DecodeResult<Request> {
     let call = json::decode_with(body, &spec.limits, &spec.plugins)?;
-    let wrong = |actual: &str| DecodeError::Mismatch {
-        expected: "a request [args, kwargs]".into(),
-        actual: actual.to_owned(),
-    };
+    let wrong = |actual: &str| DecodeError::mismatch("a request [args, kwargs]", actual.to_owned());
     let (Value::List(parts) | Value::Tuple(parts)) = call else { return Err(wrong(call.kind())) };
     match <[Value; 2]>::try_from(parts) {
         Ok([Value::Tuple(args) | Value::List(args), Value::Map(kwargs)]) => {
@@ -105,10 +101,9 @@ pub fn to_value(Call { args, kwargs }: &Call) -> Value {
 ///
 /// # Errors
 /// When it is no such map.
-pub fn from_value(value: Value) -> Result<Request, DecodeError> {
-    let wrong = |expected: &str, actual: &Value| DecodeError::Mismatch {
-        expected: expected.to_owned(),
-        actual: actual.kind().to_owned(),
+pub fn from_value(value: Value) -> DecodeResult<Request> {
+    let wrong = |expected: &str, actual: &Value| {
+        DecodeError::mismatch(expected.to_owned(), actual.kind().to_owned())
     };
     let call = match value {
         Value::Map(call) => call,
@@ -133,7 +128,7 @@ pub fn from_value(value: Value) -> Result<Request, DecodeError> {
 ///
 /// # Errors
 /// When `payload` is not of the service's kind, has no form there, or exceeds the message size.
-pub fn encode_reply(payload: &Payload, spec: &ServiceSpec) -> Result<Vec<u8>, EncodeError> {
+pub fn encode_reply(payload: &Payload, spec: &ServiceSpec) -> EncodeResult<Vec<u8>> {
     let wanted = spec.kind.data_type();
     let payload = &*without_messages(payload)?;
     let payload = &*fit(payload, spec)?;
@@ -148,7 +143,7 @@ pub fn encode_reply(payload: &Payload, spec: &ServiceSpec) -> Result<Vec<u8>, En
         (DataType::AudioChunk, Payload::AudioChunk(sound)) => lists::write_sound(sound, spec)?,
         _ => return Err(other_kind(payload, spec)),
     };
-    check_size(body.len(), spec)?;
+    EncodeError::check_size(body.len(), spec.limits.message_bytes)?;
     Ok(body)
 }
 
@@ -161,10 +156,8 @@ pub fn decode_reply(
     body: &Bytes,
     spec: &ServiceSpec,
     now: Stamp,
-) -> Result<Result<Payload, String>, DecodeError> {
-    if body.len() > spec.limits.message_bytes {
-        return Err(too_large(body.len(), spec));
-    }
+) -> DecodeResult<Result<Payload, String>> {
+    DecodeError::check_size(body.len(), spec.limits.message_bytes)?;
     if let Some(text) = error_text(body) {
         return Ok(Err(text));
     }
@@ -182,8 +175,8 @@ pub fn decode_reply(
         DataType::AudioChunk => Payload::AudioChunk(lists::read_sound(body, now)?),
         #[allow(unreachable_patterns)] // for kinds that no service returns
         other => {
-            let (expected, actual) = ("a kind that services return".into(), other.to_string());
-            return Err(DecodeError::Mismatch { expected, actual });
+            let (expected, actual) = ("a kind that services return", other.to_string());
+            return Err(DecodeError::mismatch(expected, actual));
         }
     }))
 }
@@ -227,17 +220,14 @@ fn error_text(body: &Bytes) -> Option<String> {
 ///
 /// # Errors
 /// As [`encode_reply`].
-pub fn encode_binary(
-    payload: &Payload,
-    spec: &ServiceSpec,
-) -> Result<(Content, Bytes), EncodeError> {
+pub fn encode_binary(payload: &Payload, spec: &ServiceSpec) -> EncodeResult<(Content, Bytes)> {
     let content = Content::of(spec.kind.message_type());
     let payload = &*without_messages(payload)?;
     if payload.data_type() != spec.kind.data_type() {
         return Err(other_kind(payload, spec));
     }
     let body = ros::encode_with(&*fit(payload, spec)?, content.message_type(), &spec.plugins)?;
-    check_size(body.len(), spec)?;
+    EncodeError::check_size(body.len(), spec.limits.message_bytes)?;
     Ok((content, body.to_bytes()))
 }
 
@@ -245,24 +235,20 @@ pub fn encode_binary(
 ///
 /// # Errors
 /// When the reply is of another kind than the service's, malformed, or exceeds a limit.
-pub fn decode_binary(
-    content: Content,
-    body: &Bytes,
-    spec: &ServiceSpec,
-) -> Result<Payload, DecodeError> {
+pub fn decode_binary(content: Content, body: &Bytes, spec: &ServiceSpec) -> DecodeResult<Payload> {
     let message_type = content.message_type();
     if message_type.data_type() != spec.kind.data_type() {
-        return Err(DecodeError::Mismatch {
-            expected: spec.kind.data_type().to_string(),
-            actual: message_type.data_type().to_string(),
-        });
+        return Err(DecodeError::mismatch(
+            spec.kind.data_type().to_string(),
+            message_type.data_type().to_string(),
+        ));
     }
     let payload = ros::decode_with(body, message_type, &spec.limits, &spec.plugins)?;
     received(payload, spec, Stamp::default())
 }
 
 /// Converts a picture that is to be returned to the form of the service: pixels, or a file.
-fn fit<'p>(payload: &'p Payload, spec: &ServiceSpec) -> Result<Cow<'p, Payload>, EncodeError> {
+fn fit<'p>(payload: &'p Payload, spec: &ServiceSpec) -> EncodeResult<Cow<'p, Payload>> {
     fitted(payload, spec.kind.message_type(), spec.color_order, &spec.limits)
 }
 
@@ -270,32 +256,12 @@ fn fit<'p>(payload: &'p Payload, spec: &ServiceSpec) -> Result<Cow<'p, Payload>,
 ///
 /// # Errors
 /// When the service returns no such thing.
-pub fn received(payload: Payload, spec: &ServiceSpec, now: Stamp) -> Result<Payload, DecodeError> {
+pub fn received(payload: Payload, spec: &ServiceSpec, now: Stamp) -> DecodeResult<Payload> {
     received_as(payload, spec.kind.message_type(), spec.color_order, &spec.limits, now)
 }
 
 fn other_kind(payload: &Payload, spec: &ServiceSpec) -> EncodeError {
-    EncodeError::Mismatch {
-        expected: spec.kind.data_type().to_string(),
-        actual: payload.data_type().to_string(),
-    }
-}
-
-fn check_size(bytes: usize, spec: &ServiceSpec) -> Result<(), EncodeError> {
-    let limit = spec.limits.message_bytes;
-    if bytes > limit {
-        return Err(EncodeError::TooLarge { actual: bytes as u64, limit: limit as u64 });
-    }
-    Ok(())
-}
-
-fn too_large(bytes: usize, spec: &ServiceSpec) -> DecodeError {
-    DecodeError::TooLarge {
-        what: "message",
-        path: "$".into(),
-        actual: bytes as u64,
-        limit: spec.limits.message_bytes as u64,
-    }
+    EncodeError::mismatch(spec.kind.data_type().to_string(), payload.data_type().to_string())
 }
 
 #[cfg(test)]

@@ -7,8 +7,7 @@
 //!   {"encoding": "mono8", "mode": "P", …}, {"encoding": "8UC4", "mode": "CMYK", …}
 //! ```
 
-use crate::codec::picture::INKS;
-use crate::codec::picture::layout;
+use crate::codec::picture::{INKS, layout};
 use crate::types::{
     CompressedFormat, Dtype, Encoding, Image, Map, Picture, Pixels, RawPixels, Stamp, Tensor, Value,
 };
