@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 use wrapyfi_core::endpoint::{Durability, History, Qos, Reliability, Wake};
 use wrapyfi_core::middleware::ros2::AnyPublisher;
 use wrapyfi_core::middleware::ros2::graph::{
-    Graph, Peers, ServiceDescription, TopicDescription, wait_until,
+    Graph, Peers, ServiceDescription, TopicDescription, WriterTraits, wait_until,
 };
 use wrapyfi_core::node::parameters::{Parameter, ParameterDescriptor};
 use wrapyfi_core::node::{LogLevel, LogLine};
@@ -251,7 +251,8 @@ fn what_is_no_request_is_refused_and_the_next_one_answered() {
         max_bytes: 64,
     };
     let wake = Wake::new();
-    let mut writer = asking.graph.advertise_dds(&topic, bell(&wake)).unwrap();
+    let mut writer =
+        asking.graph.advertise_dds(&topic, WriterTraits::default(), bell(&wake)).unwrap();
     assert!(wait_until(&wake, TIMEOUT, || writer.matched() == 1));
     let before = handle.refused_requests();
     until("the refusal", || {

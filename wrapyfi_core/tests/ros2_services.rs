@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use wrapyfi_core::endpoint::{CallError, DropReason, Qos, ServeError, Wake};
 use wrapyfi_core::middleware::ros2::graph::{
-    CdrClient, Graph, Peers, ServiceDescription, TopicDescription, wait_until,
+    CdrClient, Graph, Peers, ServiceDescription, TopicDescription, WriterTraits, wait_until,
 };
 use wrapyfi_core::middleware::ros2::{
     AnyClient, AnyServer, CycloneConfig, CycloneGraph, Ros2, ServiceOptions,
@@ -318,7 +318,7 @@ fn what_has_no_identity_is_counted() {
         qos: Qos::default(),
         max_bytes: 64,
     };
-    let mut writer = graph.advertise_dds(&topic, bell(&wake)).unwrap();
+    let mut writer = graph.advertise_dds(&topic, WriterTraits::default(), bell(&wake)).unwrap();
     assert!(wait_until(&wake, TIMEOUT, || writer.matched() == 1));
     writer.write(&[&[0, 1, 0, 0], &[0; 8]]).unwrap();
     let mut error = None;

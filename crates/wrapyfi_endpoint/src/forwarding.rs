@@ -8,7 +8,7 @@
 //!
 //! A middleware whose publishers keep nothing implements neither.
 
-use super::{Origin, PublishError, SourceDurability};
+use super::{Origin, Published, SourceDurability};
 use wrapyfi_data::types::Payload;
 
 /// The listener of a route whose publishers may keep their last message for listeners that come later (transient local,
@@ -70,8 +70,7 @@ pub trait ForwardingPublisher {
     ///
     /// # Errors
     /// As [`Publisher::publish`](super::Publisher::publish).
-    fn forward(&mut self, payload: &Payload, origin: Option<Origin>)
-    -> Result<usize, PublishError>;
+    fn forward(&mut self, payload: &Payload, origin: Option<Origin>) -> Published;
 
     /// Drops the last message of an origin that has gone, so that later listeners do not get it.
     fn forget(&mut self, publisher: u64);

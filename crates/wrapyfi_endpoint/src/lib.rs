@@ -84,7 +84,7 @@ pub use service::{
 };
 pub use service_error::{CallError, ServeError, ServeResult};
 pub use throttle::Throttle;
-pub use topic_error::{OpenError, OpenResult, Opened, PublishError, TakeError};
+pub use topic_error::{OpenError, OpenResult, Opened, PublishError, Published, TakeError};
 pub use wake::Wake;
 
 use wrapyfi_interfaces::store::TypeStore;
@@ -266,7 +266,7 @@ pub trait Publisher: Send {
     ///
     /// # Errors
     /// When the message was not sent.
-    fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError>;
+    fn publish(&mut self, payload: &Payload) -> Published;
 
     /// The part of the publisher that routes use, where it can keep messages.
     fn forwarding(&mut self) -> Option<&mut dyn ForwardingPublisher> {

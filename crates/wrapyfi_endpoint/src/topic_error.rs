@@ -179,6 +179,9 @@ pub enum PublishError {
     },
 }
 
+/// Result of publishing: number of bytes that go on the wire.
+pub type Published = Result<usize, PublishError>;
+
 impl PublishError {
     /// Reason under which the error is counted.
     #[must_use]

@@ -21,7 +21,7 @@ fn undefined(type_name: &str, reason: &dyn std::fmt::Display) -> LearnError {
 }
 
 /// Type and latching that the node at the other end has told of this topic or service.
-fn told(core: &Arc<Core>, found: &Discovered) -> LearnResult<TypeInfo> {
+fn type_info(core: &Arc<Core>, found: &Discovered) -> LearnResult<TypeInfo> {
     let name = found.name.clone();
     let Some(node) = &found.node else {
         return Err(LearnError::Untold { middleware: NAME.to_owned() });
@@ -38,7 +38,7 @@ fn told(core: &Arc<Core>, found: &Discovered) -> LearnResult<TypeInfo> {
 /// True when a publisher latches, which only its own header tells; `None` while it has not told
 /// yet.
 pub(super) fn latches(core: &Arc<Core>, found: &Discovered) -> Option<bool> {
-    told(core, found).ok().map(|told| told.latches)
+    type_info(core, found).ok().map(|told| told.latches)
 }
 
 /// The ROS 2 type of a topic.
@@ -49,7 +49,7 @@ pub(super) fn topic(
 ) -> LearnResult<Learned> {
     let announced = found.type_name.clone().filter(|name| name != "*");
     // A subscriber cannot be asked.
-    let told = (found.role == Role::Publisher).then(|| told(core, found));
+    let told = (found.role == Role::Publisher).then(|| type_info(core, found));
     let (type_name, silent) = match (told, announced) {
         (Some(Ok(told)), _) => (told.type_name, None),
         (Some(Err(error @ LearnError::Asked { .. })), _) | (Some(Err(error)), None) => {
@@ -78,7 +78,7 @@ pub(super) fn service(
     found: &Discovered,
     store: &mut TypeStore,
 ) -> LearnResult<ServiceKind> {
-    let type_name = told(core, found)?.type_name;
+    let type_name = type_info(core, found)?.type_name;
     match type_name.as_str() {
         "wrapyfi_services/ROSNativeObject" => return Ok(ServiceKind::NativeObject),
         "wrapyfi_services/ROSImage" => return Ok(ServiceKind::Image),

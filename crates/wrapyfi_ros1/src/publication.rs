@@ -24,8 +24,8 @@ use wrapyfi_data::{EncodeError, EncodeResult, Limits};
 use wrapyfi_endpoint::codec::ros1::Ros1Type;
 use wrapyfi_endpoint::{
     BridgeMark, Context, Counters, Durability, ForwardingPublisher, History, Latched, Link,
-    MAX_ORIGINS, Mutex, Origin, PublishError, Publisher, Role, SourceDurability, TopicSpec, Wake,
-    codec,
+    MAX_ORIGINS, Mutex, Origin, PublishError, Published, Publisher, Role, SourceDurability,
+    TopicSpec, Wake, codec,
 };
 
 /// Messages that a publisher without a depth keeps for a slow subscriber.
@@ -261,7 +261,7 @@ impl Ros1Publisher {
     }
 
     /// While nobody subscribes nothing is encoded, unless it is kept.
-    fn send(&mut self, payload: &Payload, keep: Keep) -> Result<usize, PublishError> {
+    fn send(&mut self, payload: &Payload, keep: Keep) -> Published {
         if keep == Keep::No && self.publication.subscribers() == 0 {
             return Err(PublishError::NoConsumer { topic: self.spec.topic.clone() });
         }
@@ -295,7 +295,7 @@ pub(super) fn fitted<'p>(
 }
 
 impl Publisher for Ros1Publisher {
-    fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
+    fn publish(&mut self, payload: &Payload) -> Published {
         let keep = if self.latches { Keep::LastOf(None) } else { Keep::No };
         self.send(payload, keep)
     }
@@ -316,11 +316,7 @@ impl Publisher for Ros1Publisher {
 }
 
 impl ForwardingPublisher for Ros1Publisher {
-    fn forward(
-        &mut self,
-        payload: &Payload,
-        origin: Option<Origin>,
-    ) -> Result<usize, PublishError> {
+    fn forward(&mut self, payload: &Payload, origin: Option<Origin>) -> Published {
         match origin {
             Some(Origin { publisher, keeps: 1.. }) if self.latches || self.spec.match_peers => {
                 self.send(payload, Keep::LastOf(Some(publisher)))

@@ -118,19 +118,11 @@ impl CycloneGraph {
         Ok(Box::new(CycloneReader::new(raw, topic, listed)))
     }
 
-    /// Like [`Graph::advertise`], with the names of DDS.
+    /// Like [`Graph::advertise_with`], with the names of DDS.
     ///
     /// # Errors
     /// When Cyclone refuses.
     pub fn advertise_dds(
-        &self,
-        topic: &TopicDescription,
-        on_match: Notify,
-    ) -> Created<dyn CdrWriter> {
-        self.write_dds(topic, WriterTraits::default(), on_match)
-    }
-
-    fn write_dds(
         &self,
         topic: &TopicDescription,
         WriterTraits { replay, mark }: WriterTraits<'_>,
@@ -206,7 +198,7 @@ impl Graph for CycloneGraph {
         traits: WriterTraits<'_>,
         on_match: Notify,
     ) -> Created<dyn CdrWriter> {
-        self.write_dds(&to_dds(topic)?, traits, on_match)
+        self.advertise_dds(&to_dds(topic)?, traits, on_match)
     }
 
     fn subscribe(&self, topic: &TopicDescription, on_data: Notify) -> Created<dyn CdrReader> {

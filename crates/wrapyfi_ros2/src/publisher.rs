@@ -35,8 +35,8 @@ use wrapyfi_data::types::{Encoding, MessageType, Payload};
 use wrapyfi_data::{EncodeError, Limits};
 use wrapyfi_endpoint::{
     AnnouncedDurability, BridgeMark, Context, DropReason, Durability, ForwardingPublisher, History,
-    Link, Origin, PinnedQos, PublishError, Publisher, Qos, QosChange, QosEvent, QosPolicy,
-    Reliability, Review, SourceDurability, TopicSpec,
+    Link, Origin, PinnedQos, PublishError, Published, Publisher, Qos, QosChange, QosEvent,
+    QosPolicy, Reliability, Review, SourceDurability, TopicSpec,
 };
 
 /// Time that a new writer has to become known to all subscribers, and an old one to send the
@@ -233,7 +233,7 @@ impl Ros2Publisher {
 }
 
 impl Publisher for Ros2Publisher {
-    fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
+    fn publish(&mut self, payload: &Payload) -> Published {
         let cdr = self.encode(payload)?;
         let parts: Vec<&[u8]> = cdr.pieces().iter().map(AsRef::as_ref).collect();
         self.writer.write(&parts).map_err(|error| self.fault(error))?;
@@ -291,11 +291,7 @@ impl Publisher for Ros2Publisher {
 }
 
 impl ForwardingPublisher for Ros2Publisher {
-    fn forward(
-        &mut self,
-        payload: &Payload,
-        origin: Option<Origin>,
-    ) -> Result<usize, PublishError> {
+    fn forward(&mut self, payload: &Payload, origin: Option<Origin>) -> Published {
         let now = self.context.clock.now();
         // A history that is asked for is one of all.
         let one = self.topic.qos.durability == Durability::TransientLocal

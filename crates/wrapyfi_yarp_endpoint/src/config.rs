@@ -88,7 +88,7 @@ pub(super) struct Where {
 pub(super) struct Listening {
     pub(super) on: IpAddr,
     /// `None`: the address from which the name server sees us, as YARP's ports.
-    pub(super) told: Option<IpAddr>,
+    pub(super) advertised: Option<IpAddr>,
     /// The name server is on another machine.
     pub(super) is_afar: bool,
     /// Refusal of ports that others connect to; `None` where they may be opened.
@@ -165,7 +165,7 @@ impl YarpConfig {
             said => said,
         };
         let any: IpAddr = Ipv4Addr::UNSPECIFIED.into();
-        let (on, told) = match said {
+        let (on, advertised) = match said {
             Some(ip) if ip.is_unspecified() => (ip, None),
             Some(ip) if is_of_this_machine(ip) => (ip, Some(ip)),
             // The address that others have for this machine, perhaps through a router.
@@ -173,13 +173,13 @@ impl YarpConfig {
             None if server.ip().is_loopback() => (server.ip(), Some(server.ip())),
             None => (any, None),
         };
-        let reached = match (on, told) {
+        let reached = match (on, advertised) {
             (on, None) if self.ip.is_none() => facing(server).unwrap_or(on),
-            (_, Some(told)) => told,
+            (_, Some(advertised)) => advertised,
             (on, None) => on,
         };
         let refused = self.insecure.check(super::NAME, "a port", reached).err();
-        Ok(Listening { on, told, is_afar, refused })
+        Ok(Listening { on, advertised, is_afar, refused })
     }
 }
 
@@ -204,17 +204,17 @@ mod tests {
         let server = SocketAddr::new(local, 10_000);
         let (config, nothing) = (YarpConfig::default(), Environment::default());
         let listening = config.listening(server, &nothing).unwrap();
-        let here = Listening { on: local, told: Some(local), is_afar: false, refused: None };
+        let here = Listening { on: local, advertised: Some(local), is_afar: false, refused: None };
         assert_eq!(listening, here);
         let variable = Environment::from_pairs([("YARP_IP", "192.0.2.7")]);
         let refused = config.listening(server, &variable).unwrap().refused.unwrap().to_string();
         assert!(refused.contains("192.0.2.7") && refused.contains(INSECURE), "{refused}");
         let open = YarpConfig { insecure: true.into(), ..config.clone() };
         let listening = open.listening(server, &variable).unwrap();
-        assert_eq!((listening.told, listening.refused), (Some([192, 0, 2, 7].into()), None));
+        assert_eq!((listening.advertised, listening.refused), (Some([192, 0, 2, 7].into()), None));
         assert!(listening.on.is_unspecified(), "no address of this machine: others lead to it");
         // The configuration goes before the variable.
         let said = YarpConfig { ip: Some(local), ..config };
-        assert_eq!(said.listening(server, &variable).unwrap().told, Some(local));
+        assert_eq!(said.listening(server, &variable).unwrap().advertised, Some(local));
     }
 }

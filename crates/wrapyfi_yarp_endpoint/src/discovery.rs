@@ -95,7 +95,7 @@ impl Discovery for YarpDiscovery {
         let mut found: BTreeMap<(&str, Role), Discovered> = BTreeMap::new();
         self.complete = was_asked && shared.survey.is_over(&ports);
         for (port, entry) in &ports {
-            let told = shared.survey.told(port);
+            let told = shared.survey.answer_of(port);
             let (name, role) = role(port, told.as_deref());
             let one = found
                 .entry((name, role))

@@ -42,7 +42,7 @@ const EAR: &str = "/wrapyfi/types";
 pub(super) struct FirstMessages {
     ports: Mutex<BTreeMap<String, Heard>>,
     /// Counts the types that were shown.
-    shown: AtomicU64,
+    learned: AtomicU64,
     room: Semaphore,
     telling: Semaphore,
     silent: Semaphore,
@@ -54,7 +54,7 @@ impl Default for FirstMessages {
     fn default() -> Self {
         Self {
             ports: Mutex::default(),
-            shown: AtomicU64::default(),
+            learned: AtomicU64::default(),
             room: Semaphore::new(AT_ONCE),
             telling: Semaphore::new(TOLD_AT_ONCE),
             silent: Semaphore::new(SILENT_AT_ONCE),
@@ -92,12 +92,12 @@ enum State {
 
 impl FirstMessages {
     /// Number of ports whose type was learnt.
-    pub(super) fn shown(&self) -> u64 {
-        self.shown.load(Ordering::Acquire)
+    pub(super) fn learned(&self) -> u64 {
+        self.learned.load(Ordering::Acquire)
     }
 
     /// The type that the first message of a port has shown.
-    pub(super) fn told(&self, port: &str, number: u64) -> Option<&'static str> {
+    pub(super) fn type_of(&self, port: &str, number: u64) -> Option<&'static str> {
         match self.ports.lock().get(port)? {
             Heard { number: heard, state: State::Told(told), .. } if *heard == number => {
                 Some(*told)
@@ -125,7 +125,7 @@ impl FirstMessages {
         }
         if let Some(told) = types::of_message(&received.payload, limits) {
             heard.state = State::Told(told);
-            self.shown.fetch_add(1, Ordering::Release);
+            self.learned.fetch_add(1, Ordering::Release);
             heard.bell.notify_one();
         }
     }
@@ -156,7 +156,7 @@ pub(super) fn learn(shared: &Arc<Shared>, port: &str) -> Result<String, LearnErr
         // It may promise a type, or send nothing at all.
         return Err(LearnError::Asked { name });
     }
-    let said = shared.survey.told(port);
+    let said = shared.survey.answer_of(port);
     let promised = said.as_ref().and_then(|said| said.type_name.as_deref());
     if let Some(known) = shared.types.of(port, number, promised) {
         return Ok(known);
@@ -218,7 +218,7 @@ async fn listen(shared: Arc<Shared>, port: String, entry: Entry, first: Arc<Noti
         match heard.silent.try_acquire() {
             Ok(_place) => {
                 // Its message may have come just now.
-                if heard.told(&port, number).is_none() {
+                if heard.type_of(&port, number).is_none() {
                     heard.set(&port, number, State::Silent);
                     stays(&shared, &port, number, &first).await;
                 }

@@ -47,7 +47,7 @@ impl JointLimits {
 
 /// Warning about the joint `joint` that shall go beyond its limits. Joints that turn are given in
 /// radians and degrees; `in_degrees` says in which of them YARP has them.
-pub(super) fn told(
+pub(super) fn warning(
     joint: &str,
     value: f64,
     (least, most): Range,
@@ -87,12 +87,12 @@ mod tests {
 
     #[test]
     fn limits_are_told_in_both_units_of_angles() {
-        let text = told("neck", 90.0, (-30.0, 22.0), true, true);
+        let text = warning("neck", 90.0, (-30.0, 22.0), true, true);
         assert!(text.contains("neck is to go to 1.571 rad (90.0°)"), "{text}");
         assert!(text.contains("-0.524 rad (-30.0°) and 0.384 rad (22.0°)"), "{text}");
-        let same = told("neck", 1.571, (-0.5, 0.384), true, false);
+        let same = warning("neck", 1.571, (-0.5, 0.384), true, false);
         assert!(same.contains("1.571 rad (90.0°)"), "{same}");
-        let heave = told("heave", 0.5, (0.0, 0.1), false, true);
+        let heave = warning("heave", 0.5, (0.0, 0.1), false, true);
         assert!(heave.contains("0.500 m") && !heave.contains("rad"), "{heave}");
     }
 }

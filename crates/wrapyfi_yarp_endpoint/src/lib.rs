@@ -150,7 +150,7 @@ impl Shared {
     /// same, discovery finds the same.
     fn changes(&self) -> [u64; 4] {
         let Self { directory, survey, types, own, .. } = self;
-        [directory.changes(), survey.changes(), types.heard.shown(), own.changes()]
+        [directory.changes(), survey.changes(), types.heard.learned(), own.changes()]
     }
 
     /// The name under which a port of ours is registered, as the environment wants it.
@@ -258,7 +258,8 @@ impl Yarp {
         let server = server.map_err(|reason| YarpError::Host { reason })?;
         let environment = Environment::from_process();
         let server = SocketAddr::new(server, found.server.port);
-        let Listening { on, told, is_afar, refused } = config.listening(server, &environment)?;
+        let Listening { on, advertised, is_afar, refused } =
+            config.listening(server, &environment)?;
         let runtime = Builder::new_multi_thread()
             .worker_threads(THREADS)
             .thread_name("wrapyfi-yarp")
@@ -295,7 +296,7 @@ impl Yarp {
                 .environment(environment.clone())
                 .rooms(|| Box::new(losses::OutputRoom(Share::default())))
                 .listen(on);
-            let network = match told {
+            let network = match advertised {
                 Some(ip) => network.host(ip.to_string()).build(),
                 None => network.build(),
             };

@@ -96,7 +96,7 @@ impl Survey {
     }
 
     /// Answer of a port, if it has given one.
-    pub(super) fn told(&self, name: &str) -> Option<Arc<Inspection>> {
+    pub(super) fn answer_of(&self, name: &str) -> Option<Arc<Inspection>> {
         match &self.answers.lock().get(name)?.state {
             State::Told(told) | State::Stale(told) => Some(Arc::clone(told)),
             State::Asked(before) => before.clone(),
@@ -179,7 +179,8 @@ pub(super) fn ask(shared: &Arc<Shared>, ports: &BTreeMap<String, Entry>) {
     due.sort_by_cached_key(|(name, entry)| is_told_by_name(shared, name, entry));
     for (name, entry) in due {
         // One that was connected otherwise is asked all.
-        let whole = !is_told_by_name(shared, &name, &entry) || shared.survey.told(&name).is_some();
+        let whole =
+            !is_told_by_name(shared, &name, &entry) || shared.survey.answer_of(&name).is_some();
         let (shared, room) = (Arc::clone(shared), Arc::clone(&shared.survey.room));
         let tasks = Arc::clone(&shared);
         tasks.tasks.spawn_aside(async move {
@@ -248,10 +249,10 @@ mod tests {
         survey.enter("/a", 1, Some(Inspection::default()), now);
         let later = now + Duration::from_secs(1_000_000);
         assert!(survey.due(&ports(1), later).is_empty(), "it has said it");
-        assert!(survey.told("/a").is_some());
+        assert!(survey.answer_of("/a").is_some());
         assert_eq!(survey.due(&ports(2), now).len(), 1, "another port of that name");
         survey.enter("/a", 1, Some(Inspection::default()), now);
-        assert!(survey.told("/a").is_none(), "the answer of the one before");
+        assert!(survey.answer_of("/a").is_none(), "the answer of the one before");
         survey.forget(|_| false);
         assert_eq!(survey.due(&ports(2), now).len(), 1);
     }
@@ -260,7 +261,7 @@ mod tests {
     fn a_port_that_is_connected_as_what_it_is_not_is_asked_again() {
         let (survey, now) = (Survey::default(), Instant::now());
         let is_due = |survey: &Survey| !survey.due(&ports(1), now).is_empty();
-        let role_of = |survey: &Survey| role("/a", survey.told("/a").as_deref()).1;
+        let role_of = |survey: &Survey| role("/a", survey.answer_of("/a").as_deref()).1;
         assert!(is_due(&survey));
         survey.met("/a", "/ours", false);
         assert!(!is_due(&survey), "it is being asked");

@@ -80,7 +80,7 @@ impl Types {
             Some("yarp/sound") => Some("AudioChunk".to_owned()),
             Some(FILES) => Some("CompressedImage".to_owned()),
             Some("yarp/vector") => by_name().or_else(|| Some(NUMBERS.to_owned())),
-            _ => by_name().or_else(|| self.heard.told(port, number).map(str::to_owned)),
+            _ => by_name().or_else(|| self.heard.type_of(port, number).map(str::to_owned)),
         }
     }
 }

@@ -158,7 +158,7 @@ impl Movement {
                     let name = options.joints.get(joint).cloned();
                     let name = name.unwrap_or_else(|| joint.to_string());
                     let turns = options.axes.get(joint) != Some(&Axis::Prismatic);
-                    let text = joint_limits::told(&name, *value, range, turns, options.degrees);
+                    let text = joint_limits::warning(&name, *value, range, turns, options.degrees);
                     tracing::warn!("{port}: {text}");
                 }
             }

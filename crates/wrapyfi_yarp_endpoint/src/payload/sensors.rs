@@ -87,7 +87,7 @@ pub(super) fn read_imu(bytes: &Bytes, rules: Rules<'_>) -> DecodeResult<Map> {
     let mut fields = Map::new();
     match angles {
         Some(angles) => {
-            drop(fields.insert("orientation", quaternion(rules.options.radians(angles))))
+            drop(fields.insert("orientation", quaternion(rules.options.radians(angles))));
         }
         None => drop(fields.insert("orientation_covariance", unmeasured()?)),
     }
