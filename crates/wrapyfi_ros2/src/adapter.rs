@@ -10,9 +10,6 @@
 //!   rmw                   any                      an error                   the one that ROS 2 loads
 //! ```
 //!
-//! With `ROS_SECURITY_ENABLE=true` a program with `rmw` takes the one that ROS 2 loads wherever this says CycloneDDS
-//! inside without being asked for it: CycloneDDS inside has no security.
-//!
 //! The adapter is asked for by `endpoints.ros2.graph`, else by `WRAPYFI_ROS2_GRAPH`.
 //!
 //! An environment in which ROS 2 loads `rmw_cyclonedds_cpp` is served as well by CycloneDDS inside,
@@ -22,7 +19,7 @@ use std::sync::Arc;
 
 use super::config::CycloneConfig;
 use super::cyclone_graph::{CycloneError, CycloneGraph};
-use super::environment::{Adapter, Environment, Security, build};
+use super::environment::{Adapter, Environment, build};
 use super::graph::{Graph, ServiceMapping};
 
 /// Error of a node that joins the graph.
@@ -43,12 +40,6 @@ pub enum JoinError {
         build = build!()
     )]
     NotBuilt(String),
-    /// Security is enforced, which CycloneDDS inside the program does not have.
-    #[error(
-        "ROS_SECURITY_ENABLE=true with ROS_SECURITY_STRATEGY=Enforce asks for a node with keys, and CycloneDDS inside this program ({0}) has no security: {build}, and do not ask for graph: cyclone; or unset ROS_SECURITY_ENABLE",
-        build = build!()
-    )]
-    NotSecured(String),
 }
 
 /// A node on the graph.
@@ -78,40 +69,19 @@ pub fn join(
     let means_other = environment.services != ServiceMapping::Cyclone;
     match wanted {
         Some(Adapter::Rmw) => on_rmw(config, asked_by, enclave),
-        Some(Adapter::Cyclone) => on_cyclone(config, environment, asked_by, enclave),
-        None if cfg!(feature = "rmw") && environment.security != Security::Off => {
-            on_rmw(config, "ROS_SECURITY_ENABLE=true", enclave)
-        }
+        Some(Adapter::Cyclone) => on_cyclone(config, asked_by),
         None if cfg!(feature = "rmw") && means_other => {
             if loads_cyclone()? {
                 let config = CycloneConfig { services: ServiceMapping::Cyclone, ..config.clone() };
-                let reason = "the rmw of this ROS 2 is rmw_cyclonedds_cpp";
-                return on_cyclone(&config, environment, reason, enclave);
+                return on_cyclone(&config, "the rmw of this ROS 2 is rmw_cyclonedds_cpp");
             }
             on_rmw(config, &environment.stack_reason, enclave)
         }
-        None => on_cyclone(config, environment, &environment.stack_reason, enclave),
+        None => on_cyclone(config, &environment.stack_reason),
     }
 }
 
-fn on_cyclone(
-    config: &CycloneConfig,
-    environment: &Environment,
-    reason: &str,
-    enclave: &str,
-) -> Result<Joined, JoinError> {
-    match environment.security {
-        Security::Enforce => return Err(JoinError::NotSecured(reason.to_owned())),
-        Security::Permissive => tracing::warn!(
-            "ROS_SECURITY_ENABLE=true has no effect: CycloneDDS inside this program ({reason}) has no security. \
-             What this node sends, everybody reads. To have it, {}",
-            build!()
-        ),
-        Security::Off if enclave != "/" => tracing::warn!(
-            "the enclave {enclave} has no effect on CycloneDDS inside this program ({reason}), which has no security"
-        ),
-        Security::Off => {}
-    }
+fn on_cyclone(config: &CycloneConfig, reason: &str) -> Result<Joined, JoinError> {
     tracing::info!(
         domain = config.domain_id,
         range = ?config.discovery.range,

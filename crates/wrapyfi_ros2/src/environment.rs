@@ -7,7 +7,6 @@
 //!   ROS_STATIC_PEERS ────────────────┤            why this DDS stack,
 //!   RMW_IMPLEMENTATION, ROS_DISTRO ──┤            mapping of services, adapter, warnings to be logged
 //!   WRAPYFI_ROS2_GRAPH ──────────────┤
-//!   ROS_SECURITY_ENABLE, _STRATEGY ──┤
 //!   CYCLONEDDS_URI ──────────────────┘
 //! ```
 //!
@@ -54,18 +53,6 @@ pub enum Adapter {
     Rmw,
 }
 
-/// Protection that a node asks for, by `ROS_SECURITY_ENABLE` and `ROS_SECURITY_STRATEGY`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Security {
-    /// None.
-    #[default]
-    Off,
-    /// Keys where there are some.
-    Permissive,
-    /// No node without keys.
-    Enforce,
-}
-
 /// Feature and environment that a build needs for a middleware other than CycloneDDS, in words for
 /// an error.
 macro_rules! build {
@@ -91,8 +78,6 @@ pub struct Environment {
     pub stack_reason: String,
     /// Library that carries the graph, `WRAPYFI_ROS2_GRAPH`; `None` where it is not set.
     pub graph: Option<Adapter>,
-    /// Protection that the node asks for.
-    pub security: Security,
     /// Lines to be logged as warnings.
     pub warnings: Vec<String>,
 }
@@ -149,19 +134,8 @@ pub fn read(lookup: impl Fn(&str) -> Option<String>) -> Result<Environment, Envi
         services,
         stack_reason,
         graph: set("WRAPYFI_ROS2_GRAPH").map(|word| graph(&word)).transpose()?,
-        security: security(&set),
         warnings,
     })
-}
-
-/// As rcl reads the two variables: letter for letter.
-fn security(set: &impl Fn(&str) -> Option<String>) -> Security {
-    let is = |name: &str, wanted: &str| set(name).is_some_and(|value| value == wanted);
-    match (is("ROS_SECURITY_ENABLE", "true"), is("ROS_SECURITY_STRATEGY", "Enforce")) {
-        (false, _) => Security::Off,
-        (true, false) => Security::Permissive,
-        (true, true) => Security::Enforce,
-    }
 }
 
 fn graph(word: &str) -> Result<Adapter, EnvironmentError> {
@@ -353,20 +327,6 @@ mod tests {
         assert_eq!(graph("rmw"), Ok(Some(Adapter::Rmw)));
         let fault = graph("zenoh").unwrap_err();
         assert_eq!(fault.to_string(), "WRAPYFI_ROS2_GRAPH=zenoh is neither cyclone nor rmw");
-    }
-
-    #[test]
-    fn security_is_read_as_rcl_reads_it() {
-        for (enable, strategy, wanted) in [
-            ("", "Enforce", Security::Off),
-            ("True", "Enforce", Security::Off),
-            ("true", "", Security::Permissive),
-            ("true", "enforce", Security::Permissive),
-            ("true", "Enforce", Security::Enforce),
-        ] {
-            let set = [("ROS_SECURITY_ENABLE", enable), ("ROS_SECURITY_STRATEGY", strategy)];
-            assert_eq!(with(&set).unwrap().security, wanted, "{set:?}");
-        }
     }
 
     #[test]
