@@ -273,11 +273,7 @@ fn security_is_refused_or_warned_of_where_there_is_none() -> Result {
         env.set_variable("ROS_SECURITY_ENABLE", "false");
         let mut named = env.node_with(vec![route()], &["--enclave", "/lab"])?;
         named.wait_until("the warning", |output| {
-            output
-                .err
-                .iter()
-                .any(|line| line.contains("/lab has no effect"))
-                .then_some(())
+            output.err.iter().any(|line| line.contains("/lab has no effect")).then_some(())
         })?;
         named.terminate()?;
         named.exits_with(0)?;
