@@ -7,6 +7,7 @@
 # make doc     API documentation of the workspace, in target/doc; links of the pages
 # make fmt     formats the sources
 # make lint    lints only
+# make sbom    bill of materials, target/wrapyfi.spdx.json
 # make fuzz    fuzz targets, SECONDS_EACH=60 seconds each; see fuzz/README.md
 # make test-rmw   ROS 2 a second time, through each rmw of an installed ROS 2; a part of make test
 # make test-frameworks   tensors of the real PyTorch, JAX, TensorFlow, Paddle: 700 MB to download, once
@@ -17,7 +18,7 @@ MAKEFLAGS += --no-print-directory
 # One after the other: every step uses all cores, and each one fails with its own message.
 .NOTPARALLEL:
 .PHONY: demo check test nightly bench doc fmt lint fuzz setup-build setup-test setup-frameworks test-fmt test-rust
-.PHONY: test-frameworks test-python test-colcon test-rmw test-release test-seeds test-features test-oldest test-semver deny
+.PHONY: test-frameworks test-python test-colcon test-rmw test-release test-seeds test-features test-oldest test-semver deny sbom
 
 DEMO_ARGS ?= --seconds 20
 BENCH_ARGS ?=
@@ -73,6 +74,13 @@ lint: | target/COLCON_IGNORE
 deny:
 	@command -v cargo-deny >/dev/null || cargo install --locked cargo-deny --target-dir target/cargo-deny
 	@cargo deny --offline --log-level error check licenses bans sources
+
+# All crates of the workspace's programs with version, source and licence, as SPDX. What the system gives (libzmq,
+# libturbojpeg) is not in it; CycloneDDS is, as part of the crate cyclors.
+sbom: | target/COLCON_IGNORE
+	@command -v cargo-sbom >/dev/null || cargo install --locked cargo-sbom --target-dir target/cargo-sbom
+	@cargo sbom --output-format spdx_json_2_3 >target/wrapyfi.spdx.json
+	@echo "target/wrapyfi.spdx.json"
 
 # What Cargo.toml promises as `rust-version`; its artefacts lie apart, so that the next build is not one from nothing.
 OLDEST_RUST = $(shell sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml)

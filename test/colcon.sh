@@ -3,8 +3,8 @@
 # installed. Works on plain Debian and Ubuntu and in a sourced ROS 2.
 #
 # PROFILE=release (as `make nightly` says) compiles as users do, and runs every test. Without it the foreign
-# crates of the repository's own development build serve again, and of the end-to-end tests, which `make test`
-# has just run, only a few are run.
+# crates of the repository's own development build serve again, and of the tests, all of which `make test` has just
+# run, only those beside the code and a few of whole programs are run.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 profile=${PROFILE:-dev}
@@ -96,7 +96,7 @@ if [ "$profile" = dev ] && [ -d "$built_before" ] && [ ! -e build/wrapyfi_cargo/
     rm -rf build/wrapyfi_cargo/debug/.fingerprint/wrapyfi_*
 fi
 if [ "$profile" = dev ]; then
-    export WRAPYFI_TESTS="not package(wrapyfi_e2e) and not test(/^simulation/) or test(/^bridge::/)"
+    export WRAPYFI_TESTS="kind(lib) or kind(bin) or kind(proc-macro) or test(/^bridge::/)"
 fi
 # A peer that is missing is a counted skip here; `make test` has run them all already.
 unset WRAPYFI_REQUIRE_PEERS

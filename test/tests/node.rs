@@ -252,3 +252,37 @@ fn bad_ros_arguments_are_refused() -> Result {
         Ok(())
     })
 }
+
+/// CycloneDDS inside the program has no security: a node that has to have it does not run without.
+#[test]
+fn security_is_refused_or_warned_of_where_there_is_none() -> Result {
+    run("security_is_refused_or_warned_of_where_there_is_none", NEEDS, |env| {
+        env.set_variable("ROS_SECURITY_ENABLE", "true");
+        env.set_variable("WRAPYFI_ROS2_GRAPH", "cyclone");
+        let route = || Route::new("zeromq:/a", &format!("ros2:{}", env.topic("to")), "Image");
+        let mut open = env.node_with(vec![route()], &[])?;
+        open.wait_until("the warning", |output| {
+            output
+                .err
+                .iter()
+                .any(|line| line.contains("ROS_SECURITY_ENABLE=true has no effect"))
+                .then_some(())
+        })?;
+        open.terminate()?;
+        open.exits_with(0)?;
+        env.set_variable("ROS_SECURITY_ENABLE", "false");
+        let mut named = env.node_with(vec![route()], &["--enclave", "/lab"])?;
+        named.wait_until("the warning", |output| {
+            output.err.iter().any(|line| line.contains("/lab has no effect")).then_some(())
+        })?;
+        named.terminate()?;
+        named.exits_with(0)?;
+        env.set_variable("ROS_SECURITY_ENABLE", "true");
+        env.set_variable("ROS_SECURITY_STRATEGY", "Enforce");
+        let mut enforced = env.node_with(vec![route()], &[])?;
+        enforced.exits_with(2)?;
+        let said = enforced.tail();
+        assert!(said.contains("ROS_SECURITY_STRATEGY=Enforce"), "{said}");
+        Ok(())
+    })
+}

@@ -47,6 +47,9 @@ pub enum Command {
         /// File of a bridge that runs: prints what the other changes, and what needs a start.
         #[arg(long, value_name = "OLD")]
         against: Option<PathBuf>,
+        /// Print the policy of SROS 2 that lets a bridge do what its routes need, and nothing else.
+        #[arg(long, conflicts_with = "against")]
+        print_sros2_policy: bool,
     },
     /// List the endpoints that exist now, on every side, with types and quality of service.
     List(ListArgs),

@@ -51,6 +51,7 @@ pub mod own_address;
 pub mod page;
 pub mod reload;
 pub mod shutdown;
+pub mod sros2;
 pub mod table;
 pub mod top;
 pub mod why;

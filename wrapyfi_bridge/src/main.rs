@@ -39,7 +39,9 @@ fn run(cli: &Cli, ros: Vec<OsString>) -> Result<(), Failure> {
         Command::Demo(args) => command::demo::run(args, &shutdown),
         // Above: it logs as its node.
         Command::Bridge(_) => Ok(()),
-        Command::Check { file, against } => command::check::run(file, against.as_deref()),
+        Command::Check { file, against, print_sros2_policy } => {
+            command::check::run(file, against.as_deref(), *print_sros2_policy)
+        }
         Command::List(args) => command::list::run(args, &shutdown),
         Command::Echo(args) => command::echo::run(args, &shutdown),
         Command::Pub(args) => command::publish::run(args, &shutdown),

@@ -12,6 +12,7 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::Thread;
 use std::time::{Duration, Instant};
 
 use super::member::{Member, lock};
@@ -51,8 +52,6 @@ impl Place {
 /// Workers, and the members that wait for them.
 pub(super) struct Pool {
     state: Mutex<State>,
-    /// Signal to a worker that a member waits.
-    work: Condvar,
     /// Signal to the timekeeper that a step is due earlier, or that no worker is free.
     tick: Condvar,
     /// Signal that a thread has ended, or that all threads are to end.
@@ -73,9 +72,11 @@ struct State {
     workers: usize,
     /// Number of threads that have not ended: workers, timekeeper and others that were spawned.
     threads: usize,
-    idle: usize,
-    /// Number of idle workers that were told that a member waits, and have not looked yet.
-    told: usize,
+    /// Workers without a member, parked. The last to come is the first to go: its core and its caches still know the
+    /// work, and a route with one message at a time stays on one worker instead of wandering through all of them.
+    idle: Vec<Thread>,
+    /// Number of workers that were taken from `idle` because a member waits, and have not looked yet.
+    woken: usize,
     /// Number of workers at members that open or close.
     at_behind: usize,
     /// Number of turns taken, of all members and of those that open or close.
@@ -113,8 +114,21 @@ impl State {
 
     /// True when a member waits and no worker is free to take it.
     fn waits_in_vain(&self) -> bool {
-        let ready = !self.ready.is_empty() && self.idle == 0;
-        ready || (!self.behind.is_empty() && (self.idle == 0 || !self.may_take_behind()))
+        let nobody_is_free = self.idle.is_empty() && self.woken == 0;
+        (!self.ready.is_empty() && nobody_is_free)
+            || (!self.behind.is_empty() && (nobody_is_free || !self.may_take_behind()))
+    }
+
+    /// True when a member waits that one more worker may take.
+    fn has_more(&self) -> bool {
+        !self.ready.is_empty() || self.may_take_behind()
+    }
+
+    /// Takes the worker that became idle last, to be unparked.
+    fn take_idle(&mut self) -> Option<Thread> {
+        let worker = self.idle.pop()?;
+        self.woken += 1;
+        Some(worker)
     }
 }
 
@@ -123,7 +137,6 @@ impl Pool {
         let cores = std::thread::available_parallelism().map_or(2, usize::from);
         Arc::new(Self {
             state: Mutex::default(),
-            work: Condvar::new(),
             tick: Condvar::new(),
             ended: Condvar::new(),
             base: cores.clamp(2, MOST_WORKERS),
@@ -189,10 +202,18 @@ impl Pool {
             _ => None,
         });
         if rung == Ok(Place::IDLE) {
-            self.enqueue(&mut lock(&self.state), member);
+            let mut state = lock(&self.state);
+            self.enqueue(&mut state, member);
+            let worker = state.take_idle();
+            // Unparked without the lock, which is the first thing that the worker takes.
+            drop(state);
+            if let Some(worker) = worker {
+                worker.unpark();
+            }
         }
     }
 
+    /// Queues a member. Its caller wakes a worker, or is one that looks next.
     fn enqueue(&self, state: &mut State, member: Arc<Member>) {
         if state.stop {
             return;
@@ -202,10 +223,6 @@ impl Pool {
             state.behind.push_back(member);
         } else {
             state.ready.push_back(member);
-        }
-        if state.idle > state.told {
-            state.told += 1;
-            self.work.notify_one();
         }
         if !state.is_watched && state.waits_in_vain() {
             state.is_watched = true;
@@ -234,20 +251,32 @@ impl Pool {
     }
 
     fn work(&self) {
+        let own = std::thread::current();
         let mut state = lock(&self.state);
         while !state.stop {
             let Some((member, is_behind)) = state.next() else {
                 let is_needed = state.grown_at.is_some_and(|at| at.elapsed() < LOOK_EVERY);
-                if state.workers > self.base && state.idle > 0 && !is_needed {
+                let is_alone = state.idle.is_empty() && state.woken == 0;
+                if state.workers > self.base && !is_alone && !is_needed {
                     break;
                 }
-                state.idle += 1;
-                state = self.work.wait(state).unwrap_or_else(PoisonError::into_inner);
-                state.idle -= 1;
-                state.told = state.told.saturating_sub(1);
+                state.idle.push(own.clone());
+                drop(state);
+                std::thread::park();
+                state = lock(&self.state);
+                // Nobody has taken it from `idle` where the park ended by itself, or for all.
+                match state.idle.iter().position(|idle| idle.id() == own.id()) {
+                    Some(place) => drop(state.idle.remove(place)),
+                    None => state.woken = state.woken.saturating_sub(1),
+                }
                 continue;
             };
+            // One woken worker wakes the next, as long as members wait.
+            let another = (state.has_more() && state.woken == 0).then(|| state.take_idle());
             drop(state);
+            if let Some(worker) = another.flatten() {
+                worker.unpark();
+            }
             member.place.store(Place::RUNNING, Ordering::Release);
             let turn = contained(|| (member.turn(), self.clock.now()));
             let (step, now) = turn.unwrap_or_else(|panic| {
@@ -337,12 +366,15 @@ impl Pool {
                 *lock(&member.timer) = None;
                 if self.claim(&member) {
                     self.enqueue(&mut state, member);
+                    if let Some(worker) = state.take_idle() {
+                        worker.unpark();
+                    }
                 }
             }
             if now.saturating_duration_since(looked_at) >= LOOK_EVERY {
                 looked_at = now;
                 if state.workers > self.base {
-                    self.work.notify_all();
+                    state.idle.iter().for_each(Thread::unpark);
                 }
                 drop(state);
                 look(now);
@@ -395,9 +427,9 @@ impl Pool {
             std::mem::take(&mut state.behind),
             std::mem::take(&mut state.timers),
         );
+        state.idle.iter().for_each(Thread::unpark);
         drop(state);
         drop(held);
-        self.work.notify_all();
         self.tick.notify_all();
         self.ended.notify_all();
     }

@@ -134,6 +134,11 @@ async fn respond(
     if request.method() != Method::POST {
         return Ok(status(StatusCode::METHOD_NOT_ALLOWED));
     }
+    // A browser says which page asks, a node never does: so no page that somebody opens here reaches the node.
+    if request.headers().contains_key(hyper::header::ORIGIN) {
+        tracing::debug!(%peer, "ROS 1: a call from a page in a browser was refused");
+        return Ok(status(StatusCode::FORBIDDEN));
+    }
     let body = Limited::new(request.into_body(), xmlrpc::MAX_BYTES).collect();
     let body = match timeout(REQUEST, body).await {
         Ok(Ok(body)) => body.to_bytes(),
@@ -170,7 +175,7 @@ fn status(code: StatusCode) -> Response<Full<Bytes>> {
 
 #[cfg(test)]
 mod tests {
-    use tokio::io::AsyncReadExt as _;
+    use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 
     use super::*;
 
@@ -186,5 +191,29 @@ mod tests {
         let uri = NodeUri { host: "127.0.0.1".to_owned(), port: number };
         assert_eq!(call(&uri, "getPid", Vec::new()).await.unwrap().value, Value::Integer(7));
         assert_eq!(idle[0].read(&mut [0; 1]).await.unwrap(), 0, "the oldest one has ended");
+    }
+
+    #[tokio::test]
+    async fn a_page_in_a_browser_calls_nothing() {
+        let (port, number) = Port::bind([127, 0, 0, 1].into(), 3).await.unwrap();
+        let called = Arc::new(std::sync::atomic::AtomicUsize::new(0));
+        let calls = Arc::clone(&called);
+        let answers: Arc<Answers> = Arc::new(move |_| {
+            calls.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+            Some(Reply::success("", Value::Integer(7)))
+        });
+        let _server = tokio::spawn(serve(port, answers));
+        let body = "<methodCall><methodName>shutdown</methodName><params></params></methodCall>";
+        let mut page = TcpStream::connect(("127.0.0.1", number)).await.unwrap();
+        let request = format!(
+            "POST / HTTP/1.1\r\nHost: localhost\r\nOrigin: http://elsewhere.example\r\n\
+             Content-Type: text/plain\r\nContent-Length: {}\r\nConnection: close\r\n\r\n{body}",
+            body.len()
+        );
+        page.write_all(request.as_bytes()).await.unwrap();
+        let mut said = String::new();
+        page.read_to_string(&mut said).await.unwrap();
+        assert!(said.starts_with("HTTP/1.1 403 "), "{said}");
+        assert_eq!(called.load(std::sync::atomic::Ordering::Relaxed), 0);
     }
 }

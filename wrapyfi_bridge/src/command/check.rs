@@ -8,12 +8,14 @@ use crate::in_force::{in_lines, warn_of_unheard};
 use crate::middlewares::{self, Settings};
 use crate::node::Node;
 use crate::output;
+use crate::sros2;
 
-/// Prints the plan, a route a line; with `against`, what it changes for a bridge that runs with that file.
+/// Prints the plan, a route a line, or its policy of SROS 2; with `against`, what it changes for a bridge that
+/// runs with that file.
 ///
 /// # Errors
 /// Exit code 2 with every fault of a file, each with its line.
-pub fn run(file: &Path, against: Option<&Path>) -> Result<(), Failure> {
+pub fn run(file: &Path, against: Option<&Path>, prints_policy: bool) -> Result<(), Failure> {
     let loaded = middlewares::load(file)?;
     if let Some(against) = against {
         let old = middlewares::load(against)?;
@@ -29,10 +31,14 @@ pub fn run(file: &Path, against: Option<&Path>) -> Result<(), Failure> {
         return Ok(());
     }
     let plan = loaded.plan;
-    for route in &plan.routes {
-        output::line(&route.to_string())?;
-    }
     let node = Node::bridge().map_err(Failure::usage)?;
+    if prints_policy {
+        output::line(&sros2::policy(&node, &plan))?;
+    } else {
+        for route in &plan.routes {
+            output::line(&route.to_string())?;
+        }
+    }
     let index = plan.index(|address| node.resolve(address));
     warn_of_unheard(&index, &loaded.lines);
     for circle in index.circles() {

@@ -118,6 +118,25 @@ fn builtin_topic(is_writer: bool) -> i32 {
     }
 }
 
+/// Samples that Cyclone lent, returned also where whoever looks at them panics: it has a limited number to lend.
+struct Loan<'r> {
+    reader: &'r Entity,
+    samples: [*mut c_void; BATCH],
+    taken: i32,
+}
+
+impl Drop for Loan<'_> {
+    fn drop(&mut self) {
+        // SAFETY: returns exactly what was lent, once.
+        let code = unsafe {
+            cyclors::dds_return_loan(self.reader.handle(), self.samples.as_mut_ptr(), self.taken)
+        };
+        if let Err(error) = ReturnCode::check(code) {
+            tracing::debug!(%error, "samples of discovery could not be returned");
+        }
+    }
+}
+
 /// Takes one batch; false when nothing is left.
 fn take_batch(
     reader: &Entity,
@@ -140,7 +159,9 @@ fn take_batch(
     if taken == 0 {
         return Ok(false);
     }
-    for (sample, info) in samples.iter().zip(&infos).take(usize::try_from(taken).unwrap_or(0)) {
+    let loan = Loan { reader, samples, taken };
+    for (sample, info) in loan.samples.iter().zip(&infos).take(usize::try_from(taken).unwrap_or(0))
+    {
         let alive = info.instance_state == cyclors::dds_instance_state_DDS_IST_ALIVE;
         // SAFETY: samples of these topics are of this type and lent until returned below.
         let endpoint = unsafe { sample.cast::<cyclors::dds_builtintopic_endpoint_t>().as_ref() };
@@ -171,10 +192,6 @@ fn take_batch(
         };
         each(info.instance_handle, Some(found));
     }
-    // SAFETY: returns exactly what was lent.
-    ReturnCode::check(unsafe {
-        cyclors::dds_return_loan(reader.handle(), samples.as_mut_ptr(), taken)
-    })?;
     Ok(true)
 }
 

@@ -1,0 +1,137 @@
+//! Policy of SROS 2 that lets a bridge do what its routes need, and nothing else: `wrapyfi check FILE
+//! --print-sros2-policy`.
+//!
+//! ```text
+//!   from ros2:/a     ─▶ subscribe /a          service at ros2:/s       ─▶ request /s
+//!   to   ros2:/a     ─▶ publish   /a          service as ros2:/s       ─▶ reply   /s
+//!   by pattern       ─▶ the part before the first group, then *
+//!   the node itself  ─▶ its log, parameters, clock, diagnostics, and everything below its name
+//! ```
+//!
+//! `ros2 security create_permission KEYSTORE ENCLAVE POLICY` makes permissions of it.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
+
+use wrapyfi_core::endpoint::EndpointAddress;
+use wrapyfi_core::engine::{Kind, Plan, Route};
+use wrapyfi_core::types::MessageType;
+
+use crate::node::Node;
+
+/// Kind of names, and what is allowed with them, in the words of a policy.
+type Rule = (&'static str, &'static str);
+const PUBLISH: Rule = ("topic", "publish");
+const SUBSCRIBE: Rule = ("topic", "subscribe");
+const REPLY: Rule = ("service", "reply");
+const REQUEST: Rule = ("service", "request");
+
+/// Writes the policy of the bridge `node` with the routes of `plan`.
+#[must_use]
+pub fn policy(node: &Node, plan: &Plan) -> String {
+    let own = format!("{}/*", node.name().fqn());
+    let mut rules = BTreeMap::<Rule, BTreeSet<String>>::new();
+    let mut allow = |rule: Rule, name: String| rules.entry(rule).or_default().insert(name);
+    for (rule, name) in [
+        (PUBLISH, "/rosout"),
+        (PUBLISH, "/parameter_events"),
+        (PUBLISH, "/diagnostics"),
+        (PUBLISH, &own),
+        (SUBSCRIBE, "/clock"),
+        (REPLY, &own),
+    ] {
+        allow(rule, name.to_owned());
+    }
+    for route in &plan.routes {
+        let ends = [(&route.from, true), (&route.to, false)];
+        for (end, is_source) in ends.into_iter().filter(|(end, _)| end.middleware == "ros2") {
+            let name = name(node, route, end);
+            match route.kind {
+                // Parameters are not a topic: they are asked for and set through the services of their node.
+                Kind::Topic(types) if [types.from, types.to].contains(&MessageType::Properties) => {
+                    allow(SUBSCRIBE, "/parameter_events".to_owned());
+                    allow(REQUEST, format!("{name}/*"));
+                }
+                Kind::Topic(_) => _ = allow(if is_source { SUBSCRIBE } else { PUBLISH }, name),
+                Kind::Service(_) => _ = allow(if is_source { REQUEST } else { REPLY }, name),
+            }
+        }
+    }
+    let (namespace, base) = (node.name().namespace(), node.name().name());
+    let mut text = format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<policy version=\"0.2.0\">\n  <enclaves>\n    <enclave path=\"{}\">\n      \
+         <profiles>\n        <profile ns=\"{namespace}\" node=\"{base}\">\n",
+        enclave(node)
+    );
+    for ((kind, action), names) in &rules {
+        _ = writeln!(text, "          <{kind}s {action}=\"ALLOW\">");
+        for name in names {
+            _ = writeln!(text, "            <{kind}>{name}</{kind}>");
+        }
+        _ = writeln!(text, "          </{kind}s>");
+    }
+    text += "        </profile>\n      </profiles>\n    </enclave>\n  </enclaves>\n</policy>";
+    text
+}
+
+/// Enclave that the node is told, else one of its name.
+fn enclave(node: &Node) -> String {
+    if node.enclave() == "/" { node.name().fqn() } else { node.enclave().to_owned() }
+}
+
+/// Name on the graph; of a pattern, what all its names begin with, and a star. Only characters of names come
+/// out, whatever an expression has.
+fn name(node: &Node, route: &Route, end: &EndpointAddress) -> String {
+    if !route.is_many() {
+        return node.resolve(end).name;
+    }
+    let is_plain = |letter: &char| letter.is_ascii_alphanumeric() || "_/".contains(*letter);
+    let begin: String = end.name.trim_start_matches('^').chars().take_while(is_plain).collect();
+    format!("/{}*", begin.trim_start_matches('/'))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "in a test a panic is the right answer")]
+mod tests {
+    use super::*;
+    use wrapyfi_core::types::ServiceKind;
+
+    #[test]
+    fn names_are_allowed_as_routes_use_them() {
+        let address = |text: &str| text.parse::<EndpointAddress>().unwrap();
+        let topic = |from, to, kind| Route::topic(address(from), address(to), kind);
+        let routes = vec![
+            topic("zeromq:/cam", "ros2:/cam/image_raw", MessageType::Image),
+            topic("ros2:/chatter", "zeromq:/chatter", MessageType::Text),
+            topic("ros2:/arm", "zeromq:/arm", MessageType::Properties),
+            Route::service(
+                address("zeromq:/light"),
+                address("ros2:/light"),
+                ServiceKind::NativeObject,
+            ),
+            Route::service(
+                address("ros2:/lamp"),
+                address("zeromq:/lamp"),
+                ServiceKind::NativeObject,
+            ),
+        ];
+        let text = policy(&Node::named("bridge").unwrap(), &Plan { routes });
+        for (rule, name) in [
+            ("<topics publish=\"ALLOW\">", "<topic>/cam/image_raw</topic>"),
+            ("<topics publish=\"ALLOW\">", "<topic>/bridge/*</topic>"),
+            ("<topics subscribe=\"ALLOW\">", "<topic>/chatter</topic>"),
+            ("<topics subscribe=\"ALLOW\">", "<topic>/parameter_events</topic>"),
+            ("<services reply=\"ALLOW\">", "<service>/light</service>"),
+            ("<services request=\"ALLOW\">", "<service>/lamp</service>"),
+            ("<services request=\"ALLOW\">", "<service>/arm/*</service>"),
+        ] {
+            let (_, after) = text.split_once(rule).unwrap_or_else(|| panic!("no {rule} in {text}"));
+            let block =
+                after.split_once("</topics>").into_iter().chain(after.split_once("</services>"));
+            let block = block.map(|(block, _)| block).min_by_key(|block| block.len()).unwrap();
+            assert!(block.contains(name), "{name} is not in {rule}{block}");
+        }
+        assert!(text.contains("<enclave path=\"/bridge\">"), "{text}");
+        assert_eq!(text.matches("<topic>/chatter</topic>").count(), 1, "{text}");
+    }
+}
