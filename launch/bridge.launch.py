@@ -23,6 +23,12 @@ def generate_launch_description():
                 description="Namespace of the node and of every relative name in it",
             ),
             DeclareLaunchArgument(
+                "autostart",
+                default_value="true",
+                choices=["true", "false"],
+                description="false: wait until others configure and activate the node",
+            ),
+            DeclareLaunchArgument(
                 "log_level",
                 default_value="info",
                 description="debug, info, warn, error or fatal",
@@ -33,7 +39,10 @@ def generate_launch_description():
                 namespace=LaunchConfiguration("namespace"),
                 # Declared a string: launch would read a bare file name such as 1.5 as a number.
                 parameters=[
-                    {"config_file": ParameterValue(LaunchConfiguration("config_file"), value_type=str)}
+                    {
+                        "config_file": ParameterValue(LaunchConfiguration("config_file"), value_type=str),
+                        "autostart": ParameterValue(LaunchConfiguration("autostart"), value_type=bool),
+                    }
                 ],
                 ros_arguments=["--log-level", LaunchConfiguration("log_level")],
                 output="screen",

@@ -16,6 +16,7 @@ mod guides;
 mod headers;
 mod hostile;
 mod hosts;
+mod lifecycle;
 mod node;
 mod on_graph;
 mod packages;

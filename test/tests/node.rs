@@ -128,7 +128,10 @@ fn only_what_a_node_has_is_among_its_parameters() -> Result {
             "config_file",
             "seconds",
             "status_json",
+            "autostart",
             "page_port",
+            "endpoints.zeromq.pub_port",
+            "endpoints.zeromq.sub_port",
         ];
         assert_eq!(own, expected);
         assert_eq!(of_topics.len(), 8, "{of_topics:?}");

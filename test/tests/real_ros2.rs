@@ -57,6 +57,8 @@ under_each! { [rmw_cyclonedds_cpp, rmw_fastrtps_cpp, rmw_zenoh_cpp] {
     parameters_of_a_node_of_rclpy_are_set_by_ours [];
     launch_starts_the_bridge [Need::Ros2Package("launch_ros")];
     launch_without_arguments_keeps_running [Need::Ros2Package("launch_ros")];
+    lifecycle_set_drives_the_bridge [Need::Ros2Package("ros2lifecycle")];
+    launch_activates_the_bridge_as_a_lifecycle_node [Need::Ros2Package("launch_ros"), Need::Ros2Package("ros2lifecycle")];
     run_finds_the_nodes [];
     a_bag_keeps_what_came_from_a_script [Need::Ros2Package("ros2bag")];
     wrapyfi_on_rclpy_talks_with_ours [Need::WrapyfiOnRos2];
@@ -400,6 +402,72 @@ fn launch_without_arguments_keeps_running(_: &TestEnv, ros: &RealRos2<'_>) -> Re
         .map_err(|error| error.context(launch.tail()))?;
     let said = launch.stdout() + &launch.stderr();
     assert!(!said.contains("process has died"), "{said}");
+    Ok(())
+}
+
+/// File of a bridge that others are to configure.
+fn managed(env: &TestEnv) -> Result<String> {
+    let topic = env.topic("x");
+    let config = env.embedded().route(Route::new(&zeromq(&topic), &ros2(&topic), "Text"));
+    Ok(env.write("managed.yaml", config.yaml())?.display().to_string())
+}
+
+fn lifecycle_set_drives_the_bridge(env: &TestEnv, ros: &RealRos2<'_>) -> Result {
+    let parameter = format!("config_file:={}", managed(env)?);
+    let arguments = ["-p", &parameter, "-p", "autostart:=false", "-r", "__node:=managed"];
+    let bridge = ros.node("bridge", &arguments)?;
+    let is = |state: &str| {
+        ros.seen(&["lifecycle", "get", "/managed"], |said| said.lines().any(|line| line == state))
+            .map_err(|error| error.context(bridge.tail()))
+    };
+    is("unconfigured [1]")?;
+    ros.seen(&["lifecycle", "nodes"], |said| said.contains("/managed"))?;
+    ros.seen(&["lifecycle", "list", "-a", "/managed"], |said| {
+        said.contains("- transition_error [62]") && said.contains("Goal: errorprocessing")
+    })?;
+    for (label, state) in [
+        ("configure", "inactive [2]"),
+        ("activate", "active [3]"),
+        ("deactivate", "inactive [2]"),
+        ("cleanup", "unconfigured [1]"),
+    ] {
+        let set = ["lifecycle", "set", "/managed", label];
+        ros.seen(&set, |said| said.contains("Transitioning successful"))?;
+        is(state)?;
+    }
+    Ok(())
+}
+
+const MANAGED_LAUNCH: &str = r#"
+from launch import LaunchDescription
+from launch.actions import EmitEvent, RegisterEventHandler
+from launch_ros.actions import LifecycleNode
+from launch_ros.event_handlers import OnStateTransition
+from launch_ros.events.lifecycle import ChangeState
+from lifecycle_msgs.msg import Transition
+
+
+def generate_launch_description():
+    node = LifecycleNode(package="wrapyfi_bridge", executable="bridge", name="managed", namespace="",
+                         parameters=[{"config_file": "FILE", "autostart": False}], output="screen")
+
+    def change(transition):
+        mine = lambda action: action is node
+        return EmitEvent(event=ChangeState(lifecycle_node_matcher=mine, transition_id=transition))
+
+    configured = OnStateTransition(target_lifecycle_node=node, start_state="configuring", goal_state="inactive",
+                                   entities=[change(Transition.TRANSITION_ACTIVATE)])
+    return LaunchDescription([node, RegisterEventHandler(configured), change(Transition.TRANSITION_CONFIGURE)])
+"#;
+
+fn launch_activates_the_bridge_as_a_lifecycle_node(env: &TestEnv, ros: &RealRos2<'_>) -> Result {
+    let file = env.write("managed.launch.py", MANAGED_LAUNCH.replace("FILE", &managed(env)?))?;
+    let mut launch = ros.ros2(&["launch", &file.display().to_string()])?;
+    let get = ["lifecycle", "get", "/managed"];
+    ros.seen(&get, |said| said.lines().any(|line| line == "active [3]"))
+        .map_err(|error| error.context(launch.tail()))?;
+    launch.terminate()?;
+    launch.exit_code()?;
     Ok(())
 }
 

@@ -97,6 +97,10 @@ pub struct BridgeArgs {
     /// Print the routes' status as one JSON object a second on stdout; the parameter status_json.
     #[arg(long)]
     pub json: bool,
+    /// Wait as a ROS 2 node for others to configure and activate it, such as `ros2 lifecycle set`; the parameter
+    /// autostart.
+    #[arg(long)]
+    pub no_autostart: bool,
     /// Port of 127.0.0.1 at which the live page is served, in place of the file's page.port; the parameter
     /// page_port.
     #[arg(long, value_name = "PORT", value_parser = clap::value_parser!(u16).range(1..))]

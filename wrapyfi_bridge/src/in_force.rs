@@ -10,7 +10,7 @@ use wrapyfi_core::node::parameters::ParameterStore;
 use wrapyfi_core::types::MessageType;
 
 use crate::exit::Failure;
-use crate::middlewares::{Endpoints, Loaded, take_parameters};
+use crate::middlewares::{Endpoints, Loaded, show_endpoints, take_parameters};
 use crate::node::Node;
 use crate::overrides;
 use crate::own_address::OwnAddress;
@@ -24,6 +24,8 @@ pub struct Options {
     pub json: bool,
     /// Port of the live page; as the configuration says where `None`.
     pub page_port: Option<u16>,
+    /// True where the node waits for others to configure and activate it.
+    pub no_autostart: bool,
     /// Address at which others reach the endpoints of the routes.
     pub own: OwnAddress,
     /// The middleware without which the node has nothing to do: when somebody ends it, the node ends
@@ -58,6 +60,7 @@ pub fn change_by(
     }
     take_parameters(&mut loaded.endpoints, parameters)?;
     loaded.endpoints.reached_at(options.own);
+    show_endpoints(&loaded.endpoints, parameters);
     overrides::apply(&mut loaded.plan, node, parameters).map_err(Failure::usage)
 }
 

@@ -17,6 +17,7 @@
 //!   top       the routes of a bridge on a terminal
 //!   on_graph  diagnostics and services of a bridge that runs
 //!   page      the live page of a bridge that runs
+//!   lifecycle  states and transitions of a managed node
 //!   reload    a configuration that changes while its bridge runs
 //!   files     how many may be open
 //!   lines     lines that a thread of their own writes
@@ -37,6 +38,7 @@ pub mod exit;
 pub mod files;
 pub mod in_force;
 pub mod input;
+pub mod lifecycle;
 pub mod lines;
 pub mod logging;
 pub mod middleware_bridge;

@@ -25,6 +25,7 @@ use crate::exit::{Failure, finish};
 use crate::in_force::Options;
 use crate::middleware_bridge::{MiddlewareBridge, Selection};
 use crate::node::{DEFAULT_NAME, Node};
+use crate::own_address::OwnAddress;
 use crate::shutdown::Shutdown;
 use crate::{logging, middlewares};
 
@@ -85,12 +86,14 @@ fn enter(args: &BridgeArgs, given: &mut BTreeMap<String, ParameterValue>) -> Res
     });
     let seconds = args.seconds.map(|time| ParameterValue::from(time.as_secs_f64()));
     let json = args.json.then(|| ParameterValue::from(true));
+    let autostart = args.no_autostart.then(|| ParameterValue::from(false));
     let page = args.page.map(|port| ParameterValue::from(i64::from(port)));
     for (option, name, value) in [
         ("--config", "config_file", config.transpose()?),
         ("--seconds", "seconds", seconds),
         ("--json", "status_json", json),
         ("--page", "page_port", page),
+        ("--no-autostart", "autostart", autostart),
     ] {
         let Some(value) = value else { continue };
         if let Some(other) = given.insert(name.to_owned(), value.clone())
@@ -215,6 +218,9 @@ impl Parameters {
         let seconds = store.declare(seconds, 0.0).map_err(Failure::usage)?;
         let json = fixed("status_json", "Print the routes' status as JSON once a second.");
         let json = store.declare(json, false).map_err(Failure::usage)?;
+        let meant =
+            "Configures and activates the node at its start, without anybody who asks for it.";
+        let autostart = store.declare(fixed("autostart", meant), true).map_err(Failure::usage)?;
         let page = fixed("page_port", "Port of the live page; 0: as the configuration says.");
         let page = store.declare(page, 0).map_err(Failure::usage)?;
         let configuration = match (config_file, built_in) {
@@ -266,7 +272,9 @@ impl Parameters {
             ))
         })?;
         let page_port = Some(page_port).filter(|port| *port > 0);
-        let options = Options { seconds, json, page_port, lives_with, ..Options::default() };
+        let no_autostart = autostart == ParameterValue::Bool(false);
+        let own = OwnAddress::default();
+        let options = Options { seconds, json, page_port, no_autostart, own, lives_with };
         Ok(Self { configuration, options })
     }
 }

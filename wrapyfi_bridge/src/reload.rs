@@ -5,7 +5,8 @@
 //!   SIGHUP ──────────────┼─▶ read, check, compare ─▶ Applier::apply ─▶ what is the same goes on
 //!   ~/reload ────────────┤     └ anything wrong: the routes stay as they are, and the reason is told
 //!   ~/add_route ─────────┤
-//!   ~/remove_route ──────┘
+//!   ~/remove_route ──────┤
+//!   ~/change_state ──────┘ configure reads it, activate starts the routes, deactivate and cleanup take them away
 //! ```
 
 use std::io::IsTerminal as _;
@@ -20,7 +21,7 @@ use anyhow::Context as _;
 use signal_hook::consts::SIGHUP;
 use signal_hook::iterator::{Handle, Signals};
 use wrapyfi_core::endpoint::{BridgeMark, Context, Registry, Server, ServiceSpec, WAITING};
-use wrapyfi_core::engine::{Applier, PlanDiff};
+use wrapyfi_core::engine::{Applier, Plan, PlanDiff};
 use wrapyfi_core::middleware::ros2::NodeHandle;
 use wrapyfi_core::node::parameters::ParameterStore;
 use wrapyfi_core::types::{Map, Payload, ServiceKind, Value};
@@ -32,8 +33,11 @@ use crate::edits::Edits;
 use crate::exit::Failure;
 use crate::files::read_file;
 use crate::in_force::{InForce, Options, change_by, ros2_types, warn_of_unheard};
-use crate::middlewares::{self, Loaded, Middlewares, Settings};
+use crate::lifecycle::{Lifecycle, Outcome, State};
+use crate::middlewares::{self, Loaded, Middlewares, Settings, show_endpoints};
 use crate::node::Node;
+use crate::on_graph::lifecycle::Managed;
+use crate::shutdown::Shutdown;
 
 /// Time between two looks at the file. It is read once it has been the same for so long.
 const LOOK_EVERY: Duration = Duration::from_millis(250);
@@ -41,13 +45,42 @@ const LOOK_EVERY: Duration = Duration::from_millis(250);
 const GONE_AFTER: Duration = Duration::from_secs(2);
 /// Longest time that the end of the program waits for a file that is being read.
 const STOP_WITHIN: Duration = Duration::from_millis(500);
+/// Longest time that a change of state waits for routes to close: a reliable writer of DDS waits a second for a reader
+/// that was killed.
+const CLOSE_WITHIN: Duration = Duration::from_secs(2);
 /// Most changes that get a line each in the log.
 const FEW: usize = 10;
 
+/// Source of a configuration.
+#[derive(Debug, Clone)]
+pub enum Source {
+    /// File, which is read again.
+    File(PathBuf),
+    /// Text that the program has, and a name for it.
+    Text(String, String),
+}
+
+impl Source {
+    /// File, or the name of the text.
+    fn name(&self) -> String {
+        match self {
+            Self::File(file) => file.display().to_string(),
+            Self::Text(_, name) => name.clone(),
+        }
+    }
+
+    fn file(&self) -> Option<&Path> {
+        match self {
+            Self::File(file) => Some(file),
+            Self::Text(..) => None,
+        }
+    }
+}
+
 /// Turns a bridge to the configuration that its file has now.
 pub struct Reload {
-    /// File of the configuration.
-    pub file: PathBuf,
+    /// Source of the configuration.
+    pub source: Source,
     /// Middlewares that the routes run on.
     pub middlewares: Middlewares,
     /// Arguments of the bridge.
@@ -64,6 +97,10 @@ pub struct Reload {
     pub edits: Edits,
     /// Port of the live page since the start.
     pub page_port: Option<u16>,
+    /// State of the node.
+    pub lifecycle: Lifecycle,
+    /// Asked to end the program once the node is finalized.
+    pub shutdown: Shutdown,
 }
 
 impl Reload {
@@ -74,13 +111,19 @@ impl Reload {
         mut edits: Edits,
         wanted: Option<&str>,
     ) -> Result<(String, PlanDiff), Failure> {
-        let name = self.file.display().to_string();
-        let meta = std::fs::metadata(&self.file);
-        let meta = meta.map_err(|error| Failure::usage(format!("{name}: {error}")))?;
-        if !meta.is_file() {
-            return Err(Failure::Usage(format!("{name} is no file: only a file is read again")));
-        }
-        let mut loaded = middlewares::load_and_learn(&self.file, edits.added())?;
+        let name = self.source.name();
+        let mut loaded = match &self.source {
+            Source::Text(text, name) => middlewares::load_text(text, name)?,
+            Source::File(file) => {
+                let meta = std::fs::metadata(file);
+                let meta = meta.map_err(|error| Failure::usage(format!("{name}: {error}")))?;
+                if !meta.is_file() {
+                    let text = format!("{name} is no file: only a file is read again");
+                    return Err(Failure::Usage(text));
+                }
+                middlewares::load_and_learn(file, edits.added())?
+            }
+        };
         edits.leave_out(wanted, &mut loaded)?;
         // The node has its parameters once nothing can be refused any more.
         let mut parameters = self.node.parameters().map_err(Failure::usage)?;
@@ -95,10 +138,7 @@ impl Reload {
         }
         let changes = before.changes(&settings);
         let next = self.middlewares.turned_to(settings)?;
-        let mut registry = next.registry().clone();
-        if let Some(handle) = &self.handle {
-            registry.set_clock(handle.clock());
-        }
+        let registry = self.registry_of(&next);
         warn_of_unheard(&plan.index(|address| self.node.resolve(address)), &lines);
         if let Some(handle) = &self.handle {
             handle.types(|described| {
@@ -120,17 +160,84 @@ impl Reload {
             tracing::warn!("{name}: page.port is another: start the program anew for that");
         }
         *self.in_force.lock().unwrap_or_else(PoisonError::into_inner) =
-            InForce { file: name, endpoints, definitions };
+            InForce { file: name, endpoints: endpoints.clone(), definitions };
         if let Some(handle) = &self.handle {
-            handle.parameters(|store| declare_new(&parameters, store));
+            handle.parameters(|store| {
+                declare_new(&parameters, store);
+                show_endpoints(&endpoints, store);
+            });
         }
         Ok((text, diff))
     }
 
     /// As [`Reload::apply`] for the file as it is now, and logs the outcome.
-    fn apply_and_tell(&mut self, known: &mut String) -> Result<PlanDiff, String> {
-        let file = self.file.display().to_string();
-        told(&file, known, || self.apply(self.edits.clone(), None))
+    fn apply_and_tell(&mut self, known: &mut String) -> Result<PlanDiff, Failure> {
+        told(&self.source.name(), known, || self.apply(self.edits.clone(), None))
+    }
+
+    /// True once the node has read its configuration.
+    fn is_configured(&self) -> bool {
+        matches!(self.lifecycle.state(), State::Inactive | State::Active)
+    }
+
+    /// Work of a state of the life cycle that is not primary.
+    fn work(&mut self, state: State, known: &mut String) -> Outcome {
+        let done = contained(|| match state {
+            State::Configuring => self.apply_and_tell(known).map(drop),
+            State::Activating => {
+                self.routes.set_active(true);
+                Ok(())
+            }
+            State::CleaningUp | State::ErrorProcessing => self.put_away(),
+            _ => {
+                self.close();
+                Ok(())
+            }
+        });
+        let done = done.unwrap_or_else(|panic| Err(panicked(state.label(), &panic)));
+        match done {
+            Ok(()) => Outcome::Success,
+            Err(failure) => {
+                tracing::error!("{} failed: {failure}", state.label());
+                // A configuration that is refused can be mended; what else happened is put away.
+                match failure {
+                    Failure::Failed(_) => Outcome::Error,
+                    _ => Outcome::Failure,
+                }
+            }
+        }
+    }
+
+    /// Closes the routes. Plan and middlewares stay.
+    fn close(&self) {
+        self.routes.set_active(false);
+        if !self.routes.wait_closed(CLOSE_WITHIN) {
+            tracing::warn!("a route has not closed within {} s", CLOSE_WITHIN.as_secs());
+        }
+    }
+
+    /// Closes the routes, and forgets them with what they were told to change. Middlewares other than ROS 2 end.
+    fn put_away(&mut self) -> Result<(), Failure> {
+        self.close();
+        let endpoints =
+            self.in_force.lock().unwrap_or_else(PoisonError::into_inner).endpoints.clone();
+        let plan = Plan::default();
+        let settings = Settings::of(&endpoints, &plan, self.middlewares.settings())?;
+        let next = self.middlewares.turned_to(settings)?;
+        let registry = self.registry_of(&next);
+        self.routes.apply(plan, TypeStore::generated(), registry).map_err(Failure::usage)?;
+        self.middlewares.replace_by(next);
+        self.edits = Edits::default();
+        Ok(())
+    }
+
+    /// Middlewares with the clock of the node.
+    fn registry_of(&self, middlewares: &Middlewares) -> Registry {
+        let mut registry = middlewares.registry().clone();
+        if let Some(handle) = &self.handle {
+            registry.set_clock(handle.clock());
+        }
+        registry
     }
 
     /// Does what a service asks for, and logs the outcome.
@@ -139,8 +246,14 @@ impl Reload {
         service: Asked,
         text: &str,
         known: &mut String,
-    ) -> Result<PlanDiff, String> {
-        let (file, mut edits) = (self.file.display().to_string(), self.edits.clone());
+    ) -> Result<PlanDiff, Failure> {
+        if !self.is_configured() {
+            let (state, node) = (self.lifecycle.state().label(), self.node.name().fqn());
+            return Err(Failure::Usage(format!(
+                "the bridge is {state} and has no routes: ros2 lifecycle set {node} configure"
+            )));
+        }
+        let (file, mut edits) = (self.source.name(), self.edits.clone());
         match service {
             Asked::Reload => self.apply_and_tell(known),
             Asked::AddRoute => told(&file, known, || {
@@ -166,16 +279,20 @@ fn declare_new(from: &ParameterStore, store: &mut ParameterStore) {
     }
 }
 
+/// Failure of something that panicked.
+fn panicked(what: &str, panic: &str) -> Failure {
+    Failure::Failed(anyhow::Error::msg(format!("{what} panicked: {panic}")))
+}
+
 /// Applies the configuration of `file`, and logs what came of it. A panic is an error like others.
 fn told(
     file: &str,
     known: &mut String,
     apply: impl FnOnce() -> Result<(String, PlanDiff), Failure>,
-) -> Result<PlanDiff, String> {
+) -> Result<PlanDiff, Failure> {
     let begin = Instant::now();
-    let applied = contained(apply).unwrap_or_else(|panic| {
-        Err(Failure::Usage(format!("{file}: what reads it panicked: {panic}")))
-    });
+    let applied = contained(apply)
+        .unwrap_or_else(|panic| Err(panicked(&format!("what reads {file}"), &panic)));
     match applied {
         Ok((text, diff)) => {
             *known = text;
@@ -194,7 +311,7 @@ fn told(
         }
         Err(failure) => {
             tracing::error!("the routes stay as they are: {failure}");
-            Err(failure.to_string())
+            Err(failure)
         }
     }
 }
@@ -231,7 +348,8 @@ impl Watch {
         let (context, stop) = (Context::default(), Arc::<AtomicBool>::default());
         let hung_up = Arc::<AtomicBool>::default();
         let mut hang_up = None;
-        if !std::io::stdin().is_terminal() {
+        let file = reload.source.file().map(Path::to_owned);
+        if file.is_some() && !std::io::stdin().is_terminal() {
             let mut signals = Signals::new([SIGHUP]).context("cannot catch SIGHUP")?;
             hang_up = Some(signals.handle());
             let (flag, wake) = (Arc::clone(&hung_up), context.wake.clone());
@@ -245,30 +363,47 @@ impl Watch {
             thread.context("cannot catch SIGHUP")?;
         }
         let is_on_ros2 = reload.handle.is_some();
-        let offered = Asked::ALL.into_iter().filter(|_| is_on_ros2).filter_map(|service| {
+        let is_changed = is_on_ros2 && file.is_some();
+        let offered = Asked::ALL.into_iter().filter(|_| is_changed).filter_map(|service| {
             let server = offer(service, &reload.node, reload.middlewares.registry(), &context)?;
             Some((service, server))
         });
         let mut services: Vec<_> = offered.collect();
-        let known = read_file(&reload.file).unwrap_or_default();
+        let (lifecycle, registry) = (reload.lifecycle.clone(), reload.middlewares.registry());
+        let mut managed = Managed::new(lifecycle.clone());
+        if is_on_ros2 {
+            managed.open(&reload.node, registry, &context);
+        }
+        if !reload.options.no_autostart {
+            // The program has done it before.
+            for transition in ["configure", "activate"] {
+                let transition = lifecycle.asked(0, transition);
+                transition.map(|transition| managed.go(transition, |_| Outcome::Success));
+            }
+        }
+        let mut looked = Looked::new(file.as_deref());
         let (told, wake) = (Arc::clone(&stop), context.wake.clone());
         let (alive, ended) = channel::<()>();
         let thread = std::thread::Builder::new().name("reload".to_owned());
         let started = thread.spawn(move || {
             let _alive = alive;
-            let mut looked = Looked::new(&reload.file, known);
             let pause = |time: Duration| {
                 std::thread::sleep(time.min(STOP_WITHIN / 2));
                 !told.load(Relaxed)
             };
             restarted("thread reload", pause, || {
                 while !told.load(Relaxed) {
-                    if hung_up.swap(false, Relaxed) || looked.is_other(&reload.file) {
+                    let is_other = file.as_deref().is_some_and(|file| looked.is_other(file));
+                    if (hung_up.swap(false, Relaxed) || is_other) && reload.is_configured() {
                         // It is told in the log.
                         _ = reload.apply_and_tell(&mut looked.text);
                     }
                     for (service, server) in &mut services {
                         answer(*service, server.as_mut(), &mut reload, &mut looked.text);
+                    }
+                    managed.answer(|state| reload.work(state, &mut looked.text));
+                    if lifecycle.state() == State::Finalized {
+                        reload.shutdown.request();
                     }
                     wake.wait(LOOK_EVERY);
                 }
@@ -303,8 +438,9 @@ struct Looked {
 }
 
 impl Looked {
-    fn new(file: &Path, text: String) -> Self {
-        let mark = Mark::of(file);
+    fn new(file: Option<&Path>) -> Self {
+        let mark = file.and_then(Mark::of);
+        let text = file.and_then(|file| read_file(file).ok()).unwrap_or_default();
         Self { text, mark, is_fresh: false, gone_since: None, is_told: false }
     }
 
@@ -382,7 +518,7 @@ fn answer(service: Asked, server: &mut dyn Server, reload: &mut Reload, known: &
         let text = call.kwargs.get(field).and_then(Value::as_str).unwrap_or_default();
         let told = reload.serve(service, text, known);
         let success = told.is_ok();
-        let message = told.map_or_else(|why| why, |diff| diff.to_string());
+        let message = told.map_or_else(|why| why.to_string(), |diff| diff.to_string());
         let fields: Map = [("success", Value::from(success)), ("message", message.into())].into();
         if let Err(error) = server.reply(asked.id, Ok(Payload::from(Value::Map(fields)))) {
             tracing::warn!("{name} was not answered: {error}");
@@ -416,7 +552,8 @@ mod tests {
         let mut known = "before".to_owned();
         let told = |known: &mut String| told("bridge.yaml", known, || panic!("on purpose"));
         let error = told(&mut known).unwrap_err();
-        assert_eq!(error, "bridge.yaml: what reads it panicked: on purpose");
+        assert_eq!(error.to_string(), "what reads bridge.yaml panicked: on purpose");
+        assert_eq!(error.code(), 1, "an error of the node, and none of its configuration");
         assert_eq!(known, "before", "it is read again where it changes");
     }
 
@@ -426,7 +563,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("bridge.yaml");
         std::fs::write(&file, "one").unwrap();
-        let mut looked = Looked::new(&file, "one".to_owned());
+        let mut looked = Looked::new(Some(&file));
         assert!(!looked.is_other(&file));
         std::fs::write(&file, "two").unwrap();
         assert!(!looked.is_other(&file), "it may not be all yet");

@@ -83,6 +83,11 @@ impl Shutdown {
         }
     }
 
+    /// Asks the process to end, as a signal does.
+    pub fn request(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
     /// True once the process should end.
     #[must_use]
     pub fn requested(&self) -> bool {

@@ -93,6 +93,7 @@ mod tests {
             name: "chatter".to_owned(),
             from: "ros2:/chatter".to_owned(),
             to: "zeromq:/chatter".to_owned(),
+            kind: "topic",
             message_type: "std_msgs/msg/String",
             state: RouteState::Active,
             from_qos: Some(Qos::from(QosPreset::SensorData)),

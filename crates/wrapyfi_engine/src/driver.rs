@@ -17,7 +17,7 @@ use super::plan::Plan;
 use super::plan_diff::{ApplyError, PlanDiff};
 use super::pool::Pool;
 use super::reconciler::{Change, Reconciler};
-use super::route_status::RouteStatus;
+use super::route_status::{RouteState, RouteStatus};
 use super::tap::Tap;
 use wrapyfi_endpoint::{Registry, Wake};
 use wrapyfi_retry::contained;
@@ -38,8 +38,12 @@ pub(super) struct Driver {
 struct Latest {
     plan: Plan,
     registry: Registry,
-    /// Types for the patterns of a plan that is new; `None` once the reconciler has turned to it.
-    turns_to: Option<TypeStore>,
+    /// True until the reconciler has turned to it.
+    is_new: bool,
+    /// Types for the patterns of a plan that is new.
+    types: Option<TypeStore>,
+    /// False while none of its routes is to run.
+    is_active: bool,
 }
 
 #[derive(Default)]
@@ -58,7 +62,13 @@ impl Driver {
             members: Mutex::default(),
             found: Mutex::new(reconciler.status()),
             reconciler: Mutex::new(reconciler),
-            latest: Mutex::new(Latest { plan, registry: registry.clone(), turns_to: None }),
+            latest: Mutex::new(Latest {
+                plan,
+                registry: registry.clone(),
+                is_new: false,
+                types: None,
+                is_active: true,
+            }),
             wake: Wake::new(),
         };
         driver.carry_out(registry, changes);
@@ -82,12 +92,26 @@ impl Driver {
         }
         let diff = {
             let mut latest = lock(&self.latest);
-            let diff = latest.plan.diff(&plan);
-            *latest = Latest { plan, registry, turns_to: Some(types) };
+            let (diff, is_active) = (latest.plan.diff(&plan), latest.is_active);
+            *latest = Latest { plan, registry, is_new: true, types: Some(types), is_active };
             diff
         };
         self.wake.ring();
         Ok(diff)
+    }
+
+    /// Has the next look start the routes of the plan, or stop them all.
+    pub(super) fn set_active(&self, is_active: bool) {
+        let mut latest = lock(&self.latest);
+        latest.is_new |= latest.is_active != is_active;
+        latest.is_active = is_active;
+        drop(latest);
+        self.wake.ring();
+    }
+
+    /// True where no route runs or closes, and none is about to start.
+    pub(super) fn is_closed(&self) -> bool {
+        !lock(&self.latest).is_new && self.members().is_empty()
     }
 
     /// Turns to a new plan where there is one, and looks at discovery; instant of the next look, if
@@ -96,11 +120,13 @@ impl Driver {
         let mut reconciler = lock(&self.reconciler);
         let next = {
             let mut latest = lock(&self.latest);
-            let types = latest.turns_to.take();
-            types.map(|types| (types, latest.plan.clone(), latest.registry.clone()))
+            if let Some(types) = latest.types.take() {
+                reconciler.types = types;
+            }
+            let plan = if latest.is_active { latest.plan.clone() } else { Plan::default() };
+            std::mem::take(&mut latest.is_new).then(|| (plan, latest.registry.clone()))
         };
-        if let Some((types, plan, registry)) = next {
-            reconciler.types = types;
+        if let Some((plan, registry)) = next {
             let changes = reconciler.replace(plan, registry, now);
             self.carry_out(&reconciler.registry, changes);
         }
@@ -164,8 +190,14 @@ impl Driver {
     }
 
     /// Statuses of the routes, then of the patterns and of the names they match that have no route
-    /// yet.
+    /// yet. Routes that are not to run wait.
     pub(super) fn status(&self) -> Vec<RouteStatus> {
+        let latest = lock(&self.latest);
+        if !latest.is_active {
+            let state = || RouteState::Waiting("the bridge to be activated".to_owned());
+            return latest.plan.routes.iter().map(|it| RouteStatus::planned(it, state())).collect();
+        }
+        drop(latest);
         let running: Vec<_> = lock(&self.members).running.values().cloned().collect();
         let found = lock(&self.found).clone();
         running.iter().map(|member| member.status()).chain(found).collect()

@@ -2,9 +2,7 @@
 
 use super::candidate::State;
 use super::reconciler::{Pattern, Reconciler};
-use super::route::{Kind, Route};
 use super::route_status::{PatternCounts, RouteState, RouteStatus};
-use wrapyfi_endpoint::EndpointAddress;
 
 impl Reconciler {
     /// Statuses of the patterns, and of the names that wait.
@@ -17,7 +15,7 @@ impl Reconciler {
             }
             for candidate in self.of_pattern(index) {
                 let State::Waits(state) = &candidate.state else { continue };
-                let ends = shown(spec, [&candidate.from, &candidate.to]);
+                let ends = (spec.kind, &candidate.from, &candidate.to);
                 let name = candidate.name(spec.role());
                 all.push(RouteStatus::idle(&name, ends, "unknown", state.clone()));
             }
@@ -49,7 +47,6 @@ impl Reconciler {
                 )),
             }
         });
-        let ends = shown(spec, [&spec.from, &spec.to]);
         RouteStatus {
             pattern: Some(PatternCounts {
                 routes,
@@ -59,15 +56,7 @@ impl Reconciler {
                 ended: pattern.ended,
             }),
             panics: pattern.panics + self.panics + of_discovery,
-            ..RouteStatus::idle(&spec.name, ends, "by pattern", state)
+            ..RouteStatus::planned(spec, state)
         }
-    }
-}
-
-/// Ends as they are shown: a service shows its offered end first, as its route does.
-fn shown<'e>(route: &Route, [from, to]: [&'e EndpointAddress; 2]) -> [&'e EndpointAddress; 2] {
-    match route.kind {
-        Kind::Topic(_) => [from, to],
-        Kind::Service(_) => [to, from],
     }
 }

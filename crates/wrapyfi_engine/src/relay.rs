@@ -146,7 +146,7 @@ impl Relay {
             from_qos: self.source.qos,
             to_qos: self.sink.qos,
             counters: self.context.counters.snapshot(),
-            ..RouteStatus::idle(&spec.name, [&spec.from, &spec.to], spec.label(), state)
+            ..RouteStatus::planned(spec, state)
         }
     }
 

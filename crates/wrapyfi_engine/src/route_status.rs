@@ -4,6 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
+use super::route::{Kind, Route};
 use wrapyfi_endpoint::{CountersSnapshot, EndpointAddress, Qos};
 
 /// State of a route. Every state but [`RouteState::Active`] says why.
@@ -75,6 +76,8 @@ pub struct RouteStatus {
     pub from: String,
     /// Destination address.
     pub to: String,
+    /// Word for what the route carries: `topic` or `service`.
+    pub kind: &'static str,
     /// ROS name of the type that the route carries.
     #[serde(rename = "type")]
     pub message_type: &'static str,
@@ -99,17 +102,22 @@ pub struct RouteStatus {
 }
 
 impl RouteStatus {
-    /// Status of a route that carries nothing yet.
+    /// Status of a route that carries nothing yet. A service shows its offered end first.
     pub(super) fn idle(
         name: &str,
-        [from, to]: [&EndpointAddress; 2],
+        (kind, from, to): (Kind, &EndpointAddress, &EndpointAddress),
         message_type: &'static str,
         state: RouteState,
     ) -> Self {
+        let (kind, [from, to]) = match kind {
+            Kind::Topic(_) => ("topic", [from, to]),
+            Kind::Service(_) => ("service", [to, from]),
+        };
         Self {
             name: name.to_owned(),
             from: from.to_string(),
             to: to.to_string(),
+            kind,
             message_type,
             state,
             from_qos: None,
@@ -119,6 +127,12 @@ impl RouteStatus {
             panics: 0,
             pattern: None,
         }
+    }
+
+    /// Status of a route, or of a pattern, that runs as it stands in its plan.
+    pub(super) fn planned(route: &Route, state: RouteState) -> Self {
+        let label = if route.is_many() { "by pattern" } else { route.label() };
+        Self::idle(&route.name, (route.kind, &route.from, &route.to), label, state)
     }
 }
 

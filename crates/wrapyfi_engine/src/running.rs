@@ -8,7 +8,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use wrapyfi_interfaces::store::TypeStore;
 
@@ -22,6 +22,8 @@ use wrapyfi_endpoint::Registry;
 
 /// Longest time that a stop waits for steps that block, and for a look at discovery.
 const STOP_WITHIN: Duration = Duration::from_secs(1);
+/// Pause between two looks whether all routes are closed.
+const LOOK_AGAIN: Duration = Duration::from_millis(5);
 /// Largest number of routes that close at once.
 const CLOSE_AT_ONCE: usize = 16;
 /// Pause of the reconciler where there are no patterns; a new plan rings before.
@@ -60,6 +62,25 @@ impl Applier {
         registry: Registry,
     ) -> Result<PlanDiff, ApplyError> {
         self.0.apply(plan, types, registry)
+    }
+
+    /// Starts the routes of the plan, as they are at first, or stops them all: their ends close, and plan and
+    /// middlewares stay. It happens soon after.
+    pub fn set_active(&self, is_active: bool) {
+        self.0.set_active(is_active);
+    }
+
+    /// Waits until no end of a route is open any more, at most for some time; true where that is so.
+    #[must_use]
+    pub fn wait_closed(&self, most: Duration) -> bool {
+        let end = Instant::now() + most;
+        while !self.0.is_closed() {
+            if Instant::now() >= end {
+                return false;
+            }
+            std::thread::sleep(LOOK_AGAIN);
+        }
+        true
     }
 
     /// The latest plan.

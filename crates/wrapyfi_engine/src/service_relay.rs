@@ -95,7 +95,7 @@ impl ServiceRelay {
         let (spec, state) = (&self.spec, self.state.clone());
         RouteStatus {
             counters: self.front.counters.snapshot(),
-            ..RouteStatus::idle(&spec.name, [&spec.to, &spec.from], spec.label(), state)
+            ..RouteStatus::planned(spec, state)
         }
     }
 

@@ -5,18 +5,19 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use wrapyfi_core::endpoint::{CountersSnapshot, WAITING};
-use wrapyfi_core::engine::Engine;
+use wrapyfi_core::engine::{Engine, Plan};
 use wrapyfi_core::node::parameters::ParameterStore;
 
 use crate::edits::Edits;
 use crate::exit::Failure;
 use crate::in_force::{InForce, Options, change_by, ros2_types, warn_of_unheard};
+use crate::lifecycle::Lifecycle;
 use crate::lines::Lines;
 use crate::middlewares::{Loaded, Middlewares};
 use crate::node::Node;
 use crate::on_graph::{OnGraph, Parts};
 use crate::page::{self, Page};
-use crate::reload::{Reload, Watch};
+use crate::reload::{Reload, Source, Watch};
 use crate::shutdown::Shutdown;
 use crate::{logging, table};
 
@@ -43,11 +44,20 @@ pub fn run(
 ) -> Result<(), Failure> {
     let page_port = options.page_port.or(loaded.page_port);
     change_by(&mut loaded, node, &mut parameters, &options)?;
-    let Loaded { endpoints, plan, types: mut store, definitions, lines, file, .. } = loaded;
+    let Loaded { endpoints, plan, types: mut store, definitions, lines, file, text, .. } = loaded;
+    if options.no_autostart && !plan.uses("ros2") {
+        return Err(Failure::usage(
+            "no route is on ros2, where others could configure and activate the bridge: leave --no-autostart \
+             (parameter autostart) out",
+        ));
+    }
     WAITING.set_limit(loaded.waiting_bytes);
     warn_of_unused(&parameters);
     warn_of_unheard(&plan.index(|address| node.resolve(address)), &lines);
-    let middlewares = Middlewares::for_plan(&endpoints, &plan, node)?;
+    let middlewares = match options.no_autostart {
+        false => Middlewares::for_plan(&endpoints, &plan, node)?,
+        true => Middlewares::for_node(&endpoints, &plan, node)?,
+    };
     let in_force = InForce { file: name.to_owned(), endpoints, definitions };
     let in_force = Arc::new(Mutex::new(in_force));
     let types = ros2_types(&plan);
@@ -56,6 +66,7 @@ pub fn run(
     let node = middlewares.offer_node(node, parameters, (&mut store, &types))?;
     let routes = plan.routes.iter().filter(|route| route.is_whole()).count();
     match plan.routes.len() - routes {
+        _ if options.no_autostart => tracing::info!("waits to be configured and activated: {name}"),
         0 => tracing::info!("{routes} routes from {name}"),
         found => {
             tracing::info!("{routes} routes, {found} that are found while running, from {name}");
@@ -65,12 +76,15 @@ pub fn run(
     if let Some(node) = &node {
         registry.set_clock(node.handle().clock());
     }
+    let plan = if options.no_autostart { Plan::default() } else { plan };
     let engine = Engine::new(plan, &registry).with_types(store);
     // A middleware that starts anew waits until nobody holds the one before.
     drop(registry);
     let running = engine.start().context("cannot start the routes")?;
-    let reload = file.map(|file| Reload {
-        file,
+    running.set_active(!options.no_autostart);
+    let lifecycle = Lifecycle::default();
+    let watch = Watch::start(Reload {
+        source: file.map_or_else(|| Source::Text(text, name.to_owned()), Source::File),
         middlewares,
         options,
         in_force: Arc::clone(&in_force),
@@ -79,8 +93,9 @@ pub fn run(
         routes: running.applier(),
         edits: Edits::default(),
         page_port,
-    });
-    let watch = reload.map(Watch::start).transpose()?;
+        lifecycle: lifecycle.clone(),
+        shutdown: shutdown.clone(),
+    })?;
     let page = page_port.and_then(|port| {
         let (node, in_force) = (bridge_node.clone(), Arc::clone(&in_force));
         Page::start(port, page::Parts { node, routes: running.applier(), in_force })
@@ -90,6 +105,7 @@ pub fn run(
         handle: node.handle().clone(),
         routes: running.applier(),
         in_force,
+        lifecycle,
     });
     let on_graph = on_graph.map(OnGraph::start).transpose()?;
     // A reader that stands still, or went, is no concern of the routes.

@@ -49,7 +49,7 @@ pub use self::demo::DemoMiddlewares;
 pub(crate) use self::learn::{LearnTopicError, of_topic};
 pub use self::load::{Endpoints, Loaded, Undefined, load, load_and_learn, load_noting, load_text};
 pub use self::observe::{Door, Observer, Server, doors, observer, ros2_elsewhere};
-pub(crate) use self::parameters::take_parameters;
+pub(crate) use self::parameters::{show_endpoints, take_parameters};
 pub use self::ros1::Ros1Section;
 pub use self::ros2::Ros2Section;
 use self::settings::One;
@@ -80,7 +80,25 @@ impl Middlewares {
     /// Exit code 2 for settings that cannot work, 1 when the ROS 2 node does not start. Another
     /// middleware that does not start is no error: its routes wait, and it is tried again.
     pub fn for_plan(endpoints: &Endpoints, plan: &Plan, node: &Node) -> Result<Self, Failure> {
-        let settings = Settings::of(endpoints, plan, &Settings::default())?;
+        Self::begin(endpoints, plan, node, Settings::of(endpoints, plan, &Settings::default())?)
+    }
+
+    /// As [`Middlewares::for_plan`], with ROS 2 alone until they are turned to more.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn for_node(endpoints: &Endpoints, plan: &Plan, node: &Node) -> Result<Self, Failure> {
+        let all = Settings::of(endpoints, plan, &Settings::default())?;
+        let alone = Settings::of(endpoints, &Plan::default(), &all)?;
+        Self::begin(endpoints, plan, node, alone)
+    }
+
+    fn begin(
+        endpoints: &Endpoints,
+        plan: &Plan,
+        node: &Node,
+        settings: Settings,
+    ) -> Result<Self, Failure> {
         let mut middlewares = Self::default().turned_to(settings)?;
         if plan.uses("ros2") {
             let ros2 = endpoints.ros2.start(node, plan.largest_message_on("ros2"))?;

@@ -1,6 +1,7 @@
 //! Settings of middlewares as parameters of the node: `-p endpoints.yarp.ip:=192.168.1.7`.
 //!
-//! They go before those of the file, have its names, and are declared where they are given.
+//! They go before those of the file, and have its names. All that are not at their default are declared, so that others
+//! can read what is in force.
 
 use serde_saphyr::{Location, Spanned};
 use wrapyfi_core::network::{Insecure, Place};
@@ -50,13 +51,11 @@ pub(crate) fn take_parameters(
                 NAMES.join(", ")
             )));
         }
-        let descriptor = ParameterDescriptor::new(name.as_str())
-            .with_description("Setting of the configuration file, in its place.")
-            .read_only()
-            .dynamic();
         let value = match store.get(&name) {
             Ok(declared) => declared.clone(),
-            Err(_) => store.declare(descriptor, ParameterValue::NotSet).map_err(Failure::usage)?,
+            Err(_) => {
+                store.declare(descriptor(&name), ParameterValue::NotSet).map_err(Failure::usage)?
+            }
         };
         match name.strip_prefix(PREFIX).unwrap_or_default() {
             "ros.hostname" => (endpoints.ros.hostname, ros.0) = (Some(text(&name, value)?), true),
@@ -90,6 +89,59 @@ pub(crate) fn take_parameters(
     said(&mut endpoints.zeromq.insecure.0, zeromq);
     let checked = endpoints.zeromq.check(&endpoints.hosts).and_then(|()| endpoints.yarp.check());
     checked.map_err(|problem| Failure::Usage(format!("parameters {PREFIX}…: {}", problem.message)))
+}
+
+/// Has the parameters say what `endpoints` are, those that were declared and those that were not.
+pub(crate) fn show_endpoints(endpoints: &Endpoints, store: &mut ParameterStore) {
+    for name in NAMES {
+        let value = value_of(endpoints, name).unwrap_or(ParameterValue::NotSet);
+        let told = match store.get(name) {
+            Ok(same) if *same == value => continue,
+            Ok(_) => store.set_own(name, value).map_err(|error| error.to_string()),
+            Err(_) if value == ParameterValue::NotSet => continue,
+            Err(_) => {
+                store.declare(descriptor(name), value).map(drop).map_err(|error| error.to_string())
+            }
+        };
+        if let Err(error) = told {
+            tracing::warn!("parameter {name} does not say what is in force: {error}");
+        }
+    }
+}
+
+/// Value of a setting, where it is not the default.
+fn value_of(endpoints: &Endpoints, name: &str) -> Option<ParameterValue> {
+    let Endpoints { zeromq, ros, yarp, .. } = endpoints;
+    let text = |text: &Option<String>| text.as_deref().map(ParameterValue::from);
+    let placed = |text: &Option<Spanned<String>>| {
+        text.as_ref().map(|text| ParameterValue::from(text.value.as_str()))
+    };
+    let switch = |is_on: bool| is_on.then_some(ParameterValue::Bool(true));
+    let port = |port: Option<u16>| port.map(|port| ParameterValue::from(i64::from(port)));
+    match name.strip_prefix(PREFIX)? {
+        "ros.hostname" => text(&ros.hostname),
+        "ros.insecure" => switch(ros.insecure.0.is_allowed),
+        "ros.master_uri" => text(&ros.master_uri),
+        "ros.namespace" => text(&ros.namespace),
+        "ros.node" => text(&ros.node),
+        "yarp.embedded" => switch(yarp.embedded),
+        "yarp.insecure" => switch(yarp.insecure.0.is_allowed),
+        "yarp.ip" => placed(&yarp.ip),
+        "yarp.name_server" => placed(&yarp.name_server),
+        "yarp.namespace" => text(&yarp.namespace),
+        "zeromq.insecure" => switch(zeromq.insecure.0.is_allowed),
+        "zeromq.ip" => placed(&zeromq.ip),
+        "zeromq.pub_port" => port(zeromq.pub_port),
+        "zeromq.sub_port" => port(zeromq.sub_port),
+        _ => None,
+    }
+}
+
+fn descriptor(name: &str) -> ParameterDescriptor {
+    ParameterDescriptor::new(name)
+        .with_description("Setting of the configuration file, in its place.")
+        .read_only()
+        .dynamic()
 }
 
 /// A value that stands in no file.
@@ -139,6 +191,34 @@ mod tests {
         take_parameters(&mut endpoints, &mut store).map_err(|failure| failure.to_string())?;
         assert_eq!(store.unused_overrides().count(), 0);
         Ok(endpoints)
+    }
+
+    #[test]
+    fn parameters_say_what_is_in_force_and_follow_it() {
+        let name = NodeName::new("bridge", "/").unwrap();
+        let given = ("endpoints.yarp.namespace".to_owned(), ParameterValue::from("/lab"));
+        let mut store = ParameterStore::new(&name, [given].into()).unwrap();
+        let mut endpoints = Endpoints::default();
+        endpoints.zeromq.pub_port = Some(7000);
+        endpoints.yarp.embedded = true;
+        endpoints.yarp.namespace = Some("/of_the_file".to_owned());
+        take_parameters(&mut endpoints, &mut store).unwrap();
+        show_endpoints(&endpoints, &mut store);
+        let shown = |store: &ParameterStore| {
+            let ours = store.names().filter(|name| name.starts_with(PREFIX));
+            let line = |name: &str| format!("{name} {}", store.get(name).unwrap());
+            ours.map(line).collect::<Vec<_>>()
+        };
+        let told = ["yarp.namespace /lab", "yarp.embedded true", "zeromq.pub_port 7000"];
+        assert_eq!(shown(&store), told.map(|it| format!("{PREFIX}{it}")));
+        assert!(store.describe("endpoints.yarp.embedded").unwrap().read_only);
+        assert!(store.set("endpoints.zeromq.pub_port", 1).is_err());
+        // As after another file was read.
+        endpoints.zeromq.pub_port = Some(7001);
+        endpoints.yarp.embedded = false;
+        show_endpoints(&endpoints, &mut store);
+        let told = ["yarp.namespace /lab", "zeromq.pub_port 7001"];
+        assert_eq!(shown(&store), told.map(|it| format!("{PREFIX}{it}")));
     }
 
     #[test]

@@ -127,6 +127,7 @@ mod tests {
             name: "talk".to_owned(),
             from: "ros2:/a".to_owned(),
             to: "zeromq:/a".to_owned(),
+            kind: "topic",
             message_type: "std_msgs/msg/String",
             state,
             from_qos: None,

@@ -19,6 +19,7 @@ pub fn of(status: &RouteStatus) -> RouteInfo {
         key: status.name.clone(),
         source: status.from.clone(),
         destination: status.to.clone(),
+        kind: status.kind.to_owned(),
         type_name: match status.message_type.parse::<MessageType>() {
             Ok(known) => known.ros_type().to_owned(),
             Err(_) => status.message_type.to_owned(),
@@ -70,6 +71,7 @@ mod tests {
             name: "talk".to_owned(),
             from: "ros2:/a".to_owned(),
             to: "zeromq:/a".to_owned(),
+            kind: "topic",
             message_type: "Text",
             state: RouteState::Degraded("queue full".to_owned()),
             from_qos: None,

@@ -2,11 +2,13 @@
 //!
 //! ```text
 //!   Applier::status ─┬─ once a second ─▶ /diagnostics    OK, WARN, ERROR, STALE per route and middleware
+//!                    ├─ once a second ─▶ ~/status        state of the life cycle, RouteInfo[]
 //!                    ├─ ~/list_routes ─▶ RouteInfo[]
 //!                    └─ ~/explain ─────▶ why, from where the bridge runs (a thread of its own)
 //!
 //!   client        asks a bridge elsewhere
 //!   diagnostics   statuses -> DiagnosticArray
+//!   lifecycle     the services of a managed node, and ~/transition_event
 //!   info          a status -> RouteInfo, a verdict -> Explain_Response, and back
 //! ```
 //!
@@ -15,6 +17,7 @@
 pub mod client;
 pub mod diagnostics;
 pub mod info;
+pub mod lifecycle;
 
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, Sender, SyncSender, TrySendError, channel, sync_channel};
@@ -23,15 +26,18 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use wrapyfi_core::endpoint::{
-    BridgeMark, Context, IncomingRequest, Publisher, Registry, RequestId, Server, ServiceSpec,
-    TopicSpec, Wake,
+    BridgeMark, Context, Durability, History, IncomingRequest, Publisher, Qos, Registry, RequestId,
+    Server, ServiceSpec, TopicSpec, Wake,
 };
 use wrapyfi_core::engine::{Applier, RouteStatus};
 use wrapyfi_core::middleware::ros2::NodeHandle;
 use wrapyfi_core::types::{MessageType, Payload, RosMessage, RosType, ServiceKind, Value};
 use wrapyfi_interfaces::Message;
+use wrapyfi_interfaces::builtin_interfaces::msg::Time;
 use wrapyfi_interfaces::diagnostic_msgs::msg::DiagnosticArray;
+use wrapyfi_interfaces::std_msgs::msg::Header;
 use wrapyfi_interfaces::store::TypeStore;
+use wrapyfi_interfaces::wrapyfi_msgs::msg::BridgeStatus;
 use wrapyfi_interfaces::wrapyfi_msgs::srv::{Explain_Response, ListRoutes_Response};
 use wrapyfi_retry::contained;
 use wrapyfi_retry::thread::restarted;
@@ -39,10 +45,12 @@ use wrapyfi_retry::thread::restarted;
 use self::diagnostics::Diagnostics;
 use crate::exit::Failure;
 use crate::in_force::InForce;
+use crate::lifecycle::{Lifecycle, State};
 use crate::middlewares;
 use crate::node::Node;
 use crate::why::judge::judge;
 use crate::why::question::explain;
+use crate::why::{Cause, Finding, Verdict};
 
 /// Time between two diagnostics.
 const EVERY: Duration = Duration::from_secs(1);
@@ -61,6 +69,8 @@ pub struct Parts {
     pub routes: Applier,
     /// Settings beside the routes.
     pub in_force: Arc<Mutex<InForce>>,
+    /// State of the node.
+    pub lifecycle: Lifecycle,
 }
 
 /// The endpoints. They end when it is dropped.
@@ -79,17 +89,24 @@ impl OnGraph {
     pub fn start(parts: Parts) -> Result<Self, Failure> {
         let (context, stop) = (Context::default(), Arc::<AtomicBool>::default());
         let registry = parts.routes.registry();
-        let diagnostics = publisher(&registry, &context);
-        let diagnostics = diagnostics.map(|(publisher, ros_type)| {
-            (publisher, ros_type, Diagnostics::new(parts.node.name().fqn()))
-        });
+        let advertise = Advertise { node: &parts.node, registry: &registry, context: &context };
+        let diagnostics = advertise.open::<DiagnosticArray>("/diagnostics", Qos::default());
+        let diagnostics =
+            diagnostics.map(|topic| (topic, Diagnostics::new(parts.node.name().fqn())));
+        // Who comes late has the latest at once.
+        let latched = Qos {
+            durability: Durability::TransientLocal,
+            history: History::KeepLast(1),
+            ..Qos::default()
+        };
+        let status = advertise.open::<BridgeStatus>("~/status", latched);
         let list = offer::<ListRoutes_Response>(&parts.node, &registry, &context, "list_routes");
         let explain = offer::<Explain_Response>(&parts.node, &registry, &context, "explain");
         drop(registry);
         let (ask, asked) = sync_channel(MAX_WAITING);
         let (tell, told) = channel();
         let (routes, wake) = (parts.routes.clone(), context.wake.clone());
-        let handle = parts.handle.clone();
+        let (handle, lifecycle) = (parts.handle.clone(), parts.lifecycle.clone());
         let (alive, ended) = channel::<()>();
         let explaining = alive.clone();
         let thread = std::thread::Builder::new().name("explain".to_owned());
@@ -99,7 +116,8 @@ impl OnGraph {
             answer_all(&parts, &asked, &tell, &wake);
         });
         started.context("cannot answer ~/explain")?;
-        let work = Work { routes, handle, diagnostics, list, explain, ask, told };
+        let work =
+            Work { routes, handle, lifecycle, diagnostics, status, list, explain, ask, told };
         let (leave, wake) = (Arc::clone(&stop), context.wake.clone());
         let thread = std::thread::Builder::new().name("on-graph".to_owned());
         let started = thread.spawn(move || {
@@ -140,11 +158,28 @@ impl Drop for OnGraph {
 /// A server, and the type of its replies.
 type Offered = (Box<dyn Server>, RosType);
 
+/// Topic that the node publishes, and the type of its messages.
+struct Topic {
+    name: &'static str,
+    publisher: Box<dyn Publisher>,
+    ros_type: RosType,
+}
+
+impl Topic {
+    fn publish(&mut self, fields: &impl Message) {
+        if let Err(error) = self.publisher.publish(&message(self.ros_type, fields)) {
+            tracing::debug!(%error, "{}", self.name);
+        }
+    }
+}
+
 /// Work of the thread.
 struct Work {
     routes: Applier,
     handle: NodeHandle,
-    diagnostics: Option<(Box<dyn Publisher>, RosType, Diagnostics)>,
+    lifecycle: Lifecycle,
+    diagnostics: Option<(Topic, Diagnostics)>,
+    status: Option<Topic>,
     list: Option<Offered>,
     explain: Option<Offered>,
     /// Questions for the thread that answers them, and its answers.
@@ -154,7 +189,16 @@ struct Work {
 
 impl Work {
     fn publish(&mut self) {
-        let Some((publisher, ros_type, diagnostics)) = &mut self.diagnostics else { return };
+        let (routes, now) = (self.routes.status(), self.handle.now());
+        if let Some(status) = &mut self.status {
+            let stamp = Time { sec: now.sec, nanosec: now.nanosec };
+            status.publish(&BridgeStatus {
+                header: Header { stamp, frame_id: String::new() },
+                state: self.lifecycle.state().label().to_owned(),
+                routes: routes.iter().map(info::of).collect(),
+            });
+        }
+        let Some((topic, diagnostics)) = &mut self.diagnostics else { return };
         let registry = self.routes.registry();
         let away = middlewares::names().into_iter().filter_map(|name| {
             let middleware = registry.get(name).ok()?;
@@ -162,11 +206,7 @@ impl Work {
         });
         let away: Vec<_> = away.collect();
         drop(registry);
-        let array: DiagnosticArray =
-            diagnostics.of(&self.routes.status(), &away, self.handle.now(), Instant::now());
-        if let Err(error) = publisher.publish(&message(*ros_type, &array)) {
-            tracing::debug!(%error, "/diagnostics");
-        }
+        topic.publish(&diagnostics.of(&routes, &away, now, Instant::now()));
     }
 
     fn answer(&mut self) {
@@ -205,7 +245,12 @@ fn answer_all(
 ) {
     while let Ok((id, name)) = asked.recv() {
         let answer = contained(|| {
-            let Parts { node, routes, in_force, .. } = parts;
+            let Parts { node, routes, in_force, lifecycle, .. } = parts;
+            let state = lifecycle.state();
+            if state != State::Active {
+                let verdict = not_active(&name, state, &node.name().fqn());
+                return Ok(info::explained(&verdict, &meant(&name, &name, &routes.status())));
+            }
             let way =
                 explain(node, routes, in_force, &name).map_err(|failure| failure.to_string())?;
             Ok(info::explained(&judge(&way), &meant(&way.title, &name, &parts.routes.status())))
@@ -218,6 +263,21 @@ fn answer_all(
         }
         wake.ring();
     }
+}
+
+/// Verdict about any way through a bridge whose routes are closed.
+fn not_active(name: &str, state: State, node: &str) -> Verdict {
+    let steps = match state {
+        State::Inactive => format!("ros2 lifecycle set {node} activate"),
+        _ => format!("ros2 lifecycle set {node} configure, then activate"),
+    };
+    let finding = Finding {
+        cause: Cause::State,
+        what: format!("the bridge {node} is {}: its routes are closed", state.label()),
+        who: "whoever manages the node".to_owned(),
+        remedy: steps,
+    };
+    Verdict { way: name.to_owned(), passed: Vec::new(), finding: Some(finding) }
 }
 
 /// Routes that a name means, for their counters.
@@ -258,19 +318,30 @@ fn mark() -> Option<BridgeMark> {
     Some(BridgeMark { bridge: BridgeMark::number(), path })
 }
 
-/// Publisher of `/diagnostics`.
-fn publisher(registry: &Registry, context: &Context) -> Option<(Box<dyn Publisher>, RosType)> {
-    let opened = || -> Result<_, String> {
-        let resolved = TypeStore::generated().resolve_name(DiagnosticArray::ROS_TYPE);
-        let ros_type = RosType::new(&resolved.map_err(|error| error.to_string())?);
-        let ros_type = ros_type.map_err(|error| error.to_string())?;
-        let spec = TopicSpec::new("/diagnostics", MessageType::Ros(ros_type));
-        let spec = TopicSpec { mark: mark(), ..spec };
-        let ros2 = registry.get("ros2").map_err(|error| error.to_string())?;
-        let publisher = ros2.open_publisher(&spec, context).map_err(|error| error.to_string())?;
-        Ok((publisher, ros_type))
-    };
-    opened().inspect_err(|why| tracing::warn!("/diagnostics is not published: {why}")).ok()
+/// Opens topics of a node.
+struct Advertise<'n> {
+    node: &'n Node,
+    registry: &'n Registry,
+    context: &'n Context,
+}
+
+impl Advertise<'_> {
+    /// Opens a publisher of messages `M`.
+    fn open<M: Message>(&self, name: &'static str, qos: Qos) -> Option<Topic> {
+        let opened = || -> Result<_, String> {
+            let resolved = TypeStore::generated().resolve_name(M::ROS_TYPE);
+            let ros_type = RosType::new(&resolved.map_err(|error| error.to_string())?);
+            let ros_type = ros_type.map_err(|error| error.to_string())?;
+            let topic = self.node.resolve_topic(name).map_err(|error| error.to_string())?;
+            let spec = TopicSpec::new(topic, MessageType::Ros(ros_type));
+            let spec = TopicSpec { mark: mark(), qos, ..spec };
+            let ros2 = self.registry.get("ros2").map_err(|error| error.to_string())?;
+            let publisher = ros2.open_publisher(&spec, self.context);
+            let publisher = publisher.map_err(|error| error.to_string())?;
+            Ok(Topic { name, publisher, ros_type })
+        };
+        opened().inspect_err(|why| tracing::warn!("{name} is not published: {why}")).ok()
+    }
 }
 
 /// Offers a service of the node, whose replies are of type `R`.

@@ -132,6 +132,7 @@ mod tests {
             name: "a\"} 1\nb\\".to_owned(),
             from: "ros2:/a".to_owned(),
             to: "zeromq:/a".to_owned(),
+            kind: "topic",
             message_type: "Text",
             state: RouteState::Degraded("queue full".to_owned()),
             from_qos: None,

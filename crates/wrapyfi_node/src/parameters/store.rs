@@ -269,6 +269,22 @@ impl ParameterStore {
     /// The first that is not declared; if all are, the first that is read-only or may not have its
     /// value.
     pub fn set_atomically(&mut self, parameters: Vec<Parameter>) -> Result<(), SetError> {
+        self.set_all(parameters, false)
+    }
+
+    /// Sets a parameter as its own node, which may set what is read-only for others.
+    ///
+    /// # Errors
+    /// When it is not declared, or may not have the value.
+    pub fn set_own(
+        &mut self,
+        name: &str,
+        value: impl Into<ParameterValue>,
+    ) -> Result<(), SetError> {
+        self.set_all(vec![Parameter::new(name, value)], true)
+    }
+
+    fn set_all(&mut self, parameters: Vec<Parameter>, is_own: bool) -> Result<(), SetError> {
         let (count, limit) = (parameters.len(), MAX_PARAMETERS);
         if count > limit {
             return Err(SetError::TooMany { count, limit });
@@ -284,7 +300,7 @@ impl ParameterStore {
         }
         for Parameter { name, value } in &parameters {
             let Some(Declared { descriptor, .. }) = self.declared.get(name) else { continue };
-            if descriptor.read_only {
+            if descriptor.read_only && !is_own {
                 return Err(SetError::ReadOnly { name: name.clone() });
             }
             descriptor.check(value)?;

@@ -1,0 +1,138 @@
+//! Services of a managed node, and its topic `~/transition_event`, as `rclcpp_lifecycle` has them.
+
+use wrapyfi_core::endpoint::{Context, Qos, Registry, Server};
+use wrapyfi_core::types::{Map, Value};
+use wrapyfi_interfaces::lifecycle_msgs::msg::{
+    State as StateMessage, Transition as TransitionMessage, TransitionDescription, TransitionEvent,
+};
+use wrapyfi_interfaces::lifecycle_msgs::srv::{
+    ChangeState_Response, GetAvailableStates_Response, GetAvailableTransitions_Response,
+    GetState_Response,
+};
+
+use super::{Advertise, Offered, Topic, next, offer, tell};
+use crate::lifecycle::{Lifecycle, Outcome, State, TRANSITIONS, Transition};
+use crate::node::Node;
+
+/// Endpoints through which others look at the state of a node, and change it.
+pub(crate) struct Managed {
+    lifecycle: Lifecycle,
+    events: Option<Topic>,
+    change: Option<Offered>,
+    state: Option<Offered>,
+    states: Option<Offered>,
+    available: Option<Offered>,
+    graph: Option<Offered>,
+}
+
+impl Managed {
+    /// A node whose state nobody else sees.
+    pub(crate) fn new(lifecycle: Lifecycle) -> Self {
+        let (change, state, states, available, graph) = (None, None, None, None, None);
+        Self { lifecycle, events: None, change, state, states, available, graph }
+    }
+
+    /// Opens the endpoints. One that the middleware refuses is missing, which is logged.
+    pub(crate) fn open(&mut self, node: &Node, registry: &Registry, context: &Context) {
+        let advertise = Advertise { node, registry, context };
+        self.events = advertise.open::<TransitionEvent>("~/transition_event", Qos::default());
+        self.change = offer::<ChangeState_Response>(node, registry, context, "change_state");
+        self.state = offer::<GetState_Response>(node, registry, context, "get_state");
+        let states = "get_available_states";
+        self.states = offer::<GetAvailableStates_Response>(node, registry, context, states);
+        let transitions =
+            |name| offer::<GetAvailableTransitions_Response>(node, registry, context, name);
+        self.available = transitions("get_available_transitions");
+        self.graph = transitions("get_transition_graph");
+    }
+
+    /// Goes through a transition; true where `work` was a success.
+    pub(crate) fn go(
+        &mut self,
+        transition: Transition,
+        work: impl FnMut(State) -> Outcome,
+    ) -> bool {
+        let Self { lifecycle, events, .. } = self;
+        lifecycle.go(transition, work, |step| {
+            tracing::debug!("{} -> {}", step.start.label(), step.goal.label());
+            if let Some(events) = events {
+                // Time and transition stay empty, as rclcpp_lifecycle leaves them.
+                events.publish(&TransitionEvent {
+                    start_state: state(step.start),
+                    goal_state: state(step.goal),
+                    ..TransitionEvent::default()
+                });
+            }
+        })
+    }
+
+    /// Answers those who asked. `work` does what an intermediate state is for.
+    pub(crate) fn answer(&mut self, mut work: impl FnMut(State) -> Outcome) {
+        // Apart while the transition is under way.
+        let mut change = self.change.take();
+        if let Some((server, response)) = &mut change {
+            while let Some(asked) = next(server.as_mut()) {
+                let call = asked.request.into_call().unwrap_or_default();
+                let success = match self.wanted(&call.kwargs) {
+                    Ok(transition) => self.go(transition, &mut work),
+                    Err(why) => {
+                        tracing::warn!("{why}");
+                        false
+                    }
+                };
+                tell(server.as_mut(), asked.id, *response, &ChangeState_Response { success });
+            }
+        }
+        self.change = change;
+        let current_state = state(self.lifecycle.state());
+        each(&mut self.state, || GetState_Response { current_state: current_state.clone() });
+        each(&mut self.states, || GetAvailableStates_Response {
+            available_states: State::ALL.into_iter().map(state).collect(),
+        });
+        let available = self.lifecycle.available();
+        let available: Vec<_> = available.map(described).collect();
+        each(&mut self.available, || GetAvailableTransitions_Response {
+            available_transitions: available.clone(),
+        });
+        each(&mut self.graph, || GetAvailableTransitions_Response {
+            available_transitions: TRANSITIONS.into_iter().map(described).collect(),
+        });
+    }
+
+    /// The transition that a request means.
+    fn wanted(&self, fields: &Map) -> Result<Transition, String> {
+        let asked = fields.get("transition").and_then(Value::as_map);
+        let field = |name| asked.and_then(|asked| asked.get(name));
+        let id = field("id").and_then(Value::as_i64).and_then(|id| u8::try_from(id).ok());
+        let (id, label) = (id.unwrap_or_default(), field("label").and_then(Value::as_str));
+        let label = label.unwrap_or_default();
+        self.lifecycle.asked(id, label).ok_or_else(|| {
+            let asked = if label.is_empty() { id.to_string() } else { label.to_owned() };
+            let all: Vec<_> =
+                self.lifecycle.available().map(|it| format!("{} [{}]", it.label, it.id)).collect();
+            let state = self.lifecycle.state().label();
+            format!("no transition {asked} from state {state}; there are: {}", all.join(", "))
+        })
+    }
+}
+
+/// Gives all who asked the same reply.
+fn each<R: wrapyfi_interfaces::Message>(offered: &mut Option<Offered>, reply: impl Fn() -> R) {
+    let Some((server, response)) = offered else { return };
+    let server: &mut dyn Server = server.as_mut();
+    while let Some(asked) = next(server) {
+        tell(server, asked.id, *response, &reply());
+    }
+}
+
+fn state(state: State) -> StateMessage {
+    StateMessage { id: state.id(), label: state.label().to_owned() }
+}
+
+fn described(one: Transition) -> TransitionDescription {
+    TransitionDescription {
+        transition: TransitionMessage { id: one.id, label: one.label.to_owned() },
+        start_state: state(one.start),
+        goal_state: state(one.goal),
+    }
+}
