@@ -16,6 +16,7 @@ mod guides;
 mod headers;
 mod hostile;
 mod hosts;
+mod loops;
 mod node;
 mod on_graph;
 mod packages;
