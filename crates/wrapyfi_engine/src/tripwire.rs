@@ -44,6 +44,8 @@ const QUIET: Duration = Duration::from_millis(20);
 const EXPECTED: f64 = 4.0;
 /// Share of these above which a publisher is at work.
 const PUBLISHES: f64 = 0.3;
+/// Longest pause that a busy machine makes in a loop.
+const LONGEST_PAUSE: Duration = Duration::from_millis(200);
 /// Distance of two rounds.
 const SLOT: Duration = Duration::from_millis(125);
 /// Number of different contents from which on queues are taken to be full of messages that go round, as where
@@ -57,8 +59,12 @@ const USUAL: Pace = Pace { drain: DRAIN, slot: SLOT, rounds: ROUNDS };
 /// Largest number of messages that are held, and of their bytes; others wait in the route's queue.
 const MOST_HELD: usize = 256;
 const MOST_HELD_BYTES: usize = 8 << 20;
-/// Time from a trial that found no loop to the next one, which doubles.
+/// Time from a trial that found no loop to the next one.
 const FIRST_GAP: Duration = Duration::from_secs(2);
+/// Number of trials after which that time doubles: a busy machine delays messages.
+const FIRST_GAPS: u32 = 3;
+/// Number of rounds of a trial after which messages may be late.
+const LATE_ROUNDS: u32 = 2;
 const LONGEST_GAP: Duration = Duration::from_secs(300);
 /// Time for which the breaker is open, which doubles while the loop is there again each time.
 const FIRST_OPEN: Duration = Duration::from_secs(5);
@@ -131,6 +137,7 @@ struct Trial {
     quiet: Duration,
     rate_hz: f64,
     round: u32,
+    late_rounds: u32,
     step: Step,
     answers: Vec<Answer>,
 }
@@ -281,11 +288,13 @@ impl Tripwire {
         let Some(lane) = self.lane.as_ref().filter(|_| seen.messages >= HOT) else { return };
         let queue_full = counters.snapshot().dropped_for(DropReason::QueueFull);
         let is_full = queue_full > std::mem::replace(&mut self.queue_full, queue_full);
-        let is_suspect = seen.repeated >= HOT / 2 && seen.repeated * 2 >= seen.compared;
+        let repeats = seen.repeated >= HOT / 2 && seen.repeated * 2 >= seen.compared;
+        let is_suspect = repeats && !seen.is_bursts();
         if !is_suspect || self.not_before.is_some_and(|at| now < at) {
             return;
         }
         let Some(answers) = self.lanes.begin(lane, now) else { return };
+        let [_, second] = seen.gaps;
         let rate_hz = f64::from(seen.messages) / seen.time.as_secs_f64();
         let is_saturated = is_full || seen.contents() >= SATURATED_CONTENTS;
         let mut pace = if is_saturated { SATURATED } else { USUAL };
@@ -293,9 +302,10 @@ impl Tripwire {
         pace.drain *=
             if is_saturated { 1 << self.acquitted.min(2) } else { 1 + self.acquitted.min(1) };
         self.phase = Phase::Trial(Box::new(Trial {
-            quiet: QUIET.max(Duration::from_secs_f64(EXPECTED / rate_hz)),
+            quiet: QUIET.max(Duration::from_secs_f64(EXPECTED / rate_hz)).max(second * 5 / 2),
             step: Step::Armed { at: next_slot(now, pace.slot).0 },
             round: 0,
+            late_rounds: 0,
             answers,
             rate_hz,
             pace,
@@ -343,7 +353,11 @@ impl Tripwire {
                 Step::Armed { at: next_slot(now, trial.pace.slot).0 }
             }
             Step::Back { since, .. } if elapsed(since) >= trial.pace.back() => {
-                return self.acquit(now);
+                trial.late_rounds += 1;
+                if trial.late_rounds > LATE_ROUNDS {
+                    return self.acquit(now);
+                }
+                Step::Armed { at: next_slot(now, trial.pace.slot).0 }
             }
             waits => waits,
         };
@@ -362,8 +376,10 @@ impl Tripwire {
     fn acquit(&mut self, now: Instant) {
         self.end_trial();
         self.not_before = Some(now + self.gap);
-        self.gap = (self.gap * 2).min(LONGEST_GAP);
         self.acquitted += 1;
+        if self.acquitted >= FIRST_GAPS {
+            self.gap = (self.gap * 2).min(LONGEST_GAP);
+        }
     }
 
     /// Opens the breaker.
@@ -412,6 +428,8 @@ fn next_slot(now: Instant, slot: Duration) -> (Instant, f64) {
 #[derive(Default)]
 struct Window {
     since: Option<Instant>,
+    /// Instant of the last message.
+    last: Option<Instant>,
     seen: Seen,
     /// Fingerprints, each at the place that its value says; empty while the route is not busy.
     contents: Vec<u64>,
@@ -426,11 +444,18 @@ struct Seen {
     /// Number of messages whose contents were compared, and of those that were there before.
     compared: u32,
     repeated: u32,
+    /// The longest times without a message, the longest first.
+    gaps: [Duration; 2],
 }
 
 impl Window {
     fn note(&mut self, payload: &Payload, now: Instant) {
         let since = *self.since.get_or_insert(now);
+        let gap = now.saturating_duration_since(self.last.replace(now).unwrap_or(now));
+        let [longest, second] = self.seen.gaps;
+        if gap > second {
+            self.seen.gaps = [longest.max(gap), longest.min(gap)];
+        }
         let time = now.saturating_duration_since(since);
         if time >= WINDOW {
             let seen = Seen { time, ..std::mem::take(&mut self.seen) };
@@ -464,6 +489,12 @@ impl Seen {
     /// Number of different contents.
     fn contents(&self) -> u32 {
         self.compared - self.repeated
+    }
+
+    /// True where messages come in bursts, as none do that go round. A busy machine may make one pause.
+    fn is_bursts(&self) -> bool {
+        let [longest, second] = self.gaps;
+        longest > LONGEST_PAUSE || second > 2 * DRAIN
     }
 }
 

@@ -231,7 +231,18 @@ fn two_loops_at_once_are_both_stopped() {
 #[test]
 fn a_publisher_that_says_one_thing_is_never_stopped_and_loses_nothing() {
     // Messages at once, and milliseconds from one time to the next.
-    for (count, every) in [(1, 1), (1, 2), (1, 9), (5, 1), (20, 100), (60, 90), (300, 777)] {
+    for (count, every) in [
+        (1, 1),
+        (1, 2),
+        (1, 9),
+        (5, 1),
+        (10, 65),
+        (20, 37),
+        (20, 100),
+        (40, 128),
+        (60, 90),
+        (300, 777),
+    ] {
         let mut world = World::new();
         world.bridge(&[("a:/x", "b:/x")]);
         let mut talker = world.publisher(0, "/x");
