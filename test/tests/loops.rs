@@ -10,7 +10,7 @@ use wrapyfi_e2e::{
 const NEEDS: &[Need] = &[Need::Program];
 
 fn text(from: &str, to: &str) -> Route {
-    Route::new(from, to, "Text").with("queue_depth", "100")
+    Route::new(from, to, "Text").with("queue_depth", "1000")
 }
 
 /// Publishes a text once.
@@ -163,7 +163,7 @@ fn there_and_back_in_one_file_is_quiet() -> Result {
 fn a_quick_publisher_and_two_bridges_beside_each_other_are_no_loop() -> Result {
     run("a_quick_publisher_and_two_bridges_beside_each_other_are_no_loop", NEEDS, |env| {
         let (near, far) = (ros2(&env.topic("x")), zeromq(&env.topic("x")));
-        let there = || text(&near, &far).with("queue_depth", "1000");
+        let there = || text(&near, &far);
         let one = env.bridge_named("one.yaml", &env.embedded().route(there()))?;
         let two = env.bridge_named("two.yaml", &env.foreign().route(there()))?;
         let echo = ["echo", &far, "--type", "Text", "--json", "--timeout", "100"];
