@@ -85,14 +85,11 @@ fn two_bridges_with_opposite_routes_are_stopped() -> Result {
         }
         other.terminate()?;
         let name = format!("{near} -> {far}");
-        let echo = ["echo", &far, "--type", "Text", "--json", "--count", "3", "--timeout", "100"];
-        let mut echo = env.wrapyfi(echo)?;
+        let echo = env.wrapyfi(["echo", &far, "--type", "Text", "--json", "--timeout", "100"])?;
         let args = ["pub", &near, "--type", "std_msgs/msg/String", "--rate", "10"];
         let value = ["--value", "{\"data\": \"once\"}"];
         let _talker = env.wrapyfi([&args[..], &value].concat())?;
-        let heard = echo.objects(3).map_err(|error| error.context(one.tail()))?;
-        echo.exits_with(0)?;
-        assert_eq!(heard.len(), 3, "{heard:?}");
+        echo.objects(3).map_err(|error| error.context(one.tail()))?;
         one.wait_until("the route to be active again", |output| {
             let route = route_status(output, &name)?;
             (route["state"] == "active").then_some(())
