@@ -17,6 +17,7 @@ mod headers;
 mod hostile;
 mod hosts;
 mod lifecycle;
+mod loops;
 mod node;
 mod on_graph;
 mod packages;

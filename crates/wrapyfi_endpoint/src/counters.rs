@@ -74,6 +74,8 @@ counted! {
         LostUpstream => "lost_upstream",
         /// The message exceeded the route's `max_rate_hz`.
         RateLimit => "rate_limit",
+        /// Messages of the route come back through other programs, and its breaker is open.
+        Loop => "loop",
         /// The message was delivered before, and came again because the listener was opened with
         /// another quality of service.
         Duplicate => "duplicate",
@@ -175,6 +177,12 @@ impl Counters {
     /// Number of messages that [`Self::undelivered`] counted.
     pub fn undelivered_messages(&self) -> u64 {
         self.undelivered.load(Relaxed)
+    }
+
+    /// Number of messages received.
+    #[must_use]
+    pub fn received_so_far(&self) -> u64 {
+        self.received.load(Relaxed)
     }
 
     /// Number of messages handed to the destination, and of their bytes.

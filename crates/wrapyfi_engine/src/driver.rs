@@ -19,6 +19,7 @@ use super::pool::Pool;
 use super::reconciler::{Change, Reconciler};
 use super::route_status::{RouteState, RouteStatus};
 use super::tap::Tap;
+use super::tripwire::Lanes;
 use wrapyfi_endpoint::{Registry, Wake};
 use wrapyfi_retry::contained;
 
@@ -27,6 +28,8 @@ pub(super) struct Driver {
     pub(super) pool: Arc<Pool>,
     members: Mutex<Members>,
     reconciler: Mutex<Reconciler>,
+    /// Busy routes, for the tripwires.
+    lanes: Arc<Lanes>,
     /// Statuses of the patterns.
     found: Mutex<Vec<RouteStatus>>,
     latest: Mutex<Latest>,
@@ -60,6 +63,7 @@ impl Driver {
         let driver = Self {
             pool: Pool::new(registry.clock().clone()),
             members: Mutex::default(),
+            lanes: Arc::default(),
             found: Mutex::new(reconciler.status()),
             reconciler: Mutex::new(reconciler),
             latest: Mutex::new(Latest {
@@ -154,7 +158,8 @@ impl Driver {
                         |it: &&Arc<Member>| it.key.role == key.role && it.key.to == key.to;
                     let after = members.closing.iter().rev().find(same_end).cloned();
                     let pool = Arc::downgrade(&self.pool);
-                    let member = Member::new(id, *route, counters, registry, after, pool);
+                    let shared = (pool, &self.lanes);
+                    let member = Member::new(id, *route, counters, registry, after, shared);
                     members.running.insert(id, Arc::clone(&member));
                     drop(members);
                     self.pool.ring(member);

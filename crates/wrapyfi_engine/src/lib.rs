@@ -69,6 +69,7 @@ mod running;
 mod service_relay;
 mod stamping;
 mod tap;
+mod tripwire;
 mod unheard;
 mod work;
 

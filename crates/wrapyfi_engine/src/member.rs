@@ -18,6 +18,7 @@ use super::route::{Kind, Route, RouteKey};
 use super::route_status::{RouteState, RouteStatus};
 use super::service_relay::ServiceRelay;
 use super::tap::Tap;
+use super::tripwire::Lanes;
 use super::work::Work;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::{Clock, Counters, CountersSnapshot, Qos, Registry, Throttle, Wake};
@@ -120,12 +121,14 @@ impl Member {
         counters: Arc<Counters>,
         registry: &Registry,
         after: Option<Arc<Self>>,
-        pool: Weak<Pool>,
+        (pool, lanes): (Weak<Pool>, &Arc<Lanes>),
     ) -> Arc<Self> {
         let (key, is_one_of_many) = (route.key(), route.mark.is_some());
         let (work, wake, identity, tap): (Box<dyn Work>, _, _, _) = match route.kind {
             Kind::Topic(_) => {
-                let relay = Relay::new(route, registry, id).counting(Arc::clone(&counters));
+                let relay = Relay::new(route, registry, id)
+                    .counting(Arc::clone(&counters))
+                    .beside(Arc::clone(lanes));
                 let (wake, status) = (relay.wake().clone(), relay.status());
                 let tap = Some(Arc::clone(relay.tap()));
                 (Box::new(relay), wake, status, tap)

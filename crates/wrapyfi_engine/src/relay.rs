@@ -18,6 +18,7 @@ use super::route::Route;
 use super::route_status::{RouteState, RouteStatus};
 use super::stamping;
 use super::tap::Tap;
+use super::tripwire::{Lanes, Passage, Tripwire};
 use super::work::Work;
 use wrapyfi_data::codec::convert_payload;
 use wrapyfi_data::types::Payload;
@@ -68,6 +69,7 @@ pub struct Relay {
     losses: Throttle,
     unread: Throttle,
     tap: Arc<Tap>,
+    tripwire: Tripwire,
 }
 
 /// Messages that a step moved, and the time of the next one.
@@ -100,6 +102,7 @@ impl Relay {
             losses: Throttle::default(),
             unread: Throttle::default(),
             tap: Arc::default(),
+            tripwire: Tripwire::new(&spec),
             source,
             sink,
             spec,
@@ -110,6 +113,13 @@ impl Relay {
     #[must_use]
     pub(super) fn counting(mut self, counters: Arc<Counters>) -> Self {
         self.context.counters = counters;
+        self
+    }
+
+    /// Compares its messages with those of the bridge's other routes.
+    #[must_use]
+    pub(super) fn beside(mut self, lanes: Arc<Lanes>) -> Self {
+        self.tripwire.beside(lanes);
         self
     }
 
@@ -178,7 +188,7 @@ impl Relay {
             (false, true) => now + REST_REVIEW_EVERY,
             (false, false) => now + REVIEW_EVERY,
         };
-        let due = [self.source.retry_at, self.sink.retry_at, review_at];
+        let due = [self.source.retry_at, self.sink.retry_at, review_at, self.tripwire.due()];
         Step { moved, next: due.into_iter().flatten().fold(next, Instant::min).max(now) }
     }
 
@@ -241,6 +251,7 @@ impl Relay {
         let (Some(listener), Some(publisher)) = (&mut self.source.open, &mut self.sink.open) else {
             return 0;
         };
+        self.tripwire.poll(now, &self.context.counters);
         let ends = [self.source.traits, self.sink.traits];
         let link = publisher.link();
         let unwanted = link.peers == Some(0) && !link.keeps_last;
@@ -248,6 +259,11 @@ impl Relay {
         while moved < BATCH {
             self.in_hand = false;
             if unwanted {
+                if self.tripwire.give_up_one().is_some() {
+                    moved += 1;
+                    self.context.counters.dropped(DropReason::NoConsumer);
+                    continue;
+                }
                 // Without a consumer the message is not even decoded.
                 let lost = match listener.forwarding() {
                     Some(listener) => listener.discard_except_latched(),
@@ -258,19 +274,45 @@ impl Relay {
                 self.context.counters.dropped_many(DropReason::NoConsumer, lost);
                 continue;
             }
+            if self.tripwire.is_full() {
+                break;
+            }
             // A message is in hand from here on: where taking it panics, it is lost and counted.
             self.in_hand = true;
-            let taken = listener.take();
+            let released = self.tripwire.release();
+            let is_new = released.is_none();
+            let taken = if is_new { listener.take() } else { Ok(released) };
             let outcome = match taken {
                 Ok(None) => break,
                 Ok(Some(_))
-                    if !rate_allows(self.spec.policy.max_rate_hz, &mut self.not_before, now) =>
+                    if is_new
+                        && !rate_allows(
+                            self.spec.policy.max_rate_hz,
+                            &mut self.not_before,
+                            now,
+                        ) =>
                 {
                     moved += 1;
                     self.context.counters.dropped(DropReason::RateLimit);
                     continue;
                 }
                 Ok(Some(sample)) => {
+                    let sample = match is_new {
+                        true => self.tripwire.judge(sample, now),
+                        false => Passage::Pass(sample),
+                    };
+                    let sample = match sample {
+                        Passage::Pass(sample) => sample,
+                        Passage::Held => {
+                            moved += 1;
+                            continue;
+                        }
+                        Passage::Looped => {
+                            moved += 1;
+                            self.context.counters.dropped(DropReason::Loop);
+                            continue;
+                        }
+                    };
                     if let Payload::NativeObject(value) = &sample.payload {
                         for (_, reason) in value.refusals() {
                             self.context.counters.unread();
@@ -311,7 +353,8 @@ impl Relay {
         moved
     }
 
-    fn judge(&self, now: Instant) -> RouteState {
+    fn judge(&mut self, now: Instant) -> RouteState {
+        let loops = self.tripwire.state(now);
         if let Some(trouble) = self.sink.trouble.as_ref().or(self.source.trouble.as_ref()) {
             return trouble.clone();
         }
@@ -322,12 +365,18 @@ impl Relay {
         let (Some(listener), Some(publisher)) = (&self.source.open, &self.sink.open) else {
             return self.state.clone();
         };
+        if let Some(stopped @ RouteState::Error(_)) = loops {
+            return stopped;
+        }
         let (source, sink) = (listener.link(), publisher.link());
         if let Some(what) = source.waiting_for.or(sink.waiting_for) {
             return RouteState::Waiting(what);
         }
         if let Some(why) = &self.slowed {
             return RouteState::Degraded(why.clone());
+        }
+        if let Some(mending) = loops {
+            return mending;
         }
         if let Some((at, text)) = &self.last_loss
             && now.saturating_duration_since(*at) < DEGRADED_FOR
@@ -369,6 +418,8 @@ impl Work for Relay {
         if std::mem::take(&mut self.in_hand) {
             self.context.counters.dropped(DropReason::Closed);
         }
+        let held = self.tripwire.close();
+        self.context.counters.dropped_many(DropReason::Closed, held as u64);
         self.unwanted_since = None;
         self.source.close();
         self.sink.close();

@@ -1,0 +1,182 @@
+//! Messages that would go round for ever between bridges whose written routes lead back.
+
+use std::time::Instant;
+
+use serde_json::Value;
+use wrapyfi_e2e::{
+    Config, Need, Process, Result, Route, TIMEOUT, TestEnv, ros2, route_status, run, yarp, zeromq,
+};
+
+const NEEDS: &[Need] = &[Need::Program];
+
+fn text(from: &str, to: &str) -> Route {
+    Route::new(from, to, "Text").with("queue_depth", "1000")
+}
+
+/// Publishes a text once.
+fn say(env: &TestEnv, endpoint: &str, what: &str) -> Result {
+    let value = format!("{{\"data\": \"{what}\"}}");
+    let args = ["pub", endpoint, "--type", "std_msgs/msg/String", "--value", &value];
+    env.wrapyfi([&args[..], &["--count", "1"]].concat())?.exits_with(0)
+}
+
+fn routes(status: &Value) -> impl Iterator<Item = &Value> {
+    status["routes"].as_array().into_iter().flatten()
+}
+
+/// Number of messages that the routes of a status have sent.
+fn sent(status: &Value) -> u64 {
+    routes(status).filter_map(|route| route["counters"]["sent"].as_u64()).sum()
+}
+
+/// Waits until a bridge has a route that names the loop, and every bridge tells twice that nothing flows; the
+/// reason.
+fn until_stopped(bridges: &[&Process]) -> Result<String> {
+    let deadline = Instant::now() + TIMEOUT;
+    let mut last_seen = Vec::new();
+    while Instant::now() < deadline {
+        last_seen.clear();
+        let mut reason = None;
+        let mut is_still = true;
+        for bridge in bridges {
+            let seen = bridge.stdout().lines().filter(|line| line.starts_with('{')).count();
+            let (last, told) = bridge.wait_until("two more lines of the status", |output| {
+                let mut lines: Vec<Value> = output.objects().collect();
+                let told = lines.len() >= seen + 2;
+                let last = lines.pop().zip(lines.pop());
+                told.then_some(last).flatten()
+            })?;
+            is_still &= sent(&last) == sent(&told) && sent(&last) > 0;
+            let mut loops = routes(&last).filter_map(|route| route["reason"].as_str());
+            reason = reason.or(loops.find(|it| it.contains("loop: ")).map(str::to_owned));
+            last_seen.push(last.to_string());
+        }
+        if let (true, Some(reason)) = (is_still, reason) {
+            return Ok(reason);
+        }
+    }
+    anyhow::bail!("messages go on, or nobody names the loop: {last_seen:#?}")
+}
+
+/// Waits until every route of every bridge is active.
+fn until_active(bridges: &[&Process]) -> Result {
+    for bridge in bridges {
+        bridge.wait_until("every route to be active", |output| {
+            let last = output.objects().next_back()?;
+            routes(&last).all(|route| route["state"] == "active").then_some(())
+        })?;
+    }
+    Ok(())
+}
+
+/// Two bridges, one route each, there and back: one message ends within seconds, and traffic flows once the
+/// second bridge has ended.
+#[test]
+fn two_bridges_with_opposite_routes_are_stopped() -> Result {
+    run("two_bridges_with_opposite_routes_are_stopped", NEEDS, |env| {
+        let (near, far) = (ros2(&env.topic("x")), zeromq(&env.topic("x")));
+        let one = env.bridge_named("one.yaml", &env.embedded().route(text(&near, &far)))?;
+        let other = env.bridge_named("other.yaml", &env.foreign().route(text(&far, &near)))?;
+        until_active(&[&one, &other])?;
+        say(env, &near, "round")?;
+        let reason = until_stopped(&[&one, &other])?;
+        for words in [&near, &far, "leave out the route"] {
+            assert!(reason.contains(words), "{words} is not in {reason}");
+        }
+        other.terminate()?;
+        let name = format!("{near} -> {far}");
+        let echo = env.wrapyfi(["echo", &far, "--type", "Text", "--json", "--timeout", "100"])?;
+        let args = ["pub", &near, "--type", "std_msgs/msg/String", "--rate", "10"];
+        let value = ["--value", "{\"data\": \"once\"}"];
+        let _talker = env.wrapyfi([&args[..], &value].concat())?;
+        echo.objects(3).map_err(|error| error.context(one.tail()))?;
+        one.wait_until("the route to be active again", |output| {
+            let route = route_status(output, &name)?;
+            (route["state"] == "active").then_some(())
+        })
+    })
+}
+
+#[test]
+fn two_bridges_beside_each_other_and_one_back_are_stopped() -> Result {
+    run("two_bridges_beside_each_other_and_one_back_are_stopped", NEEDS, |env| {
+        let (near, far) = (ros2(&env.topic("x")), zeromq(&env.topic("x")));
+        let there = || text(&near, &far);
+        let one = env.bridge_named("one.yaml", &env.embedded().route(there()))?;
+        let two = env.bridge_named("two.yaml", &env.foreign().route(there()))?;
+        let back = env.bridge_named("back.yaml", &env.foreign().route(text(&far, &near)))?;
+        until_active(&[&one, &two, &back])?;
+        say(env, &near, "round")?;
+        until_stopped(&[&one, &two, &back]).map(drop)
+    })
+}
+
+#[test]
+fn a_ring_of_three_bridges_is_stopped() -> Result {
+    run("a_ring_of_three_bridges_is_stopped", NEEDS, |env| {
+        env.yarp_conf()?;
+        let topic = env.topic("x");
+        let with_yarp = |config: Config| {
+            let address = format!("127.0.0.1:{}", env.yarp_port());
+            config.endpoint(&format!("  yarp: {{ name_server: \"{address}\" }}\n"))
+        };
+        let over = env.embedded().yarp(env).route(text(&zeromq(&topic), &yarp(&topic)));
+        let over = env.bridge_named("over.yaml", &over)?;
+        let out = env.foreign().route(text(&ros2(&topic), &zeromq(&topic)));
+        let out = env.bridge_named("out.yaml", &out)?;
+        let back = with_yarp(env.foreign()).route(text(&yarp(&topic), &ros2(&topic)));
+        let back = env.bridge_named("back.yaml", &back)?;
+        until_active(&[&over, &out, &back])?;
+        say(env, &ros2(&topic), "round")?;
+        until_stopped(&[&over, &out, &back]).map(drop)
+    })
+}
+
+/// A bridge does not hear itself: there and back in one file is quiet.
+#[test]
+fn there_and_back_in_one_file_is_quiet() -> Result {
+    run("there_and_back_in_one_file_is_quiet", NEEDS, |env| {
+        let (near, far) = (ros2(&env.topic("x")), zeromq(&env.topic("x")));
+        let config = env.embedded().route(text(&near, &far)).route(text(&far, &near));
+        let bridge = env.bridge(&config)?;
+        let echo = ["echo", &far, "--type", "Text", "--json", "--count", "20", "--timeout", "100"];
+        let mut echo = env.wrapyfi(echo)?;
+        let args = ["pub", &near, "--type", "std_msgs/msg/String", "--rate", "20"];
+        let value = ["--value", "{\"data\": \"once\"}"];
+        let _talker = env.wrapyfi([&args[..], &value].concat())?;
+        echo.objects(20).map_err(|error| error.context(bridge.tail()))?;
+        echo.exits_with(0)?;
+        bridge.wait_until("20 messages, none of which came back", |output| {
+            let there = route_status(output, &format!("{near} -> {far}"))?;
+            let back = route_status(output, &format!("{far} -> {near}"))?;
+            let flows = there["counters"]["sent"].as_u64()? >= 20;
+            flows.then(|| assert_eq!(back["counters"]["sent"], 0, "{back}"))
+        })
+    })
+}
+
+/// What two bridges double, and a publisher that says one thing quickly, is no loop.
+#[test]
+fn a_quick_publisher_and_two_bridges_beside_each_other_are_no_loop() -> Result {
+    run("a_quick_publisher_and_two_bridges_beside_each_other_are_no_loop", NEEDS, |env| {
+        let (near, far) = (ros2(&env.topic("x")), zeromq(&env.topic("x")));
+        let there = || text(&near, &far);
+        let one = env.bridge_named("one.yaml", &env.embedded().route(there()))?;
+        let two = env.bridge_named("two.yaml", &env.foreign().route(there()))?;
+        let echo = ["echo", &far, "--type", "Text", "--json", "--timeout", "100"];
+        let _echo = env.wrapyfi(echo)?;
+        let args = ["pub", &near, "--type", "std_msgs/msg/String", "--rate", "500"];
+        let value = ["--value", "{\"data\": \"the same\"}"];
+        let _talker = env.wrapyfi([&args[..], &value].concat())?;
+        let name = format!("{near} -> {far}");
+        for bridge in [&one, &two] {
+            bridge.wait_until("4000 messages without a loop", |output| {
+                let route = route_status(output, &name)?;
+                assert_eq!(route["counters"]["drops"]["loop"], Value::Null, "{route}");
+                assert_ne!(route["state"], "error", "{route}");
+                (route["counters"]["sent"].as_u64()? >= 4000).then_some(())
+            })?;
+        }
+        Ok(())
+    })
+}
