@@ -22,10 +22,10 @@ use wrapyfi_core::node::{NodeOptions, ParameterType, ParameterValue, read_params
 use crate::cli::{BridgeArgs, NodeCli};
 use crate::command::bridge;
 use crate::exit::{Failure, finish};
-use crate::in_force::Options;
+use crate::in_force::{Options, change_endpoints};
 use crate::logging;
 use crate::middleware_bridge::{MiddlewareBridge, Selection};
-use crate::middlewares;
+use crate::middlewares::{self, Endpoints};
 use crate::node::{DEFAULT_NAME, Node};
 use crate::shutdown::Shutdown;
 
@@ -133,7 +133,11 @@ pub fn run(
     options.own = args.own;
     let (loaded, name) = match configuration {
         Configuration::File(file) => {
-            (middlewares::load_and_learn(&file, &[])?, file.display().to_string())
+            let change = |endpoints: &mut Endpoints| {
+                change_endpoints(endpoints, &node, &mut store, &options)
+            };
+            let loaded = middlewares::load_and_learn(&file, &[], change)?;
+            (loaded, file.display().to_string())
         }
         Configuration::BuiltIn(text, name) => (middlewares::load_text(&text, name)?, name.into()),
     };

@@ -31,7 +31,7 @@ use wrapyfi_retry::thread::restarted;
 use crate::edits::Edits;
 use crate::exit::Failure;
 use crate::files::read_file;
-use crate::in_force::{InForce, Options, change_by, ros2_types, warn_of_unheard};
+use crate::in_force::{InForce, Options, change_by, change_endpoints, ros2_types, warn_of_unheard};
 use crate::middlewares::{self, Loaded, Middlewares, Settings};
 use crate::node::Node;
 
@@ -80,10 +80,12 @@ impl Reload {
         if !meta.is_file() {
             return Err(Failure::Usage(format!("{name} is no file: only a file is read again")));
         }
-        let mut loaded = middlewares::load_and_learn(&self.file, edits.added())?;
-        edits.leave_out(wanted, &mut loaded)?;
         // The node has its parameters once nothing can be refused any more.
         let mut parameters = self.node.parameters().map_err(Failure::usage)?;
+        let mut loaded = middlewares::load_and_learn(&self.file, edits.added(), |endpoints| {
+            change_endpoints(endpoints, &self.node, &mut parameters, &self.options)
+        })?;
+        edits.leave_out(wanted, &mut loaded)?;
         change_by(&mut loaded, &self.node, &mut parameters, &self.options)?;
         let Loaded { plan, endpoints, mut types, definitions, lines, text, .. } = loaded;
         let before = self.middlewares.settings();

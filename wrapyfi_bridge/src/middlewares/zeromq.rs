@@ -63,9 +63,12 @@ pub enum BrokerWord {
 
 impl ZeroMqSection {
     /// A broker of ours that other machines reach is refused before anything starts.
-    pub fn check(&self, hosts: &Hosts) -> Result<(), Problem> {
+    pub fn check_permitted(&self, hosts: &Hosts) -> Result<(), Problem> {
         let Some(written) = &self.ip else { return Ok(()) };
-        let mut config = ZeroMqConfig { hosts: hosts.clone(), ..ZeroMqConfig::default() };
+        let config = ZeroMqConfig::from_env();
+        let mut config =
+            config.map_err(|wrong| Problem { position: None, message: wrong.to_string() })?;
+        config.hosts = hosts.clone();
         self.say(&mut config);
         config.check().map_err(|refused| Problem::at(written.referenced, refused.to_string()))
     }
