@@ -18,10 +18,11 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::config::{ZeroMqConfig, resolve};
-use super::front::Front;
+use super::front::{Bounds, Front};
 use super::ledger::Ledger;
 use super::monitor::Monitor;
 use super::options::{self, StopSignal};
+use super::peer::Kind;
 use super::proxy::Proxy;
 use super::supervisor::{Side, Supervised};
 use super::traffic::{TopicTraffic, Traffic};
@@ -42,6 +43,7 @@ pub struct BrokerConfig {
     pub monitor_topic: Option<String>,
     pub hwm: u16,
     pub max_frame_bytes: usize,
+    pub max_connections: usize,
     pub insecure: Insecure,
 }
 
@@ -119,6 +121,8 @@ pub struct BrokerStatus {
     pub ignored: u64,
     /// Messages that listeners missed, by reason: one that two listeners miss counts twice.
     pub missed: BTreeMap<&'static str, u64>,
+    /// Connections that were refused or ended, by reason: `too_many`, `oversize`, `over_budget`.
+    pub cut: BTreeMap<&'static str, u64>,
     /// Listeners by topic.
     pub subscriptions: BTreeMap<String, u64>,
     /// Traffic of each topic; as old as `subscriptions`.
@@ -146,11 +150,19 @@ impl Broker {
             return Err(BrokerError::SamePort { port: config.pub_port, names });
         }
         let context = zmq::Context::new();
-        let front = Front::bind(ip, config.pub_port, config.hwm)
-            .map_err(|error| refused(ip, config.pub_port, &error))?;
+        let bounds = Bounds {
+            hwm: config.hwm,
+            message_bytes: config.max_frame_bytes,
+            connections: config.max_connections,
+        };
+        let bound = |kind, port| {
+            let bound = Front::bind(kind, ip, port, bounds);
+            bound.map_err(|error| refused(ip, port, &error))
+        };
+        let front = bound(Kind::Xpub, config.pub_port)?;
         let pub_port = front.port().map_err(failed_to("learn its port"))?;
-        let back = socket(&context, ip, config).map_err(failed_to("open its sockets"))?;
-        let sub_port = bind(&back, ip, config.sub_port)?;
+        let back = bound(Kind::Xsub, config.sub_port)?;
+        let sub_port = back.port().map_err(failed_to("learn its port"))?;
         let (stop_signal, stop) =
             StopSignal::new(&context).map_err(failed_to("open its control socket"))?;
         let status = Arc::<Mutex<BrokerStatus>>::default();
@@ -213,16 +225,6 @@ impl Supervised for Broker {
     fn ports((config, _): &Self::Config) -> (u16, u16) {
         (config.pub_port, config.sub_port)
     }
-}
-
-fn socket(context: &zmq::Context, ip: IpAddr, config: &BrokerConfig) -> zmq::Result<zmq::Socket> {
-    let back = context.socket(zmq::XSUB)?;
-    options::set_common(&back, ip)?;
-    back.set_rcvhwm(i32::from(config.hwm))?;
-    // Subscriptions go out here, and a lost one would starve its listener.
-    back.set_sndhwm(0)?;
-    back.set_maxmsgsize(options::frame_limit(config.max_frame_bytes))?;
-    Ok(back)
 }
 
 /// The address of `host`, which others may reach only where that is allowed.

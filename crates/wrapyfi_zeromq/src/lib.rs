@@ -15,7 +15,7 @@
 //! | `config` | settings and environment |
 //! | `supervisor` | there is a broker: ours, or a foreign one until it dies |
 //! | `broker`, `proxy`, `turns`, `monitor`, `traffic` | the broker, its thread, its counts |
-//! | `front`, `ledger` | its side for listeners, whose messages it lost |
+//! | `front`, `assembly`, `ledger` | one of its sides, messages from their frames, whose messages it lost |
 //! | `discovery` | which topics a broker has |
 //! | `port_check` | what has a port |
 //! | `service_broker`, `service_proxy` | the broker of requests and replies, its thread |
@@ -27,6 +27,7 @@
 //! | `own_messages` | our own messages are not received |
 //! | `options`, `contexts` | what all sockets share; room for sockets |
 
+mod assembly;
 mod broker;
 mod client;
 mod config;
