@@ -1,11 +1,12 @@
 //! More messages than somebody reads: each is delivered, refused, or its loss is told.
 
-use std::io::{BufRead as _, BufReader, Write as _};
-use std::net::TcpStream;
+use std::io::{BufRead as _, BufReader};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::zeromq_common::{any_ports, bound, embedded, foreign, peer, subscriber, wait_until};
+use crate::zeromq_common::{
+    any_ports, bound, embedded, foreign, peer, raw_peer, send_without_end, subscriber, wait_until,
+};
 use wrapyfi_core::Limits;
 use wrapyfi_core::endpoint::{
     Context, CountersSnapshot, DropReason, Middleware, PublishError, Publisher, TopicSpec, WAITING,
@@ -445,29 +446,6 @@ fn a_listener_that_stands_still_costs_a_quarter_of_what_may_wait() {
     assert_eq!(other.recv_multipart(0).unwrap().len(), 2, "after {:?}", started.elapsed());
     drop(stalled);
     wait_until("the room to be given back", || WAITING.used() == 0);
-}
-
-/// A connection that says of itself that it is a socket of this type.
-fn raw_peer(port: u16, kind: &str) -> TcpStream {
-    let mut stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
-    let mut greeting = vec![0xff, 0, 0, 0, 0, 0, 0, 0, 1, 0x7f, 3, 0];
-    greeting.extend(b"NULL");
-    greeting.resize(64, 0);
-    let property = [b"\x05READY\x0bSocket-Type\0\0\0", &[kind.len() as u8][..], kind.as_bytes()];
-    let ready = property.concat();
-    stream.write_all(&[greeting, vec![4, ready.len() as u8], ready].concat()).unwrap();
-    stream
-}
-
-/// Sends frames of one message until the connection ends; number of their bytes.
-fn send_without_end(stream: &mut TcpStream, frame: usize, most: usize) -> usize {
-    let header = [&[3][..], &(frame as u64).to_be_bytes()].concat();
-    let frame = [header, vec![b'x'; frame]].concat();
-    let mut sent = 0;
-    while sent < most && stream.write_all(&frame).is_ok() {
-        sent += frame.len();
-    }
-    sent
 }
 
 #[test]

@@ -155,14 +155,8 @@ impl Broker {
             message_bytes: config.max_frame_bytes,
             connections: config.max_connections,
         };
-        let bound = |kind, port| {
-            let bound = Front::bind(kind, ip, port, bounds);
-            bound.map_err(|error| refused(ip, port, &error))
-        };
-        let front = bound(Kind::Xpub, config.pub_port)?;
-        let pub_port = front.port().map_err(failed_to("learn its port"))?;
-        let back = bound(Kind::Xsub, config.sub_port)?;
-        let sub_port = back.port().map_err(failed_to("learn its port"))?;
+        let (front, pub_port) = bind(Kind::Xpub, (ip, config.pub_port), bounds)?;
+        let (back, sub_port) = bind(Kind::Xsub, (ip, config.sub_port), bounds)?;
         let (stop_signal, stop) =
             StopSignal::new(&context).map_err(failed_to("open its control socket"))?;
         let status = Arc::<Mutex<BrokerStatus>>::default();
@@ -234,6 +228,17 @@ pub(super) fn loopback(host: &str, insecure: Insecure) -> Result<IpAddr, BrokerE
     Ok(ip)
 }
 
+/// Binds one side of a broker, and tells to which port.
+pub(super) fn bind(
+    kind: Kind,
+    (ip, port): (IpAddr, u16),
+    bounds: Bounds,
+) -> Result<(Front, u16), BrokerError> {
+    let front = Front::bind(kind, ip, port, bounds).map_err(|error| refused(ip, port, &error))?;
+    let port = front.port().map_err(failed_to("learn its port"))?;
+    Ok((front, port))
+}
+
 /// Error for a port of ours that could not be bound.
 fn refused(ip: IpAddr, port: u16, error: &std::io::Error) -> BrokerError {
     match error.kind() {
@@ -241,25 +246,6 @@ fn refused(ip: IpAddr, port: u16, error: &std::io::Error) -> BrokerError {
         ErrorKind::AddrNotAvailable => BrokerError::NotHere { ip },
         _ => failed_to(&format!("bind {}", options::endpoint(ip, port)))(error),
     }
-}
-
-/// Binds `socket` and tells to which port.
-pub(super) fn bind(socket: &zmq::Socket, ip: IpAddr, port: u16) -> Result<u16, BrokerError> {
-    // libzmq spells "any free port" with an asterisk.
-    let endpoint = match port {
-        0 => options::endpoint(ip, 0).trim_end_matches('0').to_owned() + "*",
-        _ => options::endpoint(ip, port),
-    };
-    socket.bind(&endpoint).map_err(|error| match error {
-        zmq::Error::EADDRINUSE => BrokerError::PortTaken { ip, port },
-        zmq::Error::EADDRNOTAVAIL | zmq::Error::ENODEV => BrokerError::NotHere { ip },
-        other => failed_to(&format!("bind {endpoint}"))(other),
-    })?;
-    let bound = socket.get_last_endpoint().map_err(failed_to("learn its port"))?;
-    bound
-        .ok()
-        .and_then(|text| text.rsplit_once(':').and_then(|(_, port)| port.parse().ok()))
-        .ok_or_else(|| failed_to("learn its port")("the endpoint names none"))
 }
 
 pub(super) fn failed_to<E: std::fmt::Display>(action: &str) -> impl FnOnce(E) -> BrokerError {

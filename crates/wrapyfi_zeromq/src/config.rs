@@ -182,6 +182,7 @@ impl ZeroMqConfig {
             req_port: self.req_port,
             pending: ServiceBrokerConfig::PENDING,
             max_frame_bytes: self.max_frame_bytes,
+            max_connections: self.max_connections,
             insecure: self.insecure,
         }
     }

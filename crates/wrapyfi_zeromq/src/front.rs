@@ -1,4 +1,5 @@
-//! One side of the broker: an XPUB that knows each listener, or an XSUB that knows each publisher.
+//! One side of a broker: an XPUB that knows each listener, an XSUB that knows each publisher, and likewise a ROUTER of
+//! clients, a DEALER of servers.
 //!
 //! ```text
 //!   Proxy ── publish ──▶ index of subscriptions ──▶ Peer: outbox ── write ──▶ TCP ──▶ listener
@@ -11,7 +12,8 @@
 //!
 //! libzmq's own XPUB tells neither which listener has no room nor how much it missed, and bounds what waits for one
 //! in messages, not in bytes. Here each listener has a queue that is bounded by both, and everything that it does not
-//! get is counted by its cause. Its XSUB keeps a message whole whose frames never end, and any number of connections.
+//! get is counted by its cause. Its other sockets keep a message whole whose frames never end, and any number of
+//! connections.
 //! Here a connection ends with the message that is too large, and those beyond the limit are refused; both are counted.
 //! Nothing here blocks, and a message that waits for several listeners exists once.
 
@@ -62,8 +64,10 @@ pub(super) struct Front {
     bounds: Bounds,
     /// Topics that publishers were told of, each with how often it is wanted.
     wanted: BTreeMap<Vec<u8>, usize>,
-    /// Messages of publishers.
-    messages: Vec<Vec<Bytes>>,
+    /// Messages that came, each with the number of its connection.
+    messages: Vec<(usize, Vec<Bytes>)>,
+    /// Connection that was last given a message in turn.
+    last: usize,
     /// Connections that were refused or ended, by reason.
     cuts: BTreeMap<&'static str, u64>,
     faults: Throttle,
@@ -95,6 +99,7 @@ impl Front {
             bounds,
             wanted: BTreeMap::new(),
             messages: Vec::new(),
+            last: 0,
             cuts: BTreeMap::new(),
             faults: Throttle::default(),
             events: Some(Events::with_capacity(EVENTS)),
@@ -131,8 +136,8 @@ impl Front {
         std::mem::take(&mut self.heard)
     }
 
-    /// Takes the messages that came since the last call.
-    pub(super) fn messages(&mut self) -> Vec<Vec<Bytes>> {
+    /// Takes the messages that came since the last call, each with the number of its connection.
+    pub(super) fn messages(&mut self) -> Vec<(usize, Vec<Bytes>)> {
         std::mem::take(&mut self.messages)
     }
 
@@ -242,6 +247,32 @@ impl Front {
         }
     }
 
+    /// Sends a message to one peer; false when there is no room for it, and none when the peer is gone.
+    pub(super) fn send(&mut self, id: usize, message: &Arc<Message>) -> Option<bool> {
+        let peer = self.peers.get_mut(&id).filter(|peer| peer.is_open())?;
+        if peer.queue(message, self.hwm).is_err() {
+            return Some(false);
+        }
+        if let Err(error) = peer.write() {
+            self.leave(id, &error);
+            return None;
+        }
+        Some(true)
+    }
+
+    /// Sends a message to the peer whose turn it is; false when none has room.
+    pub(super) fn send_in_turn(&mut self, message: &Arc<Message>) -> bool {
+        let after = self.peers.range(self.last.saturating_add(1)..);
+        let ids = after.chain(self.peers.range(..=self.last)).map(|(id, _)| *id);
+        for id in ids.collect::<Vec<_>>() {
+            if self.send(id, message) == Some(true) {
+                self.last = id;
+                return true;
+            }
+        }
+        false
+    }
+
     /// Counts a connection that is refused or ended, and says so, but not each time.
     fn cut(&mut self, reason: &'static str, peer: SocketAddr, why: &dyn std::fmt::Display) {
         *self.cuts.entry(reason).or_default() += 1;
@@ -320,7 +351,7 @@ impl Front {
             let peer = Peer::new(stream, address, now);
             let peer = match self.kind {
                 Kind::Xpub => peer,
-                Kind::Xsub => peer.of_messages(self.kind, self.bounds.message_bytes),
+                kind => peer.of_messages(kind, self.bounds.message_bytes),
             };
             self.peers.insert(id, peer);
             self.dirty.insert(id);
@@ -353,7 +384,7 @@ impl Front {
                 Heard::Ignored => {}
             }
             match one {
-                Heard::Message(frames) => self.messages.push(frames),
+                Heard::Message(frames) => self.messages.push((id, frames)),
                 change => self.heard.push(change),
             }
         }
@@ -363,6 +394,10 @@ impl Front {
             Err(why) => {
                 if let Some(reason) = why.reason() {
                     self.cut(reason.as_str(), address, &why);
+                }
+                // One that only asks who is here, as a socket that does not fit, is told.
+                if let Some(peer) = self.peers.get_mut(&id) {
+                    _ = peer.write();
                 }
                 self.leave(id, &why);
             }
@@ -388,7 +423,7 @@ impl Front {
             self.heard.push(Heard::Unsubscribed(topic.clone()));
         }
         // Closing it takes it off the poll as well.
-        if self.kind == Kind::Xsub {
+        if self.kind != Kind::Xpub {
             return;
         }
         let lost = |message: &Arc<Message>| message.loss(DropReason::ConnectionLost, peer.address);

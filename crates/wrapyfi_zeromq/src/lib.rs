@@ -22,7 +22,7 @@
 //! | `io`, `reception`, `service_connection`, `link` | the thread that receives, the parts of one listener and of one service in it, connection state |
 //! | `listener`, `publisher`, `client`, `server` | the endpoints |
 //! | `publisher_connection` | a publisher's connection to the broker |
-//! | `peer`, `zmtp` | one connection of ours as XPUB, the protocol there |
+//! | `peer`, `zmtp` | one connection that is not libzmq's, the protocol there |
 //! | `frames`, `envelope` | messages of several frames, what is around a request and a reply |
 //! | `own_messages` | our own messages are not received |
 //! | `options`, `contexts` | what all sockets share; room for sockets |

@@ -39,6 +39,10 @@ pub(super) enum Kind {
     Xpub,
     /// Subscribes, and hears messages.
     Xsub,
+    /// Hears requests, and answers each where it came from.
+    Router,
+    /// Asks one after the other, and hears replies.
+    Dealer,
 }
 
 impl Kind {
@@ -46,6 +50,8 @@ impl Kind {
         match self {
             Self::Xpub => "XPUB",
             Self::Xsub => "XSUB",
+            Self::Router => "ROUTER",
+            Self::Dealer => "DEALER",
         }
     }
 
@@ -54,6 +60,8 @@ impl Kind {
         match self {
             Self::Xpub => matches!(theirs, b"SUB" | b"XSUB"),
             Self::Xsub => matches!(theirs, b"PUB" | b"XPUB"),
+            Self::Router => matches!(theirs, b"REQ" | b"DEALER" | b"ROUTER"),
+            Self::Dealer => matches!(theirs, b"REP" | b"DEALER" | b"ROUTER"),
         }
     }
 }

@@ -85,7 +85,7 @@ impl Proxy {
         }
         let messages = self.back.messages();
         let any = !messages.is_empty();
-        for frames in messages {
+        for (_, frames) in messages {
             let bytes = frames.iter().map(Bytes::len).sum();
             let forged = |first: &Bytes| {
                 self.monitor.is_forged(first) || first.starts_with(TRAFFIC_TOPIC.as_bytes())

@@ -1,5 +1,4 @@
-//! ZMTP 3, the protocol between ZeroMQ sockets, as far as the broker's side for listeners, publishers and the check of ports
-//! need it.
+//! ZMTP 3, the protocol between ZeroMQ sockets, as far as the broker's ports, publishers and the check of ports need it.
 //!
 //! ```text
 //!   greeting (64 bytes)   signature, version, mechanism
