@@ -113,9 +113,22 @@ fn an_address_that_others_reach_needs_the_word_of_its_place() -> Result {
         ] {
             check("c.yaml", &endpoints)?.exits_with(0)?;
         }
+        // For an address of the file the word of a later place counts: of an argument, of a parameter.
+        let yaml = format!(
+            "endpoints: {{ zeromq: {{ ip: {ip} }} }}\nroutes:\n  - {{ from: \"zeromq:/a\", to: \"zeromq:/b\", type: Image }}\n"
+        );
+        let file = env.write("d.yaml", yaml)?.display().to_string();
+        let bridge = ["bridge", "--config", &file, "--seconds", "1"];
+        is_refused(robot.wrapyfi(bridge)?, &in_file)?;
+        let parameter = ["--ros-args", "-p", "endpoints.zeromq.insecure:=true"];
+        for word in [&["--insecure"][..], &parameter] {
+            robot.wrapyfi(bridge.iter().chain(word))?.exits_with(0)?;
+        }
         let robot = robot.with("WRAPYFI_ZEROMQ_SOCKET_IP", &ip);
         is_refused(robot.wrapyfi(["broker"])?, &["WRAPYFI_ZEROMQ_INSECURE=1", &ip])?;
         let robot = robot.with("WRAPYFI_ZEROMQ_INSECURE", "1");
+        // The file goes before the environment: its address needs a word of its own.
+        is_refused(robot.wrapyfi(bridge)?, &in_file)?;
         let broker = robot.wrapyfi(["broker"])?;
         broker.wait_until("its address", |output| {
             output.err.iter().any(|line| line.contains(&format!("broker on {ip}"))).then_some(())

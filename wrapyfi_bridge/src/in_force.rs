@@ -47,21 +47,37 @@ pub struct InForce {
 /// Changes a configuration by what the parameters and arguments of the bridge's `node` say.
 ///
 /// # Errors
-/// Exit code 2 for a name that there is not, or a value that it cannot have.
+/// Exit code 2 for a name that there is not, a value that it cannot have, or an address that other machines reach
+/// without permission.
 pub fn change_by(
     loaded: &mut Loaded,
     node: &Node,
     parameters: &mut ParameterStore,
     options: &Options,
 ) -> Result<(), Failure> {
-    if options.lives_with == Some(ros1::NAME) {
-        // One name on both sides, unless the file says another.
-        loaded.endpoints.ros.node.get_or_insert_with(|| node.name().fqn());
-    }
-    take_parameters(&mut loaded.endpoints, parameters)?;
-    loaded.endpoints.reached_at(options.own);
+    change_endpoints(&mut loaded.endpoints, node, parameters, options)?;
+    loaded.endpoints.check_permitted(loaded.file.as_deref())?;
     show_endpoints(&loaded.endpoints, parameters);
     overrides::apply(&mut loaded.plan, node, parameters).map_err(Failure::usage)
+}
+
+/// Changes settings of middlewares as [`change_by`] does; once more changes nothing.
+///
+/// # Errors
+/// Exit code 2 for a name that there is not, or a value that it cannot have.
+pub fn change_endpoints(
+    endpoints: &mut Endpoints,
+    node: &Node,
+    parameters: &mut ParameterStore,
+    options: &Options,
+) -> Result<(), Failure> {
+    if options.lives_with == Some(ros1::NAME) {
+        // One name on both sides, unless the file says another.
+        endpoints.ros.node.get_or_insert_with(|| node.name().fqn());
+    }
+    take_parameters(endpoints, parameters)?;
+    endpoints.reached_at(options.own);
+    Ok(())
 }
 
 /// Warns of routes that do not hear what others of the plan publish; `lines` are those of the routes in

@@ -22,8 +22,9 @@ use wrapyfi_core::node::{NodeOptions, ParameterType, ParameterValue, read_params
 use crate::cli::{BridgeArgs, NodeCli};
 use crate::command::bridge;
 use crate::exit::{Failure, finish};
-use crate::in_force::Options;
+use crate::in_force::{Options, change_endpoints};
 use crate::middleware_bridge::{MiddlewareBridge, Selection};
+use crate::middlewares::Endpoints;
 use crate::node::{DEFAULT_NAME, Node};
 use crate::own_address::OwnAddress;
 use crate::shutdown::Shutdown;
@@ -135,7 +136,11 @@ pub fn run(
     options.own = args.own;
     let (loaded, name) = match configuration {
         Configuration::File(file) => {
-            (middlewares::load_and_learn(&file, &[])?, file.display().to_string())
+            let change = |endpoints: &mut Endpoints| {
+                change_endpoints(endpoints, &node, &mut store, &options)
+            };
+            let loaded = middlewares::load_and_learn(&file, &[], change)?;
+            (loaded, file.display().to_string())
         }
         Configuration::BuiltIn(text, name) => (middlewares::load_text(&text, name)?, name.into()),
     };

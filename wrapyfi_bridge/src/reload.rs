@@ -32,7 +32,7 @@ use wrapyfi_retry::thread::restarted;
 use crate::edits::Edits;
 use crate::exit::Failure;
 use crate::files::read_file;
-use crate::in_force::{InForce, Options, change_by, ros2_types, warn_of_unheard};
+use crate::in_force::{InForce, Options, change_by, change_endpoints, ros2_types, warn_of_unheard};
 use crate::lifecycle::{Lifecycle, Outcome, State};
 use crate::middlewares::{self, Loaded, Middlewares, Settings, show_endpoints};
 use crate::node::Node;
@@ -112,6 +112,8 @@ impl Reload {
         wanted: Option<&str>,
     ) -> Result<(String, PlanDiff), Failure> {
         let name = self.source.name();
+        // The node has its parameters once nothing can be refused any more.
+        let mut parameters = self.node.parameters().map_err(Failure::usage)?;
         let mut loaded = match &self.source {
             Source::Text(text, name) => middlewares::load_text(text, name)?,
             Source::File(file) => {
@@ -121,12 +123,12 @@ impl Reload {
                     let text = format!("{name} is no file: only a file is read again");
                     return Err(Failure::Usage(text));
                 }
-                middlewares::load_and_learn(file, edits.added())?
+                middlewares::load_and_learn(file, edits.added(), |endpoints| {
+                    change_endpoints(endpoints, &self.node, &mut parameters, &self.options)
+                })?
             }
         };
         edits.leave_out(wanted, &mut loaded)?;
-        // The node has its parameters once nothing can be refused any more.
-        let mut parameters = self.node.parameters().map_err(Failure::usage)?;
         change_by(&mut loaded, &self.node, &mut parameters, &self.options)?;
         let Loaded { plan, endpoints, mut types, definitions, lines, text, .. } = loaded;
         let before = self.middlewares.settings();

@@ -4,7 +4,9 @@ use std::io::{BufRead as _, BufReader};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::zeromq_common::{any_ports, bound, embedded, foreign, peer, subscriber, wait_until};
+use crate::zeromq_common::{
+    any_ports, bound, embedded, foreign, peer, raw_peer, send_without_end, subscriber, wait_until,
+};
 use wrapyfi_core::Limits;
 use wrapyfi_core::endpoint::{
     Context, CountersSnapshot, DropReason, Middleware, PublishError, Publisher, TopicSpec, WAITING,
@@ -444,4 +446,50 @@ fn a_listener_that_stands_still_costs_a_quarter_of_what_may_wait() {
     assert_eq!(other.recv_multipart(0).unwrap().len(), 2, "after {:?}", started.elapsed());
     drop(stalled);
     wait_until("the room to be given back", || WAITING.used() == 0);
+}
+
+#[test]
+fn a_message_that_never_ends_costs_its_connection_and_is_counted() {
+    let limit = 8 << 20;
+    let broker = Broker::start(&BrokerConfig { max_frame_bytes: limit, ..any_ports() }).unwrap();
+    let context = zmq::Context::new();
+    let listener = subscriber(&context, broker.pub_port(), "");
+    let publisher = peer(&context, zmq::XPUB, broker.sub_port());
+    assert_eq!(publisher.recv_bytes(0).unwrap(), b"\x01");
+    for (times, frame) in [(1, 1 << 20), (2, 0)] {
+        let mut endless = raw_peer(broker.sub_port(), "PUB");
+        // Beyond the limit is only what the system holds of a connection.
+        let sent = send_without_end(&mut endless, frame, 8 * limit);
+        assert!(sent < 4 * limit, "{sent} bytes of one message were taken");
+        wait_until("the connection to be counted", || {
+            broker.status().cut.get("oversize") == Some(&times)
+        });
+    }
+    assert!(WAITING.used() < limit, "{}", WAITING.used());
+    // A message of as many frames and bytes as may be is passed on whole, and others have noticed nothing.
+    let frames: Vec<Vec<u8>> = (0..100).map(|_| vec![b'y'; limit / 100]).collect();
+    publisher.send_multipart(&frames, 0).unwrap();
+    assert_eq!(listener.recv_multipart(0).unwrap(), frames);
+}
+
+#[test]
+fn connections_beyond_the_limit_are_refused_and_counted() {
+    let broker = Broker::start(&BrokerConfig { max_connections: 2, ..any_ports() }).unwrap();
+    let context = zmq::Context::new();
+    let listener = subscriber(&context, broker.pub_port(), "/a");
+    let two = [(); 2].map(|()| peer(&context, zmq::XPUB, broker.sub_port()));
+    for publisher in &two {
+        assert_eq!(publisher.recv_bytes(0).unwrap(), b"\x01/a");
+    }
+    let third = peer(&context, zmq::XPUB, broker.sub_port());
+    wait_until("a refusal", || broker.status().cut.get("too_many").is_some_and(|count| *count > 1));
+    assert!(third.recv_bytes(zmq::DONTWAIT).is_err());
+    let [one, other] = two;
+    drop(one);
+    // It goes on trying.
+    assert_eq!(third.recv_bytes(0).unwrap(), b"\x01/a");
+    for publisher in [other, third] {
+        publisher.send_multipart(["/a", "1"], 0).unwrap();
+        assert_eq!(listener.recv_multipart(0).unwrap()[1], b"1");
+    }
 }

@@ -3,6 +3,7 @@
 
 use std::time::{Duration, Instant};
 
+use crate::zeromq_common::{raw_peer, send_without_end};
 use wrapyfi_core::codec::requests::mark::{Kind, Mark, SIZE};
 use wrapyfi_core::endpoint::{
     CallError, Client, Context, DropReason, Middleware, Request, Server, ServiceSpec,
@@ -384,4 +385,51 @@ fn ports_that_cannot_be_are_named() {
     let error = ZeroMq::start(&wrong).unwrap().start_services().unwrap_err().to_string();
     assert!(error.contains("a ZeroMQ socket of type DEALER; a broker would be ROUTER"), "{error}");
     assert!(error.contains("rep_port, req_port"), "{error}");
+}
+
+#[test]
+fn requests_and_replies_that_never_end_cost_their_connection_and_are_counted() {
+    let limit = 8 << 20;
+    let broker = ServiceBroker::start(&ServiceBrokerConfig {
+        rep_port: 0,
+        req_port: 0,
+        max_frame_bytes: limit,
+        ..Default::default()
+    });
+    let broker = broker.unwrap();
+    for (times, (kind, port)) in
+        (1..).zip([("DEALER", broker.rep_port()), ("REP", broker.req_port())])
+    {
+        let mut endless = raw_peer(port, kind);
+        let sent = send_without_end(&mut endless, 1 << 20, 8 * limit);
+        assert!(sent < 4 * limit, "{sent} bytes of one message were taken");
+        wait_for(&broker, "the connection to be counted", |status| {
+            status.cut.get("oversize") == Some(&times)
+        });
+    }
+    // Others have noticed nothing.
+    let (client, server) = (bare(zmq::REQ, broker.rep_port()), bare(zmq::REP, broker.req_port()));
+    client.send("?", 0).unwrap();
+    assert_eq!(server.recv_bytes(0).unwrap(), b"?");
+    server.send("!", 0).unwrap();
+    assert_eq!(client.recv_bytes(0).unwrap(), b"!");
+}
+
+#[test]
+fn clients_beyond_the_limit_are_refused_and_counted() {
+    let config =
+        ServiceBrokerConfig { rep_port: 0, req_port: 0, max_connections: 1, ..Default::default() };
+    let broker = ServiceBroker::start(&config).unwrap();
+    let server = bare(zmq::REP, broker.req_port());
+    let first = bare(zmq::REQ, broker.rep_port());
+    first.send("1", 0).unwrap();
+    assert_eq!(server.recv_bytes(0).unwrap(), b"1");
+    server.send("1", 0).unwrap();
+    assert_eq!(first.recv_bytes(0).unwrap(), b"1");
+    let second = bare(zmq::REQ, broker.rep_port());
+    wait_for(&broker, "a refusal", |status| status.cut.contains_key("too_many"));
+    drop(first);
+    // It goes on trying.
+    second.send("2", 0).unwrap();
+    assert_eq!(server.recv_bytes(0).unwrap(), b"2");
 }

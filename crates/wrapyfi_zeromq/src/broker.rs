@@ -18,10 +18,11 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::config::{ZeroMqConfig, resolve};
-use super::front::Front;
+use super::front::{Bounds, Front};
 use super::ledger::Ledger;
 use super::monitor::Monitor;
 use super::options::{self, StopSignal};
+use super::peer::Kind;
 use super::proxy::Proxy;
 use super::supervisor::{Side, Supervised};
 use super::traffic::{TopicTraffic, Traffic};
@@ -41,6 +42,7 @@ pub struct BrokerConfig {
     pub monitor_topic: Option<String>,
     pub hwm: u16,
     pub max_frame_bytes: usize,
+    pub max_connections: usize,
     pub insecure: Insecure,
 }
 
@@ -118,6 +120,8 @@ pub struct BrokerStatus {
     pub ignored: u64,
     /// Messages that listeners missed, by reason: one that two listeners miss counts twice.
     pub missed: BTreeMap<&'static str, u64>,
+    /// Connections that were refused or ended, by reason: `too_many`, `oversize`, `over_budget`.
+    pub cut: BTreeMap<&'static str, u64>,
     /// Listeners by topic.
     pub subscriptions: BTreeMap<String, u64>,
     /// Traffic of each topic; as old as `subscriptions`.
@@ -145,11 +149,13 @@ impl Broker {
             return Err(BrokerError::SamePort { port: config.pub_port, names });
         }
         let context = zmq::Context::new();
-        let front = Front::bind(ip, config.pub_port, config.hwm)
-            .map_err(|error| refused(ip, config.pub_port, &error))?;
-        let pub_port = front.port().map_err(failed_to("learn its port"))?;
-        let back = socket(&context, ip, config).map_err(failed_to("open its sockets"))?;
-        let sub_port = bind(&back, ip, config.sub_port)?;
+        let bounds = Bounds {
+            hwm: config.hwm,
+            message_bytes: config.max_frame_bytes,
+            connections: config.max_connections,
+        };
+        let (front, pub_port) = bind(Kind::Xpub, (ip, config.pub_port), bounds)?;
+        let (back, sub_port) = bind(Kind::Xsub, (ip, config.sub_port), bounds)?;
         let (stop_signal, stop) =
             StopSignal::new(&context).map_err(failed_to("open its control socket"))?;
         let status = Arc::<Mutex<BrokerStatus>>::default();
@@ -214,21 +220,22 @@ impl Supervised for Broker {
     }
 }
 
-fn socket(context: &zmq::Context, ip: IpAddr, config: &BrokerConfig) -> zmq::Result<zmq::Socket> {
-    let back = context.socket(zmq::XSUB)?;
-    options::set_common(&back, ip)?;
-    back.set_rcvhwm(i32::from(config.hwm))?;
-    // Subscriptions go out here, and a lost one would starve its listener.
-    back.set_sndhwm(0)?;
-    back.set_maxmsgsize(options::frame_limit(config.max_frame_bytes))?;
-    Ok(back)
-}
-
 /// The address of `host`, which others may reach only where that is allowed.
 pub(super) fn loopback(host: &str, insecure: Insecure) -> Result<IpAddr, BrokerError> {
     let ip = resolve(host)?;
     insecure.check(super::NAME, "a broker", ip)?;
     Ok(ip)
+}
+
+/// Binds one side of a broker, and tells to which port.
+pub(super) fn bind(
+    kind: Kind,
+    (ip, port): (IpAddr, u16),
+    bounds: Bounds,
+) -> Result<(Front, u16), BrokerError> {
+    let front = Front::bind(kind, ip, port, bounds).map_err(|error| refused(ip, port, &error))?;
+    let port = front.port().map_err(failed_to("learn its port"))?;
+    Ok((front, port))
 }
 
 /// Error for a port of ours that could not be bound.
@@ -238,25 +245,6 @@ fn refused(ip: IpAddr, port: u16, error: &std::io::Error) -> BrokerError {
         ErrorKind::AddrNotAvailable => BrokerError::NotHere { ip },
         _ => failed_to(&format!("bind {}", options::endpoint(ip, port)))(error),
     }
-}
-
-/// Binds `socket` and tells to which port.
-pub(super) fn bind(socket: &zmq::Socket, ip: IpAddr, port: u16) -> Result<u16, BrokerError> {
-    // libzmq spells "any free port" with an asterisk.
-    let endpoint = match port {
-        0 => options::endpoint(ip, 0).trim_end_matches('0').to_owned() + "*",
-        _ => options::endpoint(ip, port),
-    };
-    socket.bind(&endpoint).map_err(|error| match error {
-        zmq::Error::EADDRINUSE => BrokerError::PortTaken { ip, port },
-        zmq::Error::EADDRNOTAVAIL | zmq::Error::ENODEV => BrokerError::NotHere { ip },
-        other => failed_to(&format!("bind {endpoint}"))(other),
-    })?;
-    let bound = socket.get_last_endpoint().map_err(failed_to("learn its port"))?;
-    bound
-        .ok()
-        .and_then(|text| text.rsplit_once(':').and_then(|(_, port)| port.parse().ok()))
-        .ok_or_else(|| failed_to("learn its port")("the endpoint names none"))
 }
 
 pub(super) fn failed_to<E: std::fmt::Display>(action: &str) -> impl FnOnce(E) -> BrokerError {

@@ -50,9 +50,11 @@ pub struct ZeroMqConfig {
     /// Messages a socket holds for a peer that is slower, in publishers and in the broker; 0 means
     /// without limit.
     pub send_hwm: u16,
-    /// Largest frame a socket accepts before it cuts the connection, in bytes. A listener uses the
-    /// limit of its own topic instead.
+    /// Largest message, all frames, that a broker accepts before it cuts the connection, in bytes; of a socket the
+    /// largest frame. A listener uses the limit of its own topic instead.
     pub max_frame_bytes: usize,
+    /// Connections at one port of a broker. Those beyond are refused.
+    pub max_connections: usize,
     /// Allows a broker on addresses other machines can reach (`WRAPYFI_ZEROMQ_INSECURE`). Nothing is
     /// authenticated or encrypted there.
     pub insecure: Insecure,
@@ -75,6 +77,7 @@ impl Default for ZeroMqConfig {
             // libzmq's own default, and so Wrapyfi's.
             send_hwm: 1000,
             max_frame_bytes: wrapyfi_data::Limits::default().message_bytes + FRAME_SLACK,
+            max_connections: 4096,
             insecure: Insecure::default(),
             hosts: Hosts::default(),
         }
@@ -165,6 +168,7 @@ impl ZeroMqConfig {
             monitor_topic: self.monitor.then(|| self.monitor_topic.clone()),
             hwm: self.send_hwm,
             max_frame_bytes: self.max_frame_bytes,
+            max_connections: self.max_connections,
             insecure: self.insecure,
         }
     }
@@ -178,6 +182,7 @@ impl ZeroMqConfig {
             req_port: self.req_port,
             pending: ServiceBrokerConfig::PENDING,
             max_frame_bytes: self.max_frame_bytes,
+            max_connections: self.max_connections,
             insecure: self.insecure,
         }
     }

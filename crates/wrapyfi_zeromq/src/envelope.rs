@@ -7,8 +7,11 @@
 //!
 //! Frames are read one by one, and what exceeds a bound is not kept.
 
+use std::sync::Arc;
+
 use bytes::Bytes;
 
+use super::peer::Message;
 use super::zmtp::Owned;
 use mark::{Kind, Mark};
 use wrapyfi_endpoint::codec::requests::{self, mark};
@@ -49,40 +52,84 @@ pub(super) fn receive(
         Err(zmq::Error::EAGAIN) => return Ok(None),
         Err(error) => return Err(error),
     };
-    let (mut envelope, mut body) = (Vec::new(), None);
-    let (mut size, mut outside, mut behind, mut closed, mut fits) = (0, 0, 0, false, true);
-    let mut body_bytes = 0;
+    let mut reading = Reading::new(limit);
     loop {
         let more = frame.get_more();
-        size += frame.len();
-        if closed {
-            behind += 1;
-            body_bytes += frame.len();
-            if behind == 1 && body_bytes <= limit {
-                body = Some(Bytes::from_owner(Owned(frame)));
-            }
-        } else if frame.is_empty() {
-            closed = true;
-        } else {
-            outside += frame.len();
-            fits &= envelope.len() < MAX_ENVELOPE && outside <= MAX_ENVELOPE_BYTES;
-            if fits {
-                envelope.push(Bytes::copy_from_slice(&frame));
-            }
-        }
+        reading.add(Bytes::from_owner(Owned(frame)));
         if !more {
-            break;
+            let size = reading.size;
+            return Ok(Some((reading.end(), size)));
         }
         // Frames of one message arrive together: this does not wait.
         frame = socket.recv_msg(0)?;
     }
-    let message = match (closed && fits, behind, body) {
-        (false, ..) => Err(Misfit::NoEnvelope),
-        (true, 1, Some(body)) => Ok(ServiceMessage { envelope, body }),
-        (true, 1, None) => Err(Misfit::TooLarge(envelope, body_bytes)),
-        (true, frames, _) => Err(Misfit::Frames(envelope, frames)),
-    };
-    Ok(Some((message, size)))
+}
+
+/// The message of these frames.
+pub(super) fn of_frames(frames: impl IntoIterator<Item = Bytes>) -> Result<ServiceMessage, Misfit> {
+    let mut reading = Reading::new(usize::MAX);
+    frames.into_iter().for_each(|frame| reading.add(frame));
+    reading.end()
+}
+
+/// A message of which not all frames were seen.
+struct Reading {
+    limit: usize,
+    envelope: Vec<Bytes>,
+    body: Option<Bytes>,
+    /// Bytes of all frames, of those in front of the empty one, and of those behind it.
+    size: usize,
+    outside: usize,
+    body_bytes: usize,
+    /// Number of frames behind the empty one.
+    behind: usize,
+    closed: bool,
+    fits: bool,
+}
+
+impl Reading {
+    fn new(limit: usize) -> Self {
+        Self {
+            limit,
+            envelope: Vec::new(),
+            body: None,
+            size: 0,
+            outside: 0,
+            body_bytes: 0,
+            behind: 0,
+            closed: false,
+            fits: true,
+        }
+    }
+
+    fn add(&mut self, frame: Bytes) {
+        self.size += frame.len();
+        if self.closed {
+            self.behind += 1;
+            self.body_bytes += frame.len();
+            if self.behind == 1 && self.body_bytes <= self.limit {
+                self.body = Some(frame);
+            }
+        } else if frame.is_empty() {
+            self.closed = true;
+        } else {
+            self.outside += frame.len();
+            self.fits &= self.envelope.len() < MAX_ENVELOPE && self.outside <= MAX_ENVELOPE_BYTES;
+            if self.fits {
+                self.envelope.push(frame);
+            }
+        }
+    }
+
+    fn end(self) -> Result<ServiceMessage, Misfit> {
+        let Self { envelope, body, .. } = self;
+        match (self.closed && self.fits, self.behind, body) {
+            (false, ..) => Err(Misfit::NoEnvelope),
+            (true, 1, Some(body)) => Ok(ServiceMessage { envelope, body }),
+            (true, 1, None) => Err(Misfit::TooLarge(envelope, self.body_bytes)),
+            (true, frames, _) => Err(Misfit::Frames(envelope, frames)),
+        }
+    }
 }
 
 impl ServiceMessage {
@@ -106,6 +153,14 @@ impl ServiceMessage {
             }
             None => Self { envelope, body: requests::encode_error(text).into() },
         }
+    }
+
+    /// The message as it goes to a peer, behind the first `without` frames of its envelope.
+    pub(super) fn on_wire(&self, without: usize) -> Arc<Message> {
+        let outside = self.envelope.iter().skip(without).cloned();
+        let frames = outside.chain([Bytes::new(), self.body.clone()]).collect();
+        // It counts where it waits.
+        Message::new(frames, Some((Bytes::new(), self.size())), None)
     }
 
     /// Sends without waiting; false when there is no room for it, or nobody to take it.

@@ -1,18 +1,25 @@
-//! The broker's side for listeners: an XPUB that knows each of them.
+//! One side of a broker: an XPUB that knows each listener, an XSUB that knows each publisher, and likewise a ROUTER of
+//! clients, a DEALER of servers.
 //!
 //! ```text
 //!   Proxy ── publish ──▶ index of subscriptions ──▶ Peer: outbox ── write ──▶ TCP ──▶ listener
 //!                                                     │ full: this listener misses the message
 //!   Proxy ◀── Heard ──── subscriptions ◀── read ────────────────────────────────────── listener
+//!
+//!   Proxy ◀── messages ── Assembly ◀── read ◀── TCP ◀──────────────────────────────── publisher
+//!   Proxy ── want ──▶ first, last subscription of a topic ── write ─────────────────▶ publisher
 //! ```
 //!
 //! libzmq's own XPUB tells neither which listener has no room nor how much it missed, and bounds what waits for one
 //! in messages, not in bytes. Here each listener has a queue that is bounded by both, and everything that it does not
-//! get is counted by its cause. Nothing here blocks, and a message that waits for several listeners exists once.
+//! get is counted by its cause. Its other sockets keep a message whole whose frames never end, and any number of
+//! connections.
+//! Here a connection ends with the message that is too large, and those beyond the limit are refused; both are counted.
+//! Nothing here blocks, and a message that waits for several listeners exists once.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::io::ErrorKind;
-use std::net::{IpAddr, TcpListener};
+use std::net::{IpAddr, SocketAddr, TcpListener};
 use std::os::fd::{AsRawFd as _, RawFd};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -22,26 +29,48 @@ use mio::unix::SourceFd;
 use mio::{Events, Interest, Poll, Token};
 
 use super::options;
-use super::peer::{Heard, Loss, Message, Peer};
-use super::zmtp::Owned;
-use wrapyfi_endpoint::DropReason;
+use super::peer::{Heard, Kind, Loss, Message, Peer};
+use wrapyfi_endpoint::{DropReason, Throttle};
 
-/// The token of the port; listeners are counted from 0.
+/// The token of the port; peers are counted from 0.
 const PORT: Token = Token(usize::MAX);
 /// Events taken at once.
 const EVENTS: usize = 256;
-/// Listeners at once. What is beyond is refused.
-const MAX_PEERS: usize = 4096;
 /// Bytes read at once.
 const READ_BYTES: usize = 64 * 1024;
 
+/// Connections that are refused, as they are counted.
+const TOO_MANY: &str = "too_many";
+
+/// Bounds of one side.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Bounds {
+    /// Messages that may wait for one peer; 0: any number.
+    pub(super) hwm: u16,
+    /// Bytes of one message, all frames.
+    pub(super) message_bytes: usize,
+    /// Connections at once.
+    pub(super) connections: usize,
+}
+
 /// The port, and who is connected to it.
 pub(super) struct Front {
+    kind: Kind,
     port: TcpListener,
     poll: Poll,
     events: Option<Events>,
     peers: BTreeMap<usize, Peer>,
     next_id: usize,
+    bounds: Bounds,
+    /// Topics that publishers were told of, each with how often it is wanted.
+    wanted: BTreeMap<Vec<u8>, usize>,
+    /// Messages that came, each with the number of its connection.
+    messages: Vec<(usize, Vec<Bytes>)>,
+    /// Connection that was last given a message in turn.
+    last: usize,
+    /// Connections that were refused or ended, by reason.
+    cuts: BTreeMap<&'static str, u64>,
+    faults: Throttle,
     /// Listeners by what they are subscribed to, and how many subscriptions have which length.
     index: HashMap<Vec<u8>, BTreeSet<usize>>,
     lengths: BTreeMap<usize, usize>,
@@ -58,20 +87,27 @@ pub(super) struct Front {
 
 impl Front {
     /// Binds the port.
-    pub(super) fn bind(ip: IpAddr, port: u16, hwm: u16) -> std::io::Result<Self> {
+    pub(super) fn bind(kind: Kind, ip: IpAddr, port: u16, bounds: Bounds) -> std::io::Result<Self> {
         let port = TcpListener::bind((ip, port))?;
         port.set_nonblocking(true)?;
         let poll = Poll::new()?;
         poll.registry().register(&mut SourceFd(&port.as_raw_fd()), PORT, Interest::READABLE)?;
         Ok(Self {
+            kind,
             port,
             poll,
+            bounds,
+            wanted: BTreeMap::new(),
+            messages: Vec::new(),
+            last: 0,
+            cuts: BTreeMap::new(),
+            faults: Throttle::default(),
             events: Some(Events::with_capacity(EVENTS)),
             peers: BTreeMap::new(),
             next_id: 0,
             index: HashMap::new(),
             lengths: BTreeMap::new(),
-            hwm: Some(usize::from(hwm)).filter(|hwm| *hwm > 0),
+            hwm: Some(usize::from(bounds.hwm)).filter(|hwm| *hwm > 0),
             dirty: BTreeSet::new(),
             unread: BTreeSet::new(),
             heard: Vec::new(),
@@ -98,6 +134,16 @@ impl Front {
     /// Takes the subscriptions that came since the last call.
     pub(super) fn heard(&mut self) -> Vec<Heard> {
         std::mem::take(&mut self.heard)
+    }
+
+    /// Takes the messages that came since the last call, each with the number of its connection.
+    pub(super) fn messages(&mut self) -> Vec<(usize, Vec<Bytes>)> {
+        std::mem::take(&mut self.messages)
+    }
+
+    /// Number of connections that were refused or ended, by reason.
+    pub(super) fn cuts(&self) -> impl Iterator<Item = (&'static str, u64)> {
+        self.cuts.iter().map(|(reason, count)| (*reason, *count))
     }
 
     /// Takes the losses that were noticed since the last call.
@@ -158,20 +204,80 @@ impl Front {
 
     /// Queues a message for everybody who is subscribed to it and has room. `of` is its size as its publisher
     /// counts it, where it is somebody's.
-    pub(super) fn publish(&mut self, frames: Vec<zmq::Message>, of: Option<usize>) {
+    pub(super) fn publish(&mut self, frames: Vec<Bytes>, of: Option<usize>) {
         let Some(topic) = frames.first() else { return };
         let to = self.subscribers(topic);
         if to.is_empty() {
             return;
         }
         let of = of.map(|size| (Bytes::copy_from_slice(topic), size));
-        let message = Message::new(frames.into_iter().map(Owned).collect(), of, None);
+        let message = Message::new(frames, of, None);
         for id in to {
             let Some(peer) = self.peers.get_mut(&id) else { continue };
             match peer.queue(&message, self.hwm) {
                 Ok(()) => _ = self.dirty.insert(id),
                 Err(reason) => self.losses.push(message.loss(reason, peer.address)),
             }
+        }
+    }
+
+    /// Tells publishers that somebody wants a topic, or no more; as often as it was wanted before it is not.
+    pub(super) fn want(&mut self, topic: &[u8], is_wanted: bool) {
+        let times = self.wanted.entry(topic.to_vec()).or_default();
+        *times = if is_wanted { *times + 1 } else { times.saturating_sub(1) };
+        match (is_wanted, *times) {
+            (true, 1) => {}
+            (false, 0) => _ = self.wanted.remove(topic),
+            _ => return,
+        }
+        let message = word(is_wanted, topic);
+        let open = self.peers.iter().filter(|(_, peer)| peer.is_open()).map(|(id, _)| *id);
+        for id in open.collect::<Vec<_>>() {
+            self.tell(id, &message);
+        }
+        self.flush();
+    }
+
+    /// Tells one publisher what is wanted. One that misses any of it would never be right again.
+    fn tell(&mut self, id: usize, message: &Arc<Message>) {
+        let Some(peer) = self.peers.get_mut(&id) else { return };
+        match peer.queue(message, None) {
+            Ok(()) => _ = self.dirty.insert(id),
+            Err(_) => self.leave(id, &"it does not read what is wanted"),
+        }
+    }
+
+    /// Sends a message to one peer; false when there is no room for it, and none when the peer is gone.
+    pub(super) fn send(&mut self, id: usize, message: &Arc<Message>) -> Option<bool> {
+        let peer = self.peers.get_mut(&id).filter(|peer| peer.is_open())?;
+        if peer.queue(message, self.hwm).is_err() {
+            return Some(false);
+        }
+        if let Err(error) = peer.write() {
+            self.leave(id, &error);
+            return None;
+        }
+        Some(true)
+    }
+
+    /// Sends a message to the peer whose turn it is; false when none has room.
+    pub(super) fn send_in_turn(&mut self, message: &Arc<Message>) -> bool {
+        let after = self.peers.range(self.last.saturating_add(1)..);
+        let ids = after.chain(self.peers.range(..=self.last)).map(|(id, _)| *id);
+        for id in ids.collect::<Vec<_>>() {
+            if self.send(id, message) == Some(true) {
+                self.last = id;
+                return true;
+            }
+        }
+        false
+    }
+
+    /// Counts a connection that is refused or ended, and says so, but not each time.
+    fn cut(&mut self, reason: &'static str, peer: SocketAddr, why: &dyn std::fmt::Display) {
+        *self.cuts.entry(reason).or_default() += 1;
+        if let Some(unlogged_before) = self.faults.pass(Instant::now()) {
+            tracing::warn!(%peer, reason, unlogged_before, "the ZeroMQ broker ends a connection: {why}");
         }
     }
 
@@ -218,12 +324,14 @@ impl Front {
                 Err(error) if error.kind() == ErrorKind::WouldBlock => return,
                 Err(error) => {
                     // Such as: no more files. It is tried again with the next tick.
-                    tracing::debug!(%error, "a listener could not be accepted");
+                    tracing::debug!(%error, "a peer could not be accepted");
                     return;
                 }
             };
-            if self.peers.len() >= MAX_PEERS {
-                tracing::warn!(%address, limit = MAX_PEERS, "too many listeners: one was refused");
+            let limit = self.bounds.connections;
+            if self.peers.len() >= limit {
+                let why = format!("{limit} are open, which is the limit (max_connections)");
+                self.cut(TOO_MANY, address, &why);
                 continue;
             }
             let id = self.next_id;
@@ -237,22 +345,33 @@ impl Front {
                 )
             });
             if let Err(error) = opened {
-                tracing::debug!(%address, %error, "a listener could not be accepted");
+                tracing::debug!(%address, %error, "a peer could not be accepted");
                 continue;
             }
-            self.peers.insert(id, Peer::new(stream, address, now));
+            let peer = Peer::new(stream, address, now);
+            let peer = match self.kind {
+                Kind::Xpub => peer,
+                kind => peer.of_messages(kind, self.bounds.message_bytes),
+            };
+            self.peers.insert(id, peer);
             self.dirty.insert(id);
         }
     }
 
-    /// Reads what a listener has said; without `to_the_end` as far as one look shows that nothing is left.
+    /// Reads what a peer has said; without `to_the_end` as far as one look shows that nothing is left.
     fn read(&mut self, id: usize, to_the_end: bool, now: Instant) {
         let Some(peer) = self.peers.get_mut(&id) else { return };
-        let mut heard = Vec::new();
+        let (mut heard, was_open, address) = (Vec::new(), peer.is_open(), peer.address);
         let read = peer.read(&mut self.scratch, &mut heard, to_the_end, now);
+        if peer.is_open() && !was_open {
+            for message in self.wanted.keys().map(|topic| word(true, topic)).collect::<Vec<_>>() {
+                self.tell(id, &message);
+            }
+        }
         self.dirty.insert(id);
-        for one in &heard {
-            match one {
+        for one in heard {
+            match &one {
+                Heard::Message(_) => {}
                 Heard::Subscribed(topic) => {
                     let ids = self.index.entry(topic.clone()).or_default();
                     if ids.insert(id) && ids.len() == 1 {
@@ -264,12 +383,24 @@ impl Front {
                 }
                 Heard::Ignored => {}
             }
+            match one {
+                Heard::Message(frames) => self.messages.push((id, frames)),
+                change => self.heard.push(change),
+            }
         }
-        self.heard.append(&mut heard);
         match read {
             Ok(true) => _ = self.unread.insert(id),
             Ok(false) => {}
-            Err(why) => self.leave(id, &why),
+            Err(why) => {
+                if let Some(reason) = why.reason() {
+                    self.cut(reason.as_str(), address, &why);
+                }
+                // One that only asks who is here, as a socket that does not fit, is told.
+                if let Some(peer) = self.peers.get_mut(&id) {
+                    _ = peer.write();
+                }
+                self.leave(id, &why);
+            }
         }
     }
 
@@ -286,15 +417,25 @@ impl Front {
     /// Ends a connection. What waited for it is lost.
     fn leave(&mut self, id: usize, why: &dyn std::fmt::Display) {
         let Some(peer) = self.peers.remove(&id) else { return };
-        tracing::debug!(listener = %peer.address, %why, "a listener's connection ended");
+        tracing::debug!(peer = %peer.address, %why, "a connection to the ZeroMQ broker ended");
         for topic in &peer.topics {
             unlist(&mut self.index, &mut self.lengths, topic, id);
             self.heard.push(Heard::Unsubscribed(topic.clone()));
         }
+        // Closing it takes it off the poll as well.
+        if self.kind != Kind::Xpub {
+            return;
+        }
         let lost = |message: &Arc<Message>| message.loss(DropReason::ConnectionLost, peer.address);
         self.losses.extend(peer.outbox.iter().filter(|it| it.of.is_some()).map(lost));
-        // Closing it takes it off the poll as well.
     }
+}
+
+/// A subscription, or its end, as publishers hear it. It has a size, so that it counts where it waits.
+fn word(is_wanted: bool, topic: &[u8]) -> Arc<Message> {
+    let frame = [&[u8::from(is_wanted)][..], topic].concat();
+    let of = Some((Bytes::new(), frame.len()));
+    Message::new(vec![frame], of, None)
 }
 
 /// Takes a listener off the index.

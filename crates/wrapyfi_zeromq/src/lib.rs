@@ -15,18 +15,19 @@
 //! | `config` | settings and environment |
 //! | `supervisor` | there is a broker: ours, or a foreign one until it dies |
 //! | `broker`, `proxy`, `turns`, `monitor`, `traffic` | the broker, its thread, its counts |
-//! | `front`, `ledger` | its side for listeners, whose messages it lost |
+//! | `front`, `assembly`, `ledger` | one of its sides, messages from their frames, whose messages it lost |
 //! | `discovery` | which topics a broker has |
 //! | `port_check` | what has a port |
 //! | `service_broker`, `service_proxy` | the broker of requests and replies, its thread |
 //! | `io`, `reception`, `service_connection`, `link` | the thread that receives, the parts of one listener and of one service in it, connection state |
 //! | `listener`, `publisher`, `client`, `server` | the endpoints |
 //! | `publisher_connection` | a publisher's connection to the broker |
-//! | `peer`, `zmtp` | one connection of ours as XPUB, the protocol there |
+//! | `peer`, `zmtp` | one connection that is not libzmq's, the protocol there |
 //! | `frames`, `envelope` | messages of several frames, what is around a request and a reply |
 //! | `own_messages` | our own messages are not received |
 //! | `options`, `contexts` | what all sockets share; room for sockets |
 
+mod assembly;
 mod broker;
 mod client;
 mod config;

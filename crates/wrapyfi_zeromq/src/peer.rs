@@ -1,8 +1,8 @@
-//! The other end of a connection of ours as XPUB: one listener of the broker, or the broker of a publisher. Its
-//! subscriptions, and what waits for it.
+//! The other end of a connection of ours: one listener or publisher of the broker, or the broker of a publisher. Its
+//! subscriptions or messages, and what waits for it.
 //!
 //! ```text
-//!   bytes ─▶ inbox ── understand ──▶ Heard: subscriptions
+//!   bytes ─▶ inbox ── understand ──▶ Heard: subscriptions, messages
 //!   queue ─▶ outbox ── write ──▶ TCP                 silent: asked whether it lives
 //! ```
 
@@ -15,6 +15,7 @@ use std::time::Instant;
 
 use bytes::Bytes;
 
+use super::assembly::{Assembly, TooLarge};
 use super::options;
 use super::own_messages::Fingerprint;
 use super::zmtp::{self, Breach};
@@ -26,16 +27,80 @@ const MAX_SUBSCRIPTIONS: usize = 4096;
 const MAX_FRAME_BYTES: usize = 64 * 1024;
 /// Reads from one connection before the others have their turn.
 const READS: usize = 16;
+/// Question whether a peer lives: the command, and no time to live.
+const PING: &[u8] = b"\x04PING\0\0";
 /// Pieces given to one write.
 const SLICES: usize = 64;
 
-/// Subscription change of a listener.
+/// Socket type that our end of a connection has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Publishes, and hears subscriptions.
+    Xpub,
+    /// Subscribes, and hears messages.
+    Xsub,
+    /// Hears requests, and answers each where it came from.
+    Router,
+    /// Asks one after the other, and hears replies.
+    Dealer,
+}
+
+impl Kind {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Xpub => "XPUB",
+            Self::Xsub => "XSUB",
+            Self::Router => "ROUTER",
+            Self::Dealer => "DEALER",
+        }
+    }
+
+    /// True where a socket of ours of this type may have that peer.
+    fn takes(self, theirs: &[u8]) -> bool {
+        match self {
+            Self::Xpub => matches!(theirs, b"SUB" | b"XSUB"),
+            Self::Xsub => matches!(theirs, b"PUB" | b"XPUB"),
+            Self::Router => matches!(theirs, b"REQ" | b"DEALER" | b"ROUTER"),
+            Self::Dealer => matches!(theirs, b"REP" | b"DEALER" | b"ROUTER"),
+        }
+    }
+}
+
+/// Cause of the end of a connection.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum End {
+    #[error("it left")]
+    Left,
+    #[error(transparent)]
+    Breach(#[from] Breach),
+    #[error("it sends {0}")]
+    TooLarge(#[from] TooLarge),
+    #[error("too much waits in this process (limits: waiting_mib)")]
+    OverBudget,
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+}
+
+impl End {
+    /// Reason under which a message that was lost with it is counted.
+    pub(super) fn reason(&self) -> Option<DropReason> {
+        match self {
+            Self::TooLarge(_) => Some(DropReason::Oversize),
+            Self::OverBudget => Some(DropReason::OverBudget),
+            Self::Left | Self::Breach(_) | Self::Io(_) => None,
+        }
+    }
+}
+
+/// Something that a peer said.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Heard {
     Subscribed(Vec<u8>),
     Unsubscribed(Vec<u8>),
     /// Something that is no subscription.
     Ignored,
+    /// Frames of a message.
+    Message(Vec<Bytes>),
 }
 
 /// A message as it goes on the wire.
@@ -91,12 +156,15 @@ enum Stage {
     Open,
 }
 
-/// One listener.
+/// One peer.
 pub(super) struct Peer {
     pub(super) stream: TcpStream,
     pub(super) address: SocketAddr,
+    kind: Kind,
     stage: Stage,
     inbox: Vec<u8>,
+    /// The message that has begun, where we are to hear messages.
+    assembly: Option<Assembly>,
     /// Within a message of several frames, which is no subscription.
     inside: bool,
     pub(super) topics: BTreeSet<Vec<u8>>,
@@ -126,8 +194,10 @@ impl Peer {
         Self {
             stream,
             address,
+            kind: Kind::Xpub,
             stage: Stage::Greeting,
             inbox: Vec::new(),
+            assembly: None,
             inside: false,
             topics: BTreeSet::new(),
             only: None,
@@ -148,6 +218,11 @@ impl Peer {
     /// The same, of a connection for messages of one topic.
     pub(super) fn of_topic(self, topic: Bytes) -> Self {
         Self { only: Some(topic), ..self }
+    }
+
+    /// The same, of a connection from which we hear messages of at most `limit` bytes.
+    pub(super) fn of_messages(self, kind: Kind, limit: usize) -> Self {
+        Self { kind, assembly: Some(Assembly::new(limit)), ..self }
     }
 
     /// True when the handshake is over.
@@ -231,47 +306,69 @@ impl Peer {
         heard: &mut Vec<Heard>,
         to_the_end: bool,
         now: Instant,
-    ) -> Result<bool, String> {
+    ) -> Result<bool, End> {
         for _ in 0..READS {
-            match self.stream.read(scratch) {
-                Ok(0) => return Err("it left".to_owned()),
-                Ok(count) => {
+            let read = match &mut self.assembly {
+                Some(assembly) if assembly.is_open() => {
+                    assembly.fill(&self.stream).map(|(count, message)| {
+                        heard.extend(message.map(Heard::Message));
+                        (count, true)
+                    })
+                }
+                _ => self.stream.read(scratch).map(|count| (count, false)),
+            };
+            match read {
+                Ok((0, _)) => return Err(End::Left),
+                Ok((count, is_within)) => {
                     self.heard_at = now;
-                    self.inbox.extend_from_slice(scratch.get(..count).unwrap_or_default());
-                    self.understand(heard).map_err(|breach| breach.to_string())?;
-                    if !self.begun.hold(self.inbox.len()) {
-                        let why = "too much waits in this process (limits: waiting_mib)";
-                        return Err(why.to_owned());
+                    if !is_within {
+                        self.inbox.extend_from_slice(scratch.get(..count).unwrap_or_default());
+                        self.understand(heard)?;
                     }
-                    if count < scratch.len() && !to_the_end {
+                    let begun = self.assembly.as_ref().map_or(0, Assembly::held);
+                    if !self.begun.hold(self.inbox.len() + begun) {
+                        return Err(End::OverBudget);
+                    }
+                    if !is_within && count < scratch.len() && !to_the_end {
                         return Ok(false);
                     }
                 }
                 Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(false),
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) => return Err(error.to_string()),
+                Err(error) => return Err(error.into()),
             }
         }
         Ok(true)
     }
 
     /// Takes what has come as far as it is complete.
-    fn understand(&mut self, heard: &mut Vec<Heard>) -> Result<(), Breach> {
+    fn understand(&mut self, heard: &mut Vec<Heard>) -> Result<(), End> {
         if self.stage == Stage::Greeting {
             let Some((greeting, rest)) = self.inbox.split_first_chunk::<{ zmtp::GREETING }>()
             else {
                 // A peer whose first byte is wrong will not send the rest.
                 let fits = self.inbox.first().is_none_or(|first| *first == 0xff);
-                return if fits { Ok(()) } else { Err(Breach) };
+                return if fits { Ok(()) } else { Err(Breach.into()) };
             };
             self.has_heartbeats = zmtp::check_greeting(greeting)?;
             self.inbox = rest.to_vec();
             self.stage = Stage::Handshake;
-            self.outbox.push_back(control(zmtp::ready("XPUB")));
+            self.outbox.push_back(control(zmtp::ready(self.kind.name())));
         }
         let inbox = std::mem::take(&mut self.inbox);
         let mut rest = &inbox[..];
-        while let Some((frame, size)) = zmtp::split_frame(rest, MAX_FRAME_BYTES)? {
+        loop {
+            if self.stage == Stage::Open
+                && let Some(assembly) = &mut self.assembly
+                && let Some(header) = zmtp::header(rest).filter(|header| !header.is_command)
+            {
+                let body = rest.get(header.size..).unwrap_or_default();
+                let (message, taken) = assembly.begin(&header, body)?;
+                heard.extend(message.map(Heard::Message));
+                rest = body.get(taken..).unwrap_or_default();
+                continue;
+            }
+            let Some((frame, size)) = zmtp::split_frame(rest, MAX_FRAME_BYTES)? else { break };
             match (self.stage, frame.is_command) {
                 (Stage::Open, true) => self.obey(frame.body, heard),
                 (Stage::Open, false) => {
@@ -285,13 +382,17 @@ impl Peer {
                 (_, true) => {
                     let (name, properties) = zmtp::short_text(frame.body).ok_or(Breach)?;
                     if name != b"READY"
-                        || !matches!(zmtp::socket_type(properties), Some(b"SUB" | b"XSUB"))
+                        || !zmtp::socket_type(properties).is_some_and(|it| self.kind.takes(it))
                     {
-                        return Err(Breach);
+                        return Err(Breach.into());
                     }
                     self.stage = Stage::Open;
+                    if self.only.is_some() {
+                        // Each of two of ours asks only who is silent: nobody would know that the other answers.
+                        self.outbox.push_back(control(zmtp::command(PING)));
+                    }
                 }
-                (_, false) => return Err(Breach),
+                (_, false) => return Err(Breach.into()),
             }
             rest = rest.get(size..).unwrap_or_default();
         }
@@ -324,6 +425,9 @@ impl Peer {
             Some((0, topic)) => (topic.to_vec(), false),
             _ => return heard.push(Heard::Ignored),
         };
+        if self.kind != Kind::Xpub {
+            return heard.push(Heard::Ignored);
+        }
         if self.only.as_ref().is_some_and(|only| !only.starts_with(&topic)) {
             return;
         }
@@ -341,8 +445,9 @@ impl Peer {
             return now.saturating_duration_since(self.since) < options::HANDSHAKE;
         }
         let silent = now.saturating_duration_since(self.heard_at);
-        // A peer that reads but stopped within a frame is dead all the same.
-        if silent >= PROGRESS && !self.inbox.is_empty() {
+        // A peer that reads but stopped within a message is dead all the same.
+        let has_begun = self.assembly.as_ref().is_some_and(Assembly::has_begun);
+        if silent >= PROGRESS && (has_begun || !self.inbox.is_empty()) {
             return false;
         }
         if silent < options::SILENCE {
@@ -354,7 +459,7 @@ impl Peer {
             _ if !self.outbox.is_empty() => self.asked_at = None,
             None => {
                 self.asked_at = Some(now);
-                self.outbox.push_back(control(zmtp::command(b"\x04PING\0\0")));
+                self.outbox.push_back(control(zmtp::command(PING)));
             }
             Some(at) if self.has_heartbeats => {
                 return now.saturating_duration_since(at) < options::HEARTBEAT_TIMEOUT;

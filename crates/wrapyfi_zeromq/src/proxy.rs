@@ -1,8 +1,8 @@
 //! The broker's thread: messages one way, subscriptions the other, counts every half second.
 //!
 //! ```text
-//!   publishers ──▶ XSUB (back) ── messages ──────────▶ Front ──▶ listeners
-//!   publishers ◀── XSUB ◀── first, last subscription ── Front ◀── listeners
+//!   publishers ──▶ back: XSUB ── messages ────────▶ front: XPUB ──▶ listeners
+//!   publishers ◀── XSUB ◀── first, last subscription ── XPUB ◀── listeners
 //!                                  │                      ▲
 //!                                  └─ Monitor ── counts ──┘
 //! ```
@@ -13,11 +13,13 @@
 //! A listener that reads more slowly than is published misses what exceeds its queue here, and nobody else is slowed
 //! down. Each message that it misses is counted, here and where it was published in this process.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use bytes::Bytes;
+
 use super::broker::BrokerStatus;
-use super::frames::{Received, receive};
 use super::front::Front;
 use super::ledger::Ledger;
 use super::monitor::Monitor;
@@ -29,15 +31,10 @@ use wrapyfi_endpoint::{Mutex, Throttle};
 
 /// Time between repeats of the counts, for publishers that connect later than the listener.
 const REPEAT: Duration = Duration::from_millis(500);
-/// Messages passed on before the other side and the clock are looked at.
-const BATCH: usize = 128;
-
-const SUBSCRIBE: u8 = 1;
-const UNSUBSCRIBE: u8 = 0;
 
 pub(super) struct Proxy {
     pub(super) front: Front,
-    pub(super) back: zmq::Socket,
+    pub(super) back: Front,
     pub(super) stop: zmq::Socket,
     pub(super) monitor: Monitor,
     pub(super) traffic: Traffic,
@@ -51,11 +48,11 @@ pub(super) struct Proxy {
 }
 
 impl Proxy {
-    fn pass_subscriptions(&mut self, now: Instant) -> zmq::Result<()> {
+    fn pass_subscriptions(&mut self, now: Instant) {
         let is_traffic = |topic: &[u8]| topic == TRAFFIC_TOPIC.as_bytes();
         for heard in self.front.heard() {
             let pass_on = match &heard {
-                Heard::Ignored => {
+                Heard::Ignored | Heard::Message(_) => {
                     self.status.ignored += 1;
                     None
                 }
@@ -69,28 +66,28 @@ impl Proxy {
                     None
                 }
                 Heard::Subscribed(topic) => {
-                    self.monitor.subscribed(topic, now).then_some((SUBSCRIBE, topic))
+                    self.monitor.subscribed(topic, now).then_some((true, topic))
                 }
                 Heard::Unsubscribed(topic) => {
-                    self.monitor.unsubscribed(topic, now).then_some((UNSUBSCRIBE, topic))
+                    self.monitor.unsubscribed(topic, now).then_some((false, topic))
                 }
             };
-            if let Some((word, topic)) = pass_on {
-                self.back.send([&[word][..], &topic[..]].concat(), 0)?;
+            if let Some((is_wanted, topic)) = pass_on {
+                self.back.want(topic, is_wanted);
             }
         }
-        Ok(())
     }
 
-    /// Passes on what has come, one batch at most; true when there may be more.
-    fn pass_messages(&mut self) -> zmq::Result<bool> {
-        let mut more = true;
-        for _ in 0..BATCH {
-            let Some(Received { frames, count, bytes }) = receive(&self.back, usize::MAX)? else {
-                more = false;
-                break;
-            };
-            let forged = |first: &zmq::Message| {
+    /// Reads and passes on what has come, as far as each publisher has a turn; false when nothing had.
+    fn pass_messages(&mut self, now: Instant) -> bool {
+        if let Err(error) = self.back.turn(now) {
+            tracing::error!(%error, "the ZeroMQ broker cannot wait for its publishers");
+        }
+        let messages = self.back.messages();
+        let any = !messages.is_empty();
+        for (_, frames) in messages {
+            let bytes = frames.iter().map(Bytes::len).sum();
+            let forged = |first: &Bytes| {
                 self.monitor.is_forged(first) || first.starts_with(TRAFFIC_TOPIC.as_bytes())
             };
             if frames.first().is_some_and(forged) {
@@ -98,7 +95,7 @@ impl Proxy {
                 continue;
             }
             if let [topic, .., last] = &frames[..] {
-                self.traffic.count(topic, bytes, guess(count, last));
+                self.traffic.count(topic, bytes, guess(frames.len(), last));
             } else if let [topic] = &frames[..] {
                 self.traffic.count(topic, bytes, None);
             }
@@ -107,7 +104,8 @@ impl Proxy {
             self.status.bytes += bytes as u64;
         }
         self.front.flush();
-        Ok(more)
+        self.status.ignored += self.back.heard().len() as u64;
+        any
     }
 
     /// Counts what listeners missed, and shows all counts.
@@ -123,12 +121,17 @@ impl Proxy {
                 self.ledger.undelivered(topic, reason, *bytes);
             }
         }
+        let mut cut = BTreeMap::new();
+        for (reason, count) in self.front.cuts().chain(self.back.cuts()) {
+            *cut.entry(reason).or_default() += count;
+        }
         let (counts, mut shown) = (&self.status, self.shown.lock());
         shown.messages = counts.messages;
         shown.bytes = counts.bytes;
         shown.forged = counts.forged;
         shown.ignored = counts.ignored;
         shown.missed.clone_from(&counts.missed);
+        shown.cut = cut;
     }
 
     /// Publishes the table of topics to those who asked for it.
@@ -149,7 +152,7 @@ impl Proxy {
         drop(shown);
         self.tell_traffic();
         if let (Some(json), Some(topic)) = (message, self.monitor.own_topic()) {
-            self.front.publish(vec![topic.into(), json.into_bytes().into()], None);
+            self.front.publish(vec![Bytes::copy_from_slice(topic), json.into()], None);
         }
         self.front.flush();
     }
@@ -160,13 +163,13 @@ impl Turns for Proxy {
 
     /// Waits for one event or for the time of the next counts.
     fn turn(&mut self) -> zmq::Result<bool> {
-        let wait = match self.front.is_unread() {
+        let wait = match self.front.is_unread() || self.back.is_unread() {
             true => 0,
             false => self.repeat_at.saturating_duration_since(Instant::now()).as_millis() + 1,
         };
         let mut items = [
             zmq::PollItem::from_fd(self.front.fd(), zmq::POLLIN),
-            self.back.as_poll_item(zmq::POLLIN),
+            zmq::PollItem::from_fd(self.back.fd(), zmq::POLLIN),
             self.stop.as_poll_item(zmq::POLLIN),
         ];
         zmq::poll(&mut items, i64::try_from(wait).unwrap_or(1))?;
@@ -179,15 +182,16 @@ impl Turns for Proxy {
             if let Err(error) = self.front.turn(now) {
                 tracing::error!(%error, "the ZeroMQ broker cannot wait for its listeners");
             }
-            self.pass_subscriptions(now)?;
+            self.pass_subscriptions(now);
         }
-        if back {
-            self.pass_messages()?;
+        if back || self.back.is_unread() {
+            self.pass_messages(now);
             now = Instant::now();
         }
         if now >= self.repeat_at {
             self.front.tick(now);
-            self.pass_subscriptions(now)?;
+            self.back.tick(now);
+            self.pass_subscriptions(now);
         }
         if self.monitor.take_changed() || now >= self.repeat_at {
             self.tell(now);
@@ -208,7 +212,7 @@ impl Turns for Proxy {
     /// Passes on what has come, and what waits.
     fn end(mut self) {
         let deadline = Instant::now() + options::LINGER;
-        while let Ok(true) = self.pass_messages() {
+        while self.pass_messages(Instant::now()) || self.back.is_unread() {
             if Instant::now() >= deadline {
                 break;
             }

@@ -6,7 +6,7 @@
 //!   I/O thread:  connects, hears subscriptions, writes when there is room
 //! ```
 //!
-//! As on the broker's side for listeners, ZMTP is spoken here and not by libzmq, whose XPUB bounds what waits in
+//! As at the broker's ports, ZMTP is spoken here and not by libzmq, whose XPUB bounds what waits in
 //! messages and not in bytes, and throws it away without a word when the connection ends.
 
 use std::net::{SocketAddr, TcpStream};

@@ -7,6 +7,7 @@
 //! No name of a service travels: one pair of ports is one service, and several servers on it are
 //! asked in turn.
 
+use std::collections::BTreeMap;
 use std::net::IpAddr;
 use std::sync::Arc;
 
@@ -14,7 +15,9 @@ use serde::Serialize;
 
 use super::broker::{BrokerError, bind, failed_to, loopback};
 use super::config::ZeroMqConfig;
-use super::options::{self, StopSignal};
+use super::front::Bounds;
+use super::options::StopSignal;
+use super::peer::Kind;
 use super::service_connection::SEND_HWM;
 use super::service_proxy::ServiceProxy;
 use super::supervisor::{Side, Supervised};
@@ -33,6 +36,7 @@ pub struct ServiceBrokerConfig {
     /// Requests held while no server takes them; those beyond are answered with an error.
     pub pending: usize,
     pub max_frame_bytes: usize,
+    pub max_connections: usize,
     pub insecure: Insecure,
 }
 
@@ -76,6 +80,8 @@ pub struct ServiceBrokerStatus {
     pub malformed: u64,
     /// Replies dropped because their clients were gone, or did not read.
     pub unheard: u64,
+    /// Connections that were refused or ended, by reason: `too_many`, `oversize`, `over_budget`.
+    pub cut: BTreeMap<&'static str, u64>,
     /// Reason why the broker does not work now; it goes on trying.
     pub failure: Option<String>,
 }
@@ -93,9 +99,16 @@ impl ServiceBroker {
             return Err(BrokerError::SamePort { port: rep_port, names });
         }
         let context = zmq::Context::new();
-        let (front, back) = sockets(&context, ip, config).map_err(failed_to("open its sockets"))?;
-        let rep_port = bind(&front, ip, rep_port)?;
-        let req_port = bind(&back, ip, req_port)?;
+        let bounds = Bounds {
+            // What a client does not read waits behind that, in the thread of the broker.
+            hwm: SEND_HWM,
+            message_bytes: config.max_frame_bytes,
+            connections: config.max_connections,
+        };
+        let (front, rep_port) = bind(Kind::Router, (ip, rep_port), bounds)?;
+        let depth = u16::try_from(config.pending.max(1)).unwrap_or(u16::MAX);
+        let bounds = Bounds { hwm: depth, ..bounds };
+        let (back, req_port) = bind(Kind::Dealer, (ip, req_port), bounds)?;
         let (stop_signal, stop) =
             StopSignal::new(&context).map_err(failed_to("open its control socket"))?;
         let status = Arc::<Mutex<ServiceBrokerStatus>>::default();
@@ -147,27 +160,4 @@ impl Supervised for ServiceBroker {
     fn ports(config: &Self::Config) -> (u16, u16) {
         (config.rep_port, config.req_port)
     }
-}
-
-fn sockets(
-    context: &zmq::Context,
-    ip: IpAddr,
-    config: &ServiceBrokerConfig,
-) -> zmq::Result<(zmq::Socket, zmq::Socket)> {
-    let depth = i32::try_from(config.pending.max(1)).unwrap_or(i32::MAX);
-    let open = |kind| {
-        let socket = context.socket(kind)?;
-        options::set_common(&socket, ip)?;
-        socket.set_maxmsgsize(options::frame_limit(config.max_frame_bytes))?;
-        // Of each peer.
-        socket.set_rcvhwm(depth)?;
-        Ok(socket)
-    };
-    let front = open(zmq::ROUTER)?;
-    front.set_sndhwm(SEND_HWM)?;
-    // A reply to a client that is gone is refused, not dropped without a word.
-    front.set_router_mandatory(true)?;
-    let back = open(zmq::DEALER)?;
-    back.set_sndhwm(depth)?;
-    Ok((front, back))
 }

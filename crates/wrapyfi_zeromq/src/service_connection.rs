@@ -24,7 +24,7 @@ use wrapyfi_endpoint::requests::Requests;
 use wrapyfi_endpoint::{Context, DropReason, Mutex, ServiceSpec, Share};
 
 /// Messages that libzmq holds for the broker.
-pub(super) const SEND_HWM: i32 = 2;
+pub(super) const SEND_HWM: u16 = 2;
 /// Messages read from one socket before the others have their turn.
 const BATCH: usize = 64;
 
@@ -167,7 +167,7 @@ impl ServiceConnection {
             let depth = i32::try_from(spec.pending.clamp(1, 1000)).unwrap_or(1000);
             socket.set_rcvhwm(depth)?;
             // What a slow broker does not take waits here, where its bytes count.
-            socket.set_sndhwm(SEND_HWM)?;
+            socket.set_sndhwm(i32::from(SEND_HWM))?;
             // Requests that a lost broker had been given are lost with it; the others go to the
             // next one.
             socket.set_immediate(true)?;

@@ -6,10 +6,10 @@
 //!      └── not read ──┘◀── replies ─┴─ too old: dropped ───────────── DEALER
 //! ```
 //!
-//! A request is read at once and held here, not in libzmq: so it can be counted, refused when too
+//! A request is read at once and held here: so it can be counted, refused when too
 //! many wait, and dropped when its caller has given up, as the mark of our clients tells, also where
 //! it was that long on its way. What Python's clients ask is held until a server comes: they wait for ever.
-//! Replies that a client does not read wait here as well, where their bytes count; libzmq has two of them.
+//! Replies that a client does not read wait here as well, where their bytes count; its connection has two of them.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -19,22 +19,25 @@ use bytes::Bytes;
 
 use super::deadline;
 use super::envelope::{self, Misfit, ServiceMessage};
+use super::front::Front;
+use super::options;
 use super::service_broker::ServiceBrokerStatus;
 use super::turns::Turns;
 use wrapyfi_endpoint::{Mutex, PROGRESS, Share};
 
-/// Messages passed on before the other side and the clock are looked at.
-const BATCH: usize = 128;
 /// Longest time that the last replies are waited for; a program has two seconds to end.
 const FAREWELL: Duration = Duration::from_millis(1000);
 
 /// Milliseconds between two tries to send to a client that does not read.
 const RETRY_MS: i64 = 5;
+/// Time between two looks at peers that may be dead.
+const TICK: Duration = Duration::from_millis(500);
 
 pub(super) struct ServiceProxy {
-    front: zmq::Socket,
-    back: zmq::Socket,
+    front: Front,
+    back: Front,
     stop: zmq::Socket,
+    tick_at: Instant,
     /// Requests that no server has room for, the oldest first.
     held: VecDeque<Held>,
     pending: usize,
@@ -72,8 +75,8 @@ struct Held {
 
 impl ServiceProxy {
     pub(super) fn new(
-        front: zmq::Socket,
-        back: zmq::Socket,
+        front: Front,
+        back: Front,
         stop: zmq::Socket,
         pending: usize,
         shown: Arc<Mutex<ServiceBrokerStatus>>,
@@ -82,6 +85,7 @@ impl ServiceProxy {
             front,
             back,
             stop,
+            tick_at: Instant::now(),
             held: VecDeque::new(),
             pending: pending.max(1),
             share: Share::default(),
@@ -96,7 +100,11 @@ impl ServiceProxy {
     fn last_replies(&mut self) -> zmq::Result<()> {
         let end = Instant::now() + FAREWELL;
         loop {
-            self.pass_replies()?;
+            self.pass_replies();
+            // Clients that read again have room.
+            if let Err(error) = self.front.turn(Instant::now()) {
+                tracing::error!(%error, "the ZeroMQ broker cannot wait for its clients");
+            }
             self.pass_unread();
             let answered = self.tally.replies + self.tally.unheard;
             let left = end.saturating_duration_since(Instant::now());
@@ -104,17 +112,25 @@ impl ServiceProxy {
                 return Ok(());
             }
             let wait = i64::try_from(left.as_millis()).unwrap_or(0) + 1;
-            zmq::poll(&mut [self.back.as_poll_item(zmq::POLLIN)], wait)?;
+            let wait = if self.back.is_unread() { 0 } else { wait.min(RETRY_MS) };
+            zmq::poll(&mut [zmq::PollItem::from_fd(self.back.fd(), zmq::POLLIN)], wait)?;
         }
     }
 
-    fn show(&self) {
+    fn show(&mut self) {
+        self.tally.cut.clear();
+        for (reason, count) in self.front.cuts().chain(self.back.cuts()) {
+            *self.tally.cut.entry(reason).or_default() += count;
+        }
         self.shown.lock().clone_from(&self.tally);
     }
 
-    /// Milliseconds until the next request is too old or a reply is tried again; for ever where there is none.
+    /// Milliseconds until the next request is too old, a reply is tried again, or peers are looked at.
     fn wait_ms(&self) -> i64 {
-        let next = self.held.iter().filter_map(|held| held.until).min();
+        if self.front.is_unread() || self.back.is_unread() {
+            return 0;
+        }
+        let next = self.held.iter().filter_map(|held| held.until).chain([self.tick_at]).min();
         let left = next.map(|until| {
             let left = until.saturating_duration_since(Instant::now());
             i64::try_from(left.as_millis()).unwrap_or(i64::MAX).saturating_add(1)
@@ -123,10 +139,14 @@ impl ServiceProxy {
         left.into_iter().chain(retry).min().unwrap_or(-1)
     }
 
-    fn take_requests(&mut self) -> zmq::Result<()> {
-        for _ in 0..BATCH {
-            let Some((message, _)) = envelope::receive(&self.front, usize::MAX)? else { break };
-            let message = match message {
+    fn take_requests(&mut self, now: Instant) {
+        if let Err(error) = self.front.turn(now) {
+            tracing::error!(%error, "the ZeroMQ broker cannot wait for its clients");
+        }
+        self.tally.malformed += self.front.heard().len() as u64;
+        for (client, frames) in self.front.messages() {
+            let client = Bytes::copy_from_slice(&client.to_be_bytes());
+            let message = match envelope::of_frames([client].into_iter().chain(frames)) {
                 Ok(message) => message,
                 Err(misfit) => {
                     self.tally.malformed += 1;
@@ -143,7 +163,7 @@ impl ServiceProxy {
                 continue;
             }
             // Straight through where nobody waits in front of it.
-            if self.held.is_empty() && forward(&message, &self.back, &mut self.tally)? {
+            if self.held.is_empty() && forward(&message, &mut self.back, &mut self.tally) {
                 continue;
             }
             let bytes = message.size();
@@ -167,10 +187,9 @@ impl ServiceProxy {
             }
             self.held.push_back(Held { message, until });
         }
-        Ok(())
     }
 
-    fn pass_requests(&mut self) -> zmq::Result<()> {
+    fn pass_requests(&mut self) {
         let now = Instant::now();
         let before = self.held.len();
         let share = &self.share;
@@ -181,25 +200,26 @@ impl ServiceProxy {
         });
         self.tally.expired += (before - self.held.len()) as u64;
         while let Some(held) = self.held.front() {
-            if !forward(&held.message, &self.back, &mut self.tally)? {
+            if !forward(&held.message, &mut self.back, &mut self.tally) {
                 break;
             }
             self.share.give(held.message.size());
             self.held.pop_front();
         }
         self.tally.waiting = self.held.len() as u64;
-        Ok(())
     }
 
-    fn pass_replies(&mut self) -> zmq::Result<()> {
-        for _ in 0..BATCH {
-            let Some((reply, _)) = envelope::receive(&self.back, usize::MAX)? else { break };
-            match reply {
+    fn pass_replies(&mut self) {
+        if let Err(error) = self.back.turn(Instant::now()) {
+            tracing::error!(%error, "the ZeroMQ broker cannot wait for its servers");
+        }
+        self.tally.malformed += self.back.heard().len() as u64;
+        for (_, frames) in self.back.messages() {
+            match envelope::of_frames(frames) {
                 Ok(reply) => self.answer(reply, 1),
                 Err(_) => self.tally.malformed += 1,
             }
         }
-        Ok(())
     }
 
     /// Sends a reply to its client, or has it wait there until the client reads. One that is gone, or has no room
@@ -251,17 +271,16 @@ impl ServiceProxy {
     }
 
     fn send(&mut self, reply: &ServiceMessage, replies: u64) -> Sent {
-        match reply.send(&self.front) {
-            Ok(true) => {
+        let client = reply.envelope.first().and_then(|client| client.first_chunk::<8>());
+        let client = client.and_then(|client| usize::try_from(u64::from_be_bytes(*client)).ok());
+        match client.and_then(|client| self.front.send(client, &reply.on_wire(1))) {
+            Some(true) => {
                 self.tally.replies += replies;
                 self.tally.bytes += reply.size() as u64 * replies;
                 Sent::Yes
             }
-            Ok(false) => Sent::NoRoom,
-            Err(error) => {
-                tracing::debug!(%error, "a client is gone");
-                Sent::Gone
-            }
+            Some(false) => Sent::NoRoom,
+            None => Sent::Gone,
         }
     }
 }
@@ -270,10 +289,9 @@ impl Turns for ServiceProxy {
     const NAME: &'static str = "the ZeroMQ broker of requests and replies";
 
     fn turn(&mut self) -> zmq::Result<bool> {
-        let back = if self.held.is_empty() { zmq::POLLIN } else { zmq::POLLIN | zmq::POLLOUT };
         let mut items = [
-            self.front.as_poll_item(zmq::POLLIN),
-            self.back.as_poll_item(back),
+            zmq::PollItem::from_fd(self.front.fd(), zmq::POLLIN),
+            zmq::PollItem::from_fd(self.back.fd(), zmq::POLLIN),
             self.stop.as_poll_item(zmq::POLLIN),
         ];
         zmq::poll(&mut items, self.wait_ms())?;
@@ -284,13 +302,19 @@ impl Turns for ServiceProxy {
             return Ok(false);
         }
         self.pass_unread();
-        if back {
-            self.pass_replies()?;
+        if back || self.back.is_unread() {
+            self.pass_replies();
         }
-        if front {
-            self.take_requests()?;
+        let now = Instant::now();
+        if front || self.front.is_unread() {
+            self.take_requests(now);
         }
-        self.pass_requests()?;
+        if now >= self.tick_at {
+            self.front.tick(now);
+            self.back.tick(now);
+            self.tick_at = now + TICK;
+        }
+        self.pass_requests();
         self.show();
         Ok(true)
     }
@@ -303,54 +327,63 @@ impl Turns for ServiceProxy {
         self.tally.failure = why;
         self.show();
     }
+
+    fn end(mut self) {
+        let deadline = Instant::now() + options::LINGER;
+        self.front.close(deadline);
+        self.back.close(deadline);
+    }
 }
 
 /// Gives a request to the server whose turn it is; false when none has room.
-fn forward(
-    message: &ServiceMessage,
-    back: &zmq::Socket,
-    tally: &mut ServiceBrokerStatus,
-) -> zmq::Result<bool> {
-    let sent = message.send(back)?;
+fn forward(message: &ServiceMessage, back: &mut Front, tally: &mut ServiceBrokerStatus) -> bool {
+    let sent = back.send_in_turn(&message.on_wire(0));
     if sent {
         tally.requests += 1;
         tally.bytes += message.size() as u64;
     }
-    Ok(sent)
+    sent
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::front::Bounds;
+    use super::super::peer::Kind;
     use super::*;
     use wrapyfi_endpoint::codec::requests::mark::{Content, Mark};
     use wrapyfi_endpoint::{Budget, Clock};
 
     /// A broker in this thread, and its client.
     fn broker(context: &zmq::Context) -> (ServiceProxy, zmq::Socket) {
-        let bound = |kind, name: &str| {
-            let socket = context.socket(kind).unwrap();
-            socket.bind(name).unwrap();
-            socket
-        };
-        let front = context.socket(zmq::ROUTER).unwrap();
-        front.set_router_mandatory(true).unwrap();
-        front.set_sndhwm(1).unwrap();
-        front.bind("inproc://front").unwrap();
-        let back = bound(zmq::DEALER, "inproc://back");
-        let stop = bound(zmq::PAIR, "inproc://stop");
+        let bounds = Bounds { hwm: 2, message_bytes: 16 << 20, connections: 8 };
+        let ip = std::net::Ipv4Addr::LOCALHOST.into();
+        let bound = |kind| Front::bind(kind, ip, 0, bounds).unwrap();
+        let (front, back) = (bound(Kind::Router), bound(Kind::Dealer));
+        let stop = context.socket(zmq::PAIR).unwrap();
+        stop.bind("inproc://stop").unwrap();
         let client = context.socket(zmq::DEALER).unwrap();
-        // What both ends hold counts as one inside a process.
         client.set_rcvhwm(1).unwrap();
-        client.connect("inproc://front").unwrap();
+        client.connect(&format!("tcp://127.0.0.1:{}", front.port().unwrap())).unwrap();
         (ServiceProxy::new(front, back, stop, 10, Arc::default()), client)
+    }
+
+    fn server(context: &zmq::Context, proxy: &ServiceProxy, kind: zmq::SocketType) -> zmq::Socket {
+        let server = context.socket(kind).unwrap();
+        server.set_linger(0).unwrap();
+        let port = proxy.back.port().unwrap();
+        server.connect(&format!("tcp://127.0.0.1:{port}")).unwrap();
+        server
+    }
+
+    fn is_readable(socket: &zmq::Socket) -> bool {
+        socket.get_events().unwrap() & zmq::POLLIN != zmq::PollEvents::empty()
     }
 
     #[test]
     fn a_request_that_was_too_long_on_its_way_reaches_no_server() {
         let context = zmq::Context::new();
         let (mut proxy, client) = broker(&context);
-        let server = context.socket(zmq::REP).unwrap();
-        server.connect("inproc://back").unwrap();
+        let server = server(&context, &proxy, zmq::REP);
 
         let minute = Duration::from_secs(60);
         let fresh =
@@ -369,19 +402,20 @@ mod tests {
 
     #[test]
     fn replies_that_a_client_does_not_read_are_bounded_in_bytes() {
-        static BUDGET: Budget = Budget::new(1000);
+        // More than the system holds of a connection.
+        const REPLY: usize = 8 << 20;
+        static BUDGET: Budget = Budget::new(10 * REPLY);
         let context = zmq::Context::new();
         let (mut proxy, client) = broker(&context);
         proxy.share = Share::of(&BUDGET);
-        let server = context.socket(zmq::DEALER).unwrap();
-        server.connect("inproc://back").unwrap();
+        let server = server(&context, &proxy, zmq::DEALER);
         for _ in 0..10 {
             client.send_multipart([&b""[..], b"?"], 0).unwrap();
-            while server.get_events().unwrap() & zmq::POLLIN == zmq::PollEvents::empty() {
+            while !is_readable(&server) {
                 assert!(proxy.turn().unwrap());
             }
             let mut reply = server.recv_multipart(0).unwrap();
-            *reply.last_mut().unwrap() = vec![b'x'; 100];
+            *reply.last_mut().unwrap() = vec![b'x'; REPLY];
             server.send_multipart(reply, 0).unwrap();
         }
         let seen = |tally: &ServiceBrokerStatus| tally.unheard + tally.replies;
@@ -391,14 +425,14 @@ mod tests {
         while seen(&proxy.tally) + waits(&proxy) < 10 {
             assert!(proxy.turn().unwrap());
         }
-        // Two are with libzmq, two with the broker: a third would be more than a quarter of what may wait.
-        assert_eq!((waits(&proxy), proxy.tally.unheard), (2, 6));
-        assert!(BUDGET.used() <= 250, "{}", BUDGET.used());
-        for _ in 0..4 {
-            while client.get_events().unwrap() & zmq::POLLIN == zmq::PollEvents::empty() {
-                assert!(proxy.turn().unwrap());
+        // Some are with the connection, two with the broker: a third would be more than a quarter of what may wait.
+        assert_eq!(waits(&proxy), 2);
+        assert!(proxy.tally.unheard > 0 && BUDGET.used() <= 5 * REPLY / 2, "{}", BUDGET.used());
+        while seen(&proxy.tally) < 10 {
+            assert!(proxy.turn().unwrap());
+            if is_readable(&client) {
+                assert_eq!(client.recv_multipart(0).unwrap()[1].len(), REPLY);
             }
-            assert_eq!(client.recv_multipart(0).unwrap()[1].len(), 100);
         }
         assert_eq!((seen(&proxy.tally), BUDGET.used()), (10, 0));
     }
@@ -419,8 +453,7 @@ mod tests {
         let told = String::from_utf8_lossy(&told);
         assert!(told.contains("finds no room") && told.contains("waiting_mib"), "{told}");
         assert!(BUDGET.used() >= 200);
-        let server = context.socket(zmq::REP).unwrap();
-        server.connect("inproc://back").unwrap();
+        let server = server(&context, &proxy, zmq::REP);
         while proxy.tally.requests == 0 {
             assert!(proxy.turn().unwrap());
         }

@@ -1,5 +1,4 @@
-//! ZMTP 3, the protocol between ZeroMQ sockets, as far as the broker's side for listeners, publishers and the check of ports
-//! need it.
+//! ZMTP 3, the protocol between ZeroMQ sockets, as far as the broker's ports, publishers and the check of ports need it.
 //!
 //! ```text
 //!   greeting (64 bytes)   signature, version, mechanism
@@ -9,8 +8,6 @@
 //!
 //! Version 3.0 is announced: to that libzmq sends subscriptions as messages. Those that come as commands of 3.1 are
 //! understood too.
-
-use std::fmt;
 
 use bytes::Bytes;
 
@@ -23,6 +20,16 @@ const FLAG_COMMAND: u8 = 0x04;
 /// Largest frame that is copied behind its header instead of being sent from where it lies.
 const COPIED: usize = 4096;
 
+/// What stands before the body of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Header {
+    pub(super) is_command: bool,
+    pub(super) more: bool,
+    /// Size of the body, and of the header itself.
+    pub(super) length: usize,
+    pub(super) size: usize,
+}
+
 /// A frame from a peer.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Frame<'a> {
@@ -32,7 +39,8 @@ pub(super) struct Frame<'a> {
 }
 
 /// A peer that does not keep to the protocol.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("it does not speak ZMTP 3 without security as its side does")]
 pub(super) struct Breach;
 
 /// Our greeting, with mechanism NULL.
@@ -101,18 +109,25 @@ pub(super) fn split_frame(
     bytes: &[u8],
     limit: usize,
 ) -> Result<Option<(Frame<'_>, usize)>, Breach> {
-    let Some((&flags, rest)) = bytes.split_first() else { return Ok(None) };
-    let (length, rest, header) = if flags & FLAG_LONG == 0 {
-        let Some((&length, rest)) = rest.split_first() else { return Ok(None) };
-        (u64::from(length), rest, 2)
+    let Some(Header { is_command, more, length, size }) = header(bytes) else { return Ok(None) };
+    if length > limit {
+        return Err(Breach);
+    }
+    let body = bytes.get(size..).and_then(|rest| rest.get(..length));
+    Ok(body.map(|body| (Frame { is_command, more, body }, size + length)))
+}
+
+/// The header of the first frame in `bytes`; `None` while it is incomplete.
+pub(super) fn header(bytes: &[u8]) -> Option<Header> {
+    let (&flags, rest) = bytes.split_first()?;
+    let (length, size) = if flags & FLAG_LONG == 0 {
+        (u64::from(*rest.first()?), 2)
     } else {
-        let Some((length, rest)) = rest.split_first_chunk::<8>() else { return Ok(None) };
-        (u64::from_be_bytes(*length), rest, 9)
+        (u64::from_be_bytes(*rest.first_chunk::<8>()?), 9)
     };
-    let length = usize::try_from(length).ok().filter(|length| *length <= limit).ok_or(Breach)?;
-    let Some(body) = rest.get(..length) else { return Ok(None) };
-    let is_command = flags & FLAG_COMMAND != 0;
-    Ok(Some((Frame { is_command, more: flags & FLAG_MORE != 0, body }, header + length)))
+    let length = usize::try_from(length).unwrap_or(usize::MAX);
+    let (is_command, more) = (flags & FLAG_COMMAND != 0, flags & FLAG_MORE != 0);
+    Some(Header { is_command, more, length, size })
 }
 
 /// A message as its frames go on the wire: small ones one behind the other, large ones from where they lie.
@@ -148,12 +163,6 @@ pub(super) struct Owned(pub(super) zmq::Message);
 impl AsRef<[u8]> for Owned {
     fn as_ref(&self) -> &[u8] {
         &self.0
-    }
-}
-
-impl fmt::Display for Breach {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("it does not speak ZMTP 3 without security as a subscriber does")
     }
 }
 

@@ -17,6 +17,7 @@ use crate::sros2;
 /// Exit code 2 with every fault of a file, each with its line.
 pub fn run(file: &Path, against: Option<&Path>, prints_policy: bool) -> Result<(), Failure> {
     let loaded = middlewares::load(file)?;
+    loaded.endpoints.check_permitted(Some(file))?;
     if let Some(against) = against {
         let old = middlewares::load(against)?;
         output::line(&old.plan.diff(&loaded.plan).to_string())?;

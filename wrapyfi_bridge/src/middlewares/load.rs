@@ -43,10 +43,33 @@ impl Endpoints {
         for insecure in [&mut self.yarp.insecure.0, &mut self.ros.insecure.0] {
             insecure.said(Place::Argument, own.ip.is_some(), own.insecure);
         }
+        // Nobody is told an address of ours on ZeroMQ: the broker's is what the word is about.
+        self.zeromq.insecure.0.said(Place::Argument, false, own.insecure);
         if let Some(ip) = own.ip {
             self.yarp.say_ip(ip.to_string());
             self.ros.hostname = Some(ip.to_string());
         }
+    }
+
+    /// Checks that nothing would listen where other machines reach it without permission. Parameters and arguments
+    /// say where, and permit it, too: only what they have changed can be judged.
+    ///
+    /// # Errors
+    /// Exit code 2 with the line of the address in `file`, where it is from there, and the word that permits it.
+    pub fn check_permitted(&self, file: Option<&Path>) -> Result<(), Failure> {
+        let checked = self.zeromq.check_permitted(&self.hosts);
+        let checked = checked.and_then(|()| self.yarp.check_permitted());
+        let problem = match checked.and_then(|()| self.ros.check_permitted(&self.hosts)) {
+            Ok(()) => return Ok(()),
+            Err(problem) => problem,
+        };
+        Err(match (file, problem.position) {
+            (Some(file), Some((1.., _))) => {
+                let file = file.display().to_string();
+                Failure::usage(ConfigError { file, problems: vec![problem] })
+            }
+            _ => Failure::Usage(problem.message),
+        })
     }
 }
 
@@ -81,13 +104,20 @@ pub fn load(file: &Path) -> Result<Loaded, Failure> {
     load_with(file, &[], |_, _| Ok(()))
 }
 
-/// As [`load`]; types of routes from ROS 1 that nobody here has are asked from their publishers. Entries that were
-/// `added` stand after those of the file.
+/// As [`load`]; types of routes from ROS 1 that nobody here has are asked from their publishers, with the settings as
+/// `change` leaves them. Entries that were `added` stand after those of the file.
 ///
 /// # Errors
-/// As [`load`], and exit code 1 when ROS 1 does not start.
-pub fn load_and_learn(file: &Path, added: &[Spanned<RouteConfig>]) -> Result<Loaded, Failure> {
-    load_with(file, added, learn::from_publishers)
+/// As [`load`] and `change`, and exit code 1 when ROS 1 does not start.
+pub fn load_and_learn(
+    file: &Path,
+    added: &[Spanned<RouteConfig>],
+    change: impl FnOnce(&mut Endpoints) -> Result<(), Failure>,
+) -> Result<Loaded, Failure> {
+    load_with(file, added, |config, types| {
+        change(&mut config.endpoints)?;
+        learn::from_publishers(config, types)
+    })
 }
 
 /// A type that a route names and nobody here has a definition of.
@@ -152,7 +182,7 @@ pub fn load_noting(file: &Path, undefined: &mut Vec<Undefined>) -> Result<Loaded
 fn load_with(
     file: &Path,
     added: &[Spanned<RouteConfig>],
-    learn: impl FnOnce(&Config<Endpoints>, &mut TypeStore) -> Result<(), Failure>,
+    learn: impl FnOnce(&mut Config<Endpoints>, &mut TypeStore) -> Result<(), Failure>,
 ) -> Result<Loaded, Failure> {
     let name = file.display().to_string();
     // Read no further than a configuration may be long: what has no end is one, too.
@@ -176,7 +206,7 @@ fn read(
     name: &str,
     beside: &Path,
     added: &[Spanned<RouteConfig>],
-    learn: impl FnOnce(&Config<Endpoints>, &mut TypeStore) -> Result<(), Failure>,
+    learn: impl FnOnce(&mut Config<Endpoints>, &mut TypeStore) -> Result<(), Failure>,
 ) -> Result<Loaded, Failure> {
     let mut config: Config<Endpoints> = Config::from_yaml(&text, name).map_err(Failure::usage)?;
     config.routes.extend_from_slice(added);
@@ -198,7 +228,7 @@ fn read(
             any::add_standard(&name.value, &folders, &mut types);
         }
     }
-    learn(&config, &mut types)?;
+    learn(&mut config, &mut types)?;
     let plan = Plan::new(&config, &super::available::available(), &mut types, name)
         .map_err(Failure::usage)?;
     check_services(&plan).map_err(|fault| Failure::Usage(format!("{name}: {fault}")))?;
@@ -234,7 +264,6 @@ fn hosts(config: &Config<Endpoints>) -> Result<Hosts, Problem> {
 
 /// Finds what can be found wrong before anything is started, and reads what the sections name.
 fn check(endpoints: &mut Endpoints, beside: &Path) -> Result<(), Problem> {
-    endpoints.zeromq.check(&endpoints.hosts)?;
     endpoints.yarp.check()?;
     endpoints.ros.read_rules(beside)
 }
@@ -288,10 +317,37 @@ mod tests {
         endpoints.reached_at(own);
         assert_eq!(endpoints.yarp.ip.as_ref().unwrap().value, "192.0.2.7");
         assert_eq!(endpoints.ros.hostname.as_deref(), Some("192.0.2.7"));
-        let refused = endpoints.yarp.check().unwrap_err().message;
+        let refused = endpoints.check_permitted(None).unwrap_err().to_string();
         assert!(refused.contains("192.0.2.7") && refused.contains("give --insecure"), "{refused}");
         endpoints.reached_at(OwnAddress { insecure: true, ..own });
-        endpoints.yarp.check().unwrap();
+        endpoints.check_permitted(None).unwrap();
+    }
+
+    #[test]
+    fn the_word_of_a_later_place_counts_for_an_address_of_the_file() {
+        let yaml = |section: &str| {
+            let route = "{ from: 'zeromq:/a', to: 'ros2:/a', type: Text }";
+            load_text(&format!("endpoints: {{ {section} }}\nroutes: [{route}]\n"), "file").unwrap()
+        };
+        for (section, middleware) in [
+            ("zeromq: { ip: 0.0.0.0 }", "zeromq"),
+            ("yarp: { ip: 0.0.0.0 }", "yarp"),
+            ("ros: { hostname: 0.0.0.0 }", "ros"),
+        ] {
+            let Loaded { mut endpoints, .. } = yaml(section);
+            let refused = endpoints.check_permitted(Some(Path::new("file"))).unwrap_err();
+            let expected = format!("write insecure: true under endpoints.{middleware}");
+            assert!(matches!(refused, Failure::Usage(_)), "{refused}");
+            let told = refused.to_string();
+            assert!(told.contains(&expected) && told.contains("0.0.0.0"), "{told}");
+            assert!(middleware == "ros" || told.starts_with("file:1:"), "{told}");
+            endpoints.reached_at(OwnAddress { insecure: true, ..OwnAddress::default() });
+            endpoints.check_permitted(None).unwrap();
+            yaml(&section.replace(" }", ", insecure: true }"))
+                .endpoints
+                .check_permitted(None)
+                .unwrap();
+        }
     }
 
     #[test]

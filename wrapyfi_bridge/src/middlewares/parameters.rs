@@ -87,8 +87,10 @@ pub(crate) fn take_parameters(
     said(&mut endpoints.ros.insecure.0, ros);
     said(&mut endpoints.yarp.insecure.0, yarp);
     said(&mut endpoints.zeromq.insecure.0, zeromq);
-    let checked = endpoints.zeromq.check(&endpoints.hosts).and_then(|()| endpoints.yarp.check());
-    checked.map_err(|problem| Failure::Usage(format!("parameters {PREFIX}…: {}", problem.message)))
+    endpoints
+        .yarp
+        .check()
+        .map_err(|problem| Failure::Usage(format!("parameters {PREFIX}…: {}", problem.message)))
 }
 
 /// Has the parameters say what `endpoints` are, those that were declared and those that were not.
@@ -190,6 +192,7 @@ mod tests {
         let mut endpoints = Endpoints::default();
         take_parameters(&mut endpoints, &mut store).map_err(|failure| failure.to_string())?;
         assert_eq!(store.unused_overrides().count(), 0);
+        endpoints.check_permitted(None).map_err(|failure| failure.to_string())?;
         Ok(endpoints)
     }
 

@@ -1,6 +1,7 @@
 //! `endpoints.ros` of a configuration, and the middleware that it makes.
 
 use std::collections::BTreeMap;
+use std::net::IpAddr;
 use std::path::Path;
 
 use serde::Deserialize;
@@ -62,6 +63,15 @@ impl Ros1Section {
             self.rules = std::mem::take(&mut self.rules).then(rules.unwrap_or_default());
         }
         Ok(())
+    }
+
+    /// A node of ours that other machines reach is refused before anything starts. A name that has no address yet is
+    /// looked at when the node starts.
+    pub fn check_permitted(&self, hosts: &Hosts) -> Result<(), Problem> {
+        let ip = self.hostname.as_ref().map(|host| hosts.or_same(host).parse::<IpAddr>());
+        let Some(Ok(ip)) = ip else { return Ok(()) };
+        let permitted = self.insecure.0.check(NAME, "a ROS 1 node", ip);
+        permitted.map_err(|refused| Problem { position: None, message: refused.to_string() })
     }
 
     /// All settings.

@@ -84,12 +84,23 @@ impl YarpSection {
         for named in &self.types {
             named.convention()?;
         }
-        let Some(written) = &self.ip else { return Ok(()) };
-        let wrong = |text: String| Problem::at(written.referenced, text);
+        self.own_ip().map(drop)
+    }
+
+    /// Ports of ours that other machines reach are refused before anything starts.
+    pub fn check_permitted(&self) -> Result<(), Problem> {
+        let Some((written, ip)) = self.own_ip()? else { return Ok(()) };
+        let permitted = self.insecure.0.check(NAME, "a port", ip);
+        permitted.map_err(|refused| Problem::at(written.referenced, refused.to_string()))
+    }
+
+    fn own_ip(&self) -> Result<Option<(&Spanned<String>, IpAddr)>, Problem> {
+        let Some(written) = &self.ip else { return Ok(None) };
         let ip = written.value.parse::<IpAddr>().map_err(|_text| {
-            wrong(format!("ip {:?} is no address: write it as 127.0.0.1", written.value))
+            let text = format!("ip {:?} is no address: write it as 127.0.0.1", written.value);
+            Problem::at(written.referenced, text)
         })?;
-        self.insecure.0.check(NAME, "a port", ip).map_err(|refused| wrong(refused.to_string()))
+        Ok(Some((written, ip)))
     }
 
     /// Says at which address ports are reached, in no file.

@@ -1,5 +1,7 @@
 //! `endpoints.zeromq` of a configuration, and the middleware that it makes.
 
+use std::num::NonZeroU16;
+
 use clap::Args;
 use serde::Deserialize;
 use wrapyfi_core::endpoint::Conventions;
@@ -33,6 +35,7 @@ pub struct ZeroMqSection {
     pub broker: Option<BrokerWord>,
     pub monitor_topic: Option<String>,
     pub send_hwm: Option<u16>,
+    pub max_connections: Option<NonZeroU16>,
     pub insecure: Word,
 }
 
@@ -68,9 +71,12 @@ pub enum BrokerWord {
 
 impl ZeroMqSection {
     /// A broker of ours that other machines reach is refused before anything starts.
-    pub fn check(&self, hosts: &Hosts) -> Result<(), Problem> {
+    pub fn check_permitted(&self, hosts: &Hosts) -> Result<(), Problem> {
         let Some(written) = &self.ip else { return Ok(()) };
-        let mut config = ZeroMqConfig { hosts: hosts.clone(), ..ZeroMqConfig::default() };
+        let config = ZeroMqConfig::from_env();
+        let mut config =
+            config.map_err(|wrong| Problem { position: None, message: wrong.to_string() })?;
+        config.hosts = hosts.clone();
         self.say(&mut config);
         config.check().map_err(|refused| Problem::at(written.referenced, refused.to_string()))
     }
@@ -114,6 +120,9 @@ impl ZeroMqSection {
         config.rep_port = self.rep_port.unwrap_or(config.rep_port);
         config.req_port = self.req_port.unwrap_or(config.req_port);
         config.send_hwm = self.send_hwm.unwrap_or(config.send_hwm);
+        if let Some(most) = self.max_connections {
+            config.max_connections = usize::from(most.get());
+        }
         config.max_frame_bytes = config.max_frame_bytes.max(largest_message);
         if self.broker.is_none() && role == Some(Role::Client) {
             config.service_broker = BrokerMode::Foreign;

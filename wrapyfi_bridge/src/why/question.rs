@@ -65,6 +65,7 @@ impl Question {
         match middlewares::load_noting(path, &mut undefined) {
             Ok(Loaded { mut endpoints, plan, types, .. }) => {
                 endpoints.reached_at(self.own);
+                endpoints.check_permitted(Some(path))?;
                 let node = Node::bridge().map_err(Failure::usage)?;
                 let sight = Sight { endpoints: &endpoints, bridge: None };
                 let none = &|| Vec::new();

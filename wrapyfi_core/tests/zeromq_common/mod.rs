@@ -127,3 +127,26 @@ fn carry(mut from: TcpStream, mut to: TcpStream, is_cut: &AtomicBool) {
     }
     to.shutdown(Shutdown::Both).ok();
 }
+
+/// A connection that says of itself that it is a socket of this type.
+pub fn raw_peer(port: u16, kind: &str) -> TcpStream {
+    let mut stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
+    let mut greeting = vec![0xff, 0, 0, 0, 0, 0, 0, 0, 1, 0x7f, 3, 0];
+    greeting.extend(b"NULL");
+    greeting.resize(64, 0);
+    let property = [b"\x05READY\x0bSocket-Type\0\0\0", &[kind.len() as u8][..], kind.as_bytes()];
+    let ready = property.concat();
+    stream.write_all(&[greeting, vec![4, ready.len() as u8], ready].concat()).unwrap();
+    stream
+}
+
+/// Sends frames of one message until the connection ends; number of their bytes.
+pub fn send_without_end(stream: &mut TcpStream, frame: usize, most: usize) -> usize {
+    let header = [&[3][..], &(frame as u64).to_be_bytes()].concat();
+    let frame = [header, vec![b'x'; frame]].concat();
+    let mut sent = 0;
+    while sent < most && stream.write_all(&frame).is_ok() {
+        sent += frame.len();
+    }
+    sent
+}
