@@ -38,8 +38,10 @@ pub(super) struct Driver {
 struct Latest {
     plan: Plan,
     registry: Registry,
-    /// Types for the patterns of a plan that is new; `None` once the reconciler has turned to it.
-    turns_to: Option<TypeStore>,
+    /// Types for the patterns of a plan that is new.
+    types: Option<TypeStore>,
+    /// False once the reconciler has turned to it.
+    is_new: bool,
 }
 
 #[derive(Default)]
@@ -58,7 +60,12 @@ impl Driver {
             members: Mutex::default(),
             found: Mutex::new(reconciler.status()),
             reconciler: Mutex::new(reconciler),
-            latest: Mutex::new(Latest { plan, registry: registry.clone(), turns_to: None }),
+            latest: Mutex::new(Latest {
+                plan,
+                registry: registry.clone(),
+                types: None,
+                is_new: false,
+            }),
             wake: Wake::new(),
         };
         driver.carry_out(registry, changes);
@@ -83,11 +90,19 @@ impl Driver {
         let diff = {
             let mut latest = lock(&self.latest);
             let diff = latest.plan.diff(&plan);
-            *latest = Latest { plan, registry, turns_to: Some(types) };
+            *latest = Latest { plan, registry, types: Some(types), is_new: true };
             diff
         };
         self.wake.ring();
         Ok(diff)
+    }
+
+    /// Takes other middlewares of the same names for the next look.
+    pub(super) fn turn_to(&self, registry: Registry) {
+        let mut latest = lock(&self.latest);
+        (latest.registry, latest.is_new) = (registry, true);
+        drop(latest);
+        self.wake.ring();
     }
 
     /// Turns to a new plan where there is one, and looks at discovery; instant of the next look, if
@@ -96,11 +111,13 @@ impl Driver {
         let mut reconciler = lock(&self.reconciler);
         let next = {
             let mut latest = lock(&self.latest);
-            let types = latest.turns_to.take();
-            types.map(|types| (types, latest.plan.clone(), latest.registry.clone()))
+            let is_new = std::mem::take(&mut latest.is_new);
+            is_new.then(|| (latest.types.take(), latest.plan.clone(), latest.registry.clone()))
         };
         if let Some((types, plan, registry)) = next {
-            reconciler.types = types;
+            if let Some(types) = types {
+                reconciler.types = types;
+            }
             let changes = reconciler.replace(plan, registry, now);
             self.carry_out(&reconciler.registry, changes);
         }
