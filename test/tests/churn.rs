@@ -334,13 +334,16 @@ fn tell(took: &BTreeMap<Who, Vec<Duration>>) -> Result {
     Ok(())
 }
 
+/// Seconds since the beginning; memory in KiB, files and threads of the bridge.
+type Sample = (f64, [f64; 3]);
+
 /// Rise of memory, files and threads in an hour, by least squares; an error where the end is higher than the
 /// beginning by more than chance brings about.
-fn slopes(samples: &[(f64, [f64; 3])]) -> Result {
+fn slopes(samples: &[Sample]) -> Result {
     // What is learned and opened at first is no leak.
     let samples = samples.get(samples.len() / 3..).unwrap_or_default();
     let count = f64::from(u32::try_from(samples.len())?.max(1));
-    let mean = |of: &dyn Fn(&(f64, [f64; 3])) -> f64| samples.iter().map(of).sum::<f64>() / count;
+    let mean = |of: &dyn Fn(&Sample) -> f64| samples.iter().map(of).sum::<f64>() / count;
     let time = mean(&|it| it.0);
     let spread = mean(&|it| (it.0 - time).powi(2));
     let length = samples.last().map_or(0.0, |it| it.0) - samples.first().map_or(0.0, |it| it.0);
