@@ -2,7 +2,8 @@
 # make check   for daily work: format, lints, tests without real peers
 # make test    everything: format, lints, tests against real peers, documentation, colcon
 # make nightly what takes hours: fuzz targets, more seeds, every feature alone, the release build, the oldest Rust,
-#              public interfaces, texts of licences
+#              public interfaces, texts of licences, 200 kills of each kind of peer and of the bridge
+# make soak    everything around a bridge killed by chance for MINUTES=60: fails where the bridge grows
 # make bench   raw transports, bridge and Python Wrapyfi measured by turns: bench/RESULTS.md
 # make doc     API documentation of the workspace, in target/doc; links of the pages
 # make fmt     formats the sources
@@ -17,7 +18,7 @@ SHELL := /bin/bash
 MAKEFLAGS += --no-print-directory
 # One after the other: every step uses all cores, and each one fails with its own message.
 .NOTPARALLEL:
-.PHONY: demo check test nightly bench doc fmt lint fuzz setup-build setup-test setup-frameworks test-fmt test-rust
+.PHONY: demo check test nightly soak test-churn bench doc fmt lint fuzz setup-build setup-test setup-frameworks test-fmt test-rust
 .PHONY: test-frameworks test-python test-colcon test-rmw test-release test-seeds test-features test-oldest test-semver deny sbom
 
 DEMO_ARGS ?= --seconds 20
@@ -41,7 +42,7 @@ check: test-fmt lint
 test: setup-test test-fmt lint test-rust test-rmw test-python doc test-colcon
 	@echo "make test: all passed"
 
-nightly: deny test-oldest test-semver test-features test-seeds test-release fuzz
+nightly: deny test-oldest test-semver test-features test-seeds test-churn test-release fuzz
 
 # Built as users build it, every test once more.
 test-release: export PROFILE := release
@@ -105,6 +106,16 @@ test-features: | target/COLCON_IGNORE
 test-seeds: export WRAPYFI_SEEDS ?= 100000
 test-seeds: | target/COLCON_IGNORE
 	@cargo nextest run --workspace --locked --profile nightly -E 'test(/^simulation::/)'
+
+# Peers, servers and the bridge killed with SIGKILL; the same for a time, with a look at memory, files and threads.
+CHURN := --profile nightly --success-output final -E 'test(/^churn::/)'
+test-churn: export WRAPYFI_ROUNDS ?= 200
+soak: export WRAPYFI_MINUTES = $(MINUTES)
+MINUTES ?= 60
+test-churn soak: setup-test | target/COLCON_IGNORE
+	@$(CARGO) build --workspace --all-targets --locked
+	@$(CARGO) nextest run --workspace --locked --no-run
+	@scripts/lo-namespace.sh cargo nextest run --workspace --locked $(CHURN)
 
 fuzz: export SECONDS_EACH ?= 60
 fuzz: | target/COLCON_IGNORE

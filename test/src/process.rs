@@ -111,6 +111,12 @@ impl Process {
         self
     }
 
+    /// Number of the process at the system.
+    #[must_use]
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
     /// Writes one line to its stdin.
     pub fn tell(&mut self, line: &str) -> Result {
         let name = &self.name;
@@ -260,6 +266,12 @@ impl Process {
         let pid = rustix::process::Pid::from_child(&self.child);
         rustix::process::kill_process(pid, self.end)
             .with_context(|| format!("asking {} to end", self.name))
+    }
+
+    /// Sends SIGINT, as Ctrl-C does.
+    pub fn interrupt(&self) -> Result {
+        self.shared.should_run.store(false, Relaxed);
+        self.send(Signal::INT)
     }
 
     /// Lets it stand still, with its connections open; [`Process::resume`] lets it go on.

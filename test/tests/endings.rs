@@ -2,9 +2,9 @@
 
 use std::fmt::Write as _;
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros2, run, yarp, zeromq};
+use wrapyfi_e2e::{Need, Process, Result, Route, TIMEOUT, TestEnv, ros2, run, yarp, zeromq};
 
 const NEEDS: &[Need] = &[Need::Program];
 
@@ -78,6 +78,49 @@ fn a_master_that_does_not_answer_delays_no_end() -> Result {
     let test = "a_master_that_does_not_answer_delays_no_end";
     let section = |port| format!("ros: {{ master_uri: \"http://127.0.0.1:{port}\" }}");
     ends_while_it_starts(test, section, "ros:/from")
+}
+
+/// Waits until a program catches SIGINT and SIGTERM: the system ends it before.
+fn catches(program: &Process) -> Result {
+    let file = format!("/proc/{}/status", program.id());
+    let deadline = Instant::now() + TIMEOUT;
+    while Instant::now() < deadline {
+        let status = std::fs::read_to_string(&file)?;
+        let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:"));
+        let caught = u64::from_str_radix(caught.unwrap_or_default().trim(), 16)?;
+        // Signal 1 is the lowest bit.
+        if caught & (1 << 1) != 0 && caught & (1 << 14) != 0 {
+            return Ok(());
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    anyhow::bail!("{file}: SIGINT and SIGTERM are not caught")
+}
+
+#[test]
+fn either_signal_ends_a_bridge_of_all_sides_at_any_moment() -> Result {
+    run("either_signal_ends_a_bridge_of_all_sides_at_any_moment", NEEDS, |env| {
+        // There is no master and no name server.
+        env.yarp_conf()?;
+        let topic = env.topic("x");
+        let config = ["ros:", "yarp:", "zeromq:"].iter().fold(env.embedded(), |config, side| {
+            config.route(Route::new(&ros2(&topic), &format!("{side}{topic}"), "Text"))
+        });
+        let file = env.write("bridge.yaml", config.yaml())?;
+        let file = file.to_string_lossy();
+        for after_ms in [0, 5, 10, 20, 40, 80, 150, 300, 600] {
+            for ends in [Process::terminate, Process::interrupt] {
+                let mut bridge = env.wrapyfi(["bridge", "--config", &file, "--json"])?;
+                catches(&bridge)?;
+                // No condition to wait for: any moment is meant.
+                std::thread::sleep(Duration::from_millis(after_ms));
+                ends(&bridge)?;
+                let ended = bridge.exits_with(0);
+                ended.map_err(|error| error.context(format!("after {after_ms} ms")))?;
+            }
+        }
+        Ok(())
+    })
 }
 
 #[test]

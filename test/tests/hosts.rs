@@ -1,7 +1,10 @@
 //! Two and three machines, in network namespaces that are joined: who is reached where, who may listen,
 //! and what a route says that waits.
 
-use wrapyfi_e2e::{Host, Need, Process, Result, TestEnv, run, texts};
+use std::io::Write as _;
+use std::time::Instant;
+
+use wrapyfi_e2e::{Host, Need, Process, Result, Route, TestEnv, run, texts};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Hosts];
 const WITH_PYTHON: &[Need] = &[Need::Program, Need::Hosts, Need::Python];
@@ -502,6 +505,42 @@ fn a_ros_1_subscriber_behind_a_dead_link_is_missed() -> Result {
         // The old one learns of it from its system alone, a minute later.
         let _other = laptop.rospy("subscribe --topic /far/x --node far_eye")?;
         state("active")
+    })
+}
+
+/// A node of ROS 2 loses its link, and is missed once its lease is over, and heard again after.
+#[test]
+fn a_node_of_ros_2_behind_a_dead_link_is_missed_and_heard_again() -> Result {
+    run("a_node_of_ros_2_behind_a_dead_link_is_missed_and_heard_again", NEEDS, |env| {
+        let hosts = env.hosts(["robot", "laptop"])?;
+        let peers = hosts.iter().map(Host::ip).collect::<Vec<_>>().join(";");
+        let [robot, laptop] = hosts.map(|host| {
+            let host = host.with("CYCLONEDDS_URI", "").with("ROS_STATIC_PEERS", &peers);
+            host.with("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")
+        });
+        let text = ["--type", "Text", "--value", "\"hello\"", "--rate", "20"];
+        let _publisher = laptop.wrapyfi(["pub", "ros2:/far/x"].into_iter().chain(text))?;
+        let config = env.embedded();
+        let route = Route::new("ros2:/far/x", "zeromq:/far/x", "Text").with("lazy", "false");
+        let bridge = bridge(env, &robot, &config.route(route).yaml())?;
+        let _listener = robot.wrapyfi(["echo", "zeromq:/far/x", "--type", "Text"])?;
+        let state = |wanted: &str| {
+            bridge.wait_until(wanted, |output| {
+                let last = output.objects().next_back()?;
+                (last["routes"][0]["state"] == wanted).then_some(())
+            })
+        };
+        state("active")?;
+        laptop.plug(false)?;
+        let cut = Instant::now();
+        state("waiting")?;
+        let missed = cut.elapsed();
+        laptop.plug(true)?;
+        let back = Instant::now();
+        state("active")?;
+        // Written directly: the test runner hides what `println!` says when a test passes.
+        writeln!(std::io::stderr(), "missed after {missed:?}, back after {:?}", back.elapsed())?;
+        Ok(())
     })
 }
 

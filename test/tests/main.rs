@@ -4,6 +4,7 @@
 
 mod bridge;
 mod bridge_graph;
+mod churn;
 mod cli;
 mod communicator;
 mod discovery;
@@ -38,7 +39,6 @@ mod requests;
 mod rmw;
 mod ros1;
 mod ros1_bridge;
-mod ros1_churn;
 mod ros1_cpp;
 mod ros1_graph;
 mod ros1_latched;

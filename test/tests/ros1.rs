@@ -2,7 +2,7 @@
 //! ROS 1 is in it.
 
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros1, ros2, run, texts};
+use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros1, ros2, run, texts, zeromq};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Ros1];
 const WITH_WRAPYFI: &[Need] = &[Need::Program, Need::Ros1, Need::Python];
@@ -484,4 +484,34 @@ pairs! { call_hears:
     call_hears_objects_of_wrapyfi("--flavour rich", "NativeObject");
     call_hears_images_of_wrapyfi("--type Image --flavour colour", "Image");
     call_hears_sound_of_wrapyfi("--type AudioChunk --flavour stereo", "AudioChunk");
+}
+
+#[test]
+fn a_bridge_whose_node_is_killed_comes_back() -> Result {
+    run("a_bridge_whose_node_is_killed_comes_back", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let topic = env.topic("x");
+        let listener = env.rospy(&format!("subscribe --topic {topic}"), None)?;
+        let config = env.embedded().endpoint("  ros: { node: killed }\n");
+        let bridge =
+            env.bridge(&config.route(Route::new(&zeromq(&topic), &ros1(&topic), "Text")))?;
+        let _publisher =
+            publish(env, &zeromq(&topic), "\"hello\"", &["--type", "Text", "--rate", "20"])?;
+        listener.messages(1)?;
+        for _ in 0..2 {
+            let mut kill = env.ros_tool("rosnode", "kill /killed")?;
+            kill.exits_with(0)?;
+            let known = listener.stdout().lines().count();
+            listener.wait_until("messages of the new node", |output| {
+                (output.out.len() >= known + 40).then_some(())
+            })?;
+        }
+        let said = bridge.stderr();
+        let told = said.lines().filter(|line| line.contains("/rosnode at 127.0.0.1:"));
+        assert!(
+            told.filter(|line| line.contains("told this node to shut down")).count() >= 2,
+            "{said}"
+        );
+        Ok(())
+    })
 }

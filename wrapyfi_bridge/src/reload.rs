@@ -8,7 +8,10 @@
 //!   ~/remove_route ──────┤
 //!   ~/change_state ──────┘ configure reads it, activate starts the routes, deactivate and cleanup take them away
 //! ```
+//!
+//! It also starts middlewares anew that somebody else has ended, as `rosnode kill` does.
 
+use std::collections::BTreeMap;
 use std::io::IsTerminal as _;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
@@ -20,6 +23,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use signal_hook::consts::SIGHUP;
 use signal_hook::iterator::{Handle, Signals};
+use wrapyfi_core::endpoint::backoff::Backoff;
 use wrapyfi_core::endpoint::{BridgeMark, Context, Registry, Server, ServiceSpec, WAITING};
 use wrapyfi_core::engine::{Applier, Plan, PlanDiff};
 use wrapyfi_core::middleware::ros2::NodeHandle;
@@ -48,6 +52,11 @@ const STOP_WITHIN: Duration = Duration::from_millis(500);
 /// Longest time that a change of state waits for routes to close: a reliable writer of DDS waits a second for a reader
 /// that was killed.
 const CLOSE_WITHIN: Duration = Duration::from_secs(2);
+/// Time for which a middleware that was ended stays so, at first and at most: two nodes of one name end each other.
+const ANEW_AFTER: Duration = Duration::from_secs(1);
+const ANEW_AFTER_AT_MOST: Duration = Duration::from_secs(30);
+/// Time of life after which the next end of a middleware counts as its first.
+const LIVES: Duration = Duration::from_secs(60);
 /// Most changes that get a line each in the log.
 const FEW: usize = 10;
 
@@ -172,6 +181,30 @@ impl Reload {
         Ok((text, diff))
     }
 
+    /// Starts middlewares anew that have ended, `ends` of which are known, each once its time has come.
+    fn start_ended_anew(&mut self, ends: &mut BTreeMap<&'static str, Ends>) {
+        let ended =
+            self.middlewares.ended().filter(|(name, _)| self.options.lives_with != Some(*name));
+        let mut is_other = false;
+        for (name, reason) in ended.collect::<Vec<_>>() {
+            let ends = ends.entry(name).or_insert_with(|| Ends::new(name));
+            if !ends.is_time(Instant::now()) {
+                continue;
+            }
+            match self.middlewares.start_anew(name, reason) {
+                Ok(()) => is_other = true,
+                Err(failure) => tracing::error!("{name} does not start anew: {failure}"),
+            }
+        }
+        if is_other {
+            let mut registry = self.middlewares.registry().clone();
+            if let Some(handle) = &self.handle {
+                registry.set_clock(handle.clock());
+            }
+            self.routes.turn_to(registry);
+        }
+    }
+
     /// As [`Reload::apply`] for the file as it is now, and logs the outcome.
     fn apply_and_tell(&mut self, known: &mut String) -> Result<PlanDiff, Failure> {
         told(&self.source.name(), known, || self.apply(self.edits.clone(), None))
@@ -267,6 +300,38 @@ impl Reload {
                 self.apply(edits, Some(text))
             }),
         }
+    }
+}
+
+/// Ends of a middleware by somebody else's order.
+struct Ends {
+    backoff: Backoff,
+    /// Instant of the next start, while it has ended.
+    anew_at: Option<Instant>,
+    /// Instant of the last start.
+    started_at: Option<Instant>,
+}
+
+impl Ends {
+    fn new(name: &str) -> Self {
+        let backoff = Backoff::of_name(name).starting_at(ANEW_AFTER).up_to(ANEW_AFTER_AT_MOST);
+        Self { backoff, anew_at: None, started_at: None }
+    }
+
+    /// True when a middleware that is seen ended at `now` is to start.
+    fn is_time(&mut self, now: Instant) -> bool {
+        let at = *self.anew_at.get_or_insert_with(|| {
+            let lived = self.started_at.map(|at| now.saturating_duration_since(at));
+            if lived.is_some_and(|lived| lived >= LIVES) {
+                self.backoff.reset();
+            }
+            now + self.backoff.wait()
+        });
+        if now < at {
+            return false;
+        }
+        (self.anew_at, self.started_at) = (None, Some(now));
+        true
     }
 }
 
@@ -389,6 +454,7 @@ impl Watch {
         let thread = std::thread::Builder::new().name("reload".to_owned());
         let started = thread.spawn(move || {
             let _alive = alive;
+            let mut ends = BTreeMap::new();
             let pause = |time: Duration| {
                 std::thread::sleep(time.min(STOP_WITHIN / 2));
                 !told.load(Relaxed)
@@ -400,6 +466,7 @@ impl Watch {
                         // It is told in the log.
                         _ = reload.apply_and_tell(&mut looked.text);
                     }
+                    reload.start_ended_anew(&mut ends);
                     for (service, server) in &mut services {
                         answer(*service, server.as_mut(), &mut reload, &mut looked.text);
                     }
@@ -547,6 +614,24 @@ mod tests {
         assert_eq!(of_node.names().count(), own + 1);
         assert_eq!(of_node.get("given").unwrap().to_string(), "7");
         assert!(of_node.set("given", 8).is_err(), "it is fixed there, too");
+    }
+
+    #[test]
+    fn a_middleware_that_is_ended_again_and_again_waits_longer() {
+        let (mut ends, mut now) = (Ends::new("ros"), Instant::now());
+        let mut wait = |lived: Duration| {
+            now += lived;
+            let ended = now;
+            while !ends.is_time(now) {
+                now += Duration::from_millis(10);
+            }
+            now - ended
+        };
+        let first = wait(Duration::ZERO);
+        assert!(first >= ANEW_AFTER / 2 && first <= ANEW_AFTER, "{first:?}");
+        let last = (0..8).map(|_| wait(Duration::ZERO)).last().unwrap();
+        assert!(last >= ANEW_AFTER_AT_MOST / 2, "{last:?}");
+        assert!(wait(LIVES) <= ANEW_AFTER, "it has lived since");
     }
 
     #[test]

@@ -235,7 +235,8 @@ fn a_node_that_is_told_to_shut_down_leaves() {
     call(&near.api_uri(), "shutdown", vec![text("/master"), text("new node of the name")]).unwrap();
     source.wait_for("the reason", |link| {
         let reason = link.waiting_for.as_deref().unwrap_or_default();
-        reason.contains("/master told this node to shut down: new node of the name")
+        reason.starts_with("/master at 127.0.0.1:")
+            && reason.ends_with(" told this node to shut down: new node of the name")
     });
     sink.wait_for("nobody", |link| link.peers == Some(0));
     let wake = source.context.wake.clone();

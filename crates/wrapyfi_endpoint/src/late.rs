@@ -182,6 +182,10 @@ impl Middleware for Late {
         }
     }
 
+    fn ended(&self) -> Option<String> {
+        self.started().ok().and_then(<dyn Middleware>::ended)
+    }
+
     fn keeps_last(&self, found: &Discovered) -> Option<bool> {
         self.started().ok().and_then(|started| started.keeps_last(found))
     }

@@ -113,6 +113,14 @@ impl Driver {
         self.wake.ring();
     }
 
+    /// Takes other middlewares of the same names for the next look.
+    pub(super) fn turn_to(&self, registry: Registry) {
+        let mut latest = lock(&self.latest);
+        (latest.registry, latest.is_new) = (registry, true);
+        drop(latest);
+        self.wake.ring();
+    }
+
     /// True where no route runs or closes, and none is about to start.
     pub(super) fn is_closed(&self) -> bool {
         !lock(&self.latest).is_new && self.members().is_empty()

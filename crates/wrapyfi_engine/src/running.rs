@@ -83,6 +83,11 @@ impl Applier {
         true
     }
 
+    /// Turns to other middlewares of the same names: routes on one that is another begin anew.
+    pub fn turn_to(&self, registry: Registry) {
+        self.0.turn_to(registry);
+    }
+
     /// The latest plan.
     #[must_use]
     pub fn plan(&self) -> Plan {

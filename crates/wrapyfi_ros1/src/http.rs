@@ -93,9 +93,9 @@ async fn post(stream: TcpStream, uri: &NodeUri, body: String) -> Result<Bytes, S
     Ok(body.to_bytes())
 }
 
-/// Function that answers calls on the XML-RPC server, `None` where there is no such method. It must not wait: it runs
-/// on the server's task.
-pub(super) type Answers = dyn Fn(XmlRpcCall) -> Option<Reply> + Send + Sync;
+/// Function that answers calls of a peer on the XML-RPC server, `None` where there is no such method. It must not wait:
+/// it runs on the server's task.
+pub(super) type Answers = dyn Fn(XmlRpcCall, SocketAddr) -> Option<Reply> + Send + Sync;
 
 /// Answers whoever connects, until it is aborted. One connection more than may be open ends the oldest: those that say
 /// nothing keep nobody out.
@@ -149,7 +149,7 @@ async fn respond(
         Ok(call) => {
             let method = call.method.clone();
             tracing::trace!(%peer, method, "ROS 1: called");
-            match answers(call) {
+            match answers(call, peer) {
                 Some(reply) => xmlrpc::encode_reply(reply),
                 None => xmlrpc::encode_fault(&format!("there is no method {method:?} here")),
             }
@@ -182,7 +182,7 @@ mod tests {
     #[tokio::test]
     async fn connections_that_say_nothing_keep_nobody_out() {
         let (port, number) = Port::bind([127, 0, 0, 1].into(), 3).await.unwrap();
-        let answers: Arc<Answers> = Arc::new(|_| Some(Reply::success("", Value::Integer(7))));
+        let answers: Arc<Answers> = Arc::new(|_, _| Some(Reply::success("", Value::Integer(7))));
         let _server = tokio::spawn(serve(port, answers));
         let mut idle = Vec::new();
         for _ in 0..5 {
@@ -198,7 +198,7 @@ mod tests {
         let (port, number) = Port::bind([127, 0, 0, 1].into(), 3).await.unwrap();
         let called = Arc::new(std::sync::atomic::AtomicUsize::new(0));
         let calls = Arc::clone(&called);
-        let answers: Arc<Answers> = Arc::new(move |_| {
+        let answers: Arc<Answers> = Arc::new(move |_, _| {
             calls.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
             Some(Reply::success("", Value::Integer(7)))
         });

@@ -167,7 +167,7 @@ impl Ros1 {
             |_| {},
             move || {
                 let core = answers.clone();
-                let answer = move |call| slave::answer(&core, call);
+                let answer = move |call, peer| slave::answer(&core, call, peer);
                 http::serve(Arc::clone(&api_socket), Arc::new(answer))
             },
         ));

@@ -3,6 +3,7 @@
 //! Source: the page `Slave API` of the ROS 1 documentation; the shapes of `getBusInfo` and
 //! `getBusStats` are those that `rosnode info` and `rostopic info` read.
 
+use std::net::SocketAddr;
 use std::sync::{Arc, Weak};
 
 use super::core::Core;
@@ -10,10 +11,11 @@ use super::master::string_list;
 use super::subscriber::BusLink;
 use super::xmlrpc::{Reply, Value, XmlRpcCall, text, texts};
 
-/// Answer of the node `core` to a call; `None` where there is no such method.
+/// Answer of the node `core` to a call of `peer`; `None` where there is no such method.
 pub(super) fn answer(
     core: &Weak<Core>,
     XmlRpcCall { method, params }: XmlRpcCall,
+    peer: SocketAddr,
 ) -> Option<Reply> {
     let Some(core) = core.upgrade() else { return Some(Reply::error("the node has ended")) };
     Some(match (method.as_str(), params.as_slice()) {
@@ -49,7 +51,7 @@ pub(super) fn answer(
                 [Value::String(words), ..] if !words.is_empty() => format!(": {words}"),
                 _ => String::new(),
             };
-            let reason = format!("{caller} told this node to shut down{words}");
+            let reason = format!("{caller} at {peer} told this node to shut down{words}");
             tracing::warn!("ROS 1: {reason}");
             core.end(reason);
             Reply::success("shutdown", Value::Integer(0))

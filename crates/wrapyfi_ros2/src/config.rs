@@ -27,6 +27,9 @@ use super::graph::ServiceMapping;
 pub(super) const RECEIVE_BUFFER: u64 = 4 << 20;
 /// Participants on one host that unicast discovery reaches, as `rmw_cyclonedds_cpp` sets it.
 const PARTICIPANTS: u32 = 32;
+/// Silence after which others take this node for gone, in seconds. By CycloneDDS's own 10 s they, bridges among them,
+/// would notice a cut cable after 11 s. Each node says its own: what announces 10 s is missed no sooner.
+const LEASE_S: u32 = 8;
 
 /// Factor by which a message may exceed the limit and still be received and counted rather than
 /// discarded.
@@ -102,7 +105,7 @@ impl CycloneConfig {
         let mut general = String::from(
             "<MaxMessageSize>65500B</MaxMessageSize><FragmentSize>64000B</FragmentSize>",
         );
-        let mut discovery = String::new();
+        let mut discovery = format!("<LeaseDuration>{LEASE_S}s</LeaseDuration>");
         let mut peers: Vec<&str> = self.discovery.static_peers.iter().map(String::as_str).collect();
         if let Some(name) = &self.interface {
             _ = write!(
@@ -199,7 +202,10 @@ mod tests {
         assert!(off.contains("<Tag>ros_discovery_off_77</Tag>"), "{off}");
         assert!(!off.contains("Peer "), "{off}");
         let system = config(DiscoveryRange::SystemDefault, &["10.0.0.1"]).xml(1);
-        assert!(system.contains("<Discovery></Discovery>"), "{system}");
+        assert!(
+            system.contains("<Discovery><LeaseDuration>8s</LeaseDuration></Discovery>"),
+            "{system}"
+        );
     }
 
     #[test]

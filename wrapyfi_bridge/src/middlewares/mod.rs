@@ -126,7 +126,9 @@ impl Middlewares {
             let before = self.settings.each.get(name);
             if before != Some(one) {
                 let before = before.and_then(|_| self.registry.get(name).ok());
-                registry.register(start_or_wait(name, one.clone(), before.map(Arc::downgrade))?);
+                let in_use = "the one with the settings before is in use".to_owned();
+                let before = before.map(|before| (Arc::downgrade(before), in_use));
+                registry.register(start_or_wait(name, one.clone(), before)?);
             }
         }
         for name in self.settings.each.keys() {
@@ -135,6 +137,25 @@ impl Middlewares {
             }
         }
         Ok(Self { registry, graph, settings })
+    }
+
+    /// Names of the middlewares that have ended for good, with the reasons.
+    pub(crate) fn ended(&self) -> impl Iterator<Item = (&'static str, String)> {
+        let each = self.settings.each.keys();
+        each.filter_map(|name| Some((*name, self.registry.get(name).ok()?.ended()?)))
+    }
+
+    /// Puts another in place of the middleware `name`, which has ended because of `reason`; it starts once
+    /// routes have let go of the one before.
+    ///
+    /// # Errors
+    /// When the system gives no thread.
+    pub(crate) fn start_anew(&mut self, name: &'static str, reason: String) -> Result<(), Failure> {
+        if let (Some(one), Ok(before)) = (self.settings.each.get(name), self.registry.get(name)) {
+            let before = (Arc::downgrade(before), reason);
+            self.registry.register(start_or_wait(name, one.clone(), Some(before))?);
+        }
+        Ok(())
     }
 
     /// Puts `next` in place of these middlewares.
@@ -267,16 +288,15 @@ impl Middlewares {
     }
 }
 
-/// Starts a middleware; where something that it needs is not there, or the one `before` is still in use, it is
-/// tried again later.
+/// Starts a middleware; where something that it needs is not there, or the one `before` is still in use, for which
+/// it has a reason, it is tried again later.
 fn start_or_wait(
     name: &'static str,
     settings: One,
-    before: Option<Weak<dyn Middleware>>,
+    before: Option<(Weak<dyn Middleware>, String)>,
 ) -> Result<Arc<dyn Middleware>, Failure> {
-    let in_use = "the one with the settings before is in use".to_owned();
-    let absent = match before {
-        Some(_) => in_use.clone(),
+    let absent = match &before {
+        Some((_, reason)) => reason.clone(),
         None => match settings.start() {
             Ok(started) => return Ok(started),
             Err(Failure::Usage(fault)) => return Err(Failure::Usage(fault)),
@@ -284,8 +304,10 @@ fn start_or_wait(
         },
     };
     let again = move || {
-        if before.as_ref().is_some_and(|before| before.strong_count() > 0) {
-            return Err(StartFault::Absent(in_use.clone()));
+        if let Some((before, reason)) = &before
+            && before.strong_count() > 0
+        {
+            return Err(StartFault::Absent(reason.clone()));
         }
         settings.start().map_err(|failure| match failure {
             Failure::Usage(fault) => StartFault::Hopeless(fault),

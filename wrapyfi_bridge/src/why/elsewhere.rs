@@ -1,6 +1,6 @@
 //! The same name on ROS 2 where this program does not look: neighbouring domains, and other machines.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use tracing_subscriber::util::SubscriberInitExt as _;
 use wrapyfi_core::endpoint::{Discovered, Middleware as _, Wake};
@@ -10,8 +10,6 @@ use super::look::Wanted;
 use super::{Elsewhere, Graph};
 use crate::middlewares::{Ros2Section, ros2_elsewhere};
 
-/// Time for which each domain is looked at: some nodes answer a new one late.
-const LOOK: Duration = Duration::from_millis(750);
 /// Time for which the own domain is looked at again, as far as multicast reaches.
 pub(super) const WIDE: Duration = Duration::from_millis(450);
 /// Time between two looks.
@@ -19,12 +17,14 @@ const AGAIN: Duration = Duration::from_millis(20);
 /// Domains below and above the own that are looked at.
 const NEAR: u32 = 2;
 
-/// Looks into a handful of domains, side by side; if `wide`, into the same one as far as multicast reaches.
+/// Looks into a handful of domains, side by side; if `wide`, into the same one as far as multicast reaches. Each is
+/// looked at until `is_over`, because some nodes answer a new one late.
 pub(super) fn look(
     section: &Ros2Section,
     graph: &Graph,
     wanted: &Wanted,
     wide: bool,
+    is_over: &(dyn Fn() -> bool + Sync),
 ) -> Vec<Elsewhere> {
     let own = graph.domain_id;
     let near = own.saturating_sub(NEAR)..=own.saturating_add(NEAR).min(MAX_DOMAIN_ID);
@@ -41,7 +41,7 @@ pub(super) fn look(
                 scope.spawn(move || {
                     // Where a bridge looks, its log is no place for nodes that live for a moment.
                     let _silent = tracing_subscriber::registry().set_default();
-                    let found = one(section, domain, wide, wanted);
+                    let found = one(section, domain, wide, wanted, is_over);
                     found.map(|one| (domain, one))
                 })
             })
@@ -72,14 +72,20 @@ pub(super) fn look(
 }
 
 /// Endpoint of the name in a domain.
-fn one(section: &Ros2Section, domain: u32, wide: bool, wanted: &Wanted) -> Option<Discovered> {
+fn one(
+    section: &Ros2Section,
+    domain: u32,
+    wide: bool,
+    wanted: &Wanted,
+    is_over: &dyn Fn() -> bool,
+) -> Option<Discovered> {
     let ros2 = ros2_elsewhere(section, domain, wide).ok()?;
     let mut discovery = ros2.discover().ok()?;
-    let (wake, end) = (Wake::new(), Instant::now() + if wide { WIDE } else { LOOK });
+    let wake = Wake::new();
     loop {
         let found = discovery.endpoints().ok()?;
         let first = found.into_iter().find(|one| wanted.is_met(one));
-        if Instant::now() >= end || first.as_ref().is_some_and(|one| one.node.is_some()) {
+        if is_over() || first.as_ref().is_some_and(|one| one.node.is_some()) {
             return first;
         }
         wake.wait(AGAIN);

@@ -5,7 +5,9 @@
 //!       ─▶ route: heard, run by a bridge ─▶ destination: the same ─▶ messages come
 //! ```
 
-use wrapyfi_core::endpoint::{AnnouncedQos, CountersSnapshot, Discovered, Role, mismatches};
+use wrapyfi_core::endpoint::{
+    AnnouncedQos, CountersSnapshot, Discovered, EndpointAddress, Role, mismatches,
+};
 use wrapyfi_core::engine::{LeftOut, RouteState};
 use wrapyfi_core::middleware::ros2::remedy;
 
@@ -97,7 +99,7 @@ impl Walk<'_> {
     /// The servers of a side, and the side itself.
     fn side(&mut self, end: &End) -> Step {
         for knock in &end.doors {
-            opened(knock, self.way.route.as_ref())?;
+            opened(knock, &end.address, self.way.route.as_ref())?;
             self.pass(format!("{} answers", knock.words()));
         }
         if let Some(graph) = &end.graph {
@@ -492,7 +494,7 @@ fn undefined(type_name: &str, reason: &str) -> Finding {
 }
 
 /// A server that answered, or the finding that it did not.
-fn opened(knock: &Knock, route: Option<&RouteFacts>) -> Step {
+fn opened(knock: &Knock, address: &EndpointAddress, route: Option<&RouteFacts>) -> Step {
     let server = knock.door.server;
     let (words, host, port) = (knock.words(), &knock.door.host, knock.door.port);
     let bridge = route.map(|route| format!("wrapyfi bridge --config {}", route.file));
@@ -518,6 +520,12 @@ fn opened(knock: &Knock, route: Option<&RouteFacts>) -> Step {
                     format!("{bridge}    # it runs the server itself; or {here}")
                 }
                 _ => match server {
+                    // Who asks about a mere name may not have meant ROS 1.
+                    Server::Master if route.is_none() => format!(
+                        "{here}    # or set ROS_MASTER_URI to where it runs; `ros:` is ROS 1, a name of \
+                         ROS 2 is written ros2:{}",
+                        address.name
+                    ),
                     Server::Master => format!("{here}    # or set ROS_MASTER_URI to where it runs"),
                     _ => here.to_owned(),
                 },

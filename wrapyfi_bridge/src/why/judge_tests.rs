@@ -171,6 +171,15 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
             "roscore",
         ),
         (
+            Way {
+                route: None,
+                ..of_destination(|it| it.doors = vec![master("127.0.0.1", Answer::Refused, true)])
+            },
+            Cause::ServerAway,
+            "ROS 1 master 127.0.0.1:5555 does not answer",
+            "a name of ROS 2 is written ros2:/",
+        ),
+        (
             of_destination(|it| it.doors = vec![master("10.0.0.2", Answer::Silent, false)]),
             Cause::ServerAway,
             "a firewall is between",

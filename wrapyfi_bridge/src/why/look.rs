@@ -8,6 +8,7 @@
 //! ```
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 use wrapyfi_core::endpoint::{
@@ -29,6 +30,9 @@ use crate::middlewares::{self, Endpoints, Observer, Server};
 
 /// Time between two looks.
 const LOOK: Duration = Duration::from_millis(20);
+/// Time after which a name that nobody has in the own domain of ROS 2 is looked for in others, too: some nodes answer a
+/// new one after a second.
+const HERE_AT_FIRST: Duration = Duration::from_millis(200);
 /// Time for which messages are listened for.
 const LISTEN: Duration = Duration::from_millis(600);
 /// Most addresses of one name that are connected to.
@@ -108,7 +112,7 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
     if end.away.is_some() || end.doors.iter().any(|knock| knock.answer != Answer::Open) {
         return end;
     }
-    let observer = match sight.open(middleware) {
+    let mut observer = match sight.open(middleware) {
         Ok(observer) => observer,
         Err(fault) => {
             end.away = Some(fault.to_string());
@@ -133,27 +137,41 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
     let deadline = begin + PATIENCE;
     // Until all is told: who is missing is as telling as who is there.
     let mut side = DiscoveryWatch::new(discovery);
-    let mut seen = watch(&mut end, &mut side, |_, told| told || Instant::now() >= deadline);
+    let is_sought = middleware == "ros2" && wanted.role != Role::Client;
+    let mut seen = watch(&mut end, &mut side, |end, told| {
+        let is_late = is_sought && begin.elapsed() >= HERE_AT_FIRST && !wanted.is_there(end);
+        told || is_late || Instant::now() >= deadline
+    });
     if let (Some(graph), Ok(())) = (end.graph.clone(), &seen)
-        && wanted.role != Role::Client
+        && is_sought
         && !wanted.is_there(&end)
     {
-        // Some nodes answer after a second; meanwhile it is looked for elsewhere.
-        let is_narrow = graph.range != "SUBNET";
-        let deadline = if is_narrow { deadline - elsewhere::WIDE } else { deadline };
-        end.elsewhere = std::thread::scope(|scope| {
-            let far = scope.spawn(|| elsewhere::look(&endpoints.ros2, &graph, wanted, false));
-            seen = watch(&mut end, &mut side, |end, _| {
-                Instant::now() >= deadline || wanted.is_there(end)
-            });
-            far.join().unwrap_or_default()
+        // Some nodes answer after a second; meanwhile it is looked for elsewhere, until this is over.
+        let (is_narrow, is_there) = (graph.range != "SUBNET", AtomicBool::new(false));
+        let is_over = || is_there.load(Relaxed) || Instant::now() >= deadline;
+        let own_until = if is_narrow { deadline - elsewhere::WIDE } else { deadline };
+        let mut here = Some((side, observer));
+        std::thread::scope(|scope| {
+            let ros2 = &endpoints.ros2;
+            let far = scope.spawn(|| elsewhere::look(ros2, &graph, wanted, false, &is_over));
+            if let Some((side, _)) = &mut here {
+                seen = watch(&mut end, side, |end, told| {
+                    let is_met = wanted.is_there(end);
+                    is_there.fetch_or(is_met, Relaxed);
+                    Instant::now() >= own_until || (is_met && told)
+                });
+            }
+            let mut wide = Vec::new();
+            if is_narrow && sight.bridge.is_none() && !wanted.is_there(&end) {
+                // Another configuration of the same domain needs an end of this one.
+                here = None;
+                wide = elsewhere::look(ros2, &graph, wanted, true, &is_over);
+            }
+            end.elsewhere = far.join().unwrap_or_default();
+            end.elsewhere.extend(wide);
         });
-        if is_narrow && sight.bridge.is_none() && !wanted.is_there(&end) {
-            // Another configuration of the same domain needs an end of this one.
-            drop((side, observer));
-            end.elsewhere.extend(elsewhere::look(&endpoints.ros2, &graph, wanted, true));
-            return end;
-        }
+        let Some(still) = here else { return end };
+        (side, observer) = still;
     }
     drop(side);
     if let Err(fault) = seen {
