@@ -226,8 +226,7 @@ mod ros2 {
             let Self { cyclone, adapter, enclave, environment, remap } = self.clone();
             environment.log();
             let joined = join(&cyclone, &environment, adapter, &enclave);
-            let is_refused =
-                |error: &JoinError| matches!(error, JoinError::NotBuilt(_) | JoinError::Rmw(_));
+            let is_refused = |error: &JoinError| !matches!(error, JoinError::Cyclone(_));
             let joined = joined.map_err(|error| failed(&error, is_refused(&error), false))?;
             Ok(Ros2::joined(joined, move |topic| remap(topic)))
         }

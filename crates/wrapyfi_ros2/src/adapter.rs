@@ -10,16 +10,20 @@
 //!   rmw                   any                      an error                   the one that ROS 2 loads
 //! ```
 //!
+//! CycloneDDS inside has no SROS 2. Where keys are asked for (`ROS_SECURITY_ENABLE`), a program with `rmw` speaks
+//! through the one that ROS 2 loads, also where that is `rmw_cyclonedds_cpp`; a program without refuses to start
+//! where keys are enforced, so that no node is open whose owner believes it closed.
+//!
 //! The adapter is asked for by `endpoints.ros2.graph`, else by `WRAPYFI_ROS2_GRAPH`.
 //!
 //! An environment in which ROS 2 loads `rmw_cyclonedds_cpp` is served as well by CycloneDDS inside,
 //! which needs nothing installed.
 
-use std::sync::Arc;
+use std::sync::{Arc, Once};
 
 use super::config::CycloneConfig;
 use super::cyclone_graph::{CycloneError, CycloneGraph};
-use super::environment::{Adapter, Environment, build};
+use super::environment::{Adapter, Environment, Security, build};
 use super::graph::{Graph, ServiceMapping};
 
 /// Error of a node that joins the graph.
@@ -40,6 +44,11 @@ pub enum JoinError {
         build = build!()
     )]
     NotBuilt(String),
+    /// Keys are enforced, and CycloneDDS inside has none; the text is the remedy.
+    #[error(
+        "ROS_SECURITY_ENABLE=true with ROS_SECURITY_STRATEGY=Enforce asks for keys, which CycloneDDS inside this program cannot use: {0}; or unset ROS_SECURITY_ENABLE"
+    )]
+    NoKeys(&'static str),
 }
 
 /// A node on the graph.
@@ -67,18 +76,55 @@ pub fn join(
     };
     // A sourced ROS 2 without a setting means its default.
     let means_other = environment.services != ServiceMapping::Cyclone;
+    let security = environment.security;
     match wanted {
-        Some(Adapter::Rmw) => on_rmw(config, asked_by, enclave),
-        Some(Adapter::Cyclone) => on_cyclone(config, asked_by),
-        None if cfg!(feature = "rmw") && means_other => {
-            if loads_cyclone()? {
-                let config = CycloneConfig { services: ServiceMapping::Cyclone, ..config.clone() };
-                return on_cyclone(&config, "the rmw of this ROS 2 is rmw_cyclonedds_cpp");
-            }
-            on_rmw(config, &environment.stack_reason, enclave)
+        Some(Adapter::Rmw) => return on_rmw(config, asked_by, enclave),
+        Some(Adapter::Cyclone) => {
+            check_security(security, enclave)?;
+            return on_cyclone(config, asked_by);
         }
-        None => on_cyclone(config, &environment.stack_reason),
+        None => {}
     }
+    if cfg!(feature = "rmw") && security != Security::Off {
+        return on_rmw(config, "ROS_SECURITY_ENABLE asks for keys", enclave);
+    }
+    check_security(security, enclave)?;
+    if cfg!(feature = "rmw") && means_other {
+        if loads_cyclone()? {
+            let config = CycloneConfig { services: ServiceMapping::Cyclone, ..config.clone() };
+            return on_cyclone(&config, "the rmw of this ROS 2 is rmw_cyclonedds_cpp");
+        }
+        return on_rmw(config, &environment.stack_reason, enclave);
+    }
+    on_cyclone(config, &environment.stack_reason)
+}
+
+/// Remedy of a node on CycloneDDS inside that is asked for keys.
+const KEYS_REMEDY: &str = if cfg!(feature = "rmw") {
+    "unset WRAPYFI_ROS2_GRAPH and endpoints.ros2.graph, or set them to rmw"
+} else {
+    build!()
+};
+
+/// Refuses what CycloneDDS inside cannot keep, and warns of what it leaves out: once, because each node of a
+/// program comes by here.
+fn check_security(security: Security, enclave: &str) -> Result<(), JoinError> {
+    static WARNED: Once = Once::new();
+    match security {
+        Security::Enforce => return Err(JoinError::NoKeys(KEYS_REMEDY)),
+        Security::Permissive => WARNED.call_once(|| {
+            tracing::warn!(
+                "ROS_SECURITY_ENABLE=true has no effect: CycloneDDS inside this program uses no keys, and everybody may read and publish; to use them, {KEYS_REMEDY}"
+            );
+        }),
+        Security::Off if enclave != "/" => WARNED.call_once(|| {
+            tracing::warn!(
+                "--enclave {enclave} has no effect: CycloneDDS inside this program uses no keys; to use them, {KEYS_REMEDY}"
+            );
+        }),
+        Security::Off => {}
+    }
+    Ok(())
 }
 
 fn on_cyclone(config: &CycloneConfig, reason: &str) -> Result<Joined, JoinError> {
@@ -155,6 +201,28 @@ mod tests {
             let said = error.to_string();
             assert!(said.starts_with(asked_by), "{said}");
             assert!(said.contains("colcon build --packages-up-to wrapyfi_bridge"), "{said}");
+        }
+    }
+
+    #[test]
+    fn keys_that_are_enforced_are_refused() {
+        for graph in [None, Some("cyclone")] {
+            let environment = environment::read(|name| {
+                let value = match name {
+                    "ROS_SECURITY_ENABLE" => Some("true"),
+                    "ROS_SECURITY_STRATEGY" => Some("Enforce"),
+                    "WRAPYFI_ROS2_GRAPH" => graph,
+                    _ => None,
+                };
+                value.map(str::to_owned)
+            });
+            let config = CycloneConfig::loopback(NodeName::new("n", "/").unwrap(), 0);
+            for enclave in ["/", "/lab"] {
+                let error = join(&config, &environment.clone().unwrap(), None, enclave);
+                let said = error.err().unwrap().to_string();
+                assert!(said.starts_with("ROS_SECURITY_ENABLE=true"), "{said}");
+                assert!(said.contains("colcon build --packages-up-to wrapyfi_bridge"), "{said}");
+            }
         }
     }
 }

@@ -6,7 +6,8 @@
 //!   ROS_AUTOMATIC_DISCOVERY_RANGE ───┼─ read() ─▶ Cyclone sources,
 //!   ROS_STATIC_PEERS ────────────────┤            why this DDS stack,
 //!   RMW_IMPLEMENTATION, ROS_DISTRO ──┤            mapping of services, adapter, warnings to be logged
-//!   WRAPYFI_ROS2_GRAPH ──────────────┤
+//!   WRAPYFI_ROS2_GRAPH ──────────────┤            whether keys of SROS 2 are asked for
+//!   ROS_SECURITY_ENABLE, _STRATEGY ──┤
 //!   CYCLONEDDS_URI ──────────────────┘
 //! ```
 //!
@@ -53,6 +54,19 @@ pub enum Adapter {
     Rmw,
 }
 
+/// Use of keys of SROS 2 that the environment asks for, `ROS_SECURITY_ENABLE` and `ROS_SECURITY_STRATEGY`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub enum Security {
+    /// Nodes without keys: everybody may join.
+    #[default]
+    Off,
+    /// Keys where there are some; a node without keys starts all the same.
+    Permissive,
+    /// Keys always: no node starts without.
+    Enforce,
+}
+
 /// Feature and environment that a build needs for a middleware other than CycloneDDS, in words for
 /// an error.
 macro_rules! build {
@@ -78,6 +92,8 @@ pub struct Environment {
     pub stack_reason: String,
     /// Library that carries the graph, `WRAPYFI_ROS2_GRAPH`; `None` where it is not set.
     pub graph: Option<Adapter>,
+    /// Use of keys that is asked for.
+    pub security: Security,
     /// Lines to be logged as warnings.
     pub warnings: Vec<String>,
 }
@@ -134,8 +150,19 @@ pub fn read(lookup: impl Fn(&str) -> Option<String>) -> Result<Environment, Envi
         services,
         stack_reason,
         graph: set("WRAPYFI_ROS2_GRAPH").map(|word| graph(&word)).transpose()?,
+        security: security(&set),
         warnings,
     })
+}
+
+/// As rcl reads it: any other word than `true` is off, any other strategy than `Enforce` permissive.
+fn security(set: &impl Fn(&str) -> Option<String>) -> Security {
+    let is = |name: &str, wanted: &str| set(name).is_some_and(|value| value == wanted);
+    match (is("ROS_SECURITY_ENABLE", "true"), is("ROS_SECURITY_STRATEGY", "Enforce")) {
+        (false, _) => Security::Off,
+        (true, false) => Security::Permissive,
+        (true, true) => Security::Enforce,
+    }
 }
 
 fn graph(word: &str) -> Result<Adapter, EnvironmentError> {
@@ -323,6 +350,19 @@ mod tests {
             with(&[("ROS_LOCALHOST_ONLY", "0"), ("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")]).unwrap();
         assert_eq!(off.discovery.range, DiscoveryRange::Off);
         assert!(off.warnings[1].ends_with("will be used."));
+    }
+
+    #[test]
+    fn security_is_read_as_rcl_reads_it() {
+        let read = |enable, strategy| {
+            let pairs = [("ROS_SECURITY_ENABLE", enable), ("ROS_SECURITY_STRATEGY", strategy)];
+            with(&pairs).unwrap().security
+        };
+        assert_eq!(read("", "Enforce"), Security::Off);
+        assert_eq!(read("TRUE", "Enforce"), Security::Off);
+        assert_eq!(read("true", ""), Security::Permissive);
+        assert_eq!(read("true", "enforce"), Security::Permissive);
+        assert_eq!(read("true", "Enforce"), Security::Enforce);
     }
 
     #[test]
