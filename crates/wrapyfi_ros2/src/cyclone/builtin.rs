@@ -15,7 +15,7 @@ use std::ptr;
 use std::sync::Arc;
 
 use super::entity::{Entity, ReturnCode};
-use super::events::{Events, Listener};
+use super::events::{Events, Listener, silence};
 use super::qos::announced;
 use crate::graph::Notify;
 use wrapyfi_endpoint::{AnnouncedQos, Reliability};
@@ -64,7 +64,7 @@ pub(crate) fn endpoints(participant: &Entity) -> Result<Vec<EndpointFound>, Retu
 pub(crate) struct BuiltinReader {
     reader: Entity,
     is_writer: bool,
-    _events: Arc<Events>,
+    events: Arc<Events>,
 }
 
 impl BuiltinReader {
@@ -86,7 +86,7 @@ impl BuiltinReader {
                 listener.as_ptr(),
             )
         })?;
-        Ok(Self { reader, is_writer, _events: events })
+        Ok(Self { reader, is_writer, events })
     }
 
     /// Takes what waits: every endpoint with its number, `None` for one that is gone. The number is
@@ -102,11 +102,7 @@ impl BuiltinReader {
 
 impl Drop for BuiltinReader {
     fn drop(&mut self) {
-        // SAFETY: a null listener removes ours; the call waits for callbacks under way.
-        let code = unsafe { cyclors::dds_set_listener(self.reader.handle(), ptr::null()) };
-        if let Err(error) = ReturnCode::check(code) {
-            tracing::debug!(%error, "a reader of discovery was gone before its owner");
-        }
+        silence(self.reader.handle(), &self.events);
     }
 }
 
@@ -118,21 +114,24 @@ fn builtin_topic(is_writer: bool) -> i32 {
     }
 }
 
-/// Samples that Cyclone lent, returned also where whoever looks at them panics: it has a limited number to lend.
-struct Loan<'r> {
-    reader: &'r Entity,
+/// Samples on loan, which go back on drop: also where a callback panics, because Cyclone keeps what is lent until
+/// it comes back.
+struct Loan<'a> {
+    reader: &'a Entity,
     samples: [*mut c_void; BATCH],
     taken: i32,
 }
 
 impl Drop for Loan<'_> {
     fn drop(&mut self) {
-        // SAFETY: returns exactly what was lent, once.
-        let code = unsafe {
-            cyclors::dds_return_loan(self.reader.handle(), self.samples.as_mut_ptr(), self.taken)
-        };
+        if self.taken == 0 {
+            return;
+        }
+        let (reader, samples) = (self.reader.handle(), self.samples.as_mut_ptr());
+        // SAFETY: returns exactly what was lent.
+        let code = unsafe { cyclors::dds_return_loan(reader, samples, self.taken) };
         if let Err(error) = ReturnCode::check(code) {
-            tracing::debug!(%error, "samples of discovery could not be returned");
+            tracing::warn!(%error, "CycloneDDS did not take back what it lent: memory grows");
         }
     }
 }
@@ -143,25 +142,21 @@ fn take_batch(
     is_writer: bool,
     each: &mut impl FnMut(u64, Option<EndpointFound>),
 ) -> Result<bool, ReturnCode> {
-    let mut samples: [*mut c_void; BATCH] = [ptr::null_mut(); BATCH];
+    let mut loan = Loan { reader, samples: [ptr::null_mut(); BATCH], taken: 0 };
     // SAFETY: plain numbers, for which zeros are valid.
     let mut infos: [cyclors::dds_sample_info_t; BATCH] = unsafe { std::mem::zeroed() };
     // SAFETY: room for BATCH samples and infos; null pointers ask Cyclone to lend the samples.
-    let taken = ReturnCode::check(unsafe {
+    loan.taken = ReturnCode::check(unsafe {
         cyclors::dds_take(
             reader.handle(),
-            samples.as_mut_ptr(),
+            loan.samples.as_mut_ptr(),
             infos.as_mut_ptr(),
             BATCH,
             u32::try_from(BATCH).unwrap_or(1),
         )
     })?;
-    if taken == 0 {
-        return Ok(false);
-    }
-    let loan = Loan { reader, samples, taken };
-    for (sample, info) in loan.samples.iter().zip(&infos).take(usize::try_from(taken).unwrap_or(0))
-    {
+    let taken = usize::try_from(loan.taken).unwrap_or(0);
+    for (sample, info) in loan.samples.iter().zip(&infos).take(taken) {
         let alive = info.instance_state == cyclors::dds_instance_state_DDS_IST_ALIVE;
         // SAFETY: samples of these topics are of this type and lent until returned below.
         let endpoint = unsafe { sample.cast::<cyclors::dds_builtintopic_endpoint_t>().as_ref() };
@@ -192,7 +187,7 @@ fn take_batch(
         };
         each(info.instance_handle, Some(found));
     }
-    Ok(true)
+    Ok(taken > 0)
 }
 
 /// # Safety

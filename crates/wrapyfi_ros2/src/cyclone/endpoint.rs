@@ -17,7 +17,7 @@ use std::sync::Arc;
 use bytes::Bytes;
 
 use super::entity::{Entity, ReturnCode};
-use super::events::{Events, Listener};
+use super::events::{Events, Listener, silence};
 use super::matched::{self, Peer, Side};
 use super::qos::{EndpointQos, QosObject};
 use super::sequence::Gaps;
@@ -58,11 +58,7 @@ impl Endpoint {
 
 impl Drop for Endpoint {
     fn drop(&mut self) {
-        // SAFETY: a null listener removes ours; the call waits for callbacks under way.
-        let code = unsafe { cyclors::dds_set_listener(self.entity.handle(), ptr::null()) };
-        if let Err(error) = ReturnCode::check(code) {
-            tracing::debug!(%error, "endpoint was gone before its owner");
-        }
+        silence(self.entity.handle(), &self.events);
     }
 }
 

@@ -93,10 +93,13 @@ impl Entity {
 
 impl Drop for Entity {
     fn drop(&mut self) {
-        // SAFETY: a number; Cyclone refuses it when the entity went with its parent.
-        let code = unsafe { cyclors::dds_delete(self.0) };
-        if let Err(error) = ReturnCode::check(code) {
-            tracing::debug!(handle = self.0, %error, "entity was gone before its owner");
-        }
+        let handle = self.0;
+        super::events::delete(move || {
+            // SAFETY: a number; Cyclone refuses it when the entity went with its parent.
+            let code = unsafe { cyclors::dds_delete(handle) };
+            if let Err(error) = ReturnCode::check(code) {
+                tracing::debug!(handle, %error, "entity was gone before its owner");
+            }
+        });
     }
 }

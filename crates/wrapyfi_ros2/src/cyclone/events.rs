@@ -7,17 +7,23 @@
 //! ```
 //!
 //! Contract: the argument of every callback is a pointer to an [`Events`] whose `Arc` the endpoint
-//! keeps until Cyclone can call no more. Callbacks take no lock of ours and never panic into C.
+//! keeps until Cyclone can call no more; a callback holds one more `Arc` while it runs. Callbacks take no lock of
+//! ours and never panic into C. What a callback drops is deleted after it, by another thread ([`delete`]):
+//! Cyclone's deletion waits for callbacks under way, and would wait for its own caller for ever.
 #![allow(unsafe_code)]
 
+use std::cell::RefCell;
 use std::ffi::c_void;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::ptr;
 use std::sync::Arc;
 use std::sync::atomic::{
     AtomicU32, AtomicU64, AtomicUsize,
     Ordering::{Acquire, Relaxed, Release},
 };
+use std::thread;
 
+use super::entity::ReturnCode;
 use crate::graph::Notify;
 use wrapyfi_endpoint::Reliability;
 
@@ -191,10 +197,80 @@ impl Listener {
     }
 }
 
+/// Removes the listener of an entity, after which Cyclone calls back no more, and frees its events.
+pub(super) fn silence(handle: i32, events: &Arc<Events>) {
+    let events = Arc::clone(events);
+    delete(move || {
+        // SAFETY: a null listener removes ours; the call waits for callbacks under way.
+        let code = unsafe { cyclors::dds_set_listener(handle, ptr::null()) };
+        if let Err(error) = ReturnCode::check(code) {
+            tracing::debug!(%error, "an endpoint was gone before its owner");
+        }
+        drop(events);
+    });
+}
+
 impl Drop for Listener {
     fn drop(&mut self) {
         // SAFETY: created in `new`, freed once; endpoints hold their own copy.
         unsafe { cyclors::dds_delete_listener(self.0) };
+    }
+}
+
+/// A deletion that waits for the end of a callback.
+type Deletion = Box<dyn FnOnce() + Send>;
+
+thread_local! {
+    /// Deletions asked for by the callback that this thread runs; `None` outside a callback.
+    static WAITING: RefCell<Option<Vec<Deletion>>> = const { RefCell::new(None) };
+}
+
+/// Runs a deletion now, or after the callback in which it is asked for, in the order in which they were asked for.
+pub(super) fn delete(deletion: impl FnOnce() + Send + 'static) {
+    let now = WAITING.with_borrow_mut(|waiting| match waiting {
+        Some(waiting) => {
+            waiting.push(Box::new(deletion));
+            None
+        }
+        None => Some(deletion),
+    });
+    if let Some(now) = now {
+        now();
+    }
+}
+
+/// Runs the reaction of a callback on the events behind its argument.
+///
+/// # Safety
+/// `arg` is the pointer that `Listener::new` stored, whose `Arc` is alive now.
+unsafe fn react(arg: *mut c_void, reaction: impl FnOnce(&Events)) {
+    let events = arg.cast_const().cast::<Events>();
+    if events.is_null() {
+        return;
+    }
+    // SAFETY: by contract; the added reference belongs to the new `Arc`, which outlives the owner's where the
+    // reaction drops the endpoint.
+    let events = unsafe {
+        Arc::increment_strong_count(events);
+        Arc::from_raw(events)
+    };
+    // Cyclone may call from within a call that a reaction makes: the outermost callback deletes.
+    let outer = WAITING.replace(Some(Vec::new()));
+    reaction(&events);
+    // Its last reference may own endpoints: they are dropped while deletions still wait.
+    _ = catch_unwind(AssertUnwindSafe(|| drop(events)));
+    let mut asked = WAITING.replace(None).unwrap_or_default();
+    if let Some(mut waiting) = outer {
+        waiting.append(&mut asked);
+        WAITING.set(Some(waiting));
+    } else if !asked.is_empty() {
+        let delete_all = || asked.into_iter().for_each(|deletion| deletion());
+        if let Err(error) = thread::Builder::new().name("dds-deletion".to_owned()).spawn(delete_all)
+        {
+            _ = catch_unwind(AssertUnwindSafe(|| {
+                tracing::error!(%error, "endpoints dropped in a callback stay until the program ends: no thread");
+            }));
+        }
     }
 }
 
@@ -203,9 +279,7 @@ macro_rules! callbacks {
     ($($name:ident($status:ident: $type:ident) |$events:ident| $react:expr;)*) => {$(
         unsafe extern "C" fn $name(_: i32, $status: cyclors::$type, arg: *mut c_void) {
             // SAFETY: Cyclone passes the pointer that `Listener::new` stored, whose `Arc` is alive.
-            if let Some($events) = unsafe { arg.cast::<Events>().as_ref() } {
-                $react
-            }
+            unsafe { react(arg, |$events| $react) }
         }
     )*};
 }
@@ -239,7 +313,5 @@ callbacks! {
 
 unsafe extern "C" fn on_data(_: i32, arg: *mut c_void) {
     // SAFETY: as those above.
-    if let Some(events) = unsafe { arg.cast::<Events>().as_ref() } {
-        events.ring();
-    }
+    unsafe { react(arg, Events::ring) }
 }

@@ -20,7 +20,8 @@
 //! way, before it is deleted; what callbacks point to is freed after the deletion; a sample owns
 //! its reference to Cyclone's buffer and may outlive reader, participant and domain.
 //!
-//! A callback must not drop the endpoint it was called for: that would wait for itself.
+//! A callback may drop any of them, also the endpoint it was called for: the deletion runs after it, on another
+//! thread.
 
 mod builtin;
 mod endpoint;
@@ -31,6 +32,8 @@ mod matched;
 mod qos;
 mod sequence;
 mod serdata;
+#[cfg(test)]
+mod tests;
 mod topic;
 
 pub(super) use builtin::{BuiltinReader, EndpointFound, endpoints};

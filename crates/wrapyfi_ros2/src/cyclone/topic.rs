@@ -1,13 +1,15 @@
 //! Topics whose samples are opaque CDR.
 //!
 //! ```text
-//!   cyclors' table of functions ── copied once ──▶ ours: three of them replaced ──▶ every topic
+//!   cyclors' table of functions ── copied once ──▶ ours: four of them replaced ──▶ every topic
 //! ```
 //!
 //! The table that comes with `cyclors` has no `print`, so that a user who traces with
 //! `Verbosity` `finest` would make Cyclone call a null pointer at the first sample; and its
 //! `to_ser` copies the whole sample wherever a part is asked for. Both are replaced here, and
-//! `from_ser`, so that a sample keeps its sequence number (`sequence`).
+//! `from_ser`, so that a sample keeps its sequence number (`sequence`). Its `from_psmx`, for shared memory that a
+//! user's configuration brings in, leaves the payload's pointer of a raw sample unset, which `free` then gives to C's
+//! allocator. Without the function Cyclone takes such a topic over the network.
 //!
 //! Contract: the tables live for ever; functions in them touch only the sample they are given and
 //! never panic.
@@ -102,6 +104,7 @@ fn copy_tables(participant: &Entity) -> Result<Tables, ReturnCode> {
         print: Some(print),
         to_ser: Some(to_ser),
         from_ser: Some(from_ser),
+        from_psmx: None,
         ..serdata
     };
     Ok(Tables { sertype, serdata: replaced, from_ser: serdata.from_ser })
