@@ -12,6 +12,7 @@ use std::time::Instant;
 
 use wrapyfi_interfaces::store::TypeStore;
 
+use super::lanes::Lanes;
 use super::member::{Member, lock};
 use super::plan::Plan;
 use super::plan_diff::{ApplyError, PlanDiff};
@@ -19,7 +20,6 @@ use super::pool::Pool;
 use super::reconciler::{Change, Reconciler};
 use super::route_status::{RouteState, RouteStatus};
 use super::tap::Tap;
-use super::tripwire::Lanes;
 use wrapyfi_endpoint::{Registry, Wake};
 use wrapyfi_retry::contained;
 

@@ -48,6 +48,7 @@ mod discovered_graph;
 mod driver;
 mod end;
 mod engine;
+mod lanes;
 mod left_out;
 mod member;
 mod news;

@@ -11,6 +11,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::task::Waker;
 use std::time::{Duration, Instant};
 
+use super::lanes::Lanes;
 use super::pool::{Place, Pool};
 use super::rate::RateMeter;
 use super::relay::{Relay, Step};
@@ -18,7 +19,6 @@ use super::route::{Kind, Route, RouteKey};
 use super::route_status::{RouteState, RouteStatus};
 use super::service_relay::ServiceRelay;
 use super::tap::Tap;
-use super::tripwire::Lanes;
 use super::work::Work;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::{Clock, Counters, CountersSnapshot, Qos, Registry, Throttle, Wake};

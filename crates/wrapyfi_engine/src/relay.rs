@@ -14,11 +14,12 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::end::End;
+use super::lanes::Lanes;
 use super::route::Route;
 use super::route_status::{RouteState, RouteStatus};
 use super::stamping;
 use super::tap::Tap;
-use super::tripwire::{Lanes, Passage, Tripwire};
+use super::tripwire::{Passage, Tripwire};
 use super::work::Work;
 use wrapyfi_data::codec::convert_payload;
 use wrapyfi_data::types::Payload;

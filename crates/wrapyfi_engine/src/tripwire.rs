@@ -16,11 +16,11 @@
 use std::collections::VecDeque;
 use std::fmt::{self, Write as _};
 use std::hash::{DefaultHasher, Hasher as _};
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, OnceLock, Weak};
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use super::member::lock;
+use super::lanes::{Answer, Lane, Lanes};
 use super::route::Route;
 use super::route_status::RouteState;
 use wrapyfi_data::types::{Payload, Pixels};
@@ -43,7 +43,7 @@ const QUIET: Duration = Duration::from_millis(20);
 /// Number of messages that a publisher would have sent in the quiet time, at least.
 const EXPECTED: f64 = 4.0;
 /// Share of these above which a publisher is at work.
-const PUBLISHES: f64 = 0.3;
+pub(super) const PUBLISHES: f64 = 0.3;
 /// Longest pause that a busy machine makes in a loop.
 const LONGEST_PAUSE: Duration = Duration::from_millis(200);
 /// Distance of two rounds.
@@ -543,102 +543,6 @@ impl fmt::Write for Fingerprint {
         self.hasher.write(text.as_bytes());
         self.left = self.left.checked_sub(text.len()).ok_or(fmt::Error)?;
         Ok(())
-    }
-}
-
-/// Busy routes of a bridge, so that one may tell an answer from a loop.
-#[derive(Default)]
-pub(super) struct Lanes(Mutex<Vec<Weak<Lane>>>);
-
-/// One busy route.
-struct Lane {
-    from: EndpointAddress,
-    to: EndpointAddress,
-    counters: Arc<Counters>,
-    is_in_trial: AtomicBool,
-}
-
-impl Lane {
-    /// True where the other leads back between the same middlewares, from and to other names. What it carries may
-    /// be the answer to what this one carries.
-    fn is_answered_by(&self, other: &Self) -> bool {
-        let name = |end: &EndpointAddress| end.name.trim_start_matches('/').to_owned();
-        self.from.middleware == other.to.middleware
-            && self.to.middleware == other.from.middleware
-            && name(&self.from) != name(&other.to)
-            && name(&self.to) != name(&other.from)
-    }
-}
-
-impl Lanes {
-    fn enter(
-        &self,
-        from: &EndpointAddress,
-        to: &EndpointAddress,
-        counters: Arc<Counters>,
-    ) -> Arc<Lane> {
-        let (from, to, is_in_trial) = (from.clone(), to.clone(), AtomicBool::new(false));
-        let lane = Arc::new(Lane { from, to, counters, is_in_trial });
-        let mut lanes = lock(&self.0);
-        lanes.retain(|lane| lane.strong_count() > 0);
-        lanes.push(Arc::downgrade(&lane));
-        lane
-    }
-
-    fn back(&self, lane: &Lane) -> Vec<Arc<Lane>> {
-        let lanes = lock(&self.0);
-        lanes.iter().filter_map(Weak::upgrade).filter(|other| lane.is_answered_by(other)).collect()
-    }
-
-    /// Begins a trial of a route, with the routes that may carry its answers; `None` while one of these is in a
-    /// trial, because either would take the other's silence for its own work.
-    fn begin(&self, lane: &Lane, now: Instant) -> Option<Vec<Answer>> {
-        let back = self.back(lane);
-        if back.iter().any(|other| other.is_in_trial.load(Relaxed)) {
-            return None;
-        }
-        lane.is_in_trial.store(true, Relaxed);
-        Some(back.into_iter().map(|lane| Answer::new(lane, now)).collect())
-    }
-}
-
-/// Messages of a route back, while this one's pass and while they are held.
-struct Answer {
-    lane: Arc<Lane>,
-    mark: (u64, Instant),
-    passing: (u64, Duration),
-    quiet: (u64, Duration),
-}
-
-impl Answer {
-    fn new(lane: Arc<Lane>, now: Instant) -> Self {
-        let none = (0, Duration::ZERO);
-        Self { mark: (0, now), lane, passing: none, quiet: none }
-    }
-
-    /// Messages since the last call.
-    fn since(&mut self, now: Instant) -> (u64, Duration) {
-        let received = self.lane.counters.received_so_far();
-        let (before, at) = std::mem::replace(&mut self.mark, (received, now));
-        (received.saturating_sub(before), now.saturating_duration_since(at))
-    }
-
-    fn has_passed(&mut self, now: Instant) {
-        let (messages, time) = self.since(now);
-        self.passing = (self.passing.0 + messages, self.passing.1 + time);
-    }
-
-    fn was_quiet(&mut self, now: Instant) {
-        let (messages, time) = self.since(now);
-        self.quiet = (self.quiet.0 + messages, self.quiet.1 + time);
-    }
-
-    /// True where the route back carried about as many messages, and none while this route's were held: a program
-    /// answers what it hears.
-    fn fell_silent(&self, rate_hz: f64) -> bool {
-        let rate =
-            |(messages, time): (u64, Duration)| messages as f64 / time.as_secs_f64().max(0.001);
-        rate(self.passing) >= rate_hz / 2.0 && rate(self.quiet) < rate(self.passing) * PUBLISHES
     }
 }
 
