@@ -57,6 +57,8 @@ const ANEW_AFTER: Duration = Duration::from_secs(1);
 const ANEW_AFTER_AT_MOST: Duration = Duration::from_secs(30);
 /// Time of life after which the next end of a middleware counts as its first.
 const LIVES: Duration = Duration::from_secs(60);
+/// Time that the reply to the transition which finalizes the node has to reach its client.
+const REPLY_WITHIN: Duration = Duration::from_millis(500);
 /// Most changes that get a line each in the log.
 const FEW: usize = 10;
 
@@ -454,7 +456,7 @@ impl Watch {
         let thread = std::thread::Builder::new().name("reload".to_owned());
         let started = thread.spawn(move || {
             let _alive = alive;
-            let mut ends = BTreeMap::new();
+            let (mut ends, mut finalized_at) = (BTreeMap::new(), None);
             let pause = |time: Duration| {
                 std::thread::sleep(time.min(STOP_WITHIN / 2));
                 !told.load(Relaxed)
@@ -472,7 +474,11 @@ impl Watch {
                     }
                     managed.answer(|state| reload.work(state, &mut looked.text));
                     if lifecycle.state() == State::Finalized {
-                        reload.shutdown.request();
+                        // Later: the end of the program takes a reply along that is not on its way yet.
+                        let since = *finalized_at.get_or_insert_with(Instant::now);
+                        if since.elapsed() >= REPLY_WITHIN {
+                            reload.shutdown.request();
+                        }
                     }
                     wake.wait(LOOK_EVERY);
                 }
