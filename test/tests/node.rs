@@ -130,6 +130,7 @@ fn only_what_a_node_has_is_among_its_parameters() -> Result {
             "status_json",
             "autostart",
             "page_port",
+            "endpoints.zeromq.ip",
             "endpoints.zeromq.pub_port",
             "endpoints.zeromq.sub_port",
         ];
