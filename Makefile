@@ -121,6 +121,9 @@ fuzz: export SECONDS_EACH ?= 60
 fuzz: | target/COLCON_IGNORE
 	@fuzz/run.sh
 
+# Most end-to-end tests wait for their peers most of the time: with a test for each core, half of it idles.
+TEST_THREADS := $(shell echo $$((2 * $$(nproc))))
+
 # Compiled outside: the namespace has no network, should Cargo still have to fetch something.
 # The programs too, because the end-to-end tests start them; all in one command, because the programs alone
 # are built with fewer features of the foreign crates, and these would be compiled twice.
@@ -128,7 +131,7 @@ test-rust: | target/COLCON_IGNORE
 	@$(CARGO) build --workspace --all-targets --locked
 	@$(CARGO) nextest run --workspace --locked --no-run
 	@WRAPYFI_REQUIRE_PEERS=1 scripts/lo-namespace.sh \
-		cargo nextest run --workspace --locked --status-level fail --final-status-level slow
+		cargo nextest run --workspace --locked --status-level fail --final-status-level slow --test-threads $(TEST_THREADS)
 	@cargo nextest run --workspace --locked $(CAMERAS) -E 'package(wrapyfi_communicator_examples) and kind(lib)' \
 		--status-level fail
 	@$(CARGO) test --doc --workspace --locked

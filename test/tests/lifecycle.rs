@@ -100,26 +100,29 @@ fn a_managed_bridge_has_routes_while_it_is_active_and_ends_once_it_is_finalized(
         let activated = json!({"transition": {"id": 3}});
         assert_eq!(ask(env, &bridge, "change_state", &activated)?, json!({"success": true}));
         let _talker = env.dds_publisher(&topic, "std_msgs/msg/String", "--text hello --rate 20")?;
-        let carries = || {
+        // Whoever listens stays: without a listener the route waits.
+        let carries = || -> Result<Process> {
             let listener = env.wrapyfi(["echo", &zeromq(&topic), "--type", "NativeObject"])?;
             listener
                 .wait_until("hello", |output| {
                     output.out.iter().any(|line| line.contains("hello")).then_some(())
                 })
-                .map_err(|error| error.context(bridge.tail()))
+                .map_err(|error| error.context(bridge.tail()))?;
+            Ok(listener)
         };
-        carries()?;
+        let listener = carries()?;
         found(&status, "messages", |it| {
             it["state"] == "active"
                 && it["routes"][0]["state"] == "active"
                 && it["routes"][0]["sent"].as_u64() > Some(5)
         })?;
 
+        drop(listener);
         assert!(change(env, &bridge, "deactivate")?);
         assert_eq!(state(env, &bridge)?, "2 inactive");
         assert!(!has_listener(env)? && is_broker_there());
         assert!(change(env, &bridge, "activate")?);
-        carries()?;
+        drop(carries()?);
         assert!(change(env, &bridge, "deactivate")?);
         assert!(change(env, &bridge, "cleanup")?);
         assert_eq!(state(env, &bridge)?, "1 unconfigured");

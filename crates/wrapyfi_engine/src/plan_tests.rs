@@ -7,7 +7,7 @@ use super::super::route::Types;
 use super::*;
 use wrapyfi_data::Limits;
 use wrapyfi_data::types::{Encoding, MessageType};
-use wrapyfi_endpoint::{QosPreset, TopicSpec};
+use wrapyfi_endpoint::{Conventions, QosPreset, TopicSpec};
 
 #[derive(Debug, Default, Deserialize)]
 struct NoEndpoints {}
@@ -22,7 +22,7 @@ fn plan(text: &str) -> Result<Plan, ConfigError> {
         name,
         check_topic: &no_blanks,
         options: &["carrier"],
-        ..Available::default()
+        conventions: Conventions { has_text_type: name == "ros2", ..Conventions::NONE },
     };
     let mut types = TypeStore::generated();
     Plan::new(&config, &[known("zeromq"), known("ros2")], &mut types, "bridge.yaml")
