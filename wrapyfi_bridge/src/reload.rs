@@ -199,11 +199,7 @@ impl Reload {
             }
         }
         if is_other {
-            let mut registry = self.middlewares.registry().clone();
-            if let Some(handle) = &self.handle {
-                registry.set_clock(handle.clock());
-            }
-            self.routes.turn_to(registry);
+            self.routes.turn_to(self.registry_of(&self.middlewares));
         }
     }
 

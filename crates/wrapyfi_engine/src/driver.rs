@@ -135,8 +135,10 @@ impl Driver {
             if let Some(types) = latest.types.take() {
                 reconciler.types = types;
             }
-            let plan = if latest.is_active { latest.plan.clone() } else { Plan::default() };
-            std::mem::take(&mut latest.is_new).then(|| (plan, latest.registry.clone()))
+            std::mem::take(&mut latest.is_new).then(|| {
+                let plan = if latest.is_active { latest.plan.clone() } else { Plan::default() };
+                (plan, latest.registry.clone())
+            })
         };
         if let Some((plan, registry)) = next {
             let changes = reconciler.replace(plan, registry, now);
