@@ -80,6 +80,8 @@ pub(super) struct Front {
     dirty: BTreeSet<usize>,
     /// Listeners and the port that have more to be read than was read.
     unread: BTreeSet<usize>,
+    /// Connections wait at the port, because the process had no files left.
+    has_waiting: bool,
     heard: Vec<Heard>,
     losses: Vec<Loss>,
     scratch: Vec<u8>,
@@ -110,6 +112,7 @@ impl Front {
             hwm: Some(usize::from(bounds.hwm)).filter(|hwm| *hwm > 0),
             dirty: BTreeSet::new(),
             unread: BTreeSet::new(),
+            has_waiting: false,
             heard: Vec::new(),
             losses: Vec::new(),
             scratch: vec![0; READ_BYTES],
@@ -197,8 +200,10 @@ impl Front {
                 self.leave(id, &"it does not answer");
             }
         }
-        // The process may have files again after it had run out of them.
-        self.unread.insert(PORT.0);
+        // Files may have come free elsewhere in the process.
+        if self.has_waiting {
+            self.unread.insert(PORT.0);
+        }
         self.flush();
     }
 
@@ -321,10 +326,15 @@ impl Front {
         loop {
             let (stream, address) = match self.port.accept() {
                 Ok(accepted) => accepted,
-                Err(error) if error.kind() == ErrorKind::WouldBlock => return,
+                Err(error) if error.kind() == ErrorKind::WouldBlock => {
+                    self.has_waiting = false;
+                    return;
+                }
                 Err(error) => {
-                    // Such as: no more files. It is tried again with the next tick.
+                    // Such as: no more files. It is tried again when one is free, and with each tick: no event tells
+                    // twice of those that wait.
                     tracing::debug!(%error, "a peer could not be accepted");
+                    self.has_waiting = true;
                     return;
                 }
             };
@@ -417,6 +427,9 @@ impl Front {
     /// Ends a connection. What waited for it is lost.
     fn leave(&mut self, id: usize, why: &dyn std::fmt::Display) {
         let Some(peer) = self.peers.remove(&id) else { return };
+        if self.has_waiting {
+            self.unread.insert(PORT.0);
+        }
         tracing::debug!(peer = %peer.address, %why, "a connection to the ZeroMQ broker ended");
         for topic in &peer.topics {
             unlist(&mut self.index, &mut self.lengths, topic, id);
