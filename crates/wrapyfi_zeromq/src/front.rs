@@ -18,6 +18,7 @@
 //! Nothing here blocks, and a message that waits for several listeners exists once.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::hash::{BuildHasher as _, RandomState};
 use std::io::ErrorKind;
 use std::net::{IpAddr, SocketAddr, TcpListener};
 use std::os::fd::{AsRawFd as _, RawFd};
@@ -106,7 +107,7 @@ impl Front {
             faults: Throttle::default(),
             events: Some(Events::with_capacity(EVENTS)),
             peers: BTreeMap::new(),
-            next_id: 0,
+            next_id: first_id(),
             index: HashMap::new(),
             lengths: BTreeMap::new(),
             hwm: Some(usize::from(bounds.hwm)).filter(|hwm| *hwm > 0),
@@ -442,6 +443,14 @@ impl Front {
         let lost = |message: &Arc<Message>| message.loss(DropReason::ConnectionLost, peer.address);
         self.losses.extend(peer.outbox.iter().filter(|it| it.of.is_some()).map(lost));
     }
+}
+
+/// Number of the first connection, another one in each broker: a reply to a client of a broker that has ended must
+/// find no other client.
+fn first_id() -> usize {
+    let random = RandomState::new().hash_one(std::process::id());
+    // Far below the token of the port.
+    usize::try_from(random >> 8).unwrap_or(0) / 2
 }
 
 /// A subscription, or its end, as publishers hear it. It has a size, so that it counts where it waits.

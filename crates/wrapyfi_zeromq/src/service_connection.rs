@@ -168,9 +168,9 @@ impl ServiceConnection {
             socket.set_rcvhwm(depth)?;
             // What a slow broker does not take waits here, where its bytes count.
             socket.set_sndhwm(i32::from(SEND_HWM))?;
-            // Requests that a lost broker had been given are lost with it; the others go to the
-            // next one.
-            socket.set_immediate(true)?;
+            // A server's replies belong to the clients of one broker, and go with it. What a client has received must
+            // not: libzmq would throw away a reply that came just before its broker ended.
+            socket.set_immediate(matches!(end, End::Server(_)))?;
             options::set_message_limit(&socket, spec.limits.message_bytes)?;
             link::connect(context, socket, &link)
         })?;
@@ -229,8 +229,12 @@ impl ServiceConnection {
         self.watch
     }
 
-    /// Sends what waits and has room.
+    /// Sends what waits and has room; a client does so while the broker is there, because libzmq takes requests for
+    /// one that is not.
     pub(super) fn write(&self) -> zmq::Result<()> {
+        if !self.may_write() {
+            return Ok(());
+        }
         let mut outgoing = self.handle.outgoing.lock();
         let now = self.handle.context.clock.now();
         while let Some(Waiting { message, until, .. }) = outgoing.front() {
@@ -245,10 +249,14 @@ impl ServiceConnection {
         Ok(())
     }
 
+    fn may_write(&self) -> bool {
+        matches!(self.handle.end, End::Server(_)) || self.handle.link.is_up()
+    }
+
     /// True when there is something to read, or room for what waits to be sent.
     pub(super) fn has_more(&self) -> zmq::Result<bool> {
         let events = self.socket.get_events()?;
-        let waits = || !self.handle.outgoing.lock().is_empty();
+        let waits = || self.may_write() && !self.handle.outgoing.lock().is_empty();
         Ok(events.contains(zmq::POLLIN) || (events.contains(zmq::POLLOUT) && waits()))
     }
 
