@@ -3,9 +3,12 @@
 
     zmq_numbers.py publish   --topic /x --text z1:{n} --rate 50
     zmq_numbers.py subscribe --topic /x
+    zmq_numbers.py round     --topic /x --count 100    a number on each of /x_0, /x_1, ... in turn
+    zmq_numbers.py crowd     --topic /x --count 100    a socket for each of them
 
 Ports are those of the broker in WRAPYFI_ZEROMQ_SOCKET_PUB_PORT and _SUB_PORT. Lines on stdout: `ready`,
-`message` with `value`.
+`message` with `value`; of a crowd `heard`, with the number of messages that came to the socket that heard the
+fewest (`least`).
 """
 import argparse
 import json
@@ -16,10 +19,11 @@ import zmq
 from lines import leave, leaving, say, watch_stdin
 
 parser = argparse.ArgumentParser()
-parser.add_argument("role", choices=["publish", "subscribe"])
+parser.add_argument("role", choices=["publish", "subscribe", "round", "crowd"])
 parser.add_argument("--topic", required=True)
 parser.add_argument("--text", default="{n}")
 parser.add_argument("--rate", type=float, default=20.0)
+parser.add_argument("--count", type=int, default=1)
 args = parser.parse_args()
 watch_stdin()
 port = {side: os.environ[f"WRAPYFI_ZEROMQ_SOCKET_{side}_PORT"] for side in ("PUB", "SUB")}
@@ -33,6 +37,32 @@ if args.role == "publish":
         socket.send_multipart([args.topic.encode(), json.dumps(text).encode()])
         say("message", value=text)
         number += 1
+elif args.role == "round":
+    socket = zmq.Context().socket(zmq.PUB)
+    socket.connect(f"tcp://127.0.0.1:{port['SUB']}")
+    say("ready")
+    number = 0
+    while not leaving.wait(1 / args.rate):
+        for topic in range(args.count):
+            socket.send_multipart([f"{args.topic}_{topic}".encode(), json.dumps(str(number)).encode()])
+        number += 1
+elif args.role == "crowd":
+    context, poller, heard = zmq.Context(), zmq.Poller(), {}
+    for topic in range(args.count):
+        socket = context.socket(zmq.SUB)
+        socket.subscribe(f"{args.topic}_{topic}".encode())
+        socket.connect(f"tcp://127.0.0.1:{port['PUB']}")
+        poller.register(socket, zmq.POLLIN)
+        heard[socket] = 0
+    say("ready")
+    least = 0
+    while not leaving.is_set():
+        for socket, _ in poller.poll(100):
+            socket.recv_multipart()
+            heard[socket] += 1
+        if min(heard.values()) != least:
+            least = min(heard.values())
+            say("heard", least=least)
 else:
     socket = zmq.Context().socket(zmq.SUB)
     socket.subscribe(args.topic.encode())

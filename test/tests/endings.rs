@@ -43,6 +43,14 @@ fn a_reader_of_the_status_that_went_ends_nothing() -> Result {
     carries(test, TestEnv::wrapyfi_unread)
 }
 
+#[test]
+fn a_full_disk_under_log_and_status_stops_nothing() -> Result {
+    carries("a_full_disk_under_log_and_status_stops_nothing", |env, args| {
+        // Whatever is written there fails for want of space.
+        env.wrapyfi_by("exec \"$@\" >/dev/full 2>&1", args)
+    })
+}
+
 /// Asks a bridge to end while it waits for the answer of something that takes connections and says nothing.
 fn ends_while_it_starts(test: &str, endpoints: impl Fn(u16) -> String, from: &str) -> Result {
     run(test, NEEDS, |env| {

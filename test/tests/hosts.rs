@@ -523,7 +523,7 @@ fn a_node_of_ros_2_behind_a_dead_link_is_missed_and_heard_again() -> Result {
         let config = env.embedded();
         let route = Route::new("ros2:/far/x", "zeromq:/far/x", "Text").with("lazy", "false");
         let bridge = bridge(env, &robot, &config.route(route).yaml())?;
-        let _listener = robot.wrapyfi(["echo", "zeromq:/far/x", "--type", "Text"])?;
+        let listener = robot.wrapyfi(["echo", "zeromq:/far/x", "--type", "Text"])?;
         let state = |wanted: &str| {
             bridge.wait_until(wanted, |output| {
                 let last = output.objects().next_back()?;
@@ -535,12 +535,15 @@ fn a_node_of_ros_2_behind_a_dead_link_is_missed_and_heard_again() -> Result {
         let cut = Instant::now();
         state("waiting")?;
         let missed = cut.elapsed();
+        let heard = listener.wait_until("what it heard", |output| Some(output.out.len()))?;
         laptop.plug(true)?;
         let back = Instant::now();
-        state("active")?;
+        listener.wait_until("a message after the cable is back", |output| {
+            (output.out.len() > heard).then_some(())
+        })?;
         // Written directly: the test runner hides what `println!` says when a test passes.
         writeln!(std::io::stderr(), "missed after {missed:?}, back after {:?}", back.elapsed())?;
-        Ok(())
+        state("active")
     })
 }
 

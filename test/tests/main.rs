@@ -12,6 +12,7 @@ mod endings;
 mod example_sensors;
 mod examples;
 mod fastdds;
+mod faults;
 mod frameworks;
 mod guides;
 mod headers;

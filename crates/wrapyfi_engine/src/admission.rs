@@ -193,6 +193,33 @@ impl Reconciler {
         told.next()
     }
 
+    /// Type that all publishers of the source announce now, and the one that the route learned from those before.
+    /// A source whose type is guessed by its messages tells none.
+    pub(super) fn other_type(
+        &mut self,
+        spec: &Route,
+        candidate: &Candidate,
+    ) -> Option<(&'static str, &'static str)> {
+        let carried = candidate.carried.filter(|_| spec.typing != Typing::Given)?;
+        let Candidate { from, to, wished: None, guessed_type: None, .. } = candidate else {
+            return None;
+        };
+        let between_ros = self.are_both_ros(from, to);
+        let source = self.graph.get(&from.middleware).filter(|side| !side.traits().untyped)?;
+        let middleware = source.middleware.clone()?;
+        let mut other = None;
+        for publisher in source.endpoints(Role::Publisher, &from.name) {
+            let learned = middleware.learn_topic(publisher, &mut self.types).ok()?;
+            let told = learned.message_type(between_ros);
+            let told = middleware.received_as(told, &spec.policy.options).label();
+            if told == carried.label() {
+                return None;
+            }
+            other = Some((told, carried.label()));
+        }
+        other
+    }
+
     /// Listeners at the destination that want another type than the route's, and a type for them.
     pub(super) fn misfits(&mut self, spec: &Route, candidate: &Candidate) -> Misfits {
         let Candidate { from, to, .. } = candidate;

@@ -130,12 +130,13 @@ impl Candidate {
     }
 
     /// Notes the reason that it has no route, and logs a new one; at level debug where it is one of
-    /// many.
-    pub(super) fn waits(&mut self, name: &str, state: RouteState, is_one_of_many: bool) {
+    /// many. True where it is new.
+    pub(super) fn waits(&mut self, name: &str, state: RouteState, is_one_of_many: bool) -> bool {
         if matches!(self.state, State::Runs(_)) || self.state == State::Waits(state.clone()) {
-            return;
+            return false;
         }
         state.log(name, is_one_of_many, 0);
         self.state = State::Waits(state);
+        true
     }
 }

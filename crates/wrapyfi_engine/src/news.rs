@@ -27,6 +27,8 @@ pub(super) struct News {
     /// Name of each route, and its log line.
     made: Vec<(String, String)>,
     types: BTreeMap<&'static str, usize>,
+    /// Name of each route that lacks what only a user can give, and its log line.
+    lacking: Vec<(String, String)>,
 }
 
 impl News {
@@ -45,12 +47,25 @@ impl News {
         *self.types.entry(label).or_default() += 1;
     }
 
-    /// Logs the routes that were made, once [`SPAN`] has passed since the first.
+    /// Notes a route that cannot be made before a user does something.
+    pub(super) fn lacks(&mut self, route: String, text: String, now: Instant) {
+        self.since.get_or_insert(now);
+        self.lacking.push((route, text));
+    }
+
+    /// Logs the routes that were made or cannot be, once [`SPAN`] has passed since the first.
     pub(super) fn tell(&mut self, pattern: &Route, now: Instant) {
         if self.since.is_none_or(|since| now.saturating_duration_since(since) < SPAN) {
             return;
         }
-        let Self { made, types, .. } = std::mem::take(self);
+        let Self { made, types, lacking, .. } = std::mem::take(self);
+        for (route, text) in lacking.iter().take(FEW) {
+            tracing::warn!(route, "{text}");
+        }
+        if lacking.len() > FEW {
+            let more = lacking.len() - FEW;
+            tracing::warn!(route = pattern.name, "{more} more routes wait for something like this");
+        }
         for (route, text) in &made {
             match made.len() {
                 ..=FEW => tracing::info!(route, "{text}"),

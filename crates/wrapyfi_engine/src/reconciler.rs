@@ -475,7 +475,16 @@ impl Reconciler {
             Err(_) if candidate.is_ahead => return (false, None),
             Err((state, retry)) => {
                 candidate.retry_at(now + retry);
-                candidate.waits(&name, state, spec.is_many());
+                let text = state.to_string();
+                let is_silent = spec.is_many() && matches!(state, RouteState::Waiting(_));
+                // Where nothing but a user can help, a line of the debug log is not enough.
+                if candidate.waits(&name, state, spec.is_many())
+                    && is_silent
+                    && !retry.is_zero()
+                    && let Some(pattern) = self.patterns.get_mut(key.0)
+                {
+                    pattern.news.lacks(name, text, now);
+                }
                 return (true, None);
             }
         };
@@ -511,6 +520,10 @@ impl Reconciler {
         candidate: &mut Candidate,
         now: Instant,
     ) -> Result<Option<String>, String> {
+        if let Some((told, carried)) = self.other_type(spec, candidate) {
+            candidate.state = State::New;
+            return Err(format!("its publishers have the type {told} now, not {carried}"));
+        }
         if !spec.is_many() {
             return Ok(None);
         }

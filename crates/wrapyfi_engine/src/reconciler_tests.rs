@@ -278,6 +278,27 @@ fn one_topic_whose_type_nobody_tells_yet_waits_for_it() {
 }
 
 #[test]
+fn a_source_that_comes_back_with_another_type_gets_another_route() {
+    for written in [ALL, "from: 'a:/x', to: 'b:/from_a/x'"] {
+        let mut bench = Bench::new(&[written]);
+        let route = "a:/x -> b:/from_a/x";
+        let label = |bench: &Bench| {
+            let status = bench.engine.status();
+            let found = status.into_iter().find(|it| it.name == route && it.pattern.is_none());
+            found.map(|it| it.message_type)
+        };
+        let before = publisher(&bench.a, "/x", MessageType::Image);
+        bench.run(2 * SECOND);
+        assert!(label(&bench).is_some_and(|it| it.ends_with("Image")), "{written}");
+        drop(before);
+        bench.run(2 * SECOND);
+        let _after = publisher(&bench.a, "/x", MessageType::AudioChunk);
+        bench.run(2 * SECOND);
+        assert!(label(&bench).is_some_and(|it| it.ends_with("AudioChunk")), "{written}");
+    }
+}
+
+#[test]
 fn the_number_of_routes_is_limited_and_the_rest_counted() {
     let mut bench = Bench::new(&["from: 'a:/(.*)', to: 'b:/$1', max_routes: 3"]);
     let names: Vec<String> = (0..5).map(|n| format!("/t{n}")).collect();

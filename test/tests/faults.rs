@@ -1,0 +1,263 @@
+//! Faults of docs/reliability.md that belong to no other subject: garbage on ports, many that come back at once, a
+//! large topic beside a small one, types and clocks that change while a bridge runs.
+
+use std::collections::BTreeSet;
+use std::net::{Ipv4Addr, UdpSocket};
+
+use anyhow::{Context as _, ensure};
+use serde_json::Value;
+use wrapyfi_e2e::{
+    Config, Need, Output, Process, Result, Route, TestEnv, ros1, ros2, run, yarp, zeromq,
+};
+
+const NEEDS: &[Need] = &[Need::Program, Need::Python];
+const TYPE: &str = "std_msgs/msg/String";
+
+/// Numbers that a listener of texts has heard.
+fn numbers(output: &Output) -> Vec<u64> {
+    let text = |message: &Value| {
+        let found = [&message["fields"]["data"], &message["value"]["data"], &message["value"]];
+        found.into_iter().find_map(Value::as_str).and_then(|text| text.parse().ok())
+    };
+    output.objects().filter_map(|message| text(&message)).collect()
+}
+
+/// Waits until a listener has heard `count` numbers more than now, in order and each once.
+fn hears_more(listener: &Process, count: usize) -> Result<Vec<u64>> {
+    let before = listener.wait_until("what it heard", |output| Some(numbers(output).len()))?;
+    let more = listener.wait_until(&format!("{count} numbers more"), |output| {
+        let more = numbers(output).split_off(before);
+        (more.len() >= count).then_some(more)
+    })?;
+    ensure!(more.is_sorted_by(|one, next| one < next), "out of order: {more:?}");
+    Ok(more)
+}
+
+/// Ports of UDP that a process has bound.
+fn udp_ports(pid: u32) -> Result<BTreeSet<u16>> {
+    let files = std::fs::read_dir(format!("/proc/{pid}/fd"))?;
+    let links = files.filter_map(|file| std::fs::read_link(file.ok()?.path()).ok());
+    let sockets: BTreeSet<String> = links
+        .filter_map(|link| {
+            Some(link.to_str()?.strip_prefix("socket:[")?.strip_suffix(']')?.to_owned())
+        })
+        .collect();
+    let mut ports = BTreeSet::new();
+    for line in std::fs::read_to_string(format!("/proc/{pid}/net/udp"))?.lines().skip(1) {
+        let columns: Vec<&str> = line.split_whitespace().collect();
+        let (local, inode) = (columns[1], columns[9]);
+        let (_, port) = local.split_once(':').context("no port")?;
+        if sockets.contains(inode) {
+            ports.insert(u16::from_str_radix(port, 16)?);
+        }
+    }
+    Ok(ports)
+}
+
+#[test]
+fn garbage_on_the_ports_of_dds_stops_nothing() -> Result {
+    run("garbage_on_the_ports_of_dds_stops_nothing", NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
+        let route = Route::new(&ros2(&from), &zeromq(&to), "Text");
+        let mut bridge = env.bridge(&env.embedded().route(route))?;
+        let listener = env.wrapyfi(["echo", &zeromq(&to), "--type", "Text", "--json"])?;
+        let _publisher = env.dds_publisher(&from, TYPE, "--rate 50 --text {n}")?;
+        hears_more(&listener, 10)?;
+
+        let ports = udp_ports(bridge.id())?;
+        ensure!(ports.len() >= 2, "ports of discovery and of data: {ports:?}");
+        let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0))?;
+        let mut chance = 7_u64;
+        let mut byte = || {
+            chance = chance.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            chance.to_be_bytes()[0]
+        };
+        for turn in 0..4000_usize {
+            // Nothing, noise, and noise that begins as a message of RTPS does, with submessages of any kind.
+            let mut datagram = match turn % 3 {
+                0 => Vec::new(),
+                1 => b"RTPS".to_vec(),
+                _ => {
+                    b"RTPS\x02\x03\x01\x10\x01\x10\x00\x01\x00\x00\x00\x01\x00\x00\x00\x01".to_vec()
+                }
+            };
+            datagram.extend((0..turn % 600).map(|_| byte()));
+            for port in &ports {
+                socket.send_to(&datagram, (Ipv4Addr::LOCALHOST, *port))?;
+            }
+        }
+        hears_more(&listener, 50)?;
+        bridge.terminate()?;
+        bridge.exits_with(0)
+    })
+}
+
+/// A small topic of 50 messages a second beside one of 2 MB messages, both from the middleware of `end`.
+fn beside_a_large_topic(
+    test: &str,
+    needs: &[Need],
+    end: impl Fn(&str) -> String,
+    prepare: impl FnOnce(&TestEnv) -> Result<Option<Process>>,
+) -> Result {
+    run(test, needs, |env| {
+        let _server = prepare(env)?;
+        let _broker = env.broker()?;
+        let [start, small, large, heard] =
+            ["start", "small", "large", "heard"].map(|name| env.topic(name));
+        // A bridge of its own numbers messages on every middleware.
+        let route = Route::new(&ros2(&start), &end(&small), "Text");
+        let _talker = env.bridge_named("talker.yaml", &env.foreign().route(route))?;
+        let _numbers = env.dds_publisher(&start, TYPE, "--rate 50 --text {n}")?;
+        let large_to = ros2(&large);
+        let config: Config = env
+            .foreign()
+            .route(Route::new(&end(&small), &ros2(&heard), "Text"))
+            .route(Route::new(&end(&large), &large_to, "NativeObject").with("lazy", "false"));
+        let bridge = env.bridge(&config)?;
+        let listener = env.dds_subscriber(&heard, TYPE, "--plain")?;
+        hears_more(&listener, 10)?;
+
+        let text = serde_json::to_string(&"x".repeat(2_000_000))?;
+        let file = env.write("large.json", text)?.display().to_string();
+        let publish = ["pub", &end(&large), "--type", "NativeObject", "--file", &file];
+        let _publisher = env.wrapyfi(publish.into_iter().chain(["--rate", "20"]))?;
+        let received = |output: &Output| {
+            let last = output.objects().next_back()?;
+            let routes = last["routes"].as_array()?;
+            let route = routes.iter().find(|route| route["to"] == large_to.as_str())?;
+            route["counters"]["received"].as_u64()
+        };
+        bridge.wait_until("large messages", |output| received(output).filter(|it| *it > 0))?;
+        let more = hears_more(&listener, 200)?;
+        let large = bridge.wait_until("its status", received)?;
+        ensure!(large >= 2, "{large} large messages beside 200 small ones");
+        let span = more[more.len() - 1] - more[0] + 1;
+        // A busy machine may be late; a route that waits for the large messages would lose most.
+        ensure!(span * 9 <= more.len() as u64 * 10, "{} of {span} small messages", more.len());
+        Ok(())
+    })
+}
+
+#[test]
+fn a_large_topic_on_ros_1_stops_no_small_one() -> Result {
+    let needs = &[Need::Program, Need::Python, Need::Ros1];
+    let master = |env: &TestEnv| env.roscore().map(Some);
+    beside_a_large_topic("a_large_topic_on_ros_1_stops_no_small_one", needs, ros1, master)
+}
+
+#[test]
+fn a_large_topic_on_yarp_stops_no_small_one() -> Result {
+    let server = |env: &TestEnv| env.yarpserver().map(Some);
+    beside_a_large_topic("a_large_topic_on_yarp_stops_no_small_one", NEEDS, yarp, server)
+}
+
+#[test]
+fn a_large_topic_on_zeromq_stops_no_small_one() -> Result {
+    beside_a_large_topic("a_large_topic_on_zeromq_stops_no_small_one", NEEDS, zeromq, |_| Ok(None))
+}
+
+#[test]
+fn a_hundred_routes_and_a_hundred_sockets_come_back_to_a_broker_at_once() -> Result {
+    run("a_hundred_routes_and_a_hundred_sockets_come_back_to_a_broker_at_once", NEEDS, |env| {
+        const COUNT: usize = 100;
+        let topic = env.topic("x");
+        let name = |number: usize| format!("{topic}_{number}");
+        let routes = (0..COUNT).map(|number| {
+            let name = name(number);
+            Route::new(&zeromq(&name), &ros2(&name), "Text").with("lazy", "false")
+        });
+        let config = routes.fold(env.foreign(), Config::route);
+        let mut broker = env.broker()?;
+        let bridge = env.bridge(&config)?;
+        let crowd =
+            env.peer("zmq_numbers.py", &format!("crowd --topic {topic} --count {COUNT}"))?;
+        crowd.event("ready")?;
+        let args = format!("round --topic {topic} --count {COUNT} --rate 5");
+        let talker = env.peer("zmq_numbers.py", &args)?;
+        talker.event("ready")?;
+        for _life in 0..3 {
+            let received = |output: &Output| {
+                let last = output.objects().next_back()?;
+                let routes = last["routes"].as_array()?;
+                routes.iter().map(|route| route["counters"]["received"].as_u64()).collect()
+            };
+            // Number of messages of the socket that has heard the fewest.
+            let least = |output: &Output| output.objects().next_back()?["least"].as_u64();
+            let before: Vec<u64> = bridge.wait_until("its status", received)?;
+            let heard = crowd.wait_until("what it heard", least)?;
+            crowd.wait_until("news on every socket", |output| {
+                least(output).filter(|least| *least > heard)
+            })?;
+            bridge.wait_until("news on every route", |output| {
+                let now: Vec<u64> = received(output)?;
+                now.iter().zip(&before).all(|(now, before)| now > before).then_some(())
+            })?;
+            broker.kill()?;
+            drop(broker);
+            broker = env.broker()?;
+        }
+        Ok(())
+    })
+}
+
+#[test]
+fn a_topic_of_ros_2_that_comes_back_with_another_type_is_carried() -> Result {
+    run("a_topic_of_ros_2_that_comes_back_with_another_type_is_carried", NEEDS, |env| {
+        let topic = env.topic("x");
+        let route = Route::untyped(&ros2(&topic), &zeromq(&topic));
+        let _bridge = env.bridge(&env.embedded().route(route))?;
+        let listener =
+            env.wrapyfi(["echo", &zeromq(&topic), "--type", "NativeObject", "--json"])?;
+        for (number, message_type) in ["NativeObject", "Text", "NativeObject"].iter().enumerate() {
+            let value = format!("\"{number}\"");
+            let publish = ["pub", &ros2(&topic), "--type", message_type, "--value", &value];
+            let mut publisher = env.wrapyfi(publish.into_iter().chain(["--rate", "20"]))?;
+            let heard = |output: &Output| numbers(output).contains(&(number as u64)).then_some(());
+            listener.wait_until(message_type, heard).with_context(|| publisher.tail())?;
+            publisher.terminate()?;
+            publisher.exits_with(0)?;
+        }
+        Ok(())
+    })
+}
+
+#[test]
+fn a_topic_of_ros_1_that_comes_back_with_another_type_is_carried() -> Result {
+    let test = "a_topic_of_ros_1_that_comes_back_with_another_type_is_carried";
+    run(test, &[Need::Program, Need::Python, Need::Ros1], |env| {
+        let _master = env.roscore()?;
+        let topic = env.topic("x");
+        let route = Route::untyped(&ros1(&topic), &zeromq(&topic));
+        let _bridge = env.bridge(&env.embedded().route(route))?;
+        let listener =
+            env.wrapyfi(["echo", &zeromq(&topic), "--type", "NativeObject", "--json"])?;
+        let text = ("std_msgs/String", "\"one\"", "\"value\":\"one\"");
+        for (message_type, value, said) in [text, ("std_msgs/Int32", "2", "\"data\":2")] {
+            let args = format!("publish --topic {topic} --type {message_type} --rate 20");
+            let fields = format!("{{\"data\": {value}}}");
+            let mut publisher = env.rospy(&args, Some(&fields))?;
+            let heard =
+                |output: &Output| output.out.iter().any(|line| line.contains(said)).then_some(());
+            listener.wait_until(message_type, heard).with_context(|| publisher.tail())?;
+            publisher.terminate()?;
+            publisher.exits_with(0)?;
+        }
+        Ok(())
+    })
+}
+
+#[test]
+fn a_clock_that_stops_stops_no_route() -> Result {
+    run("a_clock_that_stops_stops_no_route", &[Need::Program, Need::Python, Need::Node], |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
+        let route = Route::new(&ros2(&from), &zeromq(&to), "Text");
+        let _bridge = env.node_with(vec![route], &["-p", "use_sim_time:=true"])?;
+        let listener = env.wrapyfi(["echo", &zeromq(&to), "--type", "Text", "--json"])?;
+        let _publisher = env.dds_publisher(&from, TYPE, "--rate 50 --text {n}")?;
+        let fields = r#"--rate 50 --fields {"clock":{"sec":77}}"#;
+        let mut clock = env.dds_publisher("/clock", "rosgraph_msgs/msg/Clock", fields)?;
+        hears_more(&listener, 20)?;
+        clock.kill()?;
+        hears_more(&listener, 100).map(drop)
+    })
+}
