@@ -1,5 +1,8 @@
 //! Services of a managed node, and its topic `~/transition_event`, as `rclcpp_lifecycle` has them.
 
+use std::collections::VecDeque;
+use std::time::{Duration, Instant};
+
 use wrapyfi_core::endpoint::{Context, Qos, Registry, Server};
 use wrapyfi_core::types::{Map, Value};
 use wrapyfi_interfaces::lifecycle_msgs::msg::{
@@ -14,10 +17,16 @@ use super::{Advertise, Offered, Topic, next, offer, tell};
 use crate::lifecycle::{Lifecycle, Outcome, State, TRANSITIONS, Transition};
 use crate::node::Node;
 
+/// Longest time that an event waits for a subscription. Where services and topics are found by different participants,
+/// a caller may reach the service before its subscription is found, and the event of its own call would be lost to it.
+const WAIT_FOR_SUBSCRIPTION: Duration = Duration::from_secs(3);
+
 /// Endpoints through which others look at the state of a node, and change it.
 pub(crate) struct Managed {
     lifecycle: Lifecycle,
     events: Option<Topic>,
+    /// Events that nobody hears yet, the oldest first, each with its instant.
+    unheard: VecDeque<(Instant, TransitionEvent)>,
     change: Option<Offered>,
     state: Option<Offered>,
     states: Option<Offered>,
@@ -29,7 +38,16 @@ impl Managed {
     /// A node whose state nobody else sees.
     pub(crate) fn new(lifecycle: Lifecycle) -> Self {
         let (change, state, states, available, graph) = (None, None, None, None, None);
-        Self { lifecycle, events: None, change, state, states, available, graph }
+        Self {
+            lifecycle,
+            events: None,
+            unheard: VecDeque::new(),
+            change,
+            state,
+            states,
+            available,
+            graph,
+        }
     }
 
     /// Opens the endpoints. One that the middleware refuses is missing, which is logged.
@@ -46,24 +64,42 @@ impl Managed {
         self.graph = transitions("get_transition_graph");
     }
 
-    /// Goes through a transition; true where `work` was a success.
+    /// Goes through a transition by itself; true where `work` was a success.
     pub(crate) fn go(
         &mut self,
         transition: Transition,
         work: impl FnMut(State) -> Outcome,
     ) -> bool {
-        let Self { lifecycle, events, .. } = self;
+        let success = self.steps(transition, work);
+        self.publish_older_than(Duration::ZERO);
+        success
+    }
+
+    fn steps(&mut self, transition: Transition, work: impl FnMut(State) -> Outcome) -> bool {
+        let Self { lifecycle, unheard, .. } = self;
         lifecycle.go(transition, work, |step| {
             tracing::debug!("{} -> {}", step.start.label(), step.goal.label());
-            if let Some(events) = events {
-                // Time and transition stay empty, as rclcpp_lifecycle leaves them.
-                events.publish(&TransitionEvent {
-                    start_state: state(step.start),
-                    goal_state: state(step.goal),
-                    ..TransitionEvent::default()
-                });
-            }
+            // Time and transition stay empty, as rclcpp_lifecycle leaves them.
+            let event = TransitionEvent {
+                start_state: state(step.start),
+                goal_state: state(step.goal),
+                ..TransitionEvent::default()
+            };
+            unheard.push_back((Instant::now(), event));
         })
+    }
+
+    /// Publishes the events that somebody hears, or that have waited for that long.
+    fn publish_older_than(&mut self, limit: Duration) {
+        let Some(events) = &mut self.events else { return self.unheard.clear() };
+        let is_heard = events.publisher.link().peers != Some(0);
+        while let Some((at, event)) = self.unheard.front() {
+            if !is_heard && at.elapsed() < limit {
+                break;
+            }
+            events.publish(event);
+            self.unheard.pop_front();
+        }
     }
 
     /// Answers those who asked. `work` does what an intermediate state is for.
@@ -74,7 +110,7 @@ impl Managed {
             while let Some(asked) = next(server.as_mut()) {
                 let call = asked.request.into_call().unwrap_or_default();
                 let success = match self.wanted(&call.kwargs) {
-                    Ok(transition) => self.go(transition, &mut work),
+                    Ok(transition) => self.steps(transition, &mut work),
                     Err(why) => {
                         tracing::warn!("{why}");
                         false
@@ -84,6 +120,7 @@ impl Managed {
             }
         }
         self.change = change;
+        self.publish_older_than(WAIT_FOR_SUBSCRIPTION);
         let current_state = state(self.lifecycle.state());
         each(&mut self.state, || GetState_Response { current_state: current_state.clone() });
         each(&mut self.states, || GetAvailableStates_Response {
