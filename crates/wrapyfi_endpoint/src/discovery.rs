@@ -14,7 +14,7 @@ use std::time::Duration;
 
 use serde::Serialize;
 
-use super::{BridgeMark, History, Liveliness, Reliability};
+use super::{BridgeMark, History, Liveliness, QosPolicy, Reliability};
 
 /// Predicate that is true for the names of endpoints that the owner of a [`Discovery`] asks for.
 pub type NameFilter = Box<dyn Fn(&str) -> bool + Send + Sync>;
@@ -105,16 +105,17 @@ pub enum Role {
     Server,
 }
 
-impl fmt::Display for Role {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
-            Self::Publisher => "publisher",
-            Self::Listener => "listener",
-            Self::Client => "client",
-            Self::Server => "server",
-        })
-    }
+/// Words of enums in logs and tables: those that they have in JSON.
+macro_rules! shown_as_in_json {
+    ($($shown:ty),*) => {$(
+        impl fmt::Display for $shown {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                self.serialize(f)
+            }
+        }
+    )*};
 }
+shown_as_in_json!(Role, Reliability, AnnouncedDurability, Liveliness, QosPolicy);
 
 /// Messages of a topic that passed through the broker since it started.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -153,16 +154,7 @@ pub enum AnnouncedDurability {
 impl fmt::Display for AnnouncedQos {
     /// Writes reliability, durability and each policy that is not the default: `reliable volatile`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self.reliability {
-            Reliability::Reliable => "reliable",
-            Reliability::BestEffort => "best_effort",
-        })?;
-        f.write_str(match self.durability {
-            AnnouncedDurability::Volatile => " volatile",
-            AnnouncedDurability::TransientLocal => " transient_local",
-            AnnouncedDurability::Transient => " transient",
-            AnnouncedDurability::Persistent => " persistent",
-        })?;
+        write!(f, "{} {}", self.reliability, self.durability)?;
         match self.history {
             Some(History::KeepLast(depth)) => write!(f, " keep_last({depth})")?,
             Some(History::KeepAll) => f.write_str(" keep_all")?,
@@ -173,10 +165,8 @@ impl fmt::Display for AnnouncedQos {
                 write!(f, " {name} {time:?}")?;
             }
         }
-        match self.liveliness {
-            Liveliness::Automatic => {}
-            Liveliness::ManualByParticipant => f.write_str(" manual_by_participant")?,
-            Liveliness::ManualByTopic => f.write_str(" manual_by_topic")?,
+        if self.liveliness != Liveliness::Automatic {
+            write!(f, " {}", self.liveliness)?;
         }
         match self.lease {
             Some(lease) => write!(f, " lease {lease:?}"),

@@ -11,6 +11,8 @@
 use std::fmt;
 use std::time::Duration;
 
+use serde::Serialize;
+
 use super::{AnnouncedDurability, AnnouncedQos, Durability, Liveliness, Qos, Reliability, Role};
 
 /// Shortest deadline and lease that are taken over from a peer: shorter ones would let a stranger
@@ -18,7 +20,8 @@ use super::{AnnouncedDurability, AnnouncedQos, Durability, Liveliness, Qos, Reli
 const SHORTEST: Duration = Duration::from_millis(1);
 
 /// A policy that a publisher and a listener must agree on to be matched.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
 #[allow(missing_docs)]
 pub enum QosPolicy {
     Reliability,
@@ -37,22 +40,13 @@ impl QosPolicy {
             None => format!("no {name}"),
         };
         match self {
-            Self::Reliability => match qos.reliability {
-                Reliability::Reliable => "reliable".to_owned(),
-                Reliability::BestEffort => "best effort".to_owned(),
-            },
-            Self::Durability => match qos.durability {
-                AnnouncedDurability::Volatile => "volatile".to_owned(),
-                AnnouncedDurability::TransientLocal => "transient local".to_owned(),
-                AnnouncedDurability::Transient => "transient".to_owned(),
-                AnnouncedDurability::Persistent => "persistent".to_owned(),
-            },
+            Self::Reliability => in_words(qos.reliability),
+            Self::Durability => in_words(qos.durability),
             Self::Deadline => time("deadline", qos.deadline),
             Self::Liveliness => {
                 let kind = match qos.liveliness {
-                    Liveliness::Automatic => "automatic liveliness",
-                    Liveliness::ManualByParticipant => "liveliness manual by participant",
-                    Liveliness::ManualByTopic => "liveliness manual by topic",
+                    Liveliness::Automatic => "automatic liveliness".to_owned(),
+                    manual => format!("liveliness {}", in_words(manual)),
                 };
                 format!("{kind} with {}", time("lease", qos.lease))
             }
@@ -60,15 +54,9 @@ impl QosPolicy {
     }
 }
 
-impl fmt::Display for QosPolicy {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
-            Self::Reliability => "reliability",
-            Self::Durability => "durability",
-            Self::Deadline => "deadline",
-            Self::Liveliness => "liveliness",
-        })
-    }
+/// Words of a value that is written with underscores elsewhere: `best effort`.
+fn in_words(value: impl fmt::Display) -> String {
+    value.to_string().replace('_', " ")
 }
 
 /// Policies in which a publisher offers less than a listener asks for: none when they fit.

@@ -8,7 +8,7 @@
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use wrapyfi_interfaces::store::TypeStore;
 
@@ -23,8 +23,11 @@ use super::tap::Tap;
 use wrapyfi_endpoint::{Registry, Wake};
 use wrapyfi_retry::contained;
 
+/// Pause between two looks whether all routes are closed.
+const LOOK_AGAIN: Duration = Duration::from_millis(5);
+
 /// The routes that run, with the reconciler and the pool.
-pub(super) struct Driver {
+pub struct Driver {
     pub(super) pool: Arc<Pool>,
     members: Mutex<Members>,
     reconciler: Mutex<Reconciler>,
@@ -83,8 +86,14 @@ impl Driver {
         lock(&self.reconciler).types = types;
     }
 
-    /// Takes a plan for the next look.
-    pub(super) fn apply(
+    /// Turns to another plan, as a whole or not at all. Routes that are the same in both go on
+    /// untouched, also those that a pattern made where the new one makes them the same. Routes on a
+    /// middleware that `registry` has replaced begin anew. `types` has the definitions that
+    /// patterns learn. Returns the difference at once; routes begin and end soon after.
+    ///
+    /// # Errors
+    /// When the plan needs a middleware that is not in `registry`; the plan before goes on.
+    pub fn apply(
         &self,
         plan: Plan,
         types: TypeStore,
@@ -104,8 +113,9 @@ impl Driver {
         Ok(diff)
     }
 
-    /// Has the next look start the routes of the plan, or stop them all.
-    pub(super) fn set_active(&self, is_active: bool) {
+    /// Starts the routes of the plan, as they are at first, or stops them all: their ends close, and plan and
+    /// middlewares stay. It happens soon after.
+    pub fn set_active(&self, is_active: bool) {
         let mut latest = lock(&self.latest);
         latest.is_new |= latest.is_active != is_active;
         latest.is_active = is_active;
@@ -113,17 +123,25 @@ impl Driver {
         self.wake.ring();
     }
 
-    /// Takes other middlewares of the same names for the next look.
-    pub(super) fn turn_to(&self, registry: Registry) {
+    /// Turns to other middlewares of the same names: routes on one that is another begin anew.
+    pub fn turn_to(&self, registry: Registry) {
         let mut latest = lock(&self.latest);
         (latest.registry, latest.is_new) = (registry, true);
         drop(latest);
         self.wake.ring();
     }
 
-    /// True where no route runs or closes, and none is about to start.
-    pub(super) fn is_closed(&self) -> bool {
-        !lock(&self.latest).is_new && self.members().is_empty()
+    /// Waits until no end of a route is open any more, at most for some time; true where that is so.
+    #[must_use]
+    pub fn wait_closed(&self, most: Duration) -> bool {
+        let end = Instant::now() + most;
+        while lock(&self.latest).is_new || !self.members().is_empty() {
+            if Instant::now() >= end {
+                return false;
+            }
+            std::thread::sleep(LOOK_AGAIN);
+        }
+        true
     }
 
     /// Turns to a new plan where there is one, and looks at discovery; instant of the next look, if
@@ -205,8 +223,10 @@ impl Driver {
     }
 
     /// Statuses of the routes, then of the patterns and of the names they match that have no route
-    /// yet. Routes that are not to run wait.
-    pub(super) fn status(&self) -> Vec<RouteStatus> {
+    /// yet. It waits for no route: one in the middle of a step shows its state before it, and that
+    /// it is blocked once the step takes over a second.
+    #[must_use]
+    pub fn status(&self) -> Vec<RouteStatus> {
         let latest = lock(&self.latest);
         if !latest.is_active {
             let state = || RouteState::Waiting("the bridge to be activated".to_owned());
@@ -219,17 +239,21 @@ impl Driver {
     }
 
     /// The latest plan.
-    pub(super) fn plan(&self) -> Plan {
+    #[must_use]
+    pub fn plan(&self) -> Plan {
         lock(&self.latest).plan.clone()
     }
 
-    /// Window on the messages of the route with this name and these ends.
-    pub(super) fn tap(&self, route: [&str; 3]) -> Option<Arc<Tap>> {
-        lock(&self.members).running.values().find_map(|member| member.tap_of(route))
+    /// Window on the messages of a route that carries a topic, by its name and its ends as its status has
+    /// them.
+    #[must_use]
+    pub fn tap(&self, name: &str, from: &str, to: &str) -> Option<Arc<Tap>> {
+        lock(&self.members).running.values().find_map(|member| member.tap_of([name, from, to]))
     }
 
-    /// The middlewares of the latest plan.
-    pub(super) fn registry(&self) -> Registry {
+    /// Middlewares of the latest plan.
+    #[must_use]
+    pub fn registry(&self) -> Registry {
         lock(&self.latest).registry.clone()
     }
 

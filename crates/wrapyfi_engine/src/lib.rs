@@ -82,6 +82,7 @@ pub use config::{
 pub use config_devices::{DeviceWord, DevicesConfig};
 pub use config_error::{ConfigError, Problem};
 pub use config_qos::{QosConfig, QosOverride};
+pub use driver::Driver;
 pub use engine::Engine;
 pub use left_out::LeftOut;
 pub use plan::Plan;

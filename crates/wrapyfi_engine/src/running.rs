@@ -8,22 +8,14 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
-
-use wrapyfi_interfaces::store::TypeStore;
+use std::time::Duration;
 
 use super::driver::Driver;
 use super::member::Member;
-use super::plan::Plan;
-use super::plan_diff::{ApplyError, PlanDiff};
 use super::route_status::RouteStatus;
-use super::tap::Tap;
-use wrapyfi_endpoint::Registry;
 
 /// Longest time that a stop waits for steps that block, and for a look at discovery.
 const STOP_WITHIN: Duration = Duration::from_secs(1);
-/// Pause between two looks whether all routes are closed.
-const LOOK_AGAIN: Duration = Duration::from_millis(5);
 /// Largest number of routes that close at once.
 const CLOSE_AT_ONCE: usize = 16;
 /// Pause of the reconciler where there are no patterns; a new plan rings before.
@@ -44,81 +36,11 @@ impl std::ops::Deref for Running {
 }
 
 /// Handle of routes that turns them to another plan, as long as they run.
-#[derive(Clone)]
-pub struct Applier(Arc<Driver>);
-
-impl Applier {
-    /// Turns to another plan, as a whole or not at all. Routes that are the same in both go on
-    /// untouched, also those that a pattern made where the new one makes them the same. Routes on a
-    /// middleware that `registry` has replaced begin anew. `types` has the definitions that
-    /// patterns learn. Returns the difference at once; routes begin and end soon after.
-    ///
-    /// # Errors
-    /// When the plan needs a middleware that is not in `registry`; the plan before goes on.
-    pub fn apply(
-        &self,
-        plan: Plan,
-        types: TypeStore,
-        registry: Registry,
-    ) -> Result<PlanDiff, ApplyError> {
-        self.0.apply(plan, types, registry)
-    }
-
-    /// Starts the routes of the plan, as they are at first, or stops them all: their ends close, and plan and
-    /// middlewares stay. It happens soon after.
-    pub fn set_active(&self, is_active: bool) {
-        self.0.set_active(is_active);
-    }
-
-    /// Waits until no end of a route is open any more, at most for some time; true where that is so.
-    #[must_use]
-    pub fn wait_closed(&self, most: Duration) -> bool {
-        let end = Instant::now() + most;
-        while !self.0.is_closed() {
-            if Instant::now() >= end {
-                return false;
-            }
-            std::thread::sleep(LOOK_AGAIN);
-        }
-        true
-    }
-
-    /// Turns to other middlewares of the same names: routes on one that is another begin anew.
-    pub fn turn_to(&self, registry: Registry) {
-        self.0.turn_to(registry);
-    }
-
-    /// The latest plan.
-    #[must_use]
-    pub fn plan(&self) -> Plan {
-        self.0.plan()
-    }
-
-    /// Middlewares of the latest plan.
-    #[must_use]
-    pub fn registry(&self) -> Registry {
-        self.0.registry()
-    }
-
-    /// Statuses of the routes, then of the patterns and of the names they match that have no route
-    /// yet. It waits for no route: one in the middle of a step shows its state before it, and that
-    /// it is blocked once the step takes over a second.
-    #[must_use]
-    pub fn status(&self) -> Vec<RouteStatus> {
-        self.0.status()
-    }
-
-    /// Window on the messages of a route that carries a topic, by its name and its ends as its status has
-    /// them.
-    #[must_use]
-    pub fn tap(&self, name: &str, from: &str, to: &str) -> Option<Arc<Tap>> {
-        self.0.tap([name, from, to])
-    }
-}
+pub type Applier = Arc<Driver>;
 
 impl Running {
     pub(super) fn start(driver: &Arc<Driver>) -> std::io::Result<Self> {
-        let running = Self { applier: Applier(Arc::clone(driver)), stop: Arc::default() };
+        let running = Self { applier: Arc::clone(driver), stop: Arc::default() };
         let looks = Arc::clone(driver);
         driver.pool.start(move |now| looks.look_at_members(now))?;
         let (looks, stop) = (Arc::clone(driver), Arc::clone(&running.stop));
@@ -148,7 +70,7 @@ impl Running {
     }
 
     fn halt(&mut self) {
-        let driver = &self.applier.0;
+        let driver = &self.applier;
         self.stop.store(true, Ordering::Relaxed);
         driver.wake.ring();
         driver.pool.stop();

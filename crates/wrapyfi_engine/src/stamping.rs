@@ -10,14 +10,14 @@
 use std::fmt;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::route::Route;
 use wrapyfi_data::types::{HeaderChange, Payload, RosValueError, Stamp};
 use wrapyfi_endpoint::{Clock, Traits};
 
 /// Source of the time in the header of a route's messages.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StampSource {
     /// The message as it came from the source.
@@ -30,11 +30,7 @@ pub enum StampSource {
 
 impl fmt::Display for StampSource {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Source => "source",
-            Self::RosTime => "ros_time",
-            Self::Arrival => "arrival",
-        })
+        self.serialize(f)
     }
 }
 

@@ -5,6 +5,8 @@
 
 use std::sync::Arc;
 
+use dxr::TryFromValue;
+
 use super::config::NodeUri;
 use super::http::{self, HttpError, HttpResult};
 use super::whereabouts::Whereabouts;
@@ -93,6 +95,16 @@ impl Master {
         if status == SUCCESS { Ok(value) } else { Err(MasterError::Refused { method, reason }) }
     }
 
+    /// [`Self::ask`] for a value of the shape `T`.
+    pub(super) async fn ask_for<T: TryFromValue>(
+        &self,
+        method: &'static str,
+        params: impl IntoIterator<Item = Value>,
+    ) -> MasterResult<T> {
+        let value = self.ask(method, params).await?;
+        T::try_from_value(&value).map_err(|_shape| odd(method, &value))
+    }
+
     async fn raw(
         &self,
         method: &str,
@@ -127,36 +139,17 @@ impl Master {
 
     /// The master's process: another one after a restart.
     pub(super) async fn pid(&self) -> MasterResult<i32> {
-        match self.ask("getPid", []).await? {
-            Value::Integer(pid) => Ok(pid),
-            other => Err(odd("getPid", &other)),
-        }
+        self.ask_for("getPid", []).await
     }
 
     pub(super) async fn system_state(&self) -> MasterResult<SystemState> {
-        let method = "getSystemState";
-        let value = self.ask(method, []).await?;
-        let read = |value: &Value| {
-            let [publishers, subscribers, services] = array(value)? else { return None };
-            Some(SystemState {
-                publishers: owners(publishers)?,
-                subscribers: owners(subscribers)?,
-                services: owners(services)?,
-            })
-        };
-        read(&value).ok_or_else(|| odd(method, &value))
+        let (publishers, subscribers, services) = self.ask_for("getSystemState", []).await?;
+        Ok(SystemState { publishers, subscribers, services })
     }
 
     /// Types of the topics, as their publishers or subscribers named them.
     pub(super) async fn topic_types(&self) -> MasterResult<Vec<(String, String)>> {
-        let method = "getTopicTypes";
-        let value = self.ask(method, []).await?;
-        let pair = |pair: &Value| match array(pair)? {
-            [Value::String(topic), Value::String(name)] => Some((topic.clone(), name.clone())),
-            _ => None,
-        };
-        let all = array(&value).and_then(|all| all.iter().map(pair).collect());
-        all.ok_or_else(|| odd(method, &value))
+        self.ask_for("getTopicTypes", []).await
     }
 
     /// The value of a parameter, or of all below a name; `None` where there is none.
@@ -166,31 +159,7 @@ impl Master {
     }
 }
 
-fn array(value: &Value) -> Option<&[Value]> {
-    match value {
-        Value::Array(items) => Some(items),
-        _ => None,
-    }
-}
-
-/// A list of texts.
-pub(super) fn string_list(value: &Value) -> Option<Vec<String>> {
-    let string = |item: &Value| match item {
-        Value::String(text) => Some(text.clone()),
-        _ => None,
-    };
-    array(value)?.iter().map(string).collect()
-}
-
-fn owners(value: &Value) -> Option<Owners> {
-    let pair = |pair: &Value| match array(pair)? {
-        [Value::String(name), nodes] => Some((name.clone(), string_list(nodes)?)),
-        _ => None,
-    };
-    array(value)?.iter().map(pair).collect()
-}
-
-pub(super) fn odd(method: &'static str, value: &Value) -> MasterError {
+fn odd(method: &'static str, value: &Value) -> MasterError {
     MasterError::Odd { method, actual: shortened(&format!("{value:?}")) }
 }
 

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use tokio::time::timeout;
 
 use super::core::Core;
-use super::master::{MasterError, odd, string_list};
+use super::master::MasterError;
 use super::registrations::{Key, Kind, Step};
 use super::whereabouts::meet_master;
 use super::xmlrpc::text;
@@ -92,8 +92,8 @@ async fn take(core: &Arc<Core>, step: &Step) -> Result<(), MasterError> {
             Kind::Subscriber => {
                 let since = core.updates(name);
                 let method = "registerSubscriber";
-                let value = master.ask(method, [text(name), text(type_name), own]).await?;
-                let publishers = string_list(&value).ok_or_else(|| odd(method, &value))?;
+                let asked = [text(name), text(type_name), own];
+                let publishers: Vec<String> = master.ask_for(method, asked).await?;
                 core.set_publishers(name, &publishers, Some(since));
                 return Ok(());
             }

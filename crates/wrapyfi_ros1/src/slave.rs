@@ -6,8 +6,9 @@
 use std::net::SocketAddr;
 use std::sync::{Arc, Weak};
 
+use dxr::TryFromValue;
+
 use super::core::Core;
-use super::master::string_list;
 use super::subscriber::BusLink;
 use super::xmlrpc::{Reply, Value, XmlRpcCall, text, texts};
 
@@ -20,12 +21,12 @@ pub(super) fn answer(
     let Some(core) = core.upgrade() else { return Some(Reply::error("the node has ended")) };
     Some(match (method.as_str(), params.as_slice()) {
         ("publisherUpdate", [_caller, Value::String(topic), publishers]) => {
-            match string_list(publishers) {
-                Some(publishers) => {
+            match Vec::<String>::try_from_value(publishers) {
+                Ok(publishers) => {
                     core.set_publishers(topic, &publishers, None);
                     Reply::success("", Value::Integer(0))
                 }
-                None => Reply::error("publishers must be a list of addresses"),
+                Err(_) => Reply::error("publishers must be a list of addresses"),
             }
         }
         ("requestTopic", [_caller, Value::String(topic), protocols]) => {

@@ -9,9 +9,9 @@
 
 use std::sync::Arc;
 
-use super::cyclone::{Events, RawReader, RawWriter, ReturnCode, Taken, WriteFault};
+use super::cyclone::{Events, RawReader, RawWriter, Taken, WriteFault};
 use super::discovery_info::{Announcing, EndpointKind, Gid};
-use super::graph::{CdrReader, CdrSample, CdrWriter, GraphError, QosEvents, TopicDescription};
+use super::graph::{CdrReader, CdrSample, CdrWriter, GraphError, QosEvents};
 use super::pacing::{MAX_BLOCKING, Pacing};
 
 /// An endpoint's entry in its node, removed on drop.
@@ -36,16 +36,10 @@ impl Drop for Listed {
 
 /// Fields drop in this order: the writer, then its entry.
 pub(super) struct CycloneWriter {
-    pacing: Pacing,
-    raw: RawWriter,
-    topic: String,
-    _listed: Listed,
-}
-
-impl CycloneWriter {
-    pub(super) fn new(raw: RawWriter, topic: &str, pacing: Pacing, listed: Listed) -> Self {
-        Self { pacing, raw, topic: topic.to_owned(), _listed: listed }
-    }
+    pub(super) pacing: Pacing,
+    pub(super) raw: RawWriter,
+    pub(super) topic: String,
+    pub(super) _listed: Listed,
 }
 
 impl CdrWriter for CycloneWriter {
@@ -78,7 +72,7 @@ impl CdrWriter for CycloneWriter {
 pub(super) fn write(raw: &RawWriter, topic: &str, parts: &[&[u8]]) -> Result<(), GraphError> {
     raw.write(parts).map_err(|fault| match fault {
         WriteFault::Code(code) if code.is_timeout() => timeout(topic),
-        WriteFault::Code(code) => stack("writing", topic, code),
+        WriteFault::Code(code) => GraphError::stack("writing", topic, &code),
         WriteFault::Message(reason) => GraphError::stack("writing", topic, &reason),
     })
 }
@@ -90,17 +84,10 @@ fn timeout(topic: &str) -> GraphError {
 
 /// Fields drop in this order: the reader, then its entry.
 pub(super) struct CycloneReader {
-    raw: RawReader,
-    topic: String,
-    max_bytes: usize,
-    _listed: Listed,
-}
-
-impl CycloneReader {
-    pub(super) fn new(raw: RawReader, topic: &TopicDescription, listed: Listed) -> Self {
-        let (topic, max_bytes) = (topic.name.clone(), topic.max_bytes);
-        Self { raw, topic, max_bytes, _listed: listed }
-    }
+    pub(super) raw: RawReader,
+    pub(super) topic: String,
+    pub(super) max_bytes: usize,
+    pub(super) _listed: Listed,
 }
 
 impl CdrReader for CycloneReader {
@@ -117,7 +104,7 @@ impl CdrReader for CycloneReader {
                 actual,
                 limit: self.max_bytes,
             }),
-            Err(code) => Err(stack("taking", &self.topic, code)),
+            Err(code) => Err(GraphError::stack("taking", &self.topic, &code)),
         }
     }
 
@@ -151,9 +138,4 @@ fn qos_events(events: &Events) -> QosEvents {
         deadlines_missed: events.take_missed_deadlines(),
         liveliness_lost: events.take_lost_liveliness(),
     }
-}
-
-/// Error for a call that CycloneDDS refused.
-pub(super) fn stack(operation: &'static str, topic: &str, code: ReturnCode) -> GraphError {
-    GraphError::stack(operation, topic, &code)
 }

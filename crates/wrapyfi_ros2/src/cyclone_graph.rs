@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::config::CycloneConfig;
 use super::cyclone::{self, EndpointQos, Entity, Events, RawReader, RawWriter, ReturnCode};
-use super::cyclone_endpoints::{CycloneReader, CycloneWriter, Listed, stack};
+use super::cyclone_endpoints::{CycloneReader, CycloneWriter, Listed};
 use super::cyclone_service::{CycloneClient, CycloneServer, Ends};
 use super::dds_terms::{ENCLAVE, discovered, end_user_data, marked, to_dds, user_data};
 use super::discovery_info::{Announcing, DiscoveryInfo, EndpointKind, Gid};
@@ -107,7 +107,7 @@ impl CycloneGraph {
         topic: &TopicDescription,
         on_data: Notify,
     ) -> Created<dyn CdrReader> {
-        let fault = |code| stack("creating a reader", &topic.name, code);
+        let fault = |code: ReturnCode| GraphError::stack("creating a reader", &topic.name, &code);
         let events = Events::new(&topic.name, topic.qos.reliability, on_data);
         let user_data = user_data(topic);
         let names = (topic.name.as_str(), topic.type_name.as_str());
@@ -115,7 +115,8 @@ impl CycloneGraph {
             .map_err(fault)?;
         let gid = raw.guid().map_err(fault)?;
         let listed = Listed::new(self.0.clone(), EndpointKind::Reader, gid);
-        Ok(Box::new(CycloneReader::new(raw, topic, listed)))
+        let (topic, max_bytes) = (topic.name.clone(), topic.max_bytes);
+        Ok(Box::new(CycloneReader { raw, topic, max_bytes, _listed: listed }))
     }
 
     /// Like [`Graph::advertise_with`], with the names of DDS.
@@ -128,7 +129,7 @@ impl CycloneGraph {
         WriterTraits { replay, mark }: WriterTraits<'_>,
         on_match: Notify,
     ) -> Created<dyn CdrWriter> {
-        let fault = |code| stack("creating a writer", &topic.name, code);
+        let fault = |code: ReturnCode| GraphError::stack("creating a writer", &topic.name, &code);
         let events = Events::new(&topic.name, topic.qos.reliability, on_match);
         let user_data = marked(user_data(topic), mark);
         let names = (topic.name.as_str(), topic.type_name.as_str());
@@ -138,7 +139,7 @@ impl CycloneGraph {
         let listed = Listed::new(self.0.clone(), EndpointKind::Writer, gid);
         let graph = self.clone();
         let pacing = Pacing::new(move || graph.nodes().ok(), topic);
-        Ok(Box::new(CycloneWriter::new(raw, &topic.name, pacing, listed)))
+        Ok(Box::new(CycloneWriter { pacing, raw, topic: topic.name.clone(), _listed: listed }))
     }
 
     /// The two endpoints of a client (`clientid`) or a server (`serviceid`), the GUID of the writer,
@@ -233,7 +234,7 @@ impl Graph for CycloneGraph {
 
     fn endpoints(&self) -> GraphResult<Vec<DiscoveredEndpoint>> {
         let found = cyclone::endpoints(&self.0.participant)
-            .map_err(|code| stack("listing endpoints", &self.0.name.fqn(), code))?;
+            .map_err(|code| GraphError::stack("listing endpoints", &self.0.name.fqn(), &code))?;
         Ok(found
             .into_iter()
             .map(|endpoint| {
@@ -245,7 +246,8 @@ impl Graph for CycloneGraph {
     }
 
     fn watch(&self, topic: &str, publishers: bool, on_change: Notify) -> Created<dyn PeerWatch> {
-        let index = self.0.peer_index().map_err(|code| stack("watching", topic, code))?;
+        let index =
+            self.0.peer_index().map_err(|code| GraphError::stack("watching", topic, &code))?;
         let topic = names::topic_to_dds(topic);
         Ok(Box::new(index.watch(self.0.clone(), topic, publishers, on_change)))
     }

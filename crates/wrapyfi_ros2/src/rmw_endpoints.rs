@@ -13,7 +13,7 @@ use super::graph::{
     CdrClient, CdrReader, CdrReply, CdrRequest, CdrSample, CdrServer, CdrWriter, GraphError,
     GraphResult, Notify, Peers, QosEvents, RequestId, ServiceDescription, TopicDescription,
 };
-use super::rmw_graph::{Shared, hash_from_text, stack, to_rmw};
+use super::rmw_graph::{Shared, hash_from_text, to_rmw};
 use wrapyfi_endpoint::{History, Qos};
 
 /// Longest time in milliseconds that rmw waits for reliable readers of which no message may be
@@ -25,15 +25,9 @@ const MAX_BLOCKING_MS: u64 = 100;
 const REPLY_LINGER: Duration = Duration::from_millis(500);
 
 pub(super) struct RmwWriter {
-    publisher: Publisher,
-    topic: String,
-    returned: Cell<QosEvents>,
-}
-
-impl RmwWriter {
-    pub(super) fn new(publisher: Publisher, topic: &str) -> Self {
-        Self { publisher, topic: topic.to_owned(), returned: Cell::default() }
-    }
+    pub(super) publisher: Publisher,
+    pub(super) topic: String,
+    pub(super) returned: Cell<QosEvents>,
 }
 
 impl CdrWriter for RmwWriter {
@@ -55,29 +49,12 @@ impl CdrWriter for RmwWriter {
 }
 
 pub(super) struct RmwReader {
-    subscription: Subscription,
-    topic: String,
-    max_bytes: usize,
-    lost: u64,
-    returned: Cell<QosEvents>,
-    shared: Arc<Shared>,
-}
-
-impl RmwReader {
-    pub(super) fn new(
-        subscription: Subscription,
-        topic: &TopicDescription,
-        shared: Arc<Shared>,
-    ) -> Self {
-        Self {
-            subscription,
-            topic: topic.name.clone(),
-            max_bytes: topic.max_bytes,
-            lost: 0,
-            returned: Cell::default(),
-            shared,
-        }
-    }
+    pub(super) subscription: Subscription,
+    pub(super) topic: String,
+    pub(super) max_bytes: usize,
+    pub(super) lost: u64,
+    pub(super) returned: Cell<QosEvents>,
+    pub(super) shared: Arc<Shared>,
 }
 
 impl RmwReader {
@@ -102,7 +79,7 @@ impl CdrReader for RmwReader {
                 let (topic, limit) = (self.topic.clone(), self.max_bytes);
                 Err(GraphError::TooLarge { topic, actual, limit })
             }
-            Err(fault) => Err(stack("taking", &self.topic, &fault)),
+            Err(fault) => Err(GraphError::stack("taking", &self.topic, &fault)),
         }
     }
 
@@ -157,7 +134,7 @@ fn since(returned: &Cell<QosEvents>, counts: &EventCounts) -> QosEvents {
 
 pub(super) fn unsent(topic: &str, fault: SendFault) -> GraphError {
     match fault {
-        SendFault::Refused(fault) => stack("writing", topic, &fault),
+        SendFault::Refused(fault) => GraphError::stack("writing", topic, &fault),
         _ => GraphError::Timeout { topic: topic.to_owned(), timeout_ms: MAX_BLOCKING_MS },
     }
 }
@@ -177,7 +154,7 @@ fn described(service: &ServiceDescription) -> Service<'_> {
 }
 
 pub(super) fn uncreated(service: &ServiceDescription) -> impl FnOnce(Fault) -> GraphError {
-    |fault| stack("creating a service's endpoints", &service.name, &fault)
+    |fault| GraphError::stack("creating a service's endpoints", &service.name, &fault)
 }
 
 /// The message of what was taken, or the error of one that was too large.
@@ -224,7 +201,8 @@ impl CdrClient for RmwClient {
 
     fn take(&mut self) -> GraphResult<Option<CdrReply>> {
         let taken = self.client.take(self.service.max_bytes);
-        let taken = taken.map_err(|fault| stack("taking", &self.service.name, &fault))?;
+        let taken =
+            taken.map_err(|fault| GraphError::stack("taking", &self.service.name, &fault))?;
         let Some(received) = taken else { return Ok(None) };
         let (cdr, received) = within(received, &self.service)?;
         let (sequence, source_timestamp_ns) = (received.id.sequence, received.source_timestamp_ns);
@@ -272,7 +250,8 @@ impl RmwServer {
 impl CdrServer for RmwServer {
     fn take(&mut self) -> GraphResult<Option<CdrRequest>> {
         let taken = self.server.take(self.service.max_bytes);
-        let taken = taken.map_err(|fault| stack("taking", &self.service.name, &fault))?;
+        let taken =
+            taken.map_err(|fault| GraphError::stack("taking", &self.service.name, &fault))?;
         let Some(received) = taken else { return Ok(None) };
         let (cdr, received) = within(received, &self.service)?;
         let id = RequestId { client: received.id.client, sequence: received.id.sequence };

@@ -10,6 +10,7 @@
 //! `/bridge/_mark/ros/yarp/_0196a3b2c4d5e6f7` of the node `/bridge`. Tools hide such nodes, and here the endpoints are
 //! the parent's.
 
+use std::cell::Cell;
 use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::hash::{DefaultHasher, Hash, Hasher as _};
@@ -128,8 +129,10 @@ impl Graph for RmwGraph {
         let qos = to_rmw(&topic.qos);
         let node = self.0.marked(traits.mark);
         let made = node.publisher(&topic.name, &topic.type_name, hash.as_ref(), &qos, on_match);
-        let publisher = made.map_err(|fault| stack("creating a writer", &topic.name, &fault))?;
-        Ok(Box::new(RmwWriter::new(publisher, &topic.name)))
+        let publisher =
+            made.map_err(|fault| GraphError::stack("creating a writer", &topic.name, &fault))?;
+        let (topic, returned) = (topic.name.clone(), Cell::default());
+        Ok(Box::new(RmwWriter { publisher, topic, returned }))
     }
 
     fn subscribe(&self, topic: &TopicDescription, on_data: Notify) -> Created<dyn CdrReader> {
@@ -137,8 +140,16 @@ impl Graph for RmwGraph {
         let qos = to_rmw(&topic.qos);
         let made =
             self.0.node.subscription(&topic.name, &topic.type_name, hash.as_ref(), &qos, &on_data);
-        let subscription = made.map_err(|fault| stack("creating a reader", &topic.name, &fault))?;
-        Ok(Box::new(RmwReader::new(subscription, topic, Arc::clone(&self.0))))
+        let subscription =
+            made.map_err(|fault| GraphError::stack("creating a reader", &topic.name, &fault))?;
+        Ok(Box::new(RmwReader {
+            subscription,
+            topic: topic.name.clone(),
+            max_bytes: topic.max_bytes,
+            lost: 0,
+            returned: Cell::default(),
+            shared: Arc::clone(&self.0),
+        }))
     }
 
     fn service_mapping(&self) -> ServiceMapping {
@@ -169,8 +180,8 @@ impl Graph for RmwGraph {
 
     fn endpoints(&self) -> GraphResult<Vec<DiscoveredEndpoint>> {
         let found = self.0.all();
-        let found =
-            found.map_err(|fault| stack("listing endpoints", &self.0.name.fqn(), &fault))?;
+        let found = found
+            .map_err(|fault| GraphError::stack("listing endpoints", &self.0.name.fqn(), &fault))?;
         let mut nameless = self.0.nameless.lock();
         let before = std::mem::take(&mut *nameless);
         let now = Instant::now();
@@ -424,12 +435,6 @@ impl NodeWatch for Nodes {
     fn owner(&self, gid: &Gid) -> Option<&str> {
         self.owners.get(gid).map(String::as_str)
     }
-}
-
-/// Error for a call that rmw refused.
-pub(super) fn stack(operation: &'static str, topic: &str, fault: &Fault) -> GraphError {
-    let reason = format!("{fault}");
-    GraphError::stack(operation, topic, &reason)
 }
 
 pub(super) fn to_rmw(qos: &Qos) -> wrapyfi_rmw::Qos {

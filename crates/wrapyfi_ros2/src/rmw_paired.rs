@@ -22,7 +22,7 @@ use super::graph::{
 };
 use super::names;
 use super::rmw_endpoints::{service_qos, uncreated, unsent};
-use super::rmw_graph::{Shared, hash_from_text, stack};
+use super::rmw_graph::{Shared, hash_from_text};
 use super::service_header::{self, HEADER, Identified, LEAST};
 
 /// A topic of DDS, its type as ROS 2 names it, and the type's hash.
@@ -87,7 +87,7 @@ impl Ends {
                 actual: actual.saturating_sub(HEADER),
                 limit,
             }),
-            Err(fault) => Err(stack("taking", service, &fault)),
+            Err(fault) => Err(GraphError::stack("taking", service, &fault)),
         }
     }
 

@@ -5,19 +5,18 @@
 //!     by a ROUTER      ours       the only frame behind the empty one
 //! ```
 //!
-//! Frames are read one by one, and what exceeds a bound is not kept.
-
 use std::sync::Arc;
 
 use bytes::Bytes;
 
 use super::peer::Message;
-use super::zmtp::Owned;
 use mark::{Kind, Mark};
 use wrapyfi_endpoint::codec::requests::{self, mark};
 
 /// Frames in front of the empty one: a routing id for each broker on the way, and the mark.
 const MAX_ENVELOPE: usize = 8;
+/// Frames of a message that [`split`] looks at.
+pub(super) const KEPT: usize = MAX_ENVELOPE + 2;
 /// Bytes of all those together; a routing id has at most 255.
 const MAX_ENVELOPE_BYTES: usize = 1024;
 /// Longest text of an error, in bytes.
@@ -31,105 +30,17 @@ pub(super) struct ServiceMessage {
     pub(super) body: Bytes,
 }
 
-/// Fault of frames that are no [`ServiceMessage`].
-#[derive(Debug)]
-pub(super) enum Misfit {
-    /// Frames without an envelope: nobody can be answered.
-    NoEnvelope,
-    /// The body is larger than allowed, in so many bytes.
-    TooLarge(Vec<Bytes>, usize),
-    /// Number of frames behind the empty one, which must be one.
-    Frames(Vec<Bytes>, usize),
-}
-
-/// The next message, if one waits, and its size; bodies over `limit` bytes are not kept.
-pub(super) fn receive(
-    socket: &zmq::Socket,
-    limit: usize,
-) -> zmq::Result<Option<(Result<ServiceMessage, Misfit>, usize)>> {
-    let mut frame = match socket.recv_msg(zmq::DONTWAIT) {
-        Ok(frame) => frame,
-        Err(zmq::Error::EAGAIN) => return Ok(None),
-        Err(error) => return Err(error),
-    };
-    let mut reading = Reading::new(limit);
-    loop {
-        let more = frame.get_more();
-        reading.add(Bytes::from_owner(Owned(frame)));
-        if !more {
-            let size = reading.size;
-            return Ok(Some((reading.end(), size)));
-        }
-        // Frames of one message arrive together: this does not wait.
-        frame = socket.recv_msg(0)?;
-    }
-}
-
-/// The message of these frames.
-pub(super) fn of_frames(frames: impl IntoIterator<Item = Bytes>) -> Result<ServiceMessage, Misfit> {
-    let mut reading = Reading::new(usize::MAX);
-    frames.into_iter().for_each(|frame| reading.add(frame));
-    reading.end()
-}
-
-/// A message of which not all frames were seen.
-struct Reading {
-    limit: usize,
-    envelope: Vec<Bytes>,
-    body: Option<Bytes>,
-    /// Bytes of all frames, of those in front of the empty one, and of those behind it.
-    size: usize,
-    outside: usize,
-    body_bytes: usize,
-    /// Number of frames behind the empty one.
-    behind: usize,
-    closed: bool,
-    fits: bool,
-}
-
-impl Reading {
-    fn new(limit: usize) -> Self {
-        Self {
-            limit,
-            envelope: Vec::new(),
-            body: None,
-            size: 0,
-            outside: 0,
-            body_bytes: 0,
-            behind: 0,
-            closed: false,
-            fits: true,
-        }
-    }
-
-    fn add(&mut self, frame: Bytes) {
-        self.size += frame.len();
-        if self.closed {
-            self.behind += 1;
-            self.body_bytes += frame.len();
-            if self.behind == 1 && self.body_bytes <= self.limit {
-                self.body = Some(frame);
-            }
-        } else if frame.is_empty() {
-            self.closed = true;
-        } else {
-            self.outside += frame.len();
-            self.fits &= self.envelope.len() < MAX_ENVELOPE && self.outside <= MAX_ENVELOPE_BYTES;
-            if self.fits {
-                self.envelope.push(frame);
-            }
-        }
-    }
-
-    fn end(self) -> Result<ServiceMessage, Misfit> {
-        let Self { envelope, body, .. } = self;
-        match (self.closed && self.fits, self.behind, body) {
-            (false, ..) => Err(Misfit::NoEnvelope),
-            (true, 1, Some(body)) => Ok(ServiceMessage { envelope, body }),
-            (true, 1, None) => Err(Misfit::TooLarge(envelope, self.body_bytes)),
-            (true, frames, _) => Err(Misfit::Frames(envelope, frames)),
-        }
-    }
+/// Envelope of a message of `count` frames, of which `frames` are the first [`KEPT`], and its body, or the number
+/// of frames that stand in place of one; nothing where there is no envelope, so that nobody can be answered.
+pub(super) fn split(
+    mut frames: Vec<Bytes>,
+    count: usize,
+) -> Option<(Vec<Bytes>, Result<Bytes, usize>)> {
+    let end = frames.iter().take(MAX_ENVELOPE + 1).position(Bytes::is_empty)?;
+    let body = frames.split_off(end).pop();
+    let behind = count.saturating_sub(end + 1);
+    let fits = frames.iter().map(Bytes::len).sum::<usize>() <= MAX_ENVELOPE_BYTES;
+    fits.then(|| (frames, body.filter(|_| behind == 1).ok_or(behind)))
 }
 
 impl ServiceMessage {

@@ -1,9 +1,13 @@
 //! Messages of several frames, as sockets receive them.
 
+use bytes::Bytes;
+
+use super::zmtp::Owned;
+
 /// A message that came.
 pub(super) struct Received {
     /// The first of its frames.
-    pub(super) frames: Vec<zmq::Message>,
+    pub(super) frames: Vec<Bytes>,
     /// Number of all its frames, and of their bytes.
     pub(super) count: usize,
     pub(super) bytes: usize,
@@ -22,7 +26,7 @@ pub(super) fn receive(socket: &zmq::Socket, keep: usize) -> zmq::Result<Option<R
         received.count += 1;
         received.bytes += frame.len();
         if received.count <= keep {
-            received.frames.push(frame);
+            received.frames.push(Bytes::from_owner(Owned(frame)));
         }
         if !more {
             return Ok(Some(received));

@@ -22,7 +22,6 @@ use bytes::Bytes;
 use super::frames::{Received, receive};
 use super::link::{self, Watch};
 use super::own_messages::Listening;
-use super::zmtp::Owned;
 use wrapyfi_data::types::Stamp;
 use wrapyfi_endpoint::{DropReason, Sender, Waits};
 
@@ -102,8 +101,6 @@ impl Reception {
     }
 
     fn receive(&mut self, Received { frames, count, bytes: wire_bytes }: Received) {
-        let owned = |frame| Bytes::from_owner(Owned(frame));
-        let frames: Vec<Bytes> = frames.into_iter().map(owned).collect();
         let counters = self.inbox.counters();
         counters.received(wire_bytes);
         if let Some(reason) = self.objection(&frames, count, wire_bytes) {

@@ -15,7 +15,8 @@ use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 
-use super::envelope::{self, Misfit, ServiceMessage};
+use super::envelope::{self, ServiceMessage};
+use super::frames::{Received, receive};
 use super::io::Handle;
 use super::link::{self, BrokerLink, Watch};
 use super::{Shared, options};
@@ -263,22 +264,21 @@ impl ServiceConnection {
     /// Reads what the socket has, one batch at most.
     pub(super) fn read(&self) -> zmq::Result<()> {
         for _ in 0..BATCH {
-            let Some((message, size)) = envelope::receive(&self.socket, self.message_bytes)? else {
+            let Some(Received { frames, count, bytes }) = receive(&self.socket, envelope::KEPT)?
+            else {
                 break;
             };
-            let counters = &self.handle.context.counters;
-            let (envelope, body) = match message {
-                Ok(ServiceMessage { envelope, body }) => (envelope, Ok(body)),
-                Err(Misfit::TooLarge(envelope, size)) => (envelope, Err(Unusable::TooLarge(size))),
-                Err(Misfit::Frames(envelope, frames)) => (envelope, Err(Unusable::Frames(frames))),
-                Err(Misfit::NoEnvelope) => {
-                    counters.received(size);
-                    counters.dropped(DropReason::Malformed);
-                    continue;
-                }
+            let Context { counters, clock, .. } = &self.handle.context;
+            let Some((envelope, body)) = envelope::split(frames, count) else {
+                counters.received(bytes);
+                counters.dropped(DropReason::Malformed);
+                continue;
             };
-            let received_at = self.handle.context.clock.now();
-            let delivery = Delivery { envelope, body, wire_bytes: size, received_at };
+            let body = match body {
+                Ok(body) if body.len() > self.message_bytes => Err(Unusable::TooLarge(body.len())),
+                body => body.map_err(Unusable::Frames),
+            };
+            let delivery = Delivery { envelope, body, wire_bytes: bytes, received_at: clock.now() };
             self.deliver(delivery);
         }
         Ok(())

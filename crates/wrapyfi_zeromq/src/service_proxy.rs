@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 use bytes::Bytes;
 
 use super::deadline;
-use super::envelope::{self, Misfit, ServiceMessage};
+use super::envelope::{self, ServiceMessage};
 use super::front::Front;
 use super::options;
 use super::service_broker::ServiceBrokerStatus;
@@ -144,13 +144,14 @@ impl ServiceProxy {
             tracing::error!(%error, "the ZeroMQ broker cannot wait for its clients");
         }
         self.tally.malformed += self.front.heard().len() as u64;
-        for (client, frames) in self.front.messages() {
-            let client = Bytes::copy_from_slice(&client.to_be_bytes());
-            let message = match envelope::of_frames([client].into_iter().chain(frames)) {
-                Ok(message) => message,
-                Err(misfit) => {
+        for (client, mut frames) in self.front.messages() {
+            frames.insert(0, Bytes::copy_from_slice(&client.to_be_bytes()));
+            let count = frames.len();
+            let message = match envelope::split(frames, count) {
+                Some((envelope, Ok(body))) => ServiceMessage { envelope, body },
+                misfit => {
                     self.tally.malformed += 1;
-                    if let Misfit::Frames(envelope, frames) = misfit {
+                    if let Some((envelope, Err(frames))) = misfit {
                         let text = format!("a request is one frame, not {frames}");
                         self.answer(ServiceMessage::error(envelope, &text), 0);
                     }
@@ -215,9 +216,10 @@ impl ServiceProxy {
         }
         self.tally.malformed += self.back.heard().len() as u64;
         for (_, frames) in self.back.messages() {
-            match envelope::of_frames(frames) {
-                Ok(reply) => self.answer(reply, 1),
-                Err(_) => self.tally.malformed += 1,
+            let count = frames.len();
+            match envelope::split(frames, count) {
+                Some((envelope, Ok(body))) => self.answer(ServiceMessage { envelope, body }, 1),
+                _ => self.tally.malformed += 1,
             }
         }
     }

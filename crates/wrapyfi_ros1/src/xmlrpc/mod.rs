@@ -10,7 +10,7 @@
 
 mod bounds;
 
-use dxr::{Fault, FaultResponse, MethodCall, MethodResponse};
+use dxr::{Fault, FaultResponse, MethodCall, MethodResponse, TryFromValue};
 
 pub use bounds::{BoundsError, MAX_BYTES, MAX_DEPTH, MAX_ELEMENTS};
 pub use dxr::Value;
@@ -156,15 +156,9 @@ pub fn decode_reply(body: &[u8]) -> Result<Reply, XmlRpcError> {
             Err(_) => malformed("answer", xml),
         });
     };
-    let no_reply =
-        |value: &Value| XmlRpcError::NoReply { actual: shortened(&format!("{value:?}")) };
-    let Value::Array(parts) = value else { return Err(no_reply(&value)) };
-    match <[Value; 3]>::try_from(parts) {
-        Ok([Value::Integer(status), Value::String(text), value]) => {
-            Ok(Reply { status, text, value })
-        }
-        Ok(parts) => Err(no_reply(&Value::Array(parts.into()))),
-        Err(parts) => Err(no_reply(&Value::Array(parts))),
+    match <(i32, String, Value)>::try_from_value(&value) {
+        Ok((status, text, value)) => Ok(Reply { status, text, value }),
+        Err(_) => Err(XmlRpcError::NoReply { actual: shortened(&format!("{value:?}")) }),
     }
 }
 

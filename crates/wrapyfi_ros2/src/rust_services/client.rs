@@ -49,7 +49,7 @@ impl CdrClient for Client {
                 }
                 return Err(GraphError::NoIdentity {
                     what: "reply",
-                    service: pair.service().to_owned(),
+                    service: pair.service.clone(),
                     actual: size,
                     least: identity::BYTES,
                 });
@@ -60,9 +60,9 @@ impl CdrClient for Client {
             return match taken.received {
                 Received::Message(cdr) => Ok(Some(CdrReply { sequence, cdr, source_timestamp_ns })),
                 Received::TooLarge(actual) => Err(GraphError::TooLarge {
-                    topic: pair.service().to_owned(),
+                    topic: pair.service.clone(),
                     actual,
-                    limit: pair.max_bytes(),
+                    limit: pair.max_bytes,
                 }),
             };
         }
@@ -70,7 +70,7 @@ impl CdrClient for Client {
     }
 
     fn servers(&self) -> Peers {
-        self.opened.pair.peers()
+        self.opened.pair.remotes.lock().peers()
     }
 
     fn lost(&mut self) -> u64 {

@@ -7,7 +7,6 @@
 //! ```
 
 use std::net::SocketAddr;
-use std::sync::MutexGuard;
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
@@ -53,17 +52,13 @@ pub(super) enum Identity {
 pub(super) struct Outgoing {
     service: String,
     whole: WholeSamples,
-    writer: Writer,
+    pub(super) writer: Writer,
     sent: Mutex<Sent>,
 }
 
 impl Outgoing {
     pub(super) fn new(service: &str, whole: WholeSamples, writer: Writer) -> Self {
         Self { service: service.to_owned(), whole, writer, sent: Mutex::default() }
-    }
-
-    pub(super) fn writer(&self) -> &Writer {
-        &self.writer
     }
 
     /// Writes one message, given in pieces. Its number.
@@ -73,8 +68,9 @@ impl Outgoing {
         identity: Identity,
         remotes: &Mutex<Remotes>,
     ) -> GraphResult<i64> {
-        let body = adapter::body(parts).map_err(|error| fault(&self.service, "writing", &error))?;
-        let mut sent = self.sent();
+        let body = adapter::body(parts)
+            .map_err(|error| GraphError::stack("writing", &self.service, &error))?;
+        let mut sent = self.sent.lock();
         if let Some(owed) = sent.owed.take() {
             sent.owed = Some(owed.clone());
             self.give(&mut sent, owed, None, Timestamp::now())?;
@@ -114,7 +110,7 @@ impl Outgoing {
                 topic: self.service.clone(),
                 timeout_ms: u64::try_from(MAX_BLOCKING.as_millis()).unwrap_or(u64::MAX),
             }),
-            Err(error) => Err(fault(&self.service, "writing", &error)),
+            Err(error) => Err(GraphError::stack("writing", &self.service, &error)),
         }
     }
 
@@ -127,7 +123,8 @@ impl Outgoing {
         identity: SampleIdentity,
         remotes: &Mutex<Remotes>,
     ) -> GraphResult<i64> {
-        let refused = |error: UnsendableReply| Err(fault(&self.service, "writing", &error));
+        let refused =
+            |error: UnsendableReply| Err(GraphError::stack("writing", &self.service, &error));
         if size > MAX_LARGE {
             return refused(UnsendableReply::TooLarge { size, limit: MAX_LARGE });
         }
@@ -147,7 +144,8 @@ impl Outgoing {
             stamp: stamp.to_ticks(),
             body: &body,
         };
-        large::send(&sample, &readers).map_err(|error| fault(&self.service, "sending", &error))?;
+        large::send(&sample, &readers)
+            .map_err(|error| GraphError::stack("sending", &self.service, &error))?;
         match self.give(sent, body.clone(), None, stamp) {
             // The readers have it, but nothing is repeated yet.
             Err(GraphError::Timeout { .. }) => sent.owed = Some(body),
@@ -162,7 +160,7 @@ impl Outgoing {
     /// The readers matched with our writer that announce where they listen.
     fn addressed(&self, remotes: &Mutex<Remotes>) -> Vec<Addressed> {
         let Some(dds) = self.writer.publisher().participant() else { return Vec::new() };
-        let remotes = lock(remotes);
+        let remotes = remotes.lock();
         let readers = dds.discovered_readers();
         let addressed = readers.iter().filter_map(|known| {
             let reader = known.reader_proxy.remote_reader_guid.to_bytes();
@@ -180,14 +178,10 @@ impl Outgoing {
         addressed.collect()
     }
 
-    fn sent(&self) -> MutexGuard<'_, Sent> {
-        lock(&self.sent)
-    }
-
     /// Waits a moment for what was written to arrive. RustDDS hands messages to a thread of its own,
     /// and ends a writer without sending what waits there.
     pub(super) fn farewell(&self) {
-        let Some((_, wrote)) = self.sent().last else { return };
+        let Some((_, wrote)) = self.sent.lock().last else { return };
         std::thread::sleep(SETTLE.saturating_sub(wrote.elapsed()));
         match self.writer.wait_for_acknowledgments(FAREWELL) {
             Ok(true) => {}
@@ -205,7 +199,7 @@ impl Outgoing {
         }
         let Some(dds) = self.writer.publisher().participant() else { return self.whole.anywhere };
         let discovered = dds.discovered_readers();
-        let remotes = lock(remotes);
+        let remotes = remotes.lock();
         let mut near = discovered
             .iter()
             .filter(|known| remotes.has_reader(&known.reader_proxy.remote_reader_guid.to_bytes()))
@@ -220,17 +214,4 @@ impl Outgoing {
             self.whole.anywhere
         }
     }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock()
-}
-
-/// Error for a call that RustDDS refused.
-pub(super) fn fault(
-    service: &str,
-    operation: &'static str,
-    error: &dyn std::fmt::Display,
-) -> GraphError {
-    GraphError::stack(operation, service, &error)
 }

@@ -8,21 +8,19 @@
 
 use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::MutexGuard;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-use rustdds::dds::ReadError;
 use rustdds::no_key::{DeserializedCacheChange, SimpleDataReader};
 use rustdds::rpc::SampleIdentity;
 use rustdds::{DataReaderStatus, DataWriterStatus, RTPSEntity as _, StatusEvented as _, Timestamp};
 
 use super::adapter::{RawCdr, Received, Within};
 use super::numbers::Numbers;
-use super::outgoing::{Identity, Outgoing, Writer, fault};
+use super::outgoing::{Identity, Outgoing, Writer};
 use super::remotes::{PREFIX, Remotes};
 use super::settings::WholeSamples;
 use crate::discovery_info::Gid;
-use crate::graph::{GraphError, Notify, Peers, ServiceDescription};
+use crate::graph::{GraphError, Notify, ServiceDescription};
 use wrapyfi_endpoint::Mutex;
 
 /// Disposals in a row that one call passes over. RustDDS says of a disposal what it says of an
@@ -34,12 +32,13 @@ pub(super) type Reader = SimpleDataReader<Received, RawCdr>;
 
 /// A writer and a reader of one service.
 pub(super) struct Pair {
-    service: String,
-    max_bytes: usize,
-    outgoing: Outgoing,
+    pub(super) service: String,
+    pub(super) max_bytes: usize,
+    pub(super) outgoing: Outgoing,
     reader: Reader,
     notify: Notify,
-    remotes: Mutex<Remotes>,
+    /// Remote endpoints that the two are matched with.
+    pub(super) remotes: Mutex<Remotes>,
     numbers: Mutex<Numbers>,
     lost: AtomicU64,
 }
@@ -86,29 +85,12 @@ impl Pair {
         while !matches!(self.reader.try_take_one_with(Within { limit: 0 }), Ok(None)) {}
     }
 
-    pub(super) fn service(&self) -> &str {
-        &self.service
-    }
-
-    pub(super) fn max_bytes(&self) -> usize {
-        self.max_bytes
-    }
-
     pub(super) fn writer_guid(&self) -> rustdds::GUID {
-        self.outgoing.writer().guid()
+        self.outgoing.writer.guid()
     }
 
     pub(super) fn reader_guid(&self) -> rustdds::GUID {
         self.reader.guid()
-    }
-
-    /// Remote endpoints that the two are matched with.
-    pub(super) fn remotes(&self) -> MutexGuard<'_, Remotes> {
-        self.remotes.lock()
-    }
-
-    pub(super) fn peers(&self) -> Peers {
-        self.remotes().peers()
     }
 
     /// Samples lost since the last call.
@@ -121,18 +103,13 @@ impl Pair {
         self.outgoing.write(parts, identity, &self.remotes)
     }
 
-    /// Waits a moment for what was written to arrive.
-    pub(super) fn farewell(&self) {
-        self.outgoing.farewell();
-    }
-
     /// The next message, if one waits.
     pub(super) fn take(&self) -> Result<Option<Taken>, GraphError> {
         for _ in 0..DISPOSALS {
             match self.reader.try_take_one_with(Within { limit: self.max_bytes }) {
                 Ok(Some(sample)) => return Ok(Some(self.taken(sample))),
                 Ok(None) => {}
-                Err(error) => return Err(self.unreadable(&error)),
+                Err(error) => return Err(GraphError::stack("taking", &self.service, &error)),
             }
         }
         Ok(None)
@@ -154,13 +131,13 @@ impl Pair {
     /// Forgets an endpoint that discovery has lost; true when it was matched.
     pub(super) fn remote_lost(&self, gid: &Gid) -> bool {
         self.numbers.lock().retain(|known| known != gid);
-        self.remotes().remove(gid)
+        self.remotes.lock().remove(gid)
     }
 
     /// Forgets the endpoints of a participant that discovery has lost.
     pub(super) fn participant_lost(&self, prefix: &[u8]) -> bool {
         self.numbers.lock().retain(|gid| !gid.starts_with(prefix));
-        self.remotes().retain(|gid| !gid.starts_with(prefix))
+        self.remotes.lock().retain(|gid| !gid.starts_with(prefix))
     }
 
     /// Forgets the endpoints of others that discovery does not know any more; true when there were
@@ -173,12 +150,12 @@ impl Pair {
             gid.first_chunk::<PREFIX>() == own.first_chunk::<PREFIX>() || discovered.contains(gid)
         };
         self.numbers.lock().retain(stays);
-        self.remotes().retain(stays)
+        self.remotes.lock().retain(stays)
     }
 
     /// The readers and writers of others that discovery knows now.
     pub(super) fn discovered(&self) -> Option<BTreeSet<Gid>> {
-        let dds = self.outgoing.writer().publisher().participant()?;
+        let dds = self.outgoing.writer.publisher().participant()?;
         let readers = dds.discovered_readers();
         let readers = readers.iter().map(|known| known.reader_proxy.remote_reader_guid);
         let writers = dds.discovered_writers();
@@ -188,14 +165,14 @@ impl Pair {
 
     /// A remote reader has matched our writer.
     pub(super) fn reader_matched(&self, gid: Gid) {
-        if !self.remotes().add_reader(gid) {
+        if !self.remotes.lock().add_reader(gid) {
             tracing::warn!(service = self.service, "too many readers: one is not kept");
         }
     }
 
     /// A remote writer has matched our reader.
     pub(super) fn writer_matched(&self, gid: Gid) {
-        if !self.remotes().add_writer(gid) {
+        if !self.remotes.lock().add_writer(gid) {
             tracing::warn!(service = self.service, "too many writers: one is not kept");
         }
     }
@@ -229,7 +206,7 @@ impl Pair {
 
     /// Reads what RustDDS has to say about the writer.
     pub(super) fn on_writer_status(&self) {
-        while let Some(status) = self.outgoing.writer().try_recv_status() {
+        while let Some(status) = self.outgoing.writer.try_recv_status() {
             match status {
                 DataWriterStatus::PublicationMatched { reader, current, .. } => {
                     if current.count_change() > 0 {
@@ -261,10 +238,6 @@ impl Pair {
             "{peer} does not match, its quality of service is incompatible: services are reliable \
              and volatile"
         );
-    }
-
-    fn unreadable(&self, error: &ReadError) -> GraphError {
-        fault(&self.service, "taking", error)
     }
 }
 

@@ -26,7 +26,7 @@ impl Server {
 impl Drop for Server {
     fn drop(&mut self) {
         // A program that ends after its last reply must not take it along.
-        self.0.pair.farewell();
+        self.0.pair.outgoing.farewell();
     }
 }
 
@@ -36,7 +36,7 @@ impl CdrServer for Server {
         let Some(taken) = pair.take()? else { return Ok(None) };
         if remotes::is_cyclone(&taken.writer) {
             return Err(GraphError::ForeignMapping {
-                service: pair.service().to_owned(),
+                service: pair.service.clone(),
                 ours: ServiceMapping::FastDds,
                 theirs: ServiceMapping::Cyclone,
             });
@@ -48,15 +48,15 @@ impl CdrServer for Server {
                 source_timestamp_ns: taken.source_timestamp_ns,
             })),
             Received::TooLarge(actual) => Err(GraphError::TooLarge {
-                topic: pair.service().to_owned(),
+                topic: pair.service.clone(),
                 actual,
-                limit: pair.max_bytes(),
+                limit: pair.max_bytes,
             }),
         }
     }
 
     fn hears(&self, id: &RequestId) -> bool {
-        let remotes = self.0.pair.remotes();
+        let remotes = self.0.pair.remotes.lock();
         if GUID::from_bytes(id.client).entity_id.entity_kind.is_reader() {
             remotes.has_reader(&id.client)
         } else {
@@ -70,7 +70,7 @@ impl CdrServer for Server {
     }
 
     fn clients(&self) -> Peers {
-        self.0.pair.peers()
+        self.0.pair.remotes.lock().peers()
     }
 
     fn lost(&mut self) -> u64 {

@@ -16,7 +16,7 @@ use std::io;
 use std::net::SocketAddr;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::{Arc, MutexGuard, Weak};
+use std::sync::{Arc, Weak};
 use std::thread::JoinHandle;
 
 use rustdds::mio1::event::Source as _;
@@ -89,7 +89,7 @@ impl Watch {
         create: impl FnOnce() -> Result<(Writer, Reader), E>,
         join: impl FnOnce((Writer, Reader)) -> Pair,
     ) -> Result<Arc<Pair>, AddError<E>> {
-        let mut routes = lock(&self.routes);
+        let mut routes = self.routes.lock();
         let (mut writer, mut reader) = create().map_err(AddError::Create)?;
         let number = routes.last.wrapping_add(1);
         let token = |what: usize| Token(number.wrapping_mul(TOKENS_EACH).wrapping_add(what));
@@ -178,7 +178,7 @@ impl Watched {
     /// True when it is about matches.
     fn pair_event(&self, token: Token, changed: &mut BTreeMap<usize, Arc<Pair>>) -> bool {
         let number = token.0 / TOKENS_EACH;
-        let Some(pair) = lock(&self.routes).pairs.get(&number).and_then(Weak::upgrade) else {
+        let Some(pair) = self.routes.lock().pairs.get(&number).and_then(Weak::upgrade) else {
             return false;
         };
         let what = token.0 % TOKENS_EACH;
@@ -229,7 +229,9 @@ impl Watched {
                     own
                 }),
                 DomainParticipantStatusEvent::ReaderLost { guid, .. }
-                | DomainParticipantStatusEvent::WriterLost { guid, .. } => self.lost(guid, changed),
+                | DomainParticipantStatusEvent::WriterLost { guid, .. } => {
+                    self.each(changed, |pair| pair.remote_lost(&guid.to_bytes()));
+                }
                 DomainParticipantStatusEvent::ParticipantLost { id, .. } => {
                     self.each(changed, |pair| pair.participant_lost(id.as_ref()));
                 }
@@ -254,15 +256,10 @@ impl Watched {
         self.greeting.ask(&reader.to_bytes(), &gid, &addresses);
     }
 
-    fn lost(&self, guid: GUID, changed: &mut BTreeMap<usize, Arc<Pair>>) {
-        let gid = guid.to_bytes();
-        self.each(changed, |pair| pair.remote_lost(&gid));
-    }
-
     /// Shows every pair to `look`, which says whether anything changed there.
     fn each(&self, changed: &mut BTreeMap<usize, Arc<Pair>>, mut look: impl FnMut(&Pair) -> bool) {
         let pairs: Vec<_> = {
-            let routes = lock(&self.routes);
+            let routes = self.routes.lock();
             let alive = routes.pairs.iter();
             alive.filter_map(|(number, pair)| Some((*number, pair.upgrade()?))).collect()
         };
@@ -272,8 +269,4 @@ impl Watched {
             }
         }
     }
-}
-
-fn lock(routes: &Mutex<Routes>) -> MutexGuard<'_, Routes> {
-    routes.lock()
 }
