@@ -67,6 +67,7 @@ mod pyarrow;
 mod set;
 #[cfg(feature = "tables")]
 mod stack;
+mod standard;
 #[cfg(feature = "torch")]
 mod torch;
 mod trax;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use serde_json::Value;
 
 use super::json_number::FromJson;
-use super::scalar::{Scalar, with_scalar};
+use super::scalar::with_scalar;
 use super::shape::{ElementShape, FieldShape, Shape};
 use super::value::with_elements;
 use super::{DynamicMessage, DynamicValue, Primitives, TypePlan, ValueError};
@@ -84,7 +84,7 @@ fn value(
     if field.container == Container::Single {
         return match &field.element {
             ElementShape::Primitive(primitive) => {
-                with_scalar!(*primitive, T => T::from_json(*primitive, json).map(T::value))
+                with_scalar!(*primitive, T => T::from_json(*primitive, json).map(DynamicValue::from))
             }
             ElementShape::Text { .. } => text(field, json, budget).map(DynamicValue::Text),
             ElementShape::Message(shape) => message(shape, json, budget).map(DynamicValue::Message),
