@@ -47,9 +47,6 @@ mod body;
 #[cfg(feature = "tables")]
 mod budget;
 mod dask;
-mod dask_array;
-#[cfg(feature = "tables")]
-mod dask_frame;
 mod devices;
 mod error;
 mod framework;

@@ -7,7 +7,6 @@ use serde_json::Value;
 use super::json_number::FromJson;
 use super::scalar::with_scalar;
 use super::shape::{ElementShape, FieldShape, Shape};
-use super::value::with_elements;
 use super::{DynamicMessage, DynamicValue, Primitives, TypePlan, ValueError};
 use crate::parser::Container;
 
@@ -50,9 +49,7 @@ pub(super) fn stated_size(value: &DynamicValue) -> usize {
         DynamicValue::Texts(texts) => {
             texts.iter().fold(0_usize, |size, text| size.saturating_add(text.len() + 4))
         }
-        DynamicValue::Primitives(values) => {
-            with_elements!(values, values => size_of_val(values.as_ref() as &[_]))
-        }
+        DynamicValue::Primitives(values) => values.byte_count(),
         _ => 0,
     }
 }
