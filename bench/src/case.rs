@@ -1,12 +1,15 @@
 //! Cases of the benchmark: the ways, and the payloads on each.
 
+use clap::ValueEnum;
+
 use crate::payload::Kind::{
     self, Audio, F32Mib, FileMib, FullHdRgb, Small, U8Rgb200, VgaJpeg, VgaRgb,
 };
+use crate::payload::name;
 use crate::worker::Order;
 
-/// The way of a message.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, clap::ValueEnum)]
+/// The way of a message; those that are compared stand next to each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
 pub(crate) enum Way {
     /// PUB, our broker, SUB; encoded beforehand.
     RawZmq,
@@ -29,19 +32,6 @@ pub(crate) enum Way {
 }
 
 impl Way {
-    /// All of them, those that are compared next to each other.
-    const ALL: [Self; 9] = [
-        Self::RawZmq,
-        Self::OurPublisher,
-        Self::RawDds,
-        Self::ZmqToRos,
-        Self::RosToZmq,
-        Self::PythonHop,
-        Self::RustHop,
-        Self::PythonForward,
-        Self::RustForward,
-    ];
-
     /// Title of the way, for people.
     pub(crate) fn title(self) -> &'static str {
         match self {
@@ -98,8 +88,9 @@ impl Case {
     /// Every case, those that are compared next to each other; where there is another program, once more on that.
     pub(crate) fn all(with_other: bool) -> Vec<Self> {
         let mut all = Vec::new();
-        for payload in Kind::ALL {
-            for way in Way::ALL.into_iter().filter(|way| way.payloads().contains(&payload)) {
+        for &payload in Kind::value_variants() {
+            let ways = Way::value_variants().iter().copied();
+            for way in ways.filter(|way| way.payloads().contains(&payload)) {
                 all.push(Self { payload, way, is_other: false });
                 if with_other && (way.is_bridged() || way == Way::RawZmq) {
                     all.push(Self { payload, way, is_other: true });
@@ -111,9 +102,8 @@ impl Case {
 
     /// `way/payload`, as `--only` has it.
     pub(crate) fn name(self) -> String {
-        let way = clap::ValueEnum::to_possible_value(&self.way);
-        let way = way.map_or_else(String::new, |way| way.get_name().to_owned());
-        format!("{way}/{}{}", self.payload.name(), if self.is_other { "@other" } else { "" })
+        let other = if self.is_other { "@other" } else { "" };
+        format!("{}/{}{other}", name(self.way), name(self.payload))
     }
 
     /// Messages at a fixed rate, low enough that Python keeps up where both are measured.

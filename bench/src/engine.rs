@@ -1,4 +1,4 @@
-//! What the engine takes of a message: a route in memory, against a loop over endpoints of the same bus.
+//! Cost of the engine for each message: a route in memory, against a loop over endpoints of the same bus.
 //!
 //! ```text
 //!   route   publisher ─▶ /in ─▶ listener, route-worker, publisher ─▶ /out ─▶ listener

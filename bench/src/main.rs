@@ -104,7 +104,7 @@ impl Notes {
         _ = writeln!(std::io::stderr(), "{text}");
     }
 
-    /// What was found; a failure is noted.
+    /// The value that was found; a failure is noted.
     fn some<T>(&mut self, what: &str, found: Result<T>) -> Option<T> {
         found
             .inspect_err(|error| {

@@ -17,6 +17,7 @@ use std::time::Duration;
 use anyhow::{Context as _, Result};
 use base64_simd::{AsOut as _, STANDARD};
 use bytes::Bytes;
+use clap::ValueEnum as _;
 use criterion::Criterion;
 use memchr::{memmem, memrchr};
 use wrapyfi_core::Limits;
@@ -29,7 +30,7 @@ use wrapyfi_interfaces::parser::{Dialect, TypeName};
 use wrapyfi_interfaces::ros1::{Options, Rules, Types};
 use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
 
-use crate::payload::{Kind, Maker, compress, decode_frames, decompress};
+use crate::payload::{self, Kind, Maker, compress, decode_frames, decompress};
 use crate::python::Python;
 use crate::report::Limit::{AtLeast, AtMost, Shown};
 use crate::report::Target;
@@ -162,12 +163,12 @@ impl Micro {
     /// Coding of every payload beside Python's, and what was promised of it.
     pub(crate) fn coding(&self, python: Option<&mut Python>) -> Result<(String, Vec<Target>)> {
         let (mut rows, mut targets, mut python) = (String::new(), Vec::new(), python);
-        for kind in Kind::ALL.into_iter().filter(|kind| *kind != Kind::FileMib) {
+        for kind in Kind::value_variants().iter().copied().filter(|kind| *kind != Kind::FileMib) {
             let form = if kind == Kind::VgaJpeg { "pixels" } else { "zeromq" };
-            let ours =
-                ["encode", "decode"].map(|code| self.us(&format!("{form}/{code} {}", kind.name())));
-            let cdr =
-                ["encode", "decode"].map(|code| self.us(&format!("cdr/{code} {}", kind.name())));
+            let ours = ["encode", "decode"]
+                .map(|code| self.us(&format!("{form}/{code} {}", payload::name(kind))));
+            let cdr = ["encode", "decode"]
+                .map(|code| self.us(&format!("cdr/{code} {}", payload::name(kind))));
             let repeats = if kind == Kind::FullHdRgb { 15 } else { 60 };
             let theirs = match &mut python {
                 Some(python) => python.coding(kind, repeats)?,
@@ -238,8 +239,8 @@ fn native(criterion: &mut Criterion) -> Result<()> {
 }
 
 fn payloads(criterion: &mut Criterion) -> Result<()> {
-    for kind in Kind::ALL.into_iter().filter(|kind| *kind != Kind::FileMib) {
-        let (maker, limits, name) = (Maker::new(kind)?, Limits::default(), kind.name());
+    for kind in Kind::value_variants().iter().copied().filter(|kind| *kind != Kind::FileMib) {
+        let (maker, limits, name) = (Maker::new(kind)?, Limits::default(), payload::name(kind));
         let (spec, payload, message_type) =
             (maker.spec("/t"), maker.payload(1), kind.message_type());
         let encoded: Vec<Bytes> =

@@ -10,6 +10,7 @@
 
 use anyhow::{Context as _, Result, bail};
 use bytes::Bytes;
+use clap::ValueEnum;
 use memchr::memmem;
 use serde::{Deserialize, Serialize};
 use wrapyfi_core::Limits;
@@ -24,9 +25,7 @@ use wrapyfi_core::types::{
 pub(crate) const BASE: u32 = 1_700_000_000;
 
 /// A payload of the measurements.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, clap::ValueEnum,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum Kind {
     /// A dict of a few numbers and words.
@@ -48,32 +47,6 @@ pub(crate) enum Kind {
 }
 
 impl Kind {
-    /// All of them.
-    pub(crate) const ALL: [Self; 8] = [
-        Self::Small,
-        Self::Audio,
-        Self::U8Rgb200,
-        Self::VgaJpeg,
-        Self::F32Mib,
-        Self::VgaRgb,
-        Self::FileMib,
-        Self::FullHdRgb,
-    ];
-
-    /// Name in tables and files.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Small => "small",
-            Self::Audio => "audio",
-            Self::U8Rgb200 => "u8-rgb200",
-            Self::VgaJpeg => "vga-jpeg",
-            Self::F32Mib => "f32-mib",
-            Self::VgaRgb => "vga-rgb",
-            Self::FileMib => "file-mib",
-            Self::FullHdRgb => "full-hd-rgb",
-        }
-    }
-
     /// Title of the payload, for people.
     pub(crate) fn title(self) -> &'static str {
         match self {
@@ -101,6 +74,11 @@ impl Kind {
     fn is_stamped(self) -> bool {
         self.message_type() != MessageType::NativeObject
     }
+}
+
+/// Name of an option's value on the command line, in tables and in files.
+pub(crate) fn name(value: impl ValueEnum) -> String {
+    value.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
 }
 
 /// Bytes that look like a picture to a compressor: a gradient with some noise on it.
@@ -340,7 +318,7 @@ mod tests {
 
     #[test]
     fn every_form_carries_its_number() {
-        for kind in Kind::ALL {
+        for &kind in Kind::value_variants() {
             let maker = Maker::new(kind).unwrap();
             assert_eq!(number_in_payload(&maker.payload(7)).unwrap(), 7, "{kind:?}");
             let mut cdr = maker.cdr().unwrap();

@@ -159,7 +159,7 @@ fn machine() -> String {
     )
 }
 
-/// What a run says of itself, and its targets.
+/// Head of the report: machine and rounds of the run, and its targets.
 pub(crate) fn head(rounds: u32, loads: &[f64], targets: &[Target]) -> String {
     let (least, most) = (quantile(loads, 0.0), quantile(loads, 1.0));
     format!(

@@ -9,6 +9,7 @@ use serde::Deserialize;
 
 use crate::case::{Case, Way};
 use crate::child::Child;
+use crate::payload::name;
 use crate::proc;
 use crate::wire::Wire;
 use crate::worker::{Order, Report};
@@ -146,7 +147,7 @@ impl Bench {
 
     fn worker(&self, role: &str, wire: Wire, place: &[String]) -> Command {
         let mut command = self.command(&self.own);
-        command.args([role, "--wire", wire.name()]).args(place);
+        command.args([role, "--wire", &name(wire)]).args(place);
         command
     }
 
@@ -170,7 +171,7 @@ impl Bench {
         };
         let place = |topic: &str| -> Vec<String> {
             [
-                ("--payload", case.payload.name().to_owned()),
+                ("--payload", name(case.payload)),
                 ("--topic", topic.to_owned()),
                 ("--pub-port", ports.0.to_string()),
                 ("--sub-port", ports.1.to_string()),

@@ -39,7 +39,7 @@ impl Guide {
     /// Reads a page of the repository.
     ///
     /// # Errors
-    /// Where there is no such page, or a block in it does not end.
+    /// Fails where there is no such page, or a block in it does not end.
     pub fn read(page: &str) -> Result<Self> {
         let text = std::fs::read_to_string(repository().join(page)).context(page.to_owned())?;
         Ok(Self {
@@ -52,7 +52,7 @@ impl Guide {
     /// Puts `own` in the place of `written` in all blocks: an address or a port that the test does not have.
     ///
     /// # Errors
-    /// Where the page does not have it.
+    /// Fails where the page does not have it.
     pub fn replace(&mut self, written: &str, own: &str) -> Result {
         if !self.blocks.iter().any(|block| block.text.contains(written)) {
             bail!("{} has no {written} in a block", self.page);
@@ -64,7 +64,7 @@ impl Guide {
     /// The block in this language that contains `mark`.
     ///
     /// # Errors
-    /// Where none or several do.
+    /// Fails where none or several do.
     pub fn block(&self, language: &str, mark: &str) -> Result<String> {
         let found = self
             .blocks
@@ -82,7 +82,7 @@ impl Guide {
     /// The lines of the block for the shell that contains `mark`.
     ///
     /// # Errors
-    /// Where none or several do, or where it has another number of lines.
+    /// Fails where none or several do, or where it has another number of lines.
     pub fn lines<const COUNT: usize>(&self, mark: &str) -> Result<[Line; COUNT]> {
         let block = self.block("sh", mark)?;
         let lines = block.lines().filter(|line| !line.is_empty()).map(|line| {
@@ -99,7 +99,7 @@ impl Guide {
     /// Leaves out the blocks that contain `mark`, for a reason.
     ///
     /// # Errors
-    /// Where none does.
+    /// Fails where none does.
     pub fn pass_over(&self, mark: &str, reason: &str) -> Result {
         let found = self.blocks.iter().filter(|block| block.text.contains(mark));
         let count = found.map(|block| block.is_used.set(true)).count();

@@ -22,9 +22,11 @@ mod config;
 mod cpp;
 mod guide;
 mod hosts;
+mod installation;
 mod master;
 mod needs;
 mod process;
+mod programs;
 mod real;
 mod reserve;
 mod ros_node;
@@ -33,13 +35,14 @@ mod route_state;
 mod scenes;
 mod test_env;
 
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 pub use config::{Config, Route};
 pub use guide::{Guide, Line, same_but_times};
 pub use hosts::Host;
 pub use master::{Books, Owners};
-pub use needs::{Need, repository, run};
+pub use needs::{Need, run};
 pub use process::{Output, Process};
 pub use real::RealRos2;
 pub use ros_node::{RosImage, RosNode, Spoken};
@@ -54,6 +57,13 @@ pub const TIMEOUT: Duration = Duration::from_secs(120);
 
 /// Result of a test.
 pub type Result<T = ()> = anyhow::Result<T>;
+
+/// Root of the repository.
+#[must_use]
+pub fn repository() -> PathBuf {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    here.parent().unwrap_or(here).to_owned()
+}
 
 /// The endpoint of a topic or a node on ROS 2.
 #[must_use]

@@ -1,13 +1,15 @@
 //! Needs of a test, and the consequence where one is missing.
 
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
 use anyhow::{Context as _, bail};
 
-use crate::real::{self, Installation};
+use crate::installation::{self, Installation};
+use crate::programs::{
+    SYSTEM_PYTHON, chromium, example, executable, node, pose_mirror, program, python,
+};
 use crate::{Result, TestEnv, cpp, hosts};
 
 /// Something a test cannot do without.
@@ -55,16 +57,6 @@ pub enum Need {
     Yarp,
     /// This device of that YARP. Those that are not built are skipped, whatever is required.
     YarpDevice(&'static str),
-}
-
-/// The interpreter that the distribution's packages are for.
-pub(crate) const SYSTEM_PYTHON: &str = "/usr/bin/python3";
-
-/// Root of the repository.
-#[must_use]
-pub fn repository() -> PathBuf {
-    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
-    here.parent().unwrap_or(here).to_owned()
 }
 
 /// Runs a test in an environment of its own, or skips it with the reason where something it needs is missing.
@@ -120,68 +112,9 @@ fn check(need: Need) -> Result {
         Need::Ros2Package(name) if Installation::find()?.has(name) => Ok(()),
         Need::Ros2Package(name) => bail!("this ROS 2 has no package {name}"),
         Need::WrapyfiOnRos2 => Installation::find()?.imports(&python()?),
-        Need::Yarp => real::yarp_tools().map(drop),
-        Need::YarpDevice(name) => real::yarp_device(name),
+        Need::Yarp => installation::yarp_tools().map(drop),
+        Need::YarpDevice(name) => installation::yarp_device(name),
     }
-}
-
-/// The `wrapyfi` program.
-pub(crate) fn program() -> Result<PathBuf> {
-    built("wrapyfi", "WRAPYFI_BIN")
-}
-
-/// The node executable.
-pub(crate) fn node() -> Result<PathBuf> {
-    built("bridge", "WRAPYFI_BRIDGE_BIN")
-}
-
-/// A node executable that bridges all of a middleware.
-pub(crate) fn executable(name: &str) -> Result<PathBuf> {
-    built(name, &format!("WRAPYFI_{}_BIN", name.to_uppercase()))
-}
-
-/// Chromium by one of its names.
-pub(crate) fn chromium() -> Result<PathBuf> {
-    let path = std::env::var_os("PATH").unwrap_or_default();
-    let names = ["chromium", "chromium-browser", "google-chrome"];
-    let all = std::env::split_paths(&path).flat_map(|folder| names.map(|name| folder.join(name)));
-    let mut found = all.filter(|file| file.is_file());
-    found.next().context("there is no Chromium on the PATH: apt-get install chromium")
-}
-
-/// The example of a plug-in.
-pub(crate) fn pose_mirror() -> Result<PathBuf> {
-    built("pose_mirror", "WRAPYFI_POSE_MIRROR_BIN")
-}
-
-/// A program of the examples of the communicator.
-pub(crate) fn example(name: &str) -> Result<PathBuf> {
-    built(name, &format!("WRAPYFI_{}_BIN", name.to_uppercase()))
-}
-
-fn built(name: &str, variable: &str) -> Result<PathBuf> {
-    let path = match std::env::var_os(variable) {
-        Some(path) => PathBuf::from(path),
-        // target/<profile>/deps/<test>: the programs lie one folder up.
-        None => std::env::current_exe()?
-            .ancestors()
-            .nth(2)
-            .context("the test runs outside a Cargo build folder")?
-            .join(name),
-    };
-    if !path.is_file() {
-        bail!(
-            "no program at {}: build it with `cargo build --workspace`, or set {variable}",
-            path.display()
-        );
-    }
-    Ok(path)
-}
-
-/// An interpreter that has every Python peer.
-pub(crate) fn python() -> Result<PathBuf> {
-    static FOUND: OnceLock<std::result::Result<PathBuf, String>> = OnceLock::new();
-    FOUND.get_or_init(find_python).clone().map_err(anyhow::Error::msg)
 }
 
 fn package(name: &str) -> Result {
@@ -217,20 +150,4 @@ fn find_ros1() -> std::result::Result<(), String> {
     }
     let missing = String::from_utf8_lossy(&ran.stderr);
     Err(format!("{SYSTEM_PYTHON} lacks the packages of ROS 1: {}; run `make test`", missing.trim()))
-}
-
-fn find_python() -> std::result::Result<PathBuf, String> {
-    let path = std::env::var_os("WRAPYFI_PYTHON")
-        .map_or_else(|| repository().join(".venv/bin/python"), PathBuf::from);
-    let probe = "import importlib.util as u, sys\n\
-                 sys.exit(' '.join(m for m in ('wrapyfi', 'zmq', 'cv2', 'cyclonedds', 'rosbags') if not u.find_spec(m)) or 0)";
-    let ran = Command::new(&path).args(["-c", probe]).output().map_err(|e| {
-        format!("no Python peers: {}: {e}; run `make test`, or set WRAPYFI_PYTHON", path.display())
-    })?;
-    if ran.status.success() {
-        Ok(path)
-    } else {
-        let missing = String::from_utf8_lossy(&ran.stderr);
-        Err(format!("{} lacks the Python packages: {}", path.display(), missing.trim()))
-    }
 }

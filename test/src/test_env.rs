@@ -9,11 +9,10 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use anyhow::Context as _;
 use tempfile::TempDir;
 
-use crate::cpp;
+use crate::config::{Config, Route};
 use crate::process::Pillars;
-use crate::real;
 use crate::reserve::{self, Reserved};
-use crate::{Books, Config, Process, Result, RosNode, Route, needs, repository};
+use crate::{Books, Process, Result, RosNode, cpp, installation, programs, repository};
 
 /// Keeps CycloneDDS on the loopback interface, without multicast, which `lo` often cannot do.
 const LOOPBACK: &str = "<CycloneDDS><Domain Id=\"any\"><General><Interfaces><NetworkInterface name=\"lo\"/></Interfaces>\
@@ -137,7 +136,7 @@ impl TestEnv {
 
     /// Starts `wrapyfi` with these arguments.
     pub fn wrapyfi<A: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = A>) -> Result<Process> {
-        Process::start("wrapyfi", self.command(&needs::program()?, args), &self.pillars)
+        Process::start("wrapyfi", self.command(&programs::program()?, args), &self.pillars)
     }
 
     /// Starts `wrapyfi` with a pipe for its output whose reader has gone, as `head` goes.
@@ -153,7 +152,7 @@ impl TestEnv {
 
     /// Starts `wrapyfi` by a script of bash, whose `$@` is the command.
     pub fn wrapyfi_by(&self, script: &str, args: &[&str]) -> Result<Process> {
-        let program = needs::program()?.into_os_string();
+        let program = programs::program()?.into_os_string();
         let args = args.iter().map(Into::into);
         let all = ["-c".into(), script.into(), "bash".into(), program].into_iter().chain(args);
         let command = self.command(Path::new("bash"), all);
@@ -176,20 +175,21 @@ impl TestEnv {
         rmw: &str,
         args: impl IntoIterator<Item = A>,
     ) -> Result<Process> {
-        let mut command = self.command(&needs::program()?, args);
+        let mut command = self.command(&programs::program()?, args);
         command.env("RMW_IMPLEMENTATION", rmw);
         Process::start("wrapyfi", command, &self.pillars)
     }
 
     /// Starts the node executable with these arguments.
     pub fn node<A: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = A>) -> Result<Process> {
-        Ok(Process::start("bridge", self.command(&needs::node()?, args), &self.pillars)?.pillar())
+        Ok(Process::start("bridge", self.command(&programs::node()?, args), &self.pillars)?
+            .pillar())
     }
 
     /// Starts a node executable that bridges all of a middleware, by its name, with these ROS arguments.
     pub fn executable(&self, name: &str, ros_args: &[&str]) -> Result<Process> {
         let args = ["--ros-args"].iter().chain(ros_args);
-        let command = self.command(&needs::executable(name)?, args);
+        let command = self.command(&programs::executable(name)?, args);
         Ok(Process::start(name, command, &self.pillars)?.pillar())
     }
 
@@ -209,20 +209,20 @@ impl TestEnv {
         rmw: &str,
         args: impl IntoIterator<Item = A>,
     ) -> Result<Process> {
-        let mut command = self.command(&needs::node()?, args);
+        let mut command = self.command(&programs::node()?, args);
         command.env("RMW_IMPLEMENTATION", rmw);
         Ok(Process::start("bridge", command, &self.pillars)?.pillar())
     }
 
     /// Starts the example `pose_mirror` with these topics.
     pub fn pose_mirror(&self, from: &str, to: &str) -> Result<Process> {
-        let command = self.command(&needs::pose_mirror()?, [from, to]);
+        let command = self.command(&programs::pose_mirror()?, [from, to]);
         Ok(Process::start("pose_mirror", command, &self.pillars)?.pillar())
     }
 
     /// Starts a program of `examples/communicator`; `args` are split at blanks.
     pub fn example(&self, name: &str, args: &str) -> Result<Process> {
-        let mut command = self.command(&needs::example(name)?, args.split_whitespace());
+        let mut command = self.command(&programs::example(name)?, args.split_whitespace());
         self.cross_ports(&mut command, args);
         Process::start(name, command, &self.pillars)
     }
@@ -276,7 +276,7 @@ impl TestEnv {
     pub(crate) fn peer_command(&self, script: &str, args: &str) -> Result<Command> {
         let file = repository().join("test/peers").join(script).into_os_string();
         let all = std::iter::once(file).chain(args.split_whitespace().map(Into::into));
-        let mut command = self.command(&needs::python()?, all);
+        let mut command = self.command(&programs::python()?, all);
         // Python decides by locale otherwise; and a .pyc beside the source would show up in git.
         command.env("PYTHONUTF8", "1").env("PYTHONDONTWRITEBYTECODE", "1");
         self.cross_ports(&mut command, args);
@@ -293,7 +293,7 @@ impl TestEnv {
     pub fn poses(&self, there: &str, back: &str) -> Result<Process> {
         let folder = repository().join("examples/pose_plugin/python");
         let args = [folder.join("poses.py").into_os_string(), there.into(), back.into()];
-        let mut command = self.command(&needs::python()?, args);
+        let mut command = self.command(&programs::python()?, args);
         command.env("WRAPYFI_PLUGIN_PATHS", folder);
         command.env("PYTHONUTF8", "1").env("PYTHONDONTWRITEBYTECODE", "1");
         Process::start("poses.py", command, &self.pillars)
@@ -362,7 +362,7 @@ impl TestEnv {
         if let Some(value) = value {
             all.extend(["--value".into(), value.into()]);
         }
-        let mut command = self.command(Path::new(needs::SYSTEM_PYTHON), all);
+        let mut command = self.command(Path::new(programs::SYSTEM_PYTHON), all);
         command.env("PYTHONUTF8", "1").env("PYTHONDONTWRITEBYTECODE", "1");
         command
     }
@@ -431,15 +431,15 @@ impl TestEnv {
     }
 
     pub(crate) fn yarp_command(&self, tool: &str, args: &[&str]) -> Result<Command> {
-        let mut command = self.command(&real::yarp_tools()?.join(tool), args);
+        let mut command = self.command(&installation::yarp_tools()?.join(tool), args);
         command.env("YARP_FORWARD_LOG_ENABLE", "0").env("YARP_COLORED_OUTPUT", "0");
-        command.env("YARP_DATA_DIRS", real::yarp_data()?);
+        command.env("YARP_DATA_DIRS", installation::yarp_data()?);
         Ok(command)
     }
 
     /// Starts the interpreter that has Wrapyfi.
     pub fn python(&self, args: &[&str]) -> Result<Process> {
-        let mut command = self.command(&needs::python()?, args);
+        let mut command = self.command(&programs::python()?, args);
         command.env("PYTHONUTF8", "1").env("PYTHONDONTWRITEBYTECODE", "1");
         self.cross_ports(&mut command, &args.join(" "));
         self.start("python", command)
@@ -452,15 +452,15 @@ impl TestEnv {
             ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-sync"];
         let quiet = ["--disable-background-networking", "--disable-component-update", &profile];
         let all = own.into_iter().chain(quiet).chain(args.iter().copied());
-        let command = self.command(&needs::chromium()?, all);
+        let command = self.command(&programs::chromium()?, all);
         self.start("chromium", command)
     }
 
     /// Starts a line of the shell, as somebody types it who has our programs and the Python peers on the `PATH`.
     pub fn shell(&self, line: &str) -> Result<Process> {
         let mut command = self.command(Path::new("bash"), ["-c", line]);
-        let programs = needs::program()?;
-        let python = needs::python().ok();
+        let programs = programs::program()?;
+        let python = programs::python().ok();
         let own = std::iter::once(programs).chain(python);
         let own = own.filter_map(|file| file.parent().map(Path::to_owned));
         let others = std::env::var_os("PATH").unwrap_or_default();
@@ -475,8 +475,8 @@ impl TestEnv {
     pub fn broken(&self, folder: &str) -> Result<Process> {
         let script = repository().join("test/broken").join(folder).join("run.sh");
         let mut command = self.command(&script, ["--json"]);
-        command.env("WRAPYFI_BIN", needs::program()?);
-        if let Ok(python) = needs::python() {
+        command.env("WRAPYFI_BIN", programs::program()?);
+        if let Ok(python) = programs::python() {
             command.env("WRAPYFI_PYTHON", python);
         }
         if let Ok(program) = cpp::FAST_DDS.or_why_not() {

@@ -13,62 +13,34 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
 
-/// State of a node.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
-#[allow(missing_docs)] // the picture above names them
-pub enum State {
-    Unknown = 0,
-    Unconfigured = 1,
-    Inactive = 2,
-    Active = 3,
-    Finalized = 4,
-    Configuring = 10,
-    CleaningUp = 11,
-    ShuttingDown = 12,
-    Activating = 13,
-    Deactivating = 14,
-    ErrorProcessing = 15,
+use wrapyfi_interfaces::named;
+
+named! {
+    /// State of a node.
+    #[repr(u8)]
+    #[allow(missing_docs)] // the picture above names them
+    pub enum State {
+        Unknown = 0 => "unknown",
+        Unconfigured = 1 => "unconfigured",
+        Inactive = 2 => "inactive",
+        Active = 3 => "active",
+        Finalized = 4 => "finalized",
+        Configuring = 10 => "configuring",
+        CleaningUp = 11 => "cleaningup",
+        ShuttingDown = 12 => "shuttingdown",
+        Activating = 13 => "activating",
+        Deactivating = 14 => "deactivating",
+        ErrorProcessing = 15 => "errorprocessing",
+    }
+    /// Name of the state.
+    pub fn label;
 }
 
 impl State {
-    /// The states in the order in which `rcl_lifecycle` lists them.
-    pub const ALL: [Self; 11] = [
-        Self::Unknown,
-        Self::Unconfigured,
-        Self::Inactive,
-        Self::Active,
-        Self::Finalized,
-        Self::Configuring,
-        Self::CleaningUp,
-        Self::ShuttingDown,
-        Self::Activating,
-        Self::Deactivating,
-        Self::ErrorProcessing,
-    ];
-
     /// Number of the state in `lifecycle_msgs/msg/State`.
     #[must_use]
     pub const fn id(self) -> u8 {
         self as u8
-    }
-
-    /// Name of the state.
-    #[must_use]
-    pub const fn label(self) -> &'static str {
-        match self {
-            Self::Unknown => "unknown",
-            Self::Unconfigured => "unconfigured",
-            Self::Inactive => "inactive",
-            Self::Active => "active",
-            Self::Finalized => "finalized",
-            Self::Configuring => "configuring",
-            Self::CleaningUp => "cleaningup",
-            Self::ShuttingDown => "shuttingdown",
-            Self::Activating => "activating",
-            Self::Deactivating => "deactivating",
-            Self::ErrorProcessing => "errorprocessing",
-        }
     }
 
     /// True for a state in which a node stays.

@@ -9,11 +9,13 @@
 //!   ~/change_state ──────┘ configure reads it, activate starts the routes, deactivate and cleanup take them away
 //! ```
 //!
-//! It also starts middlewares anew that somebody else has ended, as `rosnode kill` does.
+//! The same thread starts middlewares anew that somebody else has ended: `ends`.
+
+mod ends;
+mod watched_file;
 
 use std::collections::BTreeMap;
 use std::io::IsTerminal as _;
-use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, channel};
@@ -23,40 +25,35 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use signal_hook::consts::SIGHUP;
 use signal_hook::iterator::{Handle, Signals};
-use wrapyfi_core::endpoint::backoff::Backoff;
-use wrapyfi_core::endpoint::{BridgeMark, Context, Registry, Server, ServiceSpec, WAITING};
+use wrapyfi_core::endpoint::{Context, Registry, Server, WAITING};
 use wrapyfi_core::engine::{Applier, Plan, PlanDiff};
 use wrapyfi_core::middleware::ros2::NodeHandle;
 use wrapyfi_core::node::parameters::ParameterStore;
-use wrapyfi_core::types::{Map, Payload, ServiceKind, Value};
+use wrapyfi_core::types::{Map, Payload, Value};
+use wrapyfi_interfaces::std_srvs::srv::Trigger_Response;
 use wrapyfi_interfaces::store::TypeStore;
+use wrapyfi_interfaces::wrapyfi_msgs::srv::{AddRoute_Response, RemoveRoute_Response};
 use wrapyfi_retry::contained;
 use wrapyfi_retry::thread::restarted;
 
+use self::watched_file::WatchedFile;
 use crate::edits::Edits;
 use crate::exit::Failure;
-use crate::files::read_file;
 use crate::in_force::{InForce, Options, change_by, change_endpoints, ros2_types, warn_of_unheard};
 use crate::lifecycle::{Lifecycle, Outcome, State};
 use crate::middlewares::{self, Loaded, Middlewares, Settings, show_endpoints};
 use crate::node::Node;
 use crate::on_graph::lifecycle::Managed;
+use crate::on_graph::offer;
 use crate::shutdown::Shutdown;
 
 /// Time between two looks at the file. It is read once it has been the same for so long.
 const LOOK_EVERY: Duration = Duration::from_millis(250);
-/// Time after which a file that is gone is complained of: editors take it away for a moment.
-const GONE_AFTER: Duration = Duration::from_secs(2);
 /// Longest time that the end of the program waits for a file that is being read.
 const STOP_WITHIN: Duration = Duration::from_millis(500);
 /// Longest time that a change of state waits for routes to close: a reliable writer of DDS waits a second for a reader
 /// that was killed.
 const CLOSE_WITHIN: Duration = Duration::from_secs(2);
-/// Time for which a middleware that was ended stays so, at first and at most: two nodes of one name end each other.
-const ANEW_AFTER: Duration = Duration::from_secs(1);
-const ANEW_AFTER_AT_MOST: Duration = Duration::from_secs(30);
-/// Time of life after which the next end of a middleware counts as its first.
-const LIVES: Duration = Duration::from_secs(60);
 /// Time that the reply to the transition which finalizes the node has to reach its client.
 const REPLY_WITHIN: Duration = Duration::from_millis(500);
 /// Most changes that get a line each in the log.
@@ -183,26 +180,6 @@ impl Reload {
         Ok((text, diff))
     }
 
-    /// Starts middlewares anew that have ended, `ends` of which are known, each once its time has come.
-    fn start_ended_anew(&mut self, ends: &mut BTreeMap<&'static str, Ends>) {
-        let ended =
-            self.middlewares.ended().filter(|(name, _)| self.options.lives_with != Some(*name));
-        let mut is_other = false;
-        for (name, reason) in ended.collect::<Vec<_>>() {
-            let ends = ends.entry(name).or_insert_with(|| Ends::new(name));
-            if !ends.is_time(Instant::now()) {
-                continue;
-            }
-            match self.middlewares.start_anew(name, reason) {
-                Ok(()) => is_other = true,
-                Err(failure) => tracing::error!("{name} does not start anew: {failure}"),
-            }
-        }
-        if is_other {
-            self.routes.turn_to(self.registry_of(&self.middlewares));
-        }
-    }
-
     /// As [`Reload::apply`] for the file as it is now, and logs the outcome.
     fn apply_and_tell(&mut self, known: &mut String) -> Result<PlanDiff, Failure> {
         told(&self.source.name(), known, || self.apply(self.edits.clone(), None))
@@ -301,38 +278,6 @@ impl Reload {
     }
 }
 
-/// Ends of a middleware by somebody else's order.
-struct Ends {
-    backoff: Backoff,
-    /// Instant of the next start, while it has ended.
-    anew_at: Option<Instant>,
-    /// Instant of the last start.
-    started_at: Option<Instant>,
-}
-
-impl Ends {
-    fn new(name: &str) -> Self {
-        let backoff = Backoff::of_name(name).starting_at(ANEW_AFTER).up_to(ANEW_AFTER_AT_MOST);
-        Self { backoff, anew_at: None, started_at: None }
-    }
-
-    /// True when a middleware that is seen ended at `now` is to start.
-    fn is_time(&mut self, now: Instant) -> bool {
-        let at = *self.anew_at.get_or_insert_with(|| {
-            let lived = self.started_at.map(|at| now.saturating_duration_since(at));
-            if lived.is_some_and(|lived| lived >= LIVES) {
-                self.backoff.reset();
-            }
-            now + self.backoff.wait()
-        });
-        if now < at {
-            return false;
-        }
-        (self.anew_at, self.started_at) = (None, Some(now));
-        true
-    }
-}
-
 /// Declares the parameters of `from` that `store` has not.
 fn declare_new(from: &ParameterStore, store: &mut ParameterStore) {
     let new: Vec<&str> = from.names().filter(|name| store.describe(name).is_none()).collect();
@@ -381,18 +326,6 @@ fn told(
     }
 }
 
-/// A file as the system sees it: any change of it, or another in its place, is another mark.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Mark([i64; 4], u64, u64);
-
-impl Mark {
-    fn of(file: &Path) -> Option<Self> {
-        let meta = std::fs::metadata(file).ok()?;
-        let times = [meta.mtime(), meta.mtime_nsec(), meta.ctime(), meta.ctime_nsec()];
-        Some(Self(times, meta.ino(), meta.len()))
-    }
-}
-
 /// The thread that looks whether the configuration is to be read again. It ends when it is dropped.
 pub struct Watch {
     stop: Arc<AtomicBool>,
@@ -429,12 +362,22 @@ impl Watch {
         }
         let is_on_ros2 = reload.handle.is_some();
         let is_changed = is_on_ros2 && file.is_some();
-        let offered = Asked::ALL.into_iter().filter(|_| is_changed).filter_map(|service| {
-            let server = offer(service, &reload.node, reload.middlewares.registry(), &context)?;
-            Some((service, server))
-        });
-        let mut services: Vec<_> = offered.collect();
         let (lifecycle, registry) = (reload.lifecycle.clone(), reload.middlewares.registry());
+        let mut services = Vec::new();
+        if is_changed {
+            let node = &reload.node;
+            services = vec![
+                (Asked::Reload, offer::<Trigger_Response>(node, registry, &context, "reload")),
+                (
+                    Asked::AddRoute,
+                    offer::<AddRoute_Response>(node, registry, &context, "add_route"),
+                ),
+                (
+                    Asked::RemoveRoute,
+                    offer::<RemoveRoute_Response>(node, registry, &context, "remove_route"),
+                ),
+            ];
+        }
         let mut managed = Managed::new(lifecycle.clone());
         if is_on_ros2 {
             managed.open(&reload.node, registry, &context);
@@ -446,7 +389,7 @@ impl Watch {
                 transition.map(|transition| managed.go(transition, |_| Outcome::Success));
             }
         }
-        let mut looked = Looked::new(file.as_deref());
+        let mut looked = WatchedFile::new(file.as_deref());
         let (told, wake) = (Arc::clone(&stop), context.wake.clone());
         let (alive, ended) = channel::<()>();
         let thread = std::thread::Builder::new().name("reload".to_owned());
@@ -465,8 +408,10 @@ impl Watch {
                         _ = reload.apply_and_tell(&mut looked.text);
                     }
                     reload.start_ended_anew(&mut ends);
-                    for (service, server) in &mut services {
-                        answer(*service, server.as_mut(), &mut reload, &mut looked.text);
+                    for (service, offered) in &mut services {
+                        if let Some((server, _)) = offered {
+                            answer(*service, server.as_mut(), &mut reload, &mut looked.text);
+                        }
                     }
                     managed.answer(|state| reload.work(state, &mut looked.text));
                     if lifecycle.state() == State::Finalized {
@@ -497,46 +442,6 @@ impl Drop for Watch {
     }
 }
 
-/// State of the file at the last look.
-struct Looked {
-    /// Text of the file when it was read last.
-    text: String,
-    mark: Option<Mark>,
-    /// True when the file is another, and is read once it stays the same.
-    is_fresh: bool,
-    gone_since: Option<Instant>,
-    is_told: bool,
-}
-
-impl Looked {
-    fn new(file: Option<&Path>) -> Self {
-        let mark = file.and_then(Mark::of);
-        let text = file.and_then(|file| read_file(file).ok()).unwrap_or_default();
-        Self { text, mark, is_fresh: false, gone_since: None, is_told: false }
-    }
-
-    /// True when the file has another text, and has had it for a while.
-    fn is_other(&mut self, file: &Path) -> bool {
-        let mark = Mark::of(file);
-        if mark.is_none() {
-            let since = *self.gone_since.get_or_insert_with(Instant::now);
-            if since.elapsed() >= GONE_AFTER && !std::mem::replace(&mut self.is_told, true) {
-                tracing::warn!("{} is gone: the routes stay as they are", file.display());
-            }
-            return false;
-        }
-        (self.gone_since, self.is_told) = (None, false);
-        if mark != self.mark {
-            (self.mark, self.is_fresh) = (mark, true);
-            return false;
-        }
-        let is_file = || std::fs::metadata(file).is_ok_and(|meta| meta.is_file());
-        // A file that cannot be read counts as changed, so that its reader reports the fault.
-        std::mem::take(&mut self.is_fresh)
-            && (!is_file() || read_file(file).map_or(true, |text| text != self.text))
-    }
-}
-
 /// Service that changes the routes.
 #[derive(Debug, Clone, Copy)]
 enum Asked {
@@ -545,45 +450,13 @@ enum Asked {
     RemoveRoute,
 }
 
-impl Asked {
-    const ALL: [Self; 3] = [Self::Reload, Self::AddRoute, Self::RemoveRoute];
-
-    /// Name, type, and the field of a request that counts.
-    const fn described(self) -> (&'static str, &'static str, &'static str) {
-        match self {
-            Self::Reload => ("~/reload", "std_srvs/srv/Trigger", ""),
-            Self::AddRoute => ("~/add_route", "wrapyfi_msgs/srv/AddRoute", "route"),
-            Self::RemoveRoute => ("~/remove_route", "wrapyfi_msgs/srv/RemoveRoute", "name"),
-        }
-    }
-}
-
-/// Offers a service.
-fn offer(
-    service: Asked,
-    node: &Node,
-    registry: &Registry,
-    context: &Context,
-) -> Option<Box<dyn Server>> {
-    let (name, kind, _) = service.described();
-    let mut types = TypeStore::generated();
-    let offered = ServiceKind::resolve(kind, &mut types)
-        .map_err(|error| error.to_string())
-        .and_then(|kind| {
-            let ros2 = registry.get("ros2").map_err(|error| error.to_string())?;
-            let name = node.resolve_service(name).map_err(|error| error.to_string())?;
-            // No bridge by pattern carries it anywhere: what it calls has been everywhere.
-            let path = middlewares::names().into_iter().map(str::to_owned).collect();
-            let mark = Some(BridgeMark { bridge: BridgeMark::number(), path });
-            ros2.open_server(&ServiceSpec { mark, ..ServiceSpec::new(name, kind) }, context)
-                .map_err(|error| error.to_string())
-        });
-    offered.inspect_err(|error| tracing::warn!("{name} is not offered: {error}")).ok()
-}
-
 /// Answers those who asked by a service.
 fn answer(service: Asked, server: &mut dyn Server, reload: &mut Reload, known: &mut String) {
-    let (name, _, field) = service.described();
+    let field = match service {
+        Asked::Reload => "",
+        Asked::AddRoute => "route",
+        Asked::RemoveRoute => "name",
+    };
     while let Ok(Some(asked)) = server.take() {
         let call = asked.request.into_call().unwrap_or_default();
         let text = call.kwargs.get(field).and_then(Value::as_str).unwrap_or_default();
@@ -592,7 +465,7 @@ fn answer(service: Asked, server: &mut dyn Server, reload: &mut Reload, known: &
         let message = told.map_or_else(|why| why.to_string(), |diff| diff.to_string());
         let fields: Map = [("success", Value::from(success)), ("message", message.into())].into();
         if let Err(error) = server.reply(asked.id, Ok(Payload::from(Value::Map(fields)))) {
-            tracing::warn!("{name} was not answered: {error}");
+            tracing::warn!("{service:?} was not answered: {error}");
         }
     }
 }
@@ -600,7 +473,6 @@ fn answer(service: Asked, server: &mut dyn Server, reload: &mut Reload, known: &
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wrapyfi_core::engine::MAX_CONFIG_BYTES;
     use wrapyfi_core::node::NodeName;
     use wrapyfi_core::node::parameters::ParameterDescriptor;
 
@@ -619,24 +491,6 @@ mod tests {
     }
 
     #[test]
-    fn a_middleware_that_is_ended_again_and_again_waits_longer() {
-        let (mut ends, mut now) = (Ends::new("ros"), Instant::now());
-        let mut wait = |lived: Duration| {
-            now += lived;
-            let ended = now;
-            while !ends.is_time(now) {
-                now += Duration::from_millis(10);
-            }
-            now - ended
-        };
-        let first = wait(Duration::ZERO);
-        assert!(first >= ANEW_AFTER / 2 && first <= ANEW_AFTER, "{first:?}");
-        let last = (0..8).map(|_| wait(Duration::ZERO)).last().unwrap();
-        assert!(last >= ANEW_AFTER_AT_MOST / 2, "{last:?}");
-        assert!(wait(LIVES) <= ANEW_AFTER, "it has lived since");
-    }
-
-    #[test]
     fn a_panic_while_the_file_is_read_leaves_everything_as_it_is_and_says_so() {
         let mut known = "before".to_owned();
         let told = |known: &mut String| told("bridge.yaml", known, || panic!("on purpose"));
@@ -644,33 +498,5 @@ mod tests {
         assert_eq!(error.to_string(), "what reads bridge.yaml panicked: on purpose");
         assert_eq!(error.code(), 1, "an error of the node, and none of its configuration");
         assert_eq!(known, "before", "it is read again where it changes");
-    }
-
-    /// A file that is written anew, one put in its place, one that is gone, and one that was only touched.
-    #[test]
-    fn a_file_is_another_once_it_has_another_text_for_a_while() {
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("bridge.yaml");
-        std::fs::write(&file, "one").unwrap();
-        let mut looked = Looked::new(Some(&file));
-        assert!(!looked.is_other(&file));
-        std::fs::write(&file, "two").unwrap();
-        assert!(!looked.is_other(&file), "it may not be all yet");
-        assert!(looked.is_other(&file));
-        looked.text = "two".to_owned();
-        assert!(!looked.is_other(&file));
-        let beside = folder.path().join("new.yaml");
-        std::fs::write(&beside, "three").unwrap();
-        std::fs::remove_file(&file).unwrap();
-        assert!(!looked.is_other(&file));
-        std::fs::rename(&beside, &file).unwrap();
-        assert!(!looked.is_other(&file));
-        assert!(looked.is_other(&file));
-        looked.text = "three".to_owned();
-        std::fs::write(&file, "three").unwrap();
-        assert!(!looked.is_other(&file));
-        assert!(!looked.is_other(&file), "its text is the same");
-        let endless = read_file(Path::new("/dev/zero")).unwrap();
-        assert_eq!(endless.len(), MAX_CONFIG_BYTES + 1);
     }
 }

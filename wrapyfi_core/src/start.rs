@@ -168,7 +168,7 @@ mod ros2 {
     pub struct Ros2Settings {
         /// Name of the node, its domain, and what CycloneDDS needs beside them.
         pub cyclone: CycloneConfig,
-        /// What carries the graph; `None`: as the environment says.
+        /// Carrier of the graph; `None`: as the environment says.
         pub adapter: Option<Adapter>,
         /// Name of the node for security, `/` where it has none.
         pub enclave: String,

@@ -27,17 +27,6 @@ pub(crate) enum Wire {
     Wrapyfi,
 }
 
-impl Wire {
-    /// Name on the command line.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Zmq => "zmq",
-            Self::Dds => "dds",
-            Self::Wrapyfi => "wrapyfi",
-        }
-    }
-}
-
 /// Address of a wire, and the messages on it.
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct Place {

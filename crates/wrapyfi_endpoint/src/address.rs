@@ -24,9 +24,7 @@ pub struct EndpointAddress {
 #[non_exhaustive]
 pub enum ParseAddressError {
     /// The text names no middleware before the name.
-    #[error(
-        "endpoint {0:?} names no middleware: write it as middleware:/name, for instance zeromq:{0}"
-    )]
+    #[error("endpoint {0:?} names no middleware: write the name of one before it, middleware:{0}")]
     NoMiddleware(String),
     /// The text has no name behind the middleware.
     #[error("endpoint {0:?} names no topic: write it as middleware:/name, for instance {0}/camera")]

@@ -46,8 +46,8 @@ pub enum OpenError {
     },
     /// The middleware has topics only.
     #[error(
-        "{middleware} has no services, so {service:?} cannot be called or offered there: use \
-         zeromq, yarp, ros or ros2"
+        "{middleware} has no services, so {service:?} cannot be called or offered there: name another \
+         middleware before it"
     )]
     NoServices {
         /// Middleware asked.

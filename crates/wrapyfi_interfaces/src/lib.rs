@@ -23,6 +23,7 @@ pub mod description;
 pub mod dynamic;
 pub mod hash;
 mod message;
+mod named;
 pub mod parser;
 pub mod ros1;
 pub mod store;

@@ -20,7 +20,7 @@ use syn::{Attribute, FnArg, GenericParam, ImplItemFn, Pat, ReturnType, Type};
 use crate::register::Registration;
 use crate::suggest::{did_you_mean, listed};
 
-/// How an argument is passed.
+/// Way in which an argument is passed.
 pub(crate) enum Passing {
     /// By value; its twin is of the same type.
     Owned(Type),

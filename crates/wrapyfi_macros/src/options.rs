@@ -21,7 +21,7 @@ pub(crate) enum Form {
 }
 
 impl Form {
-    /// How to write it.
+    /// Example of the option as it is to be written.
     pub(crate) fn example(self, name: &str) -> String {
         match self {
             Self::Switch | Self::SwitchOrMap => format!("{name} = true"),

@@ -1,5 +1,8 @@
 //! Names of the middlewares.
 
+use std::collections::BTreeMap;
+
+use wrapyfi_core::endpoint::Registry;
 use wrapyfi_core::engine::Available;
 
 use super::{ros1, ros2, yarp, zeromq};
@@ -14,6 +17,16 @@ pub(super) fn available() -> [Available<'static>; 4] {
 #[must_use]
 pub fn names() -> Vec<&'static str> {
     available().map(|known| known.name).into()
+}
+
+/// The middlewares of `registry`, each with what it waits for, or the reason that it has ended.
+#[must_use]
+pub(crate) fn waits(registry: &Registry) -> BTreeMap<&'static str, Option<String>> {
+    let all = names().into_iter().filter_map(|name| {
+        let middleware = registry.get(name).ok()?;
+        Some((name, middleware.ended().or_else(|| middleware.waiting_for())))
+    });
+    all.collect()
 }
 
 /// Error for a name that none of them has.

@@ -39,12 +39,11 @@ use wrapyfi_core::endpoint::{EndpointAddress, Late, Middleware, Registry, StartF
 use wrapyfi_core::engine::Plan;
 use wrapyfi_core::middleware::ros2::graph::Graph;
 use wrapyfi_core::middleware::ros2::{NodeEndpoints, NodeHandle, Ros2};
-use wrapyfi_core::network::Hosts;
 use wrapyfi_core::node::parameters::ParameterStore;
 use wrapyfi_interfaces::store::TypeStore;
 
-pub(crate) use self::available::unknown;
 pub use self::available::{names, option_names};
+pub(crate) use self::available::{unknown, waits};
 pub use self::demo::DemoMiddlewares;
 pub(crate) use self::learn::{LearnTopicError, of_topic};
 pub use self::load::{Endpoints, Loaded, Undefined, load, load_and_learn, load_noting, load_text};
@@ -55,7 +54,6 @@ pub use self::ros2::Ros2Section;
 use self::settings::One;
 pub use self::settings::Settings;
 pub use self::start::Role;
-use self::start::start;
 pub use self::yarp::{DialectWord, YarpSection};
 pub use self::zeromq::{BrokerWord, ServicePorts, ZeroMqSection};
 use crate::exit::Failure;
@@ -103,7 +101,7 @@ impl Middlewares {
         if plan.uses("ros2") {
             let ros2 = endpoints.ros2.start(node, plan.largest_message_on("ros2"))?;
             middlewares.graph = Some(Arc::clone(ros2.graph()));
-            middlewares.add(Arc::new(ros2));
+            middlewares.registry.register(Arc::new(ros2));
         }
         Ok(middlewares)
     }
@@ -207,31 +205,7 @@ impl Middlewares {
         role: Role,
         own: OwnAddress,
     ) -> Result<Self, Failure> {
-        let mut middlewares = Self::default();
-        let mut endpoints = Endpoints::default();
-        endpoints.reached_at(own);
-        match address.middleware.as_str() {
-            "zeromq" => {
-                let largest = Limits::default().message_bytes;
-                let config = endpoints.zeromq.config(Some(role), largest, &endpoints.hosts)?;
-                middlewares.add(Arc::new(start("zeromq", &config)?));
-            }
-            "ros2" => {
-                middlewares.add(Arc::new(Self::ros2_of_command()?));
-            }
-            yarp::NAME => {
-                let listens = !matches!(role, Role::Observer | Role::Client);
-                let largest = Limits::default().message_bytes;
-                let config = endpoints.yarp.config(largest, &endpoints.hosts)?;
-                middlewares.add(Arc::new(YarpSection::start_with(&config, listens)?));
-            }
-            ros1::NAME => {
-                let config = endpoints.ros.config(&endpoints.hosts)?;
-                middlewares.add(Arc::new(start(ros1::NAME, &config)?));
-            }
-            other => return Err(unknown(other)),
-        }
-        Ok(middlewares)
+        Self::for_service(address, role, &ServicePorts::default(), own)
     }
 
     /// As [`Middlewares::for_endpoint`], with the ports of requests and replies that were given.
@@ -244,19 +218,27 @@ impl Middlewares {
         ports: &ServicePorts,
         own: OwnAddress,
     ) -> Result<Self, Failure> {
-        if address.middleware != "zeromq" {
-            if ports.any() {
-                let text = format!("{address}: --rep-port and --req-port are for zeromq");
-                return Err(Failure::Usage(text));
-            }
-            return Self::for_endpoint(address, role, own);
+        if address.middleware != "zeromq" && ports.any() {
+            let text = format!("{address}: --rep-port and --req-port are for zeromq");
+            return Err(Failure::Usage(text));
         }
-        let ServicePorts { rep_port, req_port } = *ports;
-        let section = ZeroMqSection { rep_port, req_port, ..ZeroMqSection::default() };
-        let mut middlewares = Self::default();
+        let mut endpoints = Endpoints::default();
+        endpoints.reached_at(own);
+        (endpoints.zeromq.rep_port, endpoints.zeromq.req_port) = (ports.rep_port, ports.req_port);
+        let Endpoints { zeromq, yarp, ros, hosts, .. } = &endpoints;
         let largest = Limits::default().message_bytes;
-        let config = section.config(Some(role), largest, &Hosts::default())?;
-        middlewares.add(Arc::new(start("zeromq", &config)?));
+        let one = match address.middleware.as_str() {
+            "zeromq" => One::ZeroMq(zeromq.config(Some(role), largest, hosts)?, false),
+            yarp::NAME => {
+                let listens = !matches!(role, Role::Observer | Role::Client);
+                One::Yarp(yarp.config(largest, hosts)?, listens)
+            }
+            ros1::NAME => One::Ros1(ros.config(hosts)?),
+            "ros2" => return Ok(Self::with_ros2(Arc::new(Self::ros2_of_command()?))),
+            other => return Err(unknown(other)),
+        };
+        let mut middlewares = Self::default();
+        middlewares.registry.register(one.start()?);
         Ok(middlewares)
     }
 
@@ -273,7 +255,7 @@ impl Middlewares {
     #[must_use]
     pub fn with_ros2(ros2: Arc<Ros2>) -> Self {
         let mut middlewares = Self::default();
-        middlewares.add(ros2);
+        middlewares.registry.register(ros2);
         middlewares
     }
 
@@ -281,10 +263,6 @@ impl Middlewares {
     #[must_use]
     pub fn registry(&self) -> &Registry {
         &self.registry
-    }
-
-    fn add(&mut self, middleware: Arc<dyn Middleware>) {
-        self.registry.register(middleware);
     }
 }
 

@@ -4,7 +4,7 @@
 //! can read what is in force.
 
 use serde_saphyr::{Location, Spanned};
-use wrapyfi_core::network::{Insecure, Place};
+use wrapyfi_core::network::Place;
 use wrapyfi_core::node::ParameterValue;
 use wrapyfi_core::node::parameters::{ParameterDescriptor, ParameterStore};
 
@@ -14,23 +14,77 @@ use crate::exit::Failure;
 /// Prefix of the parameters' names.
 const PREFIX: &str = "endpoints.";
 
-/// Names of the parameters that there are.
-const NAMES: [&str; 14] = [
-    "endpoints.ros.hostname",
-    "endpoints.ros.insecure",
-    "endpoints.ros.master_uri",
-    "endpoints.ros.namespace",
-    "endpoints.ros.node",
-    "endpoints.yarp.embedded",
-    "endpoints.yarp.insecure",
-    "endpoints.yarp.ip",
-    "endpoints.yarp.name_server",
-    "endpoints.yarp.namespace",
-    "endpoints.zeromq.insecure",
-    "endpoints.zeromq.ip",
-    "endpoints.zeromq.pub_port",
-    "endpoints.zeromq.sub_port",
+/// Place of a setting, by the type of its value.
+enum Setting {
+    Text(fn(&mut Endpoints) -> &mut Option<String>),
+    Placed(fn(&mut Endpoints) -> &mut Option<Spanned<String>>),
+    Port(fn(&mut Endpoints) -> &mut Option<u16>),
+    Switch(fn(&mut Endpoints) -> &mut bool),
+}
+
+/// The parameters that there are.
+const SETTINGS: [(&str, Setting); 14] = [
+    ("endpoints.ros.hostname", Setting::Text(|it| &mut it.ros.hostname)),
+    ("endpoints.ros.insecure", Setting::Switch(|it| &mut it.ros.insecure.0.is_allowed)),
+    ("endpoints.ros.master_uri", Setting::Text(|it| &mut it.ros.master_uri)),
+    ("endpoints.ros.namespace", Setting::Text(|it| &mut it.ros.namespace)),
+    ("endpoints.ros.node", Setting::Text(|it| &mut it.ros.node)),
+    ("endpoints.yarp.embedded", Setting::Switch(|it| &mut it.yarp.embedded)),
+    ("endpoints.yarp.insecure", Setting::Switch(|it| &mut it.yarp.insecure.0.is_allowed)),
+    ("endpoints.yarp.ip", Setting::Placed(|it| &mut it.yarp.ip)),
+    ("endpoints.yarp.name_server", Setting::Placed(|it| &mut it.yarp.name_server)),
+    ("endpoints.yarp.namespace", Setting::Text(|it| &mut it.yarp.namespace)),
+    ("endpoints.zeromq.insecure", Setting::Switch(|it| &mut it.zeromq.insecure.0.is_allowed)),
+    ("endpoints.zeromq.ip", Setting::Placed(|it| &mut it.zeromq.ip)),
+    ("endpoints.zeromq.pub_port", Setting::Port(|it| &mut it.zeromq.pub_port)),
+    ("endpoints.zeromq.sub_port", Setting::Port(|it| &mut it.zeromq.sub_port)),
 ];
+
+impl Setting {
+    /// Takes the value of the parameter `name`.
+    fn take(
+        &self,
+        endpoints: &mut Endpoints,
+        name: &str,
+        value: ParameterValue,
+    ) -> Result<(), Failure> {
+        let wanted = match (self, value) {
+            (Self::Text(place), ParameterValue::String(text)) => {
+                *place(endpoints) = Some(text);
+                return Ok(());
+            }
+            (Self::Placed(place), ParameterValue::String(text)) => {
+                // It stands in no file.
+                let text = Spanned::new(text, Location::UNKNOWN, Location::UNKNOWN);
+                *place(endpoints) = Some(text);
+                return Ok(());
+            }
+            (Self::Port(place), ParameterValue::Integer(port @ 1..=65535)) => {
+                *place(endpoints) = u16::try_from(port).ok();
+                return Ok(());
+            }
+            (Self::Switch(place), ParameterValue::Bool(is_on)) => {
+                *place(endpoints) = is_on;
+                return Ok(());
+            }
+            (Self::Text(_) | Self::Placed(_), value) => (value, "a text"),
+            (Self::Port(_), value) => (value, "a port from 1 to 65535"),
+            (Self::Switch(_), value) => (value, "true or false"),
+        };
+        let (value, wanted) = wanted;
+        Err(Failure::Usage(format!("parameter {name} is {value}; it must be {wanted}")))
+    }
+
+    /// Value of the parameter, where it is not the default.
+    fn value(&self, endpoints: &mut Endpoints) -> Option<ParameterValue> {
+        match self {
+            Self::Text(place) => place(endpoints).as_deref().map(ParameterValue::from),
+            Self::Placed(place) => place(endpoints).as_ref().map(|text| text.value.as_str().into()),
+            Self::Port(place) => place(endpoints).map(|port| i64::from(port).into()),
+            Self::Switch(place) => place(endpoints).then_some(ParameterValue::Bool(true)),
+        }
+    }
+}
 
 /// Changes `endpoints` by the parameters that are given, also where they were declared before.
 ///
@@ -42,51 +96,40 @@ pub(crate) fn take_parameters(
 ) -> Result<(), Failure> {
     let given = store.overrides().keys().filter(|name| name.starts_with(PREFIX));
     let given: Vec<String> = given.cloned().collect();
-    // By section: whether the address is among them, and the word.
-    let (mut ros, mut yarp, mut zeromq) = ((false, false), (false, false), (false, false));
-    for name in given {
-        if !NAMES.contains(&name.as_str()) {
+    let before = [&endpoints.ros.insecure, &endpoints.yarp.insecure, &endpoints.zeromq.insecure];
+    let before = before.map(|word| word.0);
+    for name in &given {
+        let Some((_, setting)) = SETTINGS.iter().find(|(known, _)| known == name) else {
+            let known = SETTINGS.map(|(name, _)| name).join(", ");
             return Err(Failure::Usage(format!(
-                "there is no parameter {name}; those of middlewares are {}",
-                NAMES.join(", ")
+                "there is no parameter {name}; those of middlewares are {known}"
             )));
-        }
-        let value = match store.get(&name) {
+        };
+        let value = match store.get(name) {
             Ok(declared) => declared.clone(),
             Err(_) => {
-                store.declare(descriptor(&name), ParameterValue::NotSet).map_err(Failure::usage)?
+                store.declare(descriptor(name), ParameterValue::NotSet).map_err(Failure::usage)?
             }
         };
-        match name.strip_prefix(PREFIX).unwrap_or_default() {
-            "ros.hostname" => (endpoints.ros.hostname, ros.0) = (Some(text(&name, value)?), true),
-            "ros.insecure" => ros.1 = switch(&name, &value)?,
-            "ros.master_uri" => endpoints.ros.master_uri = Some(text(&name, value)?),
-            "ros.namespace" => endpoints.ros.namespace = Some(text(&name, value)?),
-            "ros.node" => endpoints.ros.node = Some(text(&name, value)?),
-            "yarp.embedded" => endpoints.yarp.embedded = switch(&name, &value)?,
-            "yarp.insecure" => yarp.1 = switch(&name, &value)?,
-            "yarp.ip" => {
-                endpoints.yarp.say_ip(text(&name, value)?);
-                yarp.0 = true;
-            }
-            "yarp.name_server" => {
-                endpoints.yarp.name_server = Some(unplaced(text(&name, value)?));
-            }
-            "yarp.namespace" => endpoints.yarp.namespace = Some(text(&name, value)?),
-            "zeromq.insecure" => zeromq.1 = switch(&name, &value)?,
-            "zeromq.ip" => {
-                (endpoints.zeromq.ip, zeromq.0) = (Some(unplaced(text(&name, value)?)), true);
-            }
-            "zeromq.pub_port" => endpoints.zeromq.pub_port = Some(port(&name, &value)?),
-            _ => endpoints.zeromq.sub_port = Some(port(&name, &value)?),
-        }
+        setting.take(endpoints, name, value)?;
     }
-    let said = |insecure: &mut Insecure, (address, word)| {
-        insecure.said(Place::Parameter, address, word);
-    };
-    said(&mut endpoints.ros.insecure.0, ros);
-    said(&mut endpoints.yarp.insecure.0, yarp);
-    said(&mut endpoints.zeromq.insecure.0, zeromq);
+    let is_given = |name: &str| given.iter().any(|given| given == name);
+    let [ros, yarp, zeromq] = before;
+    for (word, before, word_name, address) in [
+        (&mut endpoints.ros.insecure.0, ros, "endpoints.ros.insecure", "endpoints.ros.hostname"),
+        (&mut endpoints.yarp.insecure.0, yarp, "endpoints.yarp.insecure", "endpoints.yarp.ip"),
+        (
+            &mut endpoints.zeromq.insecure.0,
+            zeromq,
+            "endpoints.zeromq.insecure",
+            "endpoints.zeromq.ip",
+        ),
+    ] {
+        // The word permits the address of its own place, else adds to what was said before.
+        let is_allowed = is_given(word_name) && word.is_allowed;
+        *word = before;
+        word.said(Place::Parameter, is_given(address), is_allowed);
+    }
     endpoints
         .yarp
         .check()
@@ -95,8 +138,10 @@ pub(crate) fn take_parameters(
 
 /// Has the parameters say what `endpoints` are, those that were declared and those that were not.
 pub(crate) fn show_endpoints(endpoints: &Endpoints, store: &mut ParameterStore) {
-    for name in NAMES {
-        let value = value_of(endpoints, name).unwrap_or(ParameterValue::NotSet);
+    // The table has one way to a setting, by which it is also changed.
+    let mut endpoints = endpoints.clone();
+    for (name, setting) in SETTINGS {
+        let value = setting.value(&mut endpoints).unwrap_or(ParameterValue::NotSet);
         let told = match store.get(name) {
             Ok(same) if *same == value => continue,
             Ok(_) => store.set_own(name, value).map_err(|error| error.to_string()),
@@ -111,70 +156,11 @@ pub(crate) fn show_endpoints(endpoints: &Endpoints, store: &mut ParameterStore) 
     }
 }
 
-/// Value of a setting, where it is not the default.
-fn value_of(endpoints: &Endpoints, name: &str) -> Option<ParameterValue> {
-    let Endpoints { zeromq, ros, yarp, .. } = endpoints;
-    let text = |text: &Option<String>| text.as_deref().map(ParameterValue::from);
-    let placed = |text: &Option<Spanned<String>>| {
-        text.as_ref().map(|text| ParameterValue::from(text.value.as_str()))
-    };
-    let switch = |is_on: bool| is_on.then_some(ParameterValue::Bool(true));
-    let port = |port: Option<u16>| port.map(|port| ParameterValue::from(i64::from(port)));
-    match name.strip_prefix(PREFIX)? {
-        "ros.hostname" => text(&ros.hostname),
-        "ros.insecure" => switch(ros.insecure.0.is_allowed),
-        "ros.master_uri" => text(&ros.master_uri),
-        "ros.namespace" => text(&ros.namespace),
-        "ros.node" => text(&ros.node),
-        "yarp.embedded" => switch(yarp.embedded),
-        "yarp.insecure" => switch(yarp.insecure.0.is_allowed),
-        "yarp.ip" => placed(&yarp.ip),
-        "yarp.name_server" => placed(&yarp.name_server),
-        "yarp.namespace" => text(&yarp.namespace),
-        "zeromq.insecure" => switch(zeromq.insecure.0.is_allowed),
-        "zeromq.ip" => placed(&zeromq.ip),
-        "zeromq.pub_port" => port(zeromq.pub_port),
-        "zeromq.sub_port" => port(zeromq.sub_port),
-        _ => None,
-    }
-}
-
 fn descriptor(name: &str) -> ParameterDescriptor {
     ParameterDescriptor::new(name)
         .with_description("Setting of the configuration file, in its place.")
         .read_only()
         .dynamic()
-}
-
-/// A value that stands in no file.
-fn unplaced(value: String) -> Spanned<String> {
-    Spanned::new(value, Location::UNKNOWN, Location::UNKNOWN)
-}
-
-fn text(name: &str, value: ParameterValue) -> Result<String, Failure> {
-    match value {
-        ParameterValue::String(text) => Ok(text),
-        other => Err(wrong(name, &other, "a text")),
-    }
-}
-
-fn switch(name: &str, value: &ParameterValue) -> Result<bool, Failure> {
-    match value {
-        ParameterValue::Bool(value) => Ok(*value),
-        other => Err(wrong(name, other, "true or false")),
-    }
-}
-
-fn port(name: &str, value: &ParameterValue) -> Result<u16, Failure> {
-    let port = match value {
-        ParameterValue::Integer(number) => u16::try_from(*number).ok().filter(|port| *port > 0),
-        _ => None,
-    };
-    port.ok_or_else(|| wrong(name, value, "a port from 1 to 65535"))
-}
-
-fn wrong(name: &str, value: &ParameterValue, wanted: &str) -> Failure {
-    Failure::Usage(format!("parameter {name} is {value}; it must be {wanted}"))
 }
 
 #[cfg(test)]

@@ -39,7 +39,7 @@ impl Diagnostics {
     pub fn of(
         &mut self,
         routes: &[RouteStatus],
-        middlewares: &[(&str, Option<String>)],
+        middlewares: &BTreeMap<&'static str, Option<String>>,
         now: Stamp,
         at: Instant,
     ) -> DiagnosticArray {
@@ -145,7 +145,7 @@ mod tests {
         let begin = Instant::now();
         let mut level = |state, received, after| {
             let all = [route(state, received)];
-            let array = diagnostics.of(&all, &[], Stamp::default(), begin + after);
+            let array = diagnostics.of(&all, &BTreeMap::new(), Stamp::default(), begin + after);
             array.status[0].level
         };
         let (zero, long) = (Duration::ZERO, STALE_AFTER);
@@ -163,13 +163,14 @@ mod tests {
     #[test]
     fn names_and_values_are_what_aggregators_expect() {
         let mut diagnostics = Diagnostics::new("/lab/bridge".to_owned());
-        let away = [("zeromq", Some("broker tcp://127.0.0.1:5555".to_owned())), ("ros2", None)];
+        let broker = "broker tcp://127.0.0.1:5555".to_owned();
+        let away = BTreeMap::from([("zeromq", Some(broker)), ("yarp", None)]);
         let all = [route(RouteState::Active, 3)];
         let array = diagnostics.of(&all, &away, Stamp::default(), Instant::now());
         let names: Vec<_> = array.status.iter().map(|one| one.name.as_str()).collect();
-        assert_eq!(names, ["lab/bridge: zeromq", "lab/bridge: ros2", "lab/bridge: talk"]);
-        assert_eq!(array.status[0].level, DiagnosticStatus::WARN);
-        assert!(array.status[0].message.contains("broker tcp"), "{array:?}");
+        assert_eq!(names, ["lab/bridge: yarp", "lab/bridge: zeromq", "lab/bridge: talk"]);
+        assert_eq!(array.status[1].level, DiagnosticStatus::WARN);
+        assert!(array.status[1].message.contains("broker tcp"), "{array:?}");
         let dropped = array.status[2].values.iter().find(|pair| pair.key == "queue_full").unwrap();
         assert_eq!(dropped.value, "2");
     }

@@ -1,4 +1,4 @@
-//! What a running bridge says of itself on the graph.
+//! Topics and services by which a running bridge tells the graph about itself.
 //!
 //! ```text
 //!   Applier::status ─┬─ once a second ─▶ /diagnostics    OK, WARN, ERROR, STALE per route and middleware
@@ -156,7 +156,7 @@ impl Drop for OnGraph {
 }
 
 /// A server, and the type of its replies.
-type Offered = (Box<dyn Server>, RosType);
+pub(crate) type Offered = (Box<dyn Server>, RosType);
 
 /// Topic that the node publishes, and the type of its messages.
 struct Topic {
@@ -199,13 +199,7 @@ impl Work {
             });
         }
         let Some((topic, diagnostics)) = &mut self.diagnostics else { return };
-        let registry = self.routes.registry();
-        let away = middlewares::names().into_iter().filter_map(|name| {
-            let middleware = registry.get(name).ok()?;
-            Some((name, middleware.ended().or_else(|| middleware.waiting_for())))
-        });
-        let away: Vec<_> = away.collect();
-        drop(registry);
+        let away = middlewares::waits(&self.routes.registry());
         topic.publish(&diagnostics.of(&routes, &away, now, Instant::now()));
     }
 
@@ -345,7 +339,7 @@ impl Advertise<'_> {
 }
 
 /// Offers a service of the node, whose replies are of type `R`.
-fn offer<R: Message>(
+pub(crate) fn offer<R: Message>(
     node: &Node,
     registry: &Registry,
     context: &Context,

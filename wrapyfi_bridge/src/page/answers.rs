@@ -74,7 +74,7 @@ struct Row<'a> {
     status: &'a RouteStatus,
 }
 
-/// What `/routes.json` says.
+/// Content of `/routes.json`.
 #[derive(Serialize)]
 struct Told<'a> {
     node: String,
@@ -84,7 +84,7 @@ struct Told<'a> {
     routes: Vec<Row<'a>>,
 }
 
-/// What `/why.json` says.
+/// Content of `/why.json`.
 #[derive(Debug, Default, Serialize)]
 struct Why {
     passed: Vec<String>,
@@ -133,13 +133,9 @@ impl Answers {
         }
     }
 
+    /// Middlewares, each with what it waits for.
     fn middlewares(&self) -> BTreeMap<&'static str, Option<String>> {
-        let registry = self.parts.routes.registry();
-        let known = middlewares::names().into_iter().filter_map(|name| {
-            let middleware = registry.get(name).ok()?;
-            Some((name, middleware.ended().or_else(|| middleware.waiting_for())))
-        });
-        known.collect()
+        middlewares::waits(&self.parts.routes.registry())
     }
 
     fn now(&self) -> Arc<Now> {

@@ -26,7 +26,7 @@ pub struct Screen {
     node: String,
     /// Routes of the bridge.
     pub routes: Routes,
-    /// Why the last question was not answered.
+    /// Reason that the last question was not answered.
     pub fault: Option<String>,
     selected: usize,
     shows_detail: bool,

@@ -5,18 +5,16 @@
 //!       ─▶ route: heard, run by a bridge ─▶ destination: the same ─▶ messages come
 //! ```
 
-use wrapyfi_core::endpoint::{
-    AnnouncedQos, CountersSnapshot, Discovered, EndpointAddress, Role, mismatches,
-};
+use wrapyfi_core::endpoint::{AnnouncedQos, CountersSnapshot, Discovered, Role, mismatches};
 use wrapyfi_core::engine::{LeftOut, RouteState};
 use wrapyfi_core::middleware::ros2::remedy;
 
-use super::door::{Answer, Knock};
+use super::door::{Answer, name as server_name};
 use super::drops::{is_harmless, meaning, mends};
 use super::names::nearest;
+use super::reach::{opened, reachable};
 use super::words::{between, example, is_same_type, nobody, owner, people, provider, types_differ};
-use super::{Cause, Elsewhere, End, Finding, Graph, Registered, RouteFacts, Verdict, Way};
-use crate::middlewares::Server;
+use super::{Cause, Elsewhere, End, Finding, Graph, Registered, RouteFacts, Step, Verdict, Way};
 
 /// Steps of a walk: what is in place, until something is not.
 struct Walk<'w> {
@@ -24,23 +22,12 @@ struct Walk<'w> {
     passed: Vec<String>,
 }
 
-type Step = Result<(), Finding>;
-
 /// Walks along the way.
 #[must_use]
 pub fn judge(way: &Way) -> Verdict {
     let mut walk = Walk { way, passed: way.known.clone() };
     let finding = walk.walk().err();
     Verdict { way: way.title.clone(), passed: walk.passed, finding }
-}
-
-fn finding(
-    cause: Cause,
-    what: String,
-    who: impl Into<String>,
-    remedy: impl Into<String>,
-) -> Finding {
-    Finding { cause, what, who: who.into(), remedy: remedy.into() }
 }
 
 impl Walk<'_> {
@@ -113,12 +100,17 @@ impl Walk<'_> {
                 "look what runs on port {} of {}; it has to be a {}",
                 knock.door.port,
                 knock.door.host,
-                super::door::name(knock.door.server)
+                server_name(knock.door.server)
             ),
             None => "see the reason; `wrapyfi list` shows the same".to_owned(),
         };
         let who = format!("the settings of {middleware}, or its server");
-        Err(finding(Cause::Middleware, format!("{middleware} does not work: {away}"), who, remedy))
+        Err(Finding::new(
+            Cause::Middleware,
+            format!("{middleware} does not work: {away}"),
+            who,
+            remedy,
+        ))
     }
 
     /// Somebody in a role at an end.
@@ -133,7 +125,7 @@ impl Walk<'_> {
                     "start it, or change the pattern; `wrapyfi list {}` shows what there is",
                     address.middleware
                 );
-                return Err(finding(cause_of_nobody(role), what, who, remedy));
+                return Err(Finding::new(cause_of_nobody(role), what, who, remedy));
             }
             Some(names) => {
                 self.pass(format!("{names} names match {address}"));
@@ -162,7 +154,7 @@ impl Walk<'_> {
                 ),
             };
             let who = "a program that is no route of this bridge";
-            return Err(finding(cause, what, who, unheard.text.clone()));
+            return Err(Finding::new(cause, what, who, unheard.text.clone()));
         }
         if !there.is_empty() {
             self.pass(format!("{address} has {}", people(&there, role)));
@@ -188,7 +180,7 @@ impl Walk<'_> {
                 "{nobody} here{here}; in {place} there is {}",
                 people(&[endpoint], endpoint.role)
             );
-            return Err(finding(cause, what, owner(endpoint), remedy.clone()));
+            return Err(Finding::new(cause, what, owner(endpoint), remedy.clone()));
         }
         if let Some(Graph { range: range @ ("OFF" | "LOCALHOST"), range_setting, .. }) = &end.graph
         {
@@ -204,9 +196,9 @@ impl Walk<'_> {
                 "OFF" => Cause::DiscoveryRange,
                 _ => cause_of_nobody(role),
             };
-            return Err(finding(cause, what, who, remedy));
+            return Err(Finding::new(cause, what, who, remedy));
         }
-        Err(finding(cause_of_nobody(role), nobody, provider(end, role), example(end, role)))
+        Err(Finding::new(cause_of_nobody(role), nobody, provider(end, role), example(end, role)))
     }
 
     /// Addresses of those who are there.
@@ -244,7 +236,7 @@ impl Walk<'_> {
             self.way.route.as_ref().map_or(String::new(), |route| format!(" in {}", route.file));
         let remedy =
             format!("write `type: {theirs}` on the route{file}, or make it {wanted} there");
-        Err(finding(Cause::Type, what, "the route, or that program", remedy))
+        Err(Finding::new(Cause::Type, what, "the route, or that program", remedy))
     }
 
     /// Mapping of services to DDS.
@@ -265,7 +257,7 @@ impl Walk<'_> {
             theirs.rmw(),
             ours.rmw()
         );
-        Err(finding(Cause::ServiceMapping, what, "either end", remedy))
+        Err(Finding::new(Cause::ServiceMapping, what, "either end", remedy))
     }
 
     /// Definition of a type that the source announces.
@@ -302,7 +294,7 @@ impl Walk<'_> {
         );
         let remedy =
             format!("leave out `qos` on the route, or {}", remedy(policy, awaits_publisher, own));
-        Err(finding(Cause::Qos, what, "the route, or that program", remedy))
+        Err(Finding::new(Cause::Qos, what, "the route, or that program", remedy))
     }
 
     /// Types and quality of service of the programs at one endpoint.
@@ -325,7 +317,7 @@ impl Walk<'_> {
                 name(other)
             );
             let remedy = "give both the same type, or one of them another name".to_owned();
-            return Err(finding(Cause::Type, what, "either program", remedy));
+            return Err(Finding::new(Cause::Type, what, "either program", remedy));
         };
         let unmet = |one: &Discovered, other: &Discovered| match (one.qos, other.qos) {
             (Some(offered), Some(asked)) => mismatches(&offered, &asked),
@@ -347,7 +339,7 @@ impl Walk<'_> {
             owner(other),
             policy.value(&asked)
         );
-        Err(finding(Cause::Qos, what, "either program", between(policy, &offered, &asked)))
+        Err(Finding::new(Cause::Qos, what, "either program", between(policy, &offered, &asked)))
     }
 
     /// A bridge that runs the route.
@@ -375,7 +367,7 @@ impl Walk<'_> {
             source.address, destination.address
         );
         let remedy = format!("wrapyfi bridge --config {}", route.file);
-        Err(finding(Cause::NoBridge, what, "a bridge", remedy))
+        Err(Finding::new(Cause::NoBridge, what, "a bridge", remedy))
     }
 
     /// A route that cannot work as configured, whatever is there.
@@ -384,7 +376,7 @@ impl Walk<'_> {
             Some(RouteState::Error(reason)) => {
                 let what = format!("the route is in state error: {reason}");
                 let remedy = "change what the reason names; the bridge turns to the changed file";
-                Err(finding(Cause::State, what, "the configuration", remedy))
+                Err(Finding::new(Cause::State, what, "the configuration", remedy))
             }
             _ => Ok(()),
         }
@@ -400,7 +392,7 @@ impl Walk<'_> {
             (RouteState::Waiting(reason), _) => {
                 let what = format!("the route waits for {reason}");
                 let remedy = "provide it; the route begins by itself";
-                Err(finding(Cause::State, what, "see the reason", remedy))
+                Err(Finding::new(Cause::State, what, "see the reason", remedy))
             }
             (RouteState::Degraded(_), Some((most, _))) => {
                 let all: Vec<_> =
@@ -412,7 +404,7 @@ impl Walk<'_> {
                     all.join(", "),
                     meaning(*most)
                 );
-                Err(finding(
+                Err(Finding::new(
                     Cause::Drops,
                     what,
                     "the route, or the program at its end",
@@ -421,7 +413,12 @@ impl Walk<'_> {
             }
             (RouteState::Degraded(reason), None) => {
                 let what = format!("the route is degraded: {reason}");
-                Err(finding(Cause::State, what, "see the reason", "remove what the reason names"))
+                Err(Finding::new(
+                    Cause::State,
+                    what,
+                    "see the reason",
+                    "remove what the reason names",
+                ))
             }
             _ => Ok(()),
         }
@@ -443,11 +440,11 @@ impl Walk<'_> {
         let who = publisher.map_or_else(|| "its publisher".to_owned(), owner);
         let remedy =
             format!("look at that program; `wrapyfi echo {}` shows what comes", source.address);
-        Err(finding(Cause::Idle, what, who, remedy))
+        Err(Finding::new(Cause::Idle, what, who, remedy))
     }
 }
 
-/// What the file alone says about the route.
+/// Causes that the file alone tells.
 fn of_file(route: &RouteFacts) -> Step {
     if let Some((type_name, reason)) = &route.undefined {
         return Err(undefined(type_name, reason));
@@ -470,13 +467,13 @@ fn of_file(route: &RouteFacts) -> Step {
                 ),
             ),
         };
-        return Err(finding(Cause::LeftOut, what, "the pattern", remedy));
+        return Err(Finding::new(Cause::LeftOut, what, "the pattern", remedy));
     }
     match route.limit {
         Some((limit, names)) if names > limit => {
             let what = format!("{names} names match {name}, and {limit} routes are its limit");
             let remedy = format!("write `max_routes: {names}` or more on the pattern in {file}");
-            Err(finding(Cause::Limit, what, "the pattern", remedy))
+            Err(Finding::new(Cause::Limit, what, "the pattern", remedy))
         }
         _ => Ok(()),
     }
@@ -490,130 +487,7 @@ fn undefined(type_name: &str, reason: &str) -> Finding {
         "source the ROS 2 workspace that has {package} before you start (AMENT_PREFIX_PATH), or name its \
          folder: `definitions: [DIR]` in the configuration, `--definitions DIR` of a command"
     );
-    finding(Cause::Definition, what, who, remedy)
-}
-
-/// A server that answered, or the finding that it did not.
-fn opened(knock: &Knock, address: &EndpointAddress, route: Option<&RouteFacts>) -> Step {
-    let server = knock.door.server;
-    let (words, host, port) = (knock.words(), &knock.door.host, knock.door.port);
-    let bridge = route.map(|route| format!("wrapyfi bridge --config {}", route.file));
-    let here = match server {
-        Server::Broker | Server::ServiceBroker => "wrapyfi broker",
-        Server::NameServer => "wrapyfi yarpserver (or yarpserver)",
-        Server::Master => "roscore",
-    };
-    match &knock.answer {
-        Answer::Open => Ok(()),
-        Answer::Unresolved(reason) => {
-            let what = format!("{words}: {reason}");
-            let remedy =
-                format!("`hosts: {{ {host}: ADDRESS }}` in the configuration, or /etc/hosts");
-            let who = "whoever knows the machine's address";
-            Err(finding(Cause::UnresolvedHost, what, who, remedy))
-        }
-        Answer::Refused if knock.is_here => {
-            let what =
-                format!("{words} does not answer: nothing listens on port {port} of this machine");
-            let remedy = match (bridge, knock.door.is_own) {
-                (Some(bridge), true) => {
-                    format!("{bridge}    # it runs the server itself; or {here}")
-                }
-                _ => match server {
-                    // Who asks about a mere name may not have meant ROS 1.
-                    Server::Master if route.is_none() => format!(
-                        "{here}    # or set ROS_MASTER_URI to where it runs; `ros:` is ROS 1, a name of \
-                         ROS 2 is written ros2:{}",
-                        address.name
-                    ),
-                    Server::Master => format!("{here}    # or set ROS_MASTER_URI to where it runs"),
-                    _ => here.to_owned(),
-                },
-            };
-            Err(finding(
-                Cause::ServerAway,
-                what,
-                format!("a {}", super::door::name(server)),
-                remedy,
-            ))
-        }
-        Answer::Refused => {
-            let what = format!(
-                "{words} does not answer: that machine does, and nothing listens on port {port} of its \
-                 address {host}: it is not started, or listens on 127.0.0.1 of that machine alone"
-            );
-            let remedy = match server {
-                Server::Broker | Server::ServiceBroker => format!(
-                    "on {host}: wrapyfi broker --ip {host} --insecure    # Wrapyfi's own: \
-                     WRAPYFI_ZEROMQ_SOCKET_IP={host}"
-                ),
-                Server::NameServer => {
-                    format!("on {host}: wrapyfi yarpserver --ip {host} --insecure (or yarpserver)")
-                }
-                Server::Master => format!("on {host}: ROS_IP={host} roscore"),
-            };
-            Err(finding(Cause::LoopbackElsewhere, what, format!("a program on {host}"), remedy))
-        }
-        Answer::Silent | Answer::NoWay(_) => {
-            let why = match &knock.answer {
-                Answer::NoWay(why) => why.clone(),
-                _ => "nothing comes back: the machine is off, or a firewall is between".to_owned(),
-            };
-            let what = format!("{words} does not answer: {why}");
-            let remedy = format!("ping {host}; open port {port} there");
-            Err(finding(Cause::ServerAway, what, format!("the machine {host}"), remedy))
-        }
-    }
-}
-
-/// An address at which somebody can be reached, or the finding that nobody can.
-fn reachable(end: &End, one: &Registered) -> Step {
-    let Registered { who, host, port, is_told_afar, answer, .. } = one;
-    let address = &end.address;
-    let is_yarp = address.middleware == "yarp";
-    let variable = if is_yarp { "YARP_IP" } else { "ROS_IP" };
-    let is_loopback =
-        host == "localhost" || host.parse::<std::net::IpAddr>().is_ok_and(|ip| ip.is_loopback());
-    if *is_told_afar && is_loopback {
-        let what = format!(
-            "{who} has registered {address} at {host}:{port}, an address of its own machine alone"
-        );
-        let remedy = format!("export {variable}=ADDRESS where {who} runs, and start it again");
-        return Err(finding(Cause::LoopbackAddress, what, who.clone(), remedy));
-    }
-    match answer {
-        Answer::Open => Ok(()),
-        Answer::Unresolved(reason) => {
-            let what = format!("{who} has registered {address} at {host}:{port}: {reason}");
-            let remedy = format!(
-                "`hosts: {{ {host}: ADDRESS }}` in the configuration, /etc/hosts, or export \
-                 {variable}=ADDRESS where {who} runs"
-            );
-            Err(finding(Cause::UnresolvedHost, what, who.clone(), remedy))
-        }
-        Answer::Refused => {
-            let what = format!(
-                "{who} has registered {address} at {host}:{port}, and nothing listens there: it was \
-                 killed, and its name remains"
-            );
-            let clean = match is_yarp {
-                true => "yarp clean",
-                false => "rosnode cleanup",
-            };
-            let remedy = format!("start {who} again; `{clean}` takes the name away");
-            Err(finding(Cause::PeerUnreachable, what, who.clone(), remedy))
-        }
-        Answer::Silent | Answer::NoWay(_) => {
-            let what = format!(
-                "{who} has registered {address} at {host}:{port}, which cannot be reached from here: a \
-                 firewall is between, or it is an address of another network"
-            );
-            let remedy = format!(
-                "ping {host}; open the port; or export {variable}=ADDRESS where {who} runs"
-            );
-            Err(finding(Cause::PeerUnreachable, what, who.clone(), remedy))
-        }
-    }
+    Finding::new(Cause::Definition, what, who, remedy)
 }
 
 fn cause_of_nobody(role: Role) -> Cause {
@@ -642,7 +516,7 @@ fn same_name_differently(end: &End, role: Role) -> Option<Finding> {
         "write {middleware}:{name} instead of {address}, or give it the name {} there",
         address.name
     );
-    Some(finding(Cause::OtherName, what, owner(one), remedy))
+    Some(Finding::new(Cause::OtherName, what, owner(one), remedy))
 }
 
 #[cfg(test)]

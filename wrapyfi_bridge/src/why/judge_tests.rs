@@ -5,7 +5,8 @@ use wrapyfi_core::middleware::ros2::graph::ServiceMapping;
 
 use super::super::Unheard;
 use super::*;
-use crate::middlewares::Door;
+use crate::middlewares::{Door, Server};
+use crate::why::Knock;
 
 fn address(text: &str) -> EndpointAddress {
     text.parse().unwrap()

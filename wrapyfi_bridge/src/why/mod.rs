@@ -8,7 +8,7 @@
 //!
 //!   drops    what the reasons of drops mean
 //!   names    names that are nearly the same
-//!   judge    facts -> verdict; words: ends and remedies
+//!   judge    facts -> verdict; reach: servers and addresses; words: ends and remedies
 //!   door     a server that has to answer first
 //!   look     facts about one end
 //!   elsewhere  the same name on ROS 2 in other domains
@@ -25,6 +25,7 @@ pub mod judge;
 pub mod look;
 pub mod names;
 pub mod question;
+mod reach;
 mod words;
 
 use std::fmt;
@@ -55,7 +56,7 @@ pub struct Way {
     pub destination: Option<End>,
     /// Status of the route in a bridge that runs it and was asked.
     pub running: Option<RouteStatus>,
-    /// What is known to be in place before the walk.
+    /// Parts that are known to be in place before the walk.
     pub known: Vec<String>,
 }
 
@@ -163,7 +164,7 @@ pub struct Registered {
     pub port: u16,
     /// True where the server that told the address is on another machine.
     pub is_told_afar: bool,
-    /// What happened when somebody connected there.
+    /// Outcome of a connection to the address.
     pub answer: door::Answer,
 }
 
@@ -196,7 +197,7 @@ pub struct Graph {
 pub struct Verdict {
     /// The ends, in words.
     pub way: String,
-    /// What is in place, in the order of the way.
+    /// Parts that are in place, in the order of the way.
     pub passed: Vec<String>,
     /// The first thing that is missing; `None` where nothing is.
     #[serde(flatten)]
@@ -210,10 +211,19 @@ pub struct Finding {
     pub cause: Cause,
     /// Cause in words.
     pub what: String,
-    /// Who could provide what is missing.
+    /// Person or program that could provide what is missing.
     pub who: String,
     /// Command or line that mends it.
     pub remedy: String,
+}
+
+/// Step along the way: nothing where all is in place.
+type Step = Result<(), Finding>;
+
+impl Finding {
+    fn new(cause: Cause, what: String, who: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self { cause, what, who: who.into(), remedy: remedy.into() }
+    }
 }
 
 /// Kinds of causes, as `--json` names them.

@@ -1,76 +1,51 @@
 //! The role of a method, chosen at run time.
 
-use std::fmt;
 use std::str::FromStr;
 
 use wrapyfi_data::did_you_mean;
+use wrapyfi_interfaces::named;
 
-/// Effect of a call of a registered method: Wrapyfi's modes.
-///
-/// | mode | body runs | sends | returns |
-/// | --- | --- | --- | --- |
-/// | `none` | yes | no | own values |
-/// | `disable` | no | no | nothing |
-/// | `publish` | yes | each value | own values |
-/// | `listen` | no | no | received values |
-/// | `receive` | yes, with the received values | no | own values |
-/// | `reemit` | yes, with the received values | each value | own values |
-/// | `transceive` | yes | each value | received values |
-/// | `request` | no | the arguments | replies |
-/// | `reply` | yes, with the client's arguments | the reply | own values |
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub enum Mode {
-    /// The method as if it were not registered; `null` in a configuration.
-    #[default]
-    None,
-    /// Runs the body and sends its values.
-    Publish,
-    /// Returns values that another program published; the body does not run.
-    Listen,
-    /// Runs the body with values that another program published.
-    Receive,
-    /// Runs the body, sends its values, and returns the values that come back.
-    Transceive,
-    /// Runs the body with received values, and sends its own.
-    Reemit,
-    /// Sends the arguments and returns the reply; the body does not run.
-    Request,
-    /// Runs the body with a client's arguments and sends its values to that client.
-    Reply,
-    /// Does nothing and returns nothing.
-    Disable,
+named! {
+    /// Effect of a call of a registered method: Wrapyfi's modes.
+    ///
+    /// | mode | body runs | sends | returns |
+    /// | --- | --- | --- | --- |
+    /// | `none` | yes | no | own values |
+    /// | `disable` | no | no | nothing |
+    /// | `publish` | yes | each value | own values |
+    /// | `listen` | no | no | received values |
+    /// | `receive` | yes, with the received values | no | own values |
+    /// | `reemit` | yes, with the received values | each value | own values |
+    /// | `transceive` | yes | each value | received values |
+    /// | `request` | no | the arguments | replies |
+    /// | `reply` | yes, with the client's arguments | the reply | own values |
+    #[derive(Default)]
+    pub enum Mode {
+        /// The method as if it were not registered; `null` in a configuration.
+        #[default]
+        None => "none",
+        /// Runs the body and sends its values.
+        Publish => "publish",
+        /// Returns values that another program published; the body does not run.
+        Listen => "listen",
+        /// Runs the body with values that another program published.
+        Receive => "receive",
+        /// Runs the body, sends its values, and returns the values that come back.
+        Transceive => "transceive",
+        /// Runs the body with received values, and sends its own.
+        Reemit => "reemit",
+        /// Sends the arguments and returns the reply; the body does not run.
+        Request => "request",
+        /// Runs the body with a client's arguments and sends its values to that client.
+        Reply => "reply",
+        /// Does nothing and returns nothing.
+        Disable => "disable",
+    }
+    /// Name in scripts and configurations.
+    pub fn name;
 }
 
 impl Mode {
-    /// Every mode.
-    pub const ALL: [Self; 9] = [
-        Self::None,
-        Self::Publish,
-        Self::Listen,
-        Self::Receive,
-        Self::Transceive,
-        Self::Reemit,
-        Self::Request,
-        Self::Reply,
-        Self::Disable,
-    ];
-
-    /// Name in scripts and configurations.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::None => "none",
-            Self::Publish => "publish",
-            Self::Listen => "listen",
-            Self::Receive => "receive",
-            Self::Transceive => "transceive",
-            Self::Reemit => "reemit",
-            Self::Request => "request",
-            Self::Reply => "reply",
-            Self::Disable => "disable",
-        }
-    }
-
     /// True when the mode publishes values.
     #[must_use]
     pub fn sends(self) -> bool {
@@ -98,12 +73,6 @@ impl Mode {
     /// True when the mode publishes and listens, and needs a topic for each.
     pub(super) fn has_two_ways(self) -> bool {
         matches!(self, Self::Transceive | Self::Reemit)
-    }
-}
-
-impl fmt::Display for Mode {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
     }
 }
 

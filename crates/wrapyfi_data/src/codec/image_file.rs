@@ -27,7 +27,7 @@ use image::{ColorType, ImageDecoder, ImageFormat, ImageReader};
 use tiff::decoder::DecodingResult;
 use tiff::encoder::colortype::{CMYK8, Gray32Float, GrayI32};
 
-use super::{DecodeError, DecodeResult, EncodeError, Path, jpeg};
+use super::{DecodeError, DecodeResult, EncodeError, jpeg};
 use crate::Limits;
 use crate::types::{CompressedFormat, Encoding, RawPixels};
 
@@ -46,7 +46,7 @@ pub fn decode(
     }
     let color_order = color_order.unwrap_or(Encoding::Bgr8);
     let (format, name) = known_format(file)?;
-    let malformed = |reason: String| malformed(name, reason);
+    let malformed = |reason: String| DecodeError::malformed(name, reason);
     if format == ImageFormat::Bmp {
         claims::check_bmp(file).map_err(malformed)?;
     } else if format == ImageFormat::Tiff {
@@ -94,10 +94,6 @@ fn known_format(file: &[u8]) -> DecodeResult<(ImageFormat, &'static str)> {
             format!("a file of {} bytes that begins with \"{begins}\"", file.len()),
         )
     })
-}
-
-fn malformed(format: &'static str, reason: String) -> DecodeError {
-    DecodeError::Malformed { format, path: Path::Root.to_string(), reason }
 }
 
 fn check_size(
@@ -180,8 +176,8 @@ pub(crate) fn inks_to_rgb(inks: &RawPixels) -> RawPixels {
 /// Reads the picture in a TIFF file: grey of 1, 8, 16 or 32 bits, colour of 8 bits; true beside it
 /// where its four channels are inks, which have no encoding of their own.
 fn tiff(file: &[u8], limits: &Limits, name: &'static str) -> DecodeResult<(RawPixels, bool)> {
-    claims::check_tiff(file).map_err(|reason| malformed(name, reason))?;
-    let fault = |error: tiff::TiffError| malformed(name, error.to_string());
+    claims::check_tiff(file).map_err(|reason| DecodeError::malformed(name, reason))?;
+    let fault = |error: tiff::TiffError| DecodeError::malformed(name, error.to_string());
     let mut bounds = tiff::decoder::Limits::default();
     bounds.decoding_buffer_size = limits.message_bytes;
     bounds.intermediate_buffer_size = limits.message_bytes;
@@ -195,7 +191,7 @@ fn tiff(file: &[u8], limits: &Limits, name: &'static str) -> DecodeResult<(RawPi
         tiff::ColorType::Gray(32) => (Encoding::F32C1, 4),
         tiff::ColorType::RGB(8) => (Encoding::Rgb8, 3),
         tiff::ColorType::RGBA(8) | tiff::ColorType::CMYK(8) => (Encoding::Rgba8, 4),
-        other => return Err(malformed(name, format!("pixels of type {other:?}"))),
+        other => return Err(DecodeError::malformed(name, format!("pixels of type {other:?}"))),
     };
     let (width, height) = decoder.dimensions().map_err(fault)?;
     let size = u64::from(width) * u64::from(height);
@@ -214,11 +210,16 @@ fn tiff(file: &[u8], limits: &Limits, name: &'static str) -> DecodeResult<(RawPi
         DecodingResult::I32(pixels) => {
             (Encoding::I32C1, pixels.into_iter().flat_map(i32::to_le_bytes).collect())
         }
-        _ => return Err(malformed(name, "pixels that are no numbers of 8, 16 or 32 bits".into())),
+        _ => {
+            return Err(DecodeError::malformed(
+                name,
+                "pixels that are no numbers of 8, 16 or 32 bits",
+            ));
+        }
     };
     RawPixels::dense(width, height, encoding, pixels)
         .map(|raw| (raw, color == tiff::ColorType::CMYK(8)))
-        .map_err(|error| malformed(name, error.to_string()))
+        .map_err(|error| DecodeError::malformed(name, error.to_string()))
 }
 
 /// Writes pixels as a file from which they are read unchanged: PNG, or TIFF for 32-bit grey.
@@ -241,11 +242,12 @@ pub(crate) fn encode_mode(pixels: &RawPixels, mode: Option<&str>) -> Result<Byte
         _ => dense,
     };
     let RawPixels { width, height, encoding, .. } = dense;
-    let refuse = |remedy: &str| EncodeError::Unrepresentable {
-        format: "image file",
-        what: format!("a {encoding} image of {width}x{height}"),
-        path: Path::Root.to_string(),
-        remedy: remedy.to_owned(),
+    let refuse = |remedy: &str| {
+        EncodeError::unrepresentable(
+            "image file",
+            format!("a {encoding} image of {width}x{height}"),
+            remedy,
+        )
     };
     if width == 0 || height == 0 {
         return Err(refuse("send at least one pixel"));

@@ -13,7 +13,7 @@ use bytes::Bytes;
 pub use super::jpeg_absent::{decode, encode};
 #[cfg(feature = "jpeg")]
 pub use super::jpeg_file::{decode, encode};
-use super::{DecodeError, EncodeError, EncodeResult, Path};
+use super::{DecodeError, EncodeError, EncodeResult};
 use crate::Limits;
 use crate::types::{CompressedFormat, Encoding, Image, MessageType, Payload, Pixels, RawPixels};
 
@@ -83,12 +83,11 @@ fn decompress(
     };
     decoded.map_err(|error| match error {
         DecodeError::TooLarge { actual, limit, .. } => EncodeError::TooLarge { actual, limit },
-        error => EncodeError::Unrepresentable {
-            format: "uncompressed image",
-            what: error.to_string(),
-            path: Path::Root.to_string(),
-            remedy: "check the sender".to_owned(),
-        },
+        error => EncodeError::unrepresentable(
+            "uncompressed image",
+            error.to_string(),
+            "check the sender",
+        ),
     })
 }
 

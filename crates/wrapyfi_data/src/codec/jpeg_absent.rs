@@ -2,7 +2,7 @@
 
 use bytes::Bytes;
 
-use super::{DecodeError, DecodeResult, EncodeError, Path};
+use super::{DecodeError, DecodeResult, EncodeError};
 use crate::Limits;
 use crate::types::{Encoding, RawPixels};
 
@@ -12,12 +12,11 @@ use crate::types::{Encoding, RawPixels};
 /// Always: the build has no JPEG.
 pub fn encode(pixels: &RawPixels, _quality: u8) -> Result<Bytes, EncodeError> {
     let RawPixels { width, height, encoding, .. } = *pixels;
-    Err(EncodeError::Unrepresentable {
-        format: "a program built without JPEG",
-        what: format!("a {encoding} image of {width}x{height} as a file"),
-        path: Path::Root.to_string(),
-        remedy: "build it with feature `jpeg`, or use type Image".to_owned(),
-    })
+    Err(EncodeError::unrepresentable(
+        "a program built without JPEG",
+        format!("a {encoding} image of {width}x{height} as a file"),
+        "build it with feature `jpeg`, or use type Image",
+    ))
 }
 
 /// Refuses any file.

@@ -4,7 +4,7 @@ use bytes::Bytes;
 use turbojpeg::{Compressor, Decompressor, PixelFormat, Subsamp};
 
 use super::jpeg_header::JpegHeader;
-use super::{DecodeError, DecodeResult, EncodeError, Path};
+use super::{DecodeError, DecodeResult, EncodeError};
 use crate::Limits;
 use crate::types::{Encoding, RawPixels};
 
@@ -18,11 +18,12 @@ const MOST_ROWS: u32 = 65_500;
 /// than 65500.
 pub fn encode(pixels: &RawPixels, quality: u8) -> Result<Bytes, EncodeError> {
     let RawPixels { width, height, encoding, step, .. } = *pixels;
-    let refuse = |remedy: &str| EncodeError::Unrepresentable {
-        format: "JPEG",
-        what: format!("a {encoding} image of {width}x{height}"),
-        path: Path::Root.to_string(),
-        remedy: remedy.to_owned(),
+    let refuse = |remedy: &str| {
+        EncodeError::unrepresentable(
+            "JPEG",
+            format!("a {encoding} image of {width}x{height}"),
+            remedy,
+        )
     };
     let format = match encoding {
         Encoding::Mono8 => PixelFormat::GRAY,
@@ -71,11 +72,7 @@ pub fn decode(
     limits: &Limits,
     color_order: Option<Encoding>,
 ) -> DecodeResult<RawPixels> {
-    let malformed = |reason: String| DecodeError::Malformed {
-        format: "JPEG",
-        path: Path::Root.to_string(),
-        reason,
-    };
+    let malformed = |reason: String| DecodeError::malformed("JPEG", reason);
     let JpegHeader { width, height, components } = JpegHeader::read(file).map_err(malformed)?;
     let red_first = color_order.and_then(Encoding::color_order) == Some(Encoding::Rgb8);
     let color = if red_first { Encoding::Rgb8 } else { Encoding::Bgr8 };

@@ -5,7 +5,8 @@
 //!   Picture (Pillow) ─────────────────────────────▶ Image, as it is; CMYK as rgb8
 //! ```
 
-use super::{DecodeError, DecodeResult, EncodeError, convert};
+use super::jpeg::convert;
+use super::{DecodeError, DecodeResult, EncodeError};
 use crate::Limits;
 use crate::types::{Dtype, Encoding, Image, MessageType, Pixels, RawPixels, Stamp, Tensor, Value};
 

@@ -45,7 +45,7 @@ impl Body<'_> {
             Some(Element::Text(_)) => "it is text".to_owned(),
             Some(Element::Value(value)) => format!("it is of type {}", value.kind()),
         };
-        PluginError::Malformed { part, reason: format!("{wanted} should be there, {found}") }
+        PluginError::malformed(part, format!("{wanted} should be there, {found}"))
     }
 
     /// Reads a part that is text.
@@ -55,10 +55,8 @@ impl Body<'_> {
     pub fn text(&self, part: usize) -> Result<String, PluginError> {
         match self.raw(part)?.decode() {
             Ok(Text::Valid(text)) => Ok(text),
-            Ok(Text::Utf16(_)) => {
-                Err(PluginError::Malformed { part, reason: "it holds a lone surrogate".into() })
-            }
-            Err(reason) => Err(PluginError::Malformed { part, reason }),
+            Ok(Text::Utf16(_)) => Err(PluginError::malformed(part, "it holds a lone surrogate")),
+            Err(reason) => Err(PluginError::malformed(part, reason)),
         }
     }
 
@@ -85,7 +83,7 @@ impl Body<'_> {
         let text = self.text(part)?;
         base64::decode_leniently(text.as_bytes())
             .map(Bytes::from)
-            .map_err(|reason| PluginError::Malformed { part, reason })
+            .map_err(|reason| PluginError::malformed(part, reason))
     }
 
     /// Reads a part that is a file with one character for each byte, U+0000 to U+00FF (Python's
@@ -97,7 +95,7 @@ impl Body<'_> {
         self.raw(part)?
             .decode_latin1()
             .map(Bytes::from)
-            .map_err(|reason| PluginError::Malformed { part, reason })
+            .map_err(|reason| PluginError::malformed(part, reason))
     }
 
     /// Value of a part that is no text: a number, a list, a decoded object.
@@ -121,7 +119,7 @@ impl Body<'_> {
             Some(Element::Text(raw)) => match raw.decode() {
                 Ok(Text::Valid(text)) => Ok(Cow::Owned(Value::Str(text))),
                 Ok(Text::Utf16(units)) => Ok(Cow::Owned(Value::Utf16(units))),
-                Err(reason) => Err(PluginError::Malformed { part, reason }),
+                Err(reason) => Err(PluginError::malformed(part, reason)),
             },
             None => Err(self.expected(part, "a part")),
         }

@@ -45,6 +45,16 @@ pub enum PluginError {
 }
 
 impl PluginError {
+    /// Error for an object of a kind that is not read or written, and what can be sent instead.
+    pub fn unsupported(what: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self::Unsupported { what: what.into(), remedy: remedy.into() }
+    }
+
+    /// Error for the part number `part`, which does not follow the format.
+    pub fn malformed(part: usize, reason: impl Into<String>) -> Self {
+        Self::Malformed { part, reason: reason.into() }
+    }
+
     /// Error for a value that was given to a plug-in of another type.
     #[must_use]
     pub fn not_mine(wanted: &str, value: &Value) -> Self {

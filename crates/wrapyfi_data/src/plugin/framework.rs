@@ -1,33 +1,25 @@
 //! Libraries whose tensors have a device on the wire, and the spelling of each one's devices.
 
-/// A library whose tensors have a device on the wire.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Framework {
-    /// PyTorch: `cpu`, `cuda:0`.
-    Torch,
-    /// MXNet: `cpu:0`, `cuda:0` (it says `gpu` itself, Wrapyfi's wire does not).
-    MxNet,
-    /// PaddlePaddle: `cpu`, `gpu:0`.
-    Paddle,
-    /// CuPy: `cuda:0`, never a CPU.
-    CuPy,
+use wrapyfi_interfaces::named;
+
+named! {
+    /// A library whose tensors have a device on the wire.
+    #[derive(PartialOrd, Ord)]
+    pub enum Framework {
+        /// PyTorch: `cpu`, `cuda:0`.
+        Torch => "torch",
+        /// MXNet: `cpu:0`, `cuda:0` (it says `gpu` itself, Wrapyfi's wire does not).
+        MxNet => "mxnet",
+        /// PaddlePaddle: `cpu`, `gpu:0`.
+        Paddle => "paddle",
+        /// CuPy: `cuda:0`, never a CPU.
+        CuPy => "cupy",
+    }
+    /// Word for the library in the names of its options: `torch` in `load_torch_device`.
+    pub fn name;
 }
 
 impl Framework {
-    /// All libraries.
-    pub const ALL: [Self; 4] = [Self::Torch, Self::MxNet, Self::Paddle, Self::CuPy];
-
-    /// Word for the library in the names of its options: `torch` in `load_torch_device`.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Torch => "torch",
-            Self::MxNet => "mxnet",
-            Self::Paddle => "paddle",
-            Self::CuPy => "cupy",
-        }
-    }
-
     /// Key of the library's plug-in.
     #[must_use]
     pub fn key(self) -> &'static str {

@@ -47,9 +47,6 @@ mod body;
 #[cfg(feature = "tables")]
 mod budget;
 mod dask;
-mod dask_array;
-#[cfg(feature = "tables")]
-mod dask_frame;
 mod devices;
 mod error;
 mod framework;
@@ -67,6 +64,7 @@ mod pyarrow;
 mod set;
 #[cfg(feature = "tables")]
 mod stack;
+mod standard;
 #[cfg(feature = "torch")]
 mod torch;
 mod trax;

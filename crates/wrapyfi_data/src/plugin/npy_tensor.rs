@@ -38,22 +38,18 @@ impl Plugin for NpyTensor {
 
     fn decode(&self, body: &Body<'_>, _context: &Unpacking<'_>) -> Result<Value, PluginError> {
         let array = npy::read(&body.base64(0)?)
-            .map_err(|error| PluginError::Malformed { part: 0, reason: error.to_string() })?;
+            .map_err(|error| PluginError::malformed(0, error.to_string()))?;
         let tensor = match array {
             NpyArray::Tensor(tensor) => tensor,
             NpyArray::Array(array) if self.device.is_none() && is_void(&array.descr, 2) => {
-                Tensor::new(Dtype::BF16, array.shape, array.data).map_err(|error| {
-                    PluginError::Malformed { part: 0, reason: error.to_string() }
-                })?
+                Tensor::new(Dtype::BF16, array.shape, array.data)
+                    .map_err(|error| PluginError::malformed(0, error.to_string()))?
             }
             NpyArray::Array(array) => {
-                return Err(PluginError::Unsupported {
-                    what: format!(
-                        "an array of {}",
-                        array.descr.chars().take(64).collect::<String>()
-                    ),
-                    remedy: "send numbers, for instance float32".into(),
-                });
+                return Err(PluginError::unsupported(
+                    format!("an array of {}", array.descr.chars().take(64).collect::<String>()),
+                    "send numbers, for instance float32",
+                ));
             }
         };
         let tensor = tensor.with_origin(Origin::new(self.key));

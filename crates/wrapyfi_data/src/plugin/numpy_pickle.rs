@@ -11,7 +11,7 @@ pub(super) fn in_pickle(error: PickleError) -> PluginError {
         PickleError::TooLarge { what, actual, limit, .. } => {
             PluginError::TooLarge { what: what.to_owned(), actual, limit }
         }
-        other => PluginError::Malformed { part: 0, reason: other.to_string() },
+        other => PluginError::malformed(0, other.to_string()),
     }
 }
 

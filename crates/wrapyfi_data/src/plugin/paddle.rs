@@ -62,10 +62,9 @@ impl Plugin for Paddle {
 fn element_type(dtype: Dtype) -> Result<Dtype, PluginError> {
     match dtype {
         Dtype::BF16 => Ok(Dtype::U16),
-        Dtype::U16 | Dtype::U32 | Dtype::U64 => Err(PluginError::Unsupported {
-            what: format!("a Paddle tensor of {dtype}"),
-            remedy: "send it as int64".into(),
-        }),
+        Dtype::U16 | Dtype::U32 | Dtype::U64 => {
+            Err(PluginError::unsupported(format!("a Paddle tensor of {dtype}"), "send it as int64"))
+        }
         other => Ok(other),
     }
 }

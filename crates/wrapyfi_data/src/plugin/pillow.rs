@@ -74,10 +74,7 @@ fn empty(raw: &RawPixels) -> Result<Vec<Part>, PluginError> {
         other => other,
     };
     let (mode, _) = MODES.iter().find(|(_, encoding)| *encoding == rgb).ok_or_else(|| {
-        PluginError::Unsupported {
-            what: format!("a {} image", raw.encoding),
-            remedy: "send it as an array".into(),
-        }
+        PluginError::unsupported(format!("a {} image", raw.encoding), "send it as an array")
     })?;
     let size: Value = [raw.width, raw.height].into_iter().collect();
     Ok(vec![Part::base64(Bytes::new()), Part::Value(size), Part::Text((*mode).to_owned())])
@@ -85,12 +82,8 @@ fn empty(raw: &RawPixels) -> Result<Vec<Part>, PluginError> {
 
 fn unwritable(error: EncodeError) -> PluginError {
     match error {
-        EncodeError::Unrepresentable { what, remedy, .. } => {
-            PluginError::Unsupported { what, remedy }
-        }
-        other => {
-            PluginError::Unsupported { what: "this picture".into(), remedy: other.to_string() }
-        }
+        EncodeError::Unrepresentable { what, remedy, .. } => PluginError::unsupported(what, remedy),
+        other => PluginError::unsupported("this picture", other.to_string()),
     }
 }
 
@@ -101,10 +94,10 @@ fn from_pixels(
 ) -> Result<(Pixels, Option<String>), PluginError> {
     let mode = body.text(2)?;
     let Some((_, encoding)) = MODES.iter().find(|(known, _)| *known == mode) else {
-        return Err(PluginError::Unsupported {
-            what: format!("an image of mode {mode:?}"),
-            remedy: format!("convert it to one of {}", MODES.map(|(mode, _)| mode).join(", ")),
-        });
+        return Err(PluginError::unsupported(
+            format!("an image of mode {mode:?}"),
+            format!("convert it to one of {}", MODES.map(|(mode, _)| mode).join(", ")),
+        ));
     };
     let extent = |size: &Value| u32::try_from(size.as_i64()?).ok();
     let (width, height) = match body.value(1)?.as_items() {
@@ -112,7 +105,7 @@ fn from_pixels(
         _ => None,
     }
     .ok_or_else(|| body.expected(1, "[width, height], each from 0 to 4294967295,"))?;
-    let malformed = |reason: String| PluginError::Malformed { part: 0, reason };
+    let malformed = |reason: String| PluginError::malformed(0, reason);
     let mut data = body.base64(0)?;
     if mode == BITS {
         let row = width.div_ceil(8);
@@ -155,11 +148,11 @@ fn from_file(
         DecodeError::TooLarge { path, actual, limit, .. } => {
             PluginError::TooLarge { what: path, actual, limit }
         }
-        DecodeError::Mismatch { actual, .. } => PluginError::Unsupported {
-            what: actual,
-            remedy: "send a JPEG, PNG, BMP, GIF, TIFF or WebP file, or the pixels".into(),
-        },
-        other => PluginError::Malformed { part: 0, reason: other.to_string() },
+        DecodeError::Mismatch { actual, .. } => PluginError::unsupported(
+            actual,
+            "send a JPEG, PNG, BMP, GIF, TIFF or WebP file, or the pixels",
+        ),
+        other => PluginError::malformed(0, other.to_string()),
     })?;
     context.unpack("the image", raw.data.len() as u64)?;
     Ok((raw.into(), mode))

@@ -19,12 +19,9 @@ impl Plugin for Pint {
     fn decode(&self, body: &Body<'_>, context: &Unpacking<'_>) -> Result<Value, PluginError> {
         let kind = body.text(1)?;
         if kind != "Quantity" {
-            return Err(PluginError::Unsupported {
-                what: format!("a pint {kind:?}"),
-                remedy: "send a Quantity".into(),
-            });
+            return Err(PluginError::unsupported(format!("a pint {kind:?}"), "send a Quantity"));
         }
-        let malformed = |reason: String| PluginError::Malformed { part: 0, reason };
+        let malformed = |reason: String| PluginError::malformed(0, reason);
         let text = body.base64(0)?;
         let limits = context.limits_within(text.len());
         // A quantity holds no plug-in objects.
@@ -46,9 +43,11 @@ impl Plugin for Pint {
             ("magnitude", quantity.magnitude.clone()),
             ("units", quantity.units.as_str().into()),
         ]));
-        let text = json::encode(&text).map_err(|error| PluginError::Unsupported {
-            what: format!("a magnitude of type {}", quantity.magnitude.kind()),
-            remedy: error.to_string(),
+        let text = json::encode(&text).map_err(|error| {
+            PluginError::unsupported(
+                format!("a magnitude of type {}", quantity.magnitude.kind()),
+                error.to_string(),
+            )
         })?;
         Ok(vec![Part::base64(text), Part::Text("Quantity".into())])
     }

@@ -2,24 +2,8 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
-use std::sync::{Arc, LazyLock};
+use std::sync::Arc;
 
-use super::dask::Dask;
-use super::npy_tensor::NpyTensor;
-use super::paddle::Paddle;
-#[cfg(feature = "tables")]
-use super::pandas::{Pandas, PandasLegacy};
-#[cfg(feature = "pictures")]
-use super::pillow::Pillow;
-use super::pint::Pint;
-#[cfg(feature = "tables")]
-use super::pyarrow::PyArrow;
-#[cfg(feature = "torch")]
-use super::torch::Torch;
-use super::trax::Trax;
-use super::xarray::XArray;
-#[cfg(feature = "zarr")]
-use super::zarr::Zarr;
 use super::{DeviceMaps, Plugin};
 use crate::types::Tensor;
 
@@ -31,38 +15,11 @@ pub struct Plugins {
     devices: Option<Arc<DeviceMaps>>,
 }
 
-static STANDARD: LazyLock<Plugins> = LazyLock::new(|| {
-    let mut builtins: Vec<Arc<dyn Plugin>> = vec![
-        Arc::new(Dask),
-        Arc::new(Paddle),
-        #[cfg(feature = "tables")]
-        Arc::new(Pandas),
-        #[cfg(feature = "tables")]
-        Arc::new(PandasLegacy),
-        #[cfg(feature = "pictures")]
-        Arc::new(Pillow),
-        Arc::new(Pint),
-        #[cfg(feature = "tables")]
-        Arc::new(PyArrow),
-        #[cfg(feature = "torch")]
-        Arc::new(Torch),
-        Arc::new(Trax),
-        Arc::new(XArray),
-        #[cfg(feature = "zarr")]
-        Arc::new(Zarr),
-    ];
-    builtins.extend(NpyTensor::ALL.map(|plugin| Arc::new(plugin) as _));
-    let by_key = builtins.into_iter().map(|it| (it.key().to_owned(), it)).collect();
-    Plugins { by_key: Arc::new(by_key), devices: None }
-});
-
 impl Plugins {
-    /// Plug-ins of all Wrapyfi's keys that this build has: pandas, PyArrow and dask's frames with
-    /// feature `tables`, Pillow with `pictures`, PyTorch with `torch`, zarr with `zarr`. Objects of other keys are
-    /// carried as they are.
-    #[must_use]
-    pub fn standard() -> Self {
-        STANDARD.clone()
+    /// The set of `plugins`.
+    pub(super) fn of(plugins: Vec<Arc<dyn Plugin>>) -> Self {
+        let by_key = plugins.into_iter().map(|it| (it.key().to_owned(), it)).collect();
+        Self { by_key: Arc::new(by_key), devices: None }
     }
 
     /// A set without plug-ins: every plug-in object is carried as it is.
@@ -112,12 +69,6 @@ impl Plugins {
     /// Keys of the plug-ins, in alphabetical order.
     pub fn keys(&self) -> impl Iterator<Item = &str> {
         self.by_key.keys().map(String::as_str)
-    }
-}
-
-impl Default for Plugins {
-    fn default() -> Self {
-        Self::standard()
     }
 }
 

@@ -35,9 +35,8 @@ impl Stack {
 
     /// Ends the pickle and returns it with the buffers beside it, as the parts of a plug-in.
     pub(super) fn into_parts(self) -> Result<Vec<Part>, PluginError> {
-        let pickled = self.writer.finish().map_err(|error| PluginError::Unsupported {
-            what: "an object that no pickle holds".into(),
-            remedy: error.to_string(),
+        let pickled = self.writer.finish().map_err(|error| {
+            PluginError::unsupported("an object that no pickle holds", error.to_string())
         })?;
         let buffers = pickled.buffers.into_iter().map(Part::base64);
         Ok(std::iter::once(Part::Latin1(pickled.data.into())).chain(buffers).collect())

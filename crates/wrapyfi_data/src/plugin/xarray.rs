@@ -54,10 +54,10 @@ impl Plugin for XArray {
                 (Some(name), LabelledContent::Array(array.1))
             }
             other => {
-                return Err(PluginError::Unsupported {
-                    what: format!("an xarray {other:?}"),
-                    remedy: format!("send a {ARRAY} or a {DATASET}"),
-                });
+                return Err(PluginError::unsupported(
+                    format!("an xarray {other:?}"),
+                    format!("send a {ARRAY} or a {DATASET}"),
+                ));
             }
         };
         Ok(Labelled { name, content, coords }.into())
@@ -72,9 +72,11 @@ impl Plugin for XArray {
                 (attrs_text(attrs)?, dims.clone(), variables_text(variables)?, DATASET, None)
             }
             LabelledContent::Array(array) => {
-                let name = labelled.name.clone().ok_or_else(|| PluginError::Unsupported {
-                    what: "a DataArray without a name".into(),
-                    remedy: "give it one: Wrapyfi looks it up by name".into(),
+                let name = labelled.name.clone().ok_or_else(|| {
+                    PluginError::unsupported(
+                        "a DataArray without a name",
+                        "give it one: Wrapyfi looks it up by name",
+                    )
                 })?;
                 let variables = Map::from([(&*name, variable_text(array)?)]);
                 let dims = extents(array, &labelled.coords);
@@ -88,16 +90,15 @@ impl Plugin for XArray {
             ("dims", Map::from_iter(dims).into()),
             ("data_vars", variables.into()),
         ]));
-        let text = json::encode_with(&text, &Plugins::none()).map_err(|error| {
-            PluginError::Unsupported { what: "this array".into(), remedy: error.to_string() }
-        })?;
+        let text = json::encode_with(&text, &Plugins::none())
+            .map_err(|error| PluginError::unsupported("this array", error.to_string()))?;
         let name = name.map_or(Part::Value(Value::Null), Part::Text);
         Ok(vec![Part::base64(text), Part::Text(kind.into()), name])
     }
 }
 
 fn malformed(reason: String) -> PluginError {
-    PluginError::Malformed { part: 0, reason }
+    PluginError::malformed(0, reason)
 }
 
 /// The dict of xarray's `to_dict`.
@@ -260,8 +261,7 @@ fn plain(value: &Value) -> Result<Value, PluginError> {
     let dated = |when: String| {
         Map::from_iter([("data", Value::from(when)), ("dtype", "datetime".into())]).into()
     };
-    let refuse =
-        |what: String, remedy: &str| PluginError::Unsupported { what, remedy: remedy.to_owned() };
+    let refuse = |what: String, remedy: &str| PluginError::unsupported(what, remedy);
     let items = |items: &[Value]| items.iter().map(plain).collect::<Result<_, _>>();
     Ok(match value {
         Value::Null

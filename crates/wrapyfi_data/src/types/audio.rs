@@ -4,9 +4,8 @@
 //!   frame 0: [ch 0][ch 1] … │ frame 1: [ch 0][ch 1] … │ …      interleaved, little-endian
 //! ```
 
-use std::fmt;
-
 use bytes::Bytes;
+use wrapyfi_interfaces::named;
 
 use super::Stamp;
 use super::shape::{ShapeError, check_length};
@@ -93,13 +92,16 @@ fn f32_to_s16(samples: &[u8]) -> Vec<u8> {
         .collect()
 }
 
-/// Type of one audio sample.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum SampleFormat {
-    /// 32-bit float, little-endian, -1.0 to 1.0, as Wrapyfi sends.
-    F32Le,
-    /// 16-bit signed integer, little-endian.
-    S16Le,
+named! {
+    /// Type of one audio sample.
+    pub enum SampleFormat {
+        /// 32-bit float, little-endian, -1.0 to 1.0, as Wrapyfi sends.
+        F32Le => "FLOAT32LE",
+        /// 16-bit signed integer, little-endian.
+        S16Le => "S16LE",
+    }
+    /// Name in `wrapyfi_msgs/msg/AudioChunk.encoding`: `FLOAT32LE` or `S16LE`.
+    pub fn name;
 }
 
 impl SampleFormat {
@@ -112,25 +114,10 @@ impl SampleFormat {
         }
     }
 
-    /// Name in `wrapyfi_msgs/msg/AudioChunk.encoding`: `FLOAT32LE` or `S16LE`.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::F32Le => "FLOAT32LE",
-            Self::S16Le => "S16LE",
-        }
-    }
-
     /// Format with this name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         [Self::F32Le, Self::S16Le].into_iter().find(|format| format.name() == name)
-    }
-}
-
-impl fmt::Display for SampleFormat {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
     }
 }
 

@@ -1,49 +1,33 @@
 //! Element types of a tensor.
 
-use std::fmt;
+use wrapyfi_interfaces::named;
 
-/// Element type of a [`super::Tensor`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-#[allow(missing_docs)] // the names are the documentation
-pub enum Dtype {
-    Bool,
-    I8,
-    I16,
-    I32,
-    I64,
-    U8,
-    U16,
-    U32,
-    U64,
-    F16,
-    BF16,
-    F32,
-    F64,
-    C64,
-    C128,
+named! {
+    /// Element type of a [`super::Tensor`].
+    #[non_exhaustive]
+    #[allow(missing_docs)] // the names are the documentation
+    pub enum Dtype {
+        Bool => "bool",
+        I8 => "int8",
+        I16 => "int16",
+        I32 => "int32",
+        I64 => "int64",
+        U8 => "uint8",
+        U16 => "uint16",
+        U32 => "uint32",
+        U64 => "uint64",
+        F16 => "float16",
+        BF16 => "bfloat16",
+        F32 => "float32",
+        F64 => "float64",
+        C64 => "complex64",
+        C128 => "complex128",
+    }
+    /// NumPy's name, for instance `float32`; `bfloat16` as the libraries that add it call it.
+    pub fn name;
 }
 
 impl Dtype {
-    /// All element types.
-    pub const ALL: [Self; 15] = [
-        Self::Bool,
-        Self::I8,
-        Self::I16,
-        Self::I32,
-        Self::I64,
-        Self::U8,
-        Self::U16,
-        Self::U32,
-        Self::U64,
-        Self::F16,
-        Self::BF16,
-        Self::F32,
-        Self::F64,
-        Self::C64,
-        Self::C128,
-    ];
-
     /// Size of one element in bytes.
     #[must_use]
     pub fn size(self) -> usize {
@@ -62,28 +46,6 @@ impl Dtype {
         match self {
             Self::C64 | Self::C128 => self.size() / 2,
             _ => self.size(),
-        }
-    }
-
-    /// NumPy's name, for instance `float32`; `bfloat16` as the libraries that add it call it.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Bool => "bool",
-            Self::I8 => "int8",
-            Self::I16 => "int16",
-            Self::I32 => "int32",
-            Self::I64 => "int64",
-            Self::U8 => "uint8",
-            Self::U16 => "uint16",
-            Self::U32 => "uint32",
-            Self::U64 => "uint64",
-            Self::F16 => "float16",
-            Self::BF16 => "bfloat16",
-            Self::F32 => "float32",
-            Self::F64 => "float64",
-            Self::C64 => "complex64",
-            Self::C128 => "complex128",
         }
     }
 
@@ -119,12 +81,6 @@ impl Dtype {
             Self::C64 => "<c8",
             Self::C128 => "<c16",
         })
-    }
-}
-
-impl fmt::Display for Dtype {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
     }
 }
 

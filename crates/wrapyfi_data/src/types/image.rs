@@ -5,9 +5,8 @@
 //!                                    └── Compressed { jpeg | png, the file }
 //! ```
 
-use std::fmt;
-
 use bytes::{Bytes, BytesMut};
+use wrapyfi_interfaces::named;
 
 use super::Stamp;
 use super::shape::ShapeError;
@@ -52,25 +51,19 @@ impl From<RawPixels> for Pixels {
     }
 }
 
-/// Format of a compressed [`Image`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-#[allow(missing_docs)]
-pub enum CompressedFormat {
-    Jpeg,
-    Png,
+named! {
+    /// Format of a compressed [`Image`].
+    #[non_exhaustive]
+    #[allow(missing_docs)]
+    pub enum CompressedFormat {
+        Jpeg => "jpeg",
+        Png => "png",
+    }
+    /// `jpeg` or `png`.
+    pub fn name;
 }
 
 impl CompressedFormat {
-    /// `jpeg` or `png`.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Jpeg => "jpeg",
-            Self::Png => "png",
-        }
-    }
-
     /// Format of a file by its first bytes.
     #[must_use]
     pub fn sniff(file: &[u8]) -> Option<Self> {
@@ -81,12 +74,6 @@ impl CompressedFormat {
         } else {
             None
         }
-    }
-}
-
-impl fmt::Display for CompressedFormat {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
     }
 }
 
@@ -220,52 +207,26 @@ fn row_bytes(width: u32, encoding: Encoding) -> Option<usize> {
     (width as usize).checked_mul(encoding.bytes_per_pixel())
 }
 
-/// Pixel encodings, by their names in `sensor_msgs/image_encodings.hpp`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-#[allow(missing_docs)]
-pub enum Encoding {
-    Mono8,
-    Mono16,
-    Rgb8,
-    Bgr8,
-    Rgba8,
-    Bgra8,
-    I32C1,
-    F32C1,
-    F32C3,
+named! {
+    /// Pixel encodings, by their names in `sensor_msgs/image_encodings.hpp`.
+    #[non_exhaustive]
+    #[allow(missing_docs)]
+    pub enum Encoding {
+        Mono8 => "mono8",
+        Mono16 => "mono16",
+        Rgb8 => "rgb8",
+        Bgr8 => "bgr8",
+        Rgba8 => "rgba8",
+        Bgra8 => "bgra8",
+        I32C1 => "32SC1",
+        F32C1 => "32FC1",
+        F32C3 => "32FC3",
+    }
+    /// Name in `sensor_msgs/msg/Image.encoding`.
+    pub fn name;
 }
 
 impl Encoding {
-    /// All encodings.
-    pub const ALL: [Self; 9] = [
-        Self::Mono8,
-        Self::Mono16,
-        Self::Rgb8,
-        Self::Bgr8,
-        Self::Rgba8,
-        Self::Bgra8,
-        Self::I32C1,
-        Self::F32C1,
-        Self::F32C3,
-    ];
-
-    /// Name in `sensor_msgs/msg/Image.encoding`.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Mono8 => "mono8",
-            Self::Mono16 => "mono16",
-            Self::Rgb8 => "rgb8",
-            Self::Bgr8 => "bgr8",
-            Self::Rgba8 => "rgba8",
-            Self::Bgra8 => "bgra8",
-            Self::I32C1 => "32SC1",
-            Self::F32C1 => "32FC1",
-            Self::F32C3 => "32FC3",
-        }
-    }
-
     /// Encoding with this name. Names of equal layout that cameras also send are accepted: `8UC1`
     /// is `mono8`, `16UC1` is `mono16`, `8UC3` is `bgr8`, `8UC4` is `bgra8`.
     #[must_use]
@@ -321,12 +282,6 @@ impl Encoding {
             Self::Bgra8 => Self::Rgba8,
             other => other,
         }
-    }
-}
-
-impl fmt::Display for Encoding {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
     }
 }
 

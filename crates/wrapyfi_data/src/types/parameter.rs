@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use wrapyfi_interfaces::named;
+
 /// Value of a parameter, in the types of ROS 2.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub enum ParameterValue {
@@ -28,46 +30,37 @@ pub enum ParameterValue {
     StringArray(Vec<String>),
 }
 
-/// Types of parameters; the numbers are those of `rcl_interfaces/msg/ParameterType`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
-pub enum ParameterType {
-    /// No value.
-    #[default]
-    NotSet = 0,
-    /// `true` or `false`.
-    Bool = 1,
-    /// 64-bit integer.
-    Integer = 2,
-    /// Floating point number.
-    Double = 3,
-    /// Text.
-    String = 4,
-    /// Bytes.
-    ByteArray = 5,
-    /// List of `true` and `false`.
-    BoolArray = 6,
-    /// List of integers.
-    IntegerArray = 7,
-    /// List of floating point numbers.
-    DoubleArray = 8,
-    /// List of texts.
-    StringArray = 9,
+named! {
+    /// Types of parameters; the numbers are those of `rcl_interfaces/msg/ParameterType`.
+    #[derive(PartialOrd, Ord, Default)]
+    pub enum ParameterType {
+        /// No value.
+        #[default]
+        NotSet = 0 => "NOT_SET",
+        /// `true` or `false`.
+        Bool = 1 => "BOOL",
+        /// 64-bit integer.
+        Integer = 2 => "INTEGER",
+        /// Floating point number.
+        Double = 3 => "DOUBLE",
+        /// Text.
+        String = 4 => "STRING",
+        /// Bytes.
+        ByteArray = 5 => "BYTE_ARRAY",
+        /// List of `true` and `false`.
+        BoolArray = 6 => "BOOL_ARRAY",
+        /// List of integers.
+        IntegerArray = 7 => "INTEGER_ARRAY",
+        /// List of floating point numbers.
+        DoubleArray = 8 => "DOUBLE_ARRAY",
+        /// List of texts.
+        StringArray = 9 => "STRING_ARRAY",
+    }
+    /// Name in messages, for instance `INTEGER_ARRAY`.
+    pub fn name;
 }
 
 impl ParameterType {
-    const ALL: [Self; 10] = [
-        Self::NotSet,
-        Self::Bool,
-        Self::Integer,
-        Self::Double,
-        Self::String,
-        Self::ByteArray,
-        Self::BoolArray,
-        Self::IntegerArray,
-        Self::DoubleArray,
-        Self::StringArray,
-    ];
-
     /// Type with this number.
     #[must_use]
     pub fn from_number(number: u8) -> Option<Self> {
@@ -78,29 +71,6 @@ impl ParameterType {
     #[must_use]
     pub fn number(self) -> u8 {
         self as u8
-    }
-
-    /// Name in messages, for instance `INTEGER_ARRAY`.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::NotSet => "NOT_SET",
-            Self::Bool => "BOOL",
-            Self::Integer => "INTEGER",
-            Self::Double => "DOUBLE",
-            Self::String => "STRING",
-            Self::ByteArray => "BYTE_ARRAY",
-            Self::BoolArray => "BOOL_ARRAY",
-            Self::IntegerArray => "INTEGER_ARRAY",
-            Self::DoubleArray => "DOUBLE_ARRAY",
-            Self::StringArray => "STRING_ARRAY",
-        }
-    }
-}
-
-impl fmt::Display for ParameterType {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
     }
 }
 

@@ -6,6 +6,7 @@ use std::str::FromStr;
 use super::{
     AudioChunk, Image, NativeObject, Properties, RosMessage, RosType, RosTypeError, Value,
 };
+use wrapyfi_interfaces::named;
 use wrapyfi_interfaces::store::{ResolveError, TypeStore};
 
 /// The content of one message, independent of the middleware that carries it.
@@ -37,75 +38,37 @@ impl Payload {
     }
 }
 
-impl From<Value> for Payload {
-    fn from(value: Value) -> Self {
-        NativeObject::from(value).into()
-    }
-}
-
-impl From<NativeObject> for Payload {
-    fn from(object: NativeObject) -> Self {
-        Self::NativeObject(Box::new(object))
-    }
-}
-
-impl From<Image> for Payload {
-    fn from(image: Image) -> Self {
-        Self::Image(image)
-    }
-}
-
-impl From<Properties> for Payload {
-    fn from(properties: Properties) -> Self {
-        Self::Properties(properties)
-    }
-}
-
-impl From<RosMessage> for Payload {
-    fn from(message: RosMessage) -> Self {
-        Self::RosMessage(message)
-    }
-}
-
-impl From<AudioChunk> for Payload {
-    fn from(sound: AudioChunk) -> Self {
-        Self::AudioChunk(sound)
-    }
-}
-
-/// The kind of a [`Payload`]: Wrapyfi's `data_type`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[allow(missing_docs)]
-pub enum DataType {
-    NativeObject,
-    Image,
-    AudioChunk,
-    Properties,
-    RosMessage,
-}
-
-impl DataType {
-    /// All kinds.
-    pub const ALL: [Self; 5] =
-        [Self::NativeObject, Self::Image, Self::AudioChunk, Self::Properties, Self::RosMessage];
-
-    /// Wrapyfi's name: `NativeObject`, `Image`, `AudioChunk`, `Properties`, `ROSMessage`.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::NativeObject => "NativeObject",
-            Self::Image => "Image",
-            Self::AudioChunk => "AudioChunk",
-            Self::Properties => "Properties",
-            Self::RosMessage => "ROSMessage",
+macro_rules! from {
+    ($($source:ty => |$content:ident| $target:expr,)*) => {$(
+        impl From<$source> for Payload {
+            fn from($content: $source) -> Self {
+                $target
+            }
         }
-    }
+    )*};
 }
 
-impl fmt::Display for DataType {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
+from! {
+    Value => |value| NativeObject::from(value).into(),
+    NativeObject => |object| Self::NativeObject(Box::new(object)),
+    Image => |image| Self::Image(image),
+    Properties => |properties| Self::Properties(properties),
+    RosMessage => |message| Self::RosMessage(message),
+    AudioChunk => |sound| Self::AudioChunk(sound),
+}
+
+named! {
+    /// The kind of a [`Payload`]: Wrapyfi's `data_type`.
+    #[allow(missing_docs)]
+    pub enum DataType {
+        NativeObject => "NativeObject",
+        Image => "Image",
+        AudioChunk => "AudioChunk",
+        Properties => "Properties",
+        RosMessage => "ROSMessage",
     }
+    /// Wrapyfi's name: `NativeObject`, `Image`, `AudioChunk`, `Properties`, `ROSMessage`.
+    pub fn name;
 }
 
 /// Error of reading the name of a type; the text lists the known ones.

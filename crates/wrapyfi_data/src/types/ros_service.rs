@@ -1,13 +1,11 @@
 //! A ROS 2 service type known at run time, as small as a name.
 
 use std::collections::HashMap;
-use std::fmt;
-use std::hash::{Hash, Hasher};
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 use wrapyfi_interfaces::store::ResolvedType;
 
-use super::ros_type::{MAX_ROS_TYPES, RosType, RosTypeError};
+use super::ros_type::{MAX_ROS_TYPES, RosType, RosTypeError, interned};
 
 /// A ROS 2 service type with its request and its response, kept as [`RosType`] is.
 ///
@@ -87,31 +85,7 @@ impl RosService {
     }
 }
 
-impl PartialEq for RosService {
-    fn eq(&self, other: &Self) -> bool {
-        std::ptr::eq(self.0, other.0)
-    }
-}
-
-impl Eq for RosService {}
-
-impl Hash for RosService {
-    fn hash<H: Hasher>(&self, state: &mut H) {
-        self.0.name.hash(state);
-    }
-}
-
-impl fmt::Debug for RosService {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_tuple("RosService").field(&self.0.name).finish()
-    }
-}
-
-impl fmt::Display for RosService {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0.name)
-    }
-}
+interned!(RosService);
 
 #[cfg(test)]
 mod tests {

@@ -10,8 +10,6 @@
 //! compared like a word. Their number is bounded: a peer cannot fill the memory by naming types.
 
 use std::collections::HashMap;
-use std::fmt;
-use std::hash::{Hash, Hasher};
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 use wrapyfi_interfaces::dynamic::{PlanError, TypePlan};
@@ -162,31 +160,39 @@ fn dds_name(name: &str) -> String {
     }
 }
 
-impl PartialEq for RosType {
-    fn eq(&self, other: &Self) -> bool {
-        std::ptr::eq(self.0, other.0)
-    }
-}
+/// Makes a type that is a place in a table: two are the same where the place is.
+macro_rules! interned {
+    ($interned:ident) => {
+        impl PartialEq for $interned {
+            fn eq(&self, other: &Self) -> bool {
+                std::ptr::eq(self.0, other.0)
+            }
+        }
 
-impl Eq for RosType {}
+        impl Eq for $interned {}
 
-impl Hash for RosType {
-    fn hash<H: Hasher>(&self, state: &mut H) {
-        self.0.hash.hash(state);
-    }
-}
+        impl std::hash::Hash for $interned {
+            fn hash<H: std::hash::Hasher>(&self, state: &mut H) {
+                self.0.name.hash(state);
+            }
+        }
 
-impl fmt::Debug for RosType {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_tuple("RosType").field(&self.0.name).finish()
-    }
-}
+        impl std::fmt::Debug for $interned {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.debug_tuple(stringify!($interned)).field(&self.0.name).finish()
+            }
+        }
 
-impl fmt::Display for RosType {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0.name)
-    }
+        impl std::fmt::Display for $interned {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str(&self.0.name)
+            }
+        }
+    };
 }
+pub(super) use interned;
+
+interned!(RosType);
 
 #[cfg(test)]
 mod tests {

@@ -79,7 +79,7 @@ pub fn fields_of(
     let mut left = max_bytes;
     for (path, values) in bulk {
         left = left
-            .checked_sub(bytes_of(&values))
+            .checked_sub(values.byte_count())
             .ok_or_else(|| ValueError::TooLarge { path: path.clone(), limit: max_bytes })?;
         fields.set(&path, values)?;
     }
@@ -109,22 +109,6 @@ pub fn fields_of_call(
     }
     pairs.extend(kwargs.iter().map(|(name, value)| (name.clone(), value.clone())));
     fields_of(ros_type, &Map::from_iter(pairs).into(), max_bytes)
-}
-
-fn bytes_of(values: &Primitives) -> usize {
-    match values {
-        Primitives::Bool(v) => v.len(),
-        Primitives::I8(v) => v.len(),
-        Primitives::Bytes(v) => v.len(),
-        Primitives::I16(v) => v.len().saturating_mul(2),
-        Primitives::U16(v) => v.len().saturating_mul(2),
-        Primitives::I32(v) => v.len().saturating_mul(4),
-        Primitives::U32(v) => v.len().saturating_mul(4),
-        Primitives::F32(v) => v.len().saturating_mul(4),
-        Primitives::I64(v) => v.len().saturating_mul(8),
-        Primitives::U64(v) => v.len().saturating_mul(8),
-        Primitives::F64(v) => v.len().saturating_mul(8),
-    }
 }
 
 /// Reads the fields of a reply from the value that a function returned: a dict of fields, a list in

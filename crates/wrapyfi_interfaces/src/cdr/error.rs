@@ -84,14 +84,16 @@ pub enum CdrError {
 impl CdrError {
     /// The same error, seen from the message that has the value in its field `name`.
     #[must_use]
-    pub fn in_field(self, name: &str) -> Self {
-        self.map_path(|path| path_in_field(path, name))
+    pub fn in_field(mut self, name: &str) -> Self {
+        self.change_path(|path| path_in_field(path, name));
+        self
     }
 
     /// The same error, seen from the sequence that has the value at `index`.
     #[must_use]
-    pub fn in_element(self, index: usize) -> Self {
-        self.map_path(|path| path_in_element(path, index))
+    pub fn in_element(mut self, index: usize) -> Self {
+        self.change_path(|path| path_in_element(path, index));
+        self
     }
 
     /// The field it lies in; empty for the message as a whole.
@@ -107,8 +109,9 @@ impl CdrError {
         }
     }
 
-    fn map_path(mut self, change: impl FnOnce(&String) -> String) -> Self {
-        match &mut self {
+    /// Changes the path of an error that lies in a field.
+    pub(crate) fn change_path(&mut self, change: impl FnOnce(&String) -> String) {
+        match self {
             Self::TooLarge { .. } | Self::Encapsulation { .. } | Self::Trailing { .. } => {}
             Self::Truncated { path, .. }
             | Self::Length { path, .. }
@@ -116,7 +119,6 @@ impl CdrError {
             | Self::NotUtf8 { path, .. }
             | Self::NotUtf16 { path, .. } => *path = change(path),
         }
-        self
     }
 }
 

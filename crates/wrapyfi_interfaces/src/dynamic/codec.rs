@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use bytes::Bytes;
 
-use super::scalar::{Scalar, with_scalar};
+use super::scalar::with_scalar;
 use super::shape::{ElementShape, FieldShape, Op, Run, Shape, same};
 use super::value::with_elements;
 use super::{DynamicMessage, DynamicValue, Primitives, TypePlan, ValueError};
@@ -109,7 +109,7 @@ fn read_run(
         let size = member.primitive.size();
         let value = bytes.get(offset..offset + size).and_then(|bytes| {
             with_scalar!(member.primitive, T => {
-                <T as crate::cdr::CdrPrimitive>::extract(bytes, order).next().map(T::value)
+                <T as crate::cdr::CdrPrimitive>::extract(bytes, order).next().map(DynamicValue::from)
             })
         });
         match value {
@@ -155,7 +155,7 @@ fn read_field(reader: &mut CdrReader<'_>, field: &FieldShape) -> Result<DynamicV
 fn read_one(reader: &mut CdrReader<'_>, element: &ElementShape) -> Result<DynamicValue, CdrError> {
     match element {
         ElementShape::Primitive(primitive) => {
-            with_scalar!(*primitive, T => reader.read_primitive::<T>().map(T::value))
+            with_scalar!(*primitive, T => reader.read_primitive::<T>().map(DynamicValue::from))
         }
         ElementShape::Text { wide, .. } => read_text(reader, *wide).map(DynamicValue::Text),
         ElementShape::Message(shape) => read_message(reader, shape).map(DynamicValue::Message),

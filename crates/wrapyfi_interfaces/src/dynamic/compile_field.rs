@@ -91,7 +91,7 @@ pub(super) fn default_value(
 fn one(element: &ElementShape, literal: &Literal) -> Option<DynamicValue> {
     match (element, literal) {
         (ElementShape::Primitive(primitive), literal) => {
-            with_scalar!(*primitive, T => T::from_literal(literal).map(T::value))
+            with_scalar!(*primitive, T => T::from_literal(literal).map(DynamicValue::from))
         }
         (ElementShape::Text { .. }, Literal::Text(text)) => Some(DynamicValue::Text(text.clone())),
         _ => None,

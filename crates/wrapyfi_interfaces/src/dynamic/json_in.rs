@@ -5,9 +5,8 @@ use std::sync::Arc;
 use serde_json::Value;
 
 use super::json_number::FromJson;
-use super::scalar::{Scalar, with_scalar};
+use super::scalar::with_scalar;
 use super::shape::{ElementShape, FieldShape, Shape};
-use super::value::with_elements;
 use super::{DynamicMessage, DynamicValue, Primitives, TypePlan, ValueError};
 use crate::parser::Container;
 
@@ -50,9 +49,7 @@ pub(super) fn stated_size(value: &DynamicValue) -> usize {
         DynamicValue::Texts(texts) => {
             texts.iter().fold(0_usize, |size, text| size.saturating_add(text.len() + 4))
         }
-        DynamicValue::Primitives(values) => {
-            with_elements!(values, values => size_of_val(values.as_ref() as &[_]))
-        }
+        DynamicValue::Primitives(values) => values.byte_count(),
         _ => 0,
     }
 }
@@ -84,7 +81,7 @@ fn value(
     if field.container == Container::Single {
         return match &field.element {
             ElementShape::Primitive(primitive) => {
-                with_scalar!(*primitive, T => T::from_json(*primitive, json).map(T::value))
+                with_scalar!(*primitive, T => T::from_json(*primitive, json).map(DynamicValue::from))
             }
             ElementShape::Text { .. } => text(field, json, budget).map(DynamicValue::Text),
             ElementShape::Message(shape) => message(shape, json, budget).map(DynamicValue::Message),

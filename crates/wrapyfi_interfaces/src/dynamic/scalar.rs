@@ -1,14 +1,10 @@
 //! The Rust types behind the primitives of definitions.
 
-use super::DynamicValue;
 use crate::cdr::CdrPrimitive;
 use crate::parser::Literal;
 
-/// A primitive as a value of its own and as an element of many.
+/// A primitive, as definitions and fresh messages have it.
 pub(super) trait Scalar: CdrPrimitive {
-    /// Turns the number into a value.
-    fn value(self) -> DynamicValue;
-
     /// Reads the number from a definition; `None` for a value of another type.
     fn from_literal(literal: &Literal) -> Option<Self>;
 
@@ -17,13 +13,9 @@ pub(super) trait Scalar: CdrPrimitive {
 }
 
 macro_rules! scalars {
-    ($($scalar:ty, $variant:ident, $zero:expr, |$literal:ident| $from:expr;)*) => {$(
+    ($($scalar:ty, $zero:expr, |$literal:ident| $from:expr;)*) => {$(
         impl Scalar for $scalar {
             const ZERO: Self = $zero;
-
-            fn value(self) -> DynamicValue {
-                DynamicValue::$variant(self)
-            }
 
             fn from_literal($literal: &Literal) -> Option<Self> {
                 $from
@@ -47,20 +39,20 @@ fn float(literal: &Literal) -> Option<f64> {
 }
 
 scalars! {
-    bool, Bool, false, |literal| match literal {
+    bool, false, |literal| match literal {
         Literal::Bool(value) => Some(*value),
         _ => None,
     };
-    i8, I8, 0, |literal| integer(literal);
-    u8, U8, 0, |literal| integer(literal);
-    i16, I16, 0, |literal| integer(literal);
-    u16, U16, 0, |literal| integer(literal);
-    i32, I32, 0, |literal| integer(literal);
-    u32, U32, 0, |literal| integer(literal);
-    i64, I64, 0, |literal| integer(literal);
-    u64, U64, 0, |literal| integer(literal);
-    f32, F32, 0.0, |literal| float(literal).map(|value| value as f32);
-    f64, F64, 0.0, |literal| float(literal);
+    i8, 0, |literal| integer(literal);
+    u8, 0, |literal| integer(literal);
+    i16, 0, |literal| integer(literal);
+    u16, 0, |literal| integer(literal);
+    i32, 0, |literal| integer(literal);
+    u32, 0, |literal| integer(literal);
+    i64, 0, |literal| integer(literal);
+    u64, 0, |literal| integer(literal);
+    f32, 0.0, |literal| float(literal).map(|value| value as f32);
+    f64, 0.0, |literal| float(literal);
 }
 
 /// Runs `$body` with `$scalar` as the Rust type of `$primitive`.

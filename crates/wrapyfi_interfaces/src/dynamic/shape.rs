@@ -172,7 +172,7 @@ impl FieldShape {
         };
         match (&self.element, count) {
             (ElementShape::Primitive(primitive), None) => {
-                with_scalar!(*primitive, T => T::ZERO.value())
+                with_scalar!(*primitive, T => T::ZERO.into())
             }
             (ElementShape::Primitive(primitive), Some(count)) => {
                 with_scalar!(*primitive, T => Primitives::from(vec![T::ZERO; count])).into()

@@ -83,6 +83,12 @@ impl Primitives {
         self.len() == 0
     }
 
+    /// Memory of the elements in bytes.
+    #[must_use]
+    pub fn byte_count(&self) -> usize {
+        with_elements!(self, values => size_of_val(values.as_ref() as &[_]))
+    }
+
     /// The first `count` elements, or all where there are fewer.
     #[must_use]
     pub fn prefix(&self, count: usize) -> Self {

@@ -182,72 +182,6 @@ pub enum TranscodeError {
         /// The limit.
         limit: usize,
     },
-    /// The message ends inside a field.
-    #[error("{path} needs {needed} bytes, {available} are left: truncated, or of another type")]
-    Truncated {
-        /// The field.
-        path: String,
-        /// Bytes it needs.
-        needed: usize,
-        /// Bytes that are left.
-        available: usize,
-    },
-    /// A sequence or a string claims more than the message has room for.
-    #[error(
-        "{path} claims {claimed} elements, which need {needed} bytes, {available} are left: \
-         corrupt, or of another type"
-    )]
-    Length {
-        /// The field.
-        path: String,
-        /// Elements claimed; bytes for a string.
-        claimed: u64,
-        /// Least number of bytes they take.
-        needed: u64,
-        /// Bytes that are left.
-        available: usize,
-    },
-    /// Bytes follow the last field.
-    #[error("{left} bytes are left behind the last field: it is of another type")]
-    Trailing {
-        /// Bytes behind the last field.
-        left: usize,
-    },
-    /// The ROS 2 message is not plain CDR.
-    #[error(
-        "encapsulation {found:02x?} is not plain CDR (00 00 or 00 01): the sender must offer the \
-         XCDR1 data representation"
-    )]
-    Encapsulation {
-        /// First bytes of the message, at most four.
-        found: Vec<u8>,
-    },
-    /// The last byte of a string in CDR is not NUL.
-    #[error("{path} is a string of {length} bytes that ends with {last:#04x} instead of NUL")]
-    Unterminated {
-        /// The field.
-        path: String,
-        /// Length claimed, with the terminator.
-        length: usize,
-        /// The byte where NUL should be.
-        last: u8,
-    },
-    /// A string is not UTF-8, and the caller wants such messages refused.
-    #[error("{path} is a string that is not UTF-8 from its byte {valid_up_to} on")]
-    NotUtf8 {
-        /// The field.
-        path: String,
-        /// Bytes before the fault.
-        valid_up_to: usize,
-    },
-    /// A wide string is not UTF-16.
-    #[error("{path} is a wide string that is not UTF-16 at its code unit {index}")]
-    NotUtf16 {
-        /// The field.
-        path: String,
-        /// Code units before the fault.
-        index: usize,
-    },
     /// The target has a bound that the source exceeds.
     #[error("{path} has {actual} elements, the ROS 2 type allows {bound}")]
     Bound {
@@ -258,9 +192,9 @@ pub enum TranscodeError {
         /// The bound.
         bound: u32,
     },
-    /// A big-endian message could not be read.
+    /// The message is truncated, goes on behind its last field, or holds what no message of its type can.
     #[error(transparent)]
-    Cdr(#[from] CdrError),
+    Malformed(#[from] CdrError),
 }
 
 impl TranscodeError {
@@ -276,18 +210,11 @@ impl TranscodeError {
 
     fn map_path(mut self, change: impl FnOnce(&String) -> String) -> Self {
         match &mut self {
-            Self::TooLarge { .. }
-            | Self::Trailing { .. }
-            | Self::Encapsulation { .. }
-            | Self::Cdr(_) => {}
+            Self::TooLarge { .. } => {}
             Self::ResultTooLarge { path, .. }
             | Self::TooMany { path, .. }
-            | Self::Truncated { path, .. }
-            | Self::Length { path, .. }
-            | Self::Unterminated { path, .. }
-            | Self::NotUtf8 { path, .. }
-            | Self::NotUtf16 { path, .. }
             | Self::Bound { path, .. } => *path = change(path),
+            Self::Malformed(error) => error.change_path(change),
         }
         self
     }

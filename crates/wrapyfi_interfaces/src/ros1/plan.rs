@@ -10,7 +10,7 @@ use super::error::{PairError, TranscodeError};
 use super::rules::Rules;
 use super::run::{Work, run};
 use super::wire::{Source, Target};
-use crate::cdr::ENCAPSULATION_SIZE;
+use crate::cdr::{CdrError, ENCAPSULATION_SIZE};
 use crate::dynamic;
 use crate::parser::TypeName;
 use crate::store::ResolvedType;
@@ -270,7 +270,7 @@ impl PairPlan {
             }
             _ => {
                 let found = cdr.iter().take(ENCAPSULATION_SIZE).copied().collect();
-                return Err(TranscodeError::Encapsulation { found });
+                return Err(CdrError::Encapsulation { found }.into());
             }
         };
         let before = out.len();
@@ -308,7 +308,7 @@ impl Program {
         };
         run(&self.ops, &mut from, &mut to, &mut work)?;
         match from.remaining() {
-            left if left > most_padding => Err(TranscodeError::Trailing { left }),
+            left if left > most_padding => Err(CdrError::Trailing { left }.into()),
             _ => {
                 check_size(to.len(), options)?;
                 Ok(work.done)

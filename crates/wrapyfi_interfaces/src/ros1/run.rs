@@ -11,6 +11,7 @@ use super::error::TranscodeError;
 use super::op::{Block, Check, CheckKind, Count, ELEMENT, Each, Op, PathId};
 use super::wire::{Short, Source, Target};
 use super::{Options, Transcoded, severity, text};
+use crate::cdr::CdrError;
 
 /// State that the steps share.
 #[derive(Debug)]
@@ -33,7 +34,7 @@ impl Work<'_> {
 
     pub(super) fn truncated(&self, at: PathId, short: Short) -> TranscodeError {
         let Short { needed, available } = short;
-        TranscodeError::Truncated { path: self.path(at), needed, available }
+        CdrError::Truncated { path: self.path(at), needed, available }.into()
     }
 
     /// Makes sure that `more` bytes and their padding fit into the target.
@@ -54,12 +55,9 @@ impl Work<'_> {
         min: usize,
         available: usize,
     ) -> TranscodeError {
-        TranscodeError::Length {
-            path: self.path(at),
-            claimed: u64::from(claimed),
-            needed: u64::from(claimed).saturating_mul(min as u64),
-            available,
-        }
+        let claimed = u64::from(claimed);
+        let needed = claimed.saturating_mul(min as u64);
+        CdrError::Length { path: self.path(at), claimed, needed, available }.into()
     }
 
     pub(super) fn bound(
@@ -77,15 +75,15 @@ impl Work<'_> {
     }
 
     pub(super) fn not_utf8(&self, at: PathId, valid_up_to: usize) -> TranscodeError {
-        TranscodeError::NotUtf8 { path: self.path(at), valid_up_to }
+        CdrError::NotUtf8 { path: self.path(at), valid_up_to }.into()
     }
 
     pub(super) fn not_utf16(&self, at: PathId, index: usize) -> TranscodeError {
-        TranscodeError::NotUtf16 { path: self.path(at), index }
+        CdrError::NotUtf16 { path: self.path(at), index }.into()
     }
 
     pub(super) fn unterminated(&self, at: PathId, length: usize, last: u8) -> TranscodeError {
-        TranscodeError::Unterminated { path: self.path(at), length, last }
+        CdrError::Unterminated { path: self.path(at), length, last }.into()
     }
 
     fn note_elements(&mut self, count: usize, at: PathId) -> Result<(), TranscodeError> {

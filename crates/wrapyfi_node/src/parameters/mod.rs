@@ -18,6 +18,7 @@ mod event;
 mod from_outside;
 mod list;
 mod message;
+mod parameter;
 mod qos_overrides;
 mod qos_profile;
 mod services;
@@ -27,12 +28,13 @@ mod watch;
 
 pub use descriptor::{ParameterDescriptor, ParameterRange};
 pub use error::{DeclareError, GetError, SetError};
+pub use parameter::Parameter;
 pub use qos_overrides::{
     DurabilityOverride, EndpointRole, HistoryOverride, LivelinessOverride, QosOverrideError,
     QosOverrides, ReliabilityOverride,
 };
 pub use services::ParameterService;
-pub use store::{Parameter, ParameterStore};
+pub use store::ParameterStore;
 pub use watch::ParameterWatch;
 pub use wrapyfi_data::types::UnknownType;
 

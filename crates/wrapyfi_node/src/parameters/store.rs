@@ -10,33 +10,12 @@ use super::from_outside::override_for;
 use super::validators::Validators;
 use super::watch::Watches;
 use super::{
-    DeclareError, GetError, MAX_NAME_BYTES, MAX_PARAMETERS, ParameterDescriptor, ParameterWatch,
-    SHOWN, SetError, list,
+    DeclareError, GetError, MAX_NAME_BYTES, MAX_PARAMETERS, Parameter, ParameterDescriptor,
+    ParameterWatch, SHOWN, SetError, list,
 };
 use crate::{NODE_SWITCHES, NodeName, ParameterType, ParameterValue};
 use wrapyfi_data::types::Stamp;
 use wrapyfi_endpoint::Wake;
-
-/// A parameter with a value.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Parameter {
-    /// Name; groups end with dots, as in `camera.rate`.
-    pub name: String,
-    /// Value; [`ParameterValue::NotSet`] deletes a parameter of dynamic type.
-    pub value: ParameterValue,
-}
-
-impl Parameter {
-    /// A parameter of this name and value.
-    #[must_use]
-    pub fn new(name: impl Into<String>, value: impl Into<ParameterValue>) -> Self {
-        Self { name: name.into(), value: value.into() }
-    }
-
-    pub(super) fn size(&self) -> usize {
-        self.name.len().saturating_add(self.value.size())
-    }
-}
 
 /// The parameters of one node, as `ros2 param` sees them.
 ///

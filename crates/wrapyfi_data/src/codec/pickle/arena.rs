@@ -13,7 +13,6 @@ use num_bigint::BigInt;
 
 use super::error::PickleError;
 use super::globals::Global;
-use super::node::Node;
 use crate::Limits;
 
 /// Number of an object in its [`Pickle`].
@@ -92,12 +91,6 @@ pub struct Pickle {
 }
 
 impl Pickle {
-    /// The object that was pickled.
-    #[must_use]
-    pub fn root(&self) -> Node<'_> {
-        Node::root(self)
-    }
-
     /// Length of the pickle in bytes; the bytes that follow are no part of it.
     #[must_use]
     pub fn end(&self) -> usize {

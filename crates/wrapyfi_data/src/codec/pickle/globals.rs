@@ -304,6 +304,7 @@ const PYARROW: &[Global] = &[
     call("pyarrow.lib", "type_for_alias"),
 ];
 
+/// Two functions that put a tensor together, one for parameters, and the element types.
 const TORCH: &[Global] = &[
     call("collections", "OrderedDict"),
     data("torch", "BFloat16Storage"),
@@ -318,8 +319,13 @@ const TORCH: &[Global] = &[
     data("torch", "IntStorage"),
     data("torch", "LongStorage"),
     data("torch", "ShortStorage"),
+    data("torch", "uint16"),
+    data("torch", "uint32"),
+    data("torch", "uint64"),
     call("torch._utils", "_rebuild_parameter"),
     call("torch._utils", "_rebuild_tensor_v2"),
+    call("torch._utils", "_rebuild_tensor_v3"),
+    data("torch.storage", "UntypedStorage"),
 ];
 
 #[cfg(test)]

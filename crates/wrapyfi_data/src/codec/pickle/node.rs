@@ -88,11 +88,15 @@ pub enum View<'p> {
 
 type Result<T> = std::result::Result<T, PickleError>;
 
-impl<'p> Node<'p> {
-    pub(super) fn root(pickle: &'p Pickle) -> Self {
-        Self { pickle, id: pickle.root, trail: Trail::default() }
+impl Pickle {
+    /// The object that was pickled.
+    #[must_use]
+    pub fn root(&self) -> Node<'_> {
+        Node { pickle: self, id: self.root, trail: Trail::default() }
     }
+}
 
+impl<'p> Node<'p> {
     pub(super) fn child(&self, id: NodeId, step: Step) -> Self {
         Self { pickle: self.pickle, id, trail: self.trail.and(step) }
     }
@@ -116,7 +120,32 @@ impl<'p> Node<'p> {
     /// Path from the root to the object: `$._mgr.args[0]`.
     #[must_use]
     pub fn path(&self) -> String {
-        self.trail.show(self.pickle)
+        let mut path = String::from(if self.trail.is_cut() { "$…" } else { "$" });
+        for step in self.trail.steps() {
+            match step {
+                Step::Index(index) => path += &format!("[{index}]"),
+                Step::Item(index) => path += &format!(".items[{index}]"),
+                Step::Arg(index) => path += &format!(".args[{index}]"),
+                Step::KeyAt(index) => path += &format!(".keys[{index}]"),
+                Step::Kwargs => path += ".kwargs",
+                Step::State => path += ".state",
+                Step::Persistent => path += ".id",
+                Step::Key(id) => {
+                    let key = Node { id, ..*self };
+                    let plain = |c: char| c.is_ascii_alphanumeric() || c == '_';
+                    match key.view() {
+                        View::Str(text)
+                            if (1..=SHOWN).contains(&text.len()) && text.chars().all(plain) =>
+                        {
+                            path.push('.');
+                            path += text;
+                        }
+                        _ => path += &format!("[{key}]"),
+                    }
+                }
+            }
+        }
+        path
     }
 
     /// Error for an object of another kind than `expected`.
@@ -363,7 +392,7 @@ impl Global {
 }
 
 /// Characters of text that are shown: it comes from foreign messages.
-pub(super) const SHOWN: usize = 40;
+const SHOWN: usize = 40;
 
 /// Writes the node in the words of an error message: `the int 5`.
 impl fmt::Display for Node<'_> {

@@ -1,7 +1,6 @@
 //! Path from the root to an object, for the errors that name it.
 
-use super::arena::{NodeId, Pickle};
-use super::node::{Node, SHOWN, View};
+use super::arena::NodeId;
 
 /// One step from an object to one of its parts.
 #[derive(Debug, Clone, Copy)]
@@ -44,34 +43,15 @@ impl Trail {
         self
     }
 
-    pub(super) fn show(&self, pickle: &Pickle) -> String {
+    /// True where the path is longer than the steps that are remembered.
+    pub(super) fn is_cut(&self) -> bool {
+        self.taken as usize > STEPS
+    }
+
+    /// The last steps, the oldest first.
+    pub(super) fn steps(&self) -> impl Iterator<Item = Step> {
         let taken = self.taken as usize;
         let first = taken.saturating_sub(STEPS);
-        let mut path = String::from(if first > 0 { "$…" } else { "$" });
-        for step in (first..taken).filter_map(|index| self.steps.get(index % STEPS)) {
-            match *step {
-                Step::Index(index) => path += &format!("[{index}]"),
-                Step::Item(index) => path += &format!(".items[{index}]"),
-                Step::Arg(index) => path += &format!(".args[{index}]"),
-                Step::KeyAt(index) => path += &format!(".keys[{index}]"),
-                Step::Kwargs => path += ".kwargs",
-                Step::State => path += ".state",
-                Step::Persistent => path += ".id",
-                Step::Key(id) => {
-                    let key = Node { pickle, id, trail: Self::default() };
-                    let plain = |c: char| c.is_ascii_alphanumeric() || c == '_';
-                    match key.view() {
-                        View::Str(text)
-                            if (1..=SHOWN).contains(&text.len()) && text.chars().all(plain) =>
-                        {
-                            path.push('.');
-                            path += text;
-                        }
-                        _ => path += &format!("[{key}]"),
-                    }
-                }
-            }
-        }
-        path
+        (first..taken).filter_map(|index| self.steps.get(index % STEPS).copied())
     }
 }

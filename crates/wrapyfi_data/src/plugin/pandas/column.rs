@@ -22,14 +22,15 @@ use arrow_array::{
     Int64Array, PrimitiveArray,
 };
 use arrow_buffer::{ArrowNativeType as _, BooleanBuffer, NullBuffer, ScalarBuffer};
+use arrow_schema::DataType;
 use bytes::Bytes;
 
 use super::super::budget::Budget;
 use super::super::pyarrow;
 use super::frame::{Column, Index, range_length};
+use super::index::index;
 use super::objects::{self, Missing};
-use super::read::index;
-use crate::codec::pickle::{Node, PickleCall, PickleError, PickledArray};
+use crate::codec::pickle::{Node, PickleCall, PickleError, PickledArray, View};
 use crate::types::{Dtype, NumpyArray, Tensor};
 
 type Result<T> = std::result::Result<T, PickleError>;
@@ -69,6 +70,48 @@ pub(super) fn columns(node: &Node<'_>, budget: &Budget) -> Result<Vec<Typed>> {
 pub(super) fn column(node: &Node<'_>, budget: &Budget) -> Result<Typed> {
     let one = <[Typed; 1]>::try_from(columns(node, budget)?);
     one.map(|[one]| one).map_err(|_rows| node.unexpected("an array of one dimension"))
+}
+
+/// Values as a type that is asked for.
+pub(super) fn typed(values: &Node<'_>, dtype: &Node<'_>, budget: &Budget) -> Result<Typed> {
+    let asked = dtype.option().map(|dtype| dtype.str()).transpose()?;
+    if let View::List(items) = values.view() {
+        let items: Vec<_> = items.iter().collect();
+        let (array, _) = objects::array(values, &items, budget)?;
+        return Ok((array, "object".into()));
+    }
+    let (array, found) = column(values, budget)?;
+    match (asked, array.data_type()) {
+        // Objects are asked for by name; text that is not has the type of pandas 3.
+        (None, DataType::Utf8) if found.starts_with("object") => Ok((array, "str".into())),
+        (Some("string"), DataType::Utf8) => Ok((array, "string".into())),
+        (Some(zoned), DataType::Int64) if zoned.starts_with("datetime64[") => {
+            let array =
+                in_zone(&array, zoned).ok_or_else(|| dtype.unexpected("a time with a zone"))?;
+            Ok((array, zoned.to_owned()))
+        }
+        _ => Ok((array, found)),
+    }
+}
+
+/// Instants in UTC as times of a zone: `datetime64[ns, Europe/Berlin]`.
+fn in_zone(array: &ArrayRef, dtype: &str) -> Option<ArrayRef> {
+    let (unit, zone) = dtype.strip_prefix("datetime64[")?.strip_suffix(']')?.split_once(", ")?;
+    let zone = zone.strip_prefix("UTC").filter(|offset| !offset.is_empty()).unwrap_or(zone);
+    let counts = array.as_primitive::<Int64Type>().values().clone();
+    let nulls = not_a_time(&counts);
+    macro_rules! stamps {
+        ($kind:ty) => {
+            Arc::new(PrimitiveArray::<$kind>::new(counts, nulls).with_timezone(zone)) as ArrayRef
+        };
+    }
+    Some(match unit {
+        "s" => stamps!(TimestampSecondType),
+        "ms" => stamps!(TimestampMillisecondType),
+        "us" => stamps!(TimestampMicrosecondType),
+        "ns" => stamps!(TimestampNanosecondType),
+        _ => return None,
+    })
 }
 
 /// `__pyx_unpickle_NDArrayBacked(class, checksum, None)`, state `(dtype, ndarray, …)`.
@@ -121,7 +164,7 @@ fn periods(values: &Node<'_>, dtype: &Node<'_>, budget: &Budget) -> Result<Vec<T
 }
 
 /// Validity of counts of a unit of time; `None` where no count is missing.
-pub(super) fn not_a_time(counts: &[i64]) -> Option<NullBuffer> {
+fn not_a_time(counts: &[i64]) -> Option<NullBuffer> {
     let valid = NullBuffer::from_iter(counts.iter().map(|&count| count != i64::MIN));
     (valid.null_count() > 0).then_some(valid)
 }

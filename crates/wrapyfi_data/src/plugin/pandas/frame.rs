@@ -240,9 +240,8 @@ impl Frame {
 }
 
 fn to_json(value: &Value) -> Result<String, PluginError> {
-    let text = json::encode(value).map_err(|error| PluginError::Unsupported {
-        what: format!("a label of type {}", value.kind()),
-        remedy: error.to_string(),
+    let text = json::encode(value).map_err(|error| {
+        PluginError::unsupported(format!("a label of type {}", value.kind()), error.to_string())
     })?;
     Ok(String::from_utf8_lossy(&text).into_owned())
 }
@@ -253,14 +252,14 @@ fn from_json(text: &str) -> Result<Value, PluginError> {
 }
 
 fn wrong(attribute: &str, text: &str) -> PluginError {
-    PluginError::Unsupported {
-        what: format!("a table whose attribute {attribute:?} is {text:?}"),
-        remedy: "leave it out, or see the documentation of plug-ins".into(),
-    }
+    PluginError::unsupported(
+        format!("a table whose attribute {attribute:?} is {text:?}"),
+        "leave it out, or see the documentation of plug-ins",
+    )
 }
 
 pub(super) fn malformed(error: &ArrowError) -> PluginError {
-    PluginError::Malformed { part: 0, reason: error.to_string() }
+    PluginError::malformed(0, error.to_string())
 }
 
 #[cfg(test)]

@@ -23,7 +23,7 @@ use crate::types::{Map, Value};
 type Result<T> = std::result::Result<T, PluginError>;
 
 fn malformed(reason: impl Into<String>) -> PluginError {
-    PluginError::Malformed { part: 0, reason: reason.into() }
+    PluginError::malformed(0, reason)
 }
 
 fn text(body: &Body<'_>, context: &Unpacking<'_>) -> Result<Value> {
@@ -153,25 +153,20 @@ pub(in crate::plugin) fn write_records(table: &crate::types::Table) -> Result<(V
 }
 
 fn only_frames() -> PluginError {
-    PluginError::Unsupported {
-        what: "an index on its own".into(),
-        remedy: "make a series or a data frame of it".into(),
-    }
+    PluginError::unsupported("an index on its own", "make a series or a data frame of it")
 }
 
 fn only_one_level() -> PluginError {
-    PluginError::Unsupported {
-        what: "an index of several levels in JSON".into(),
-        remedy: "make columns of it with reset_index()".into(),
-    }
+    PluginError::unsupported(
+        "an index of several levels in JSON",
+        "make columns of it with reset_index()",
+    )
 }
 
 /// JSON without NaN, which pandas writes as null.
 fn encode(value: &Value) -> Result<Vec<u8>> {
-    json::encode(value).map_err(|error| PluginError::Unsupported {
-        what: "a label or value".into(),
-        remedy: error.to_string(),
-    })
+    json::encode(value)
+        .map_err(|error| PluginError::unsupported("a label or value", error.to_string()))
 }
 
 /// The cells of every column.
@@ -179,9 +174,11 @@ fn cells(columns: &[Column]) -> Result<Vec<Vec<Value>>> {
     columns
         .iter()
         .map(|column| {
-            let cells = labels::values(&column.array).ok_or_else(|| PluginError::Unsupported {
-                what: format!("a column of type {} in JSON", column.array.data_type()),
-                remedy: "cast it to numbers, bools or text".into(),
+            let cells = labels::values(&column.array).ok_or_else(|| {
+                PluginError::unsupported(
+                    format!("a column of type {} in JSON", column.array.data_type()),
+                    "cast it to numbers, bools or text",
+                )
             })?;
             let nan_is_null = |cell| match cell {
                 Value::Float(float) if !float.is_finite() => Value::Null,
@@ -235,10 +232,10 @@ fn column(label: Value, cells: &[&Value]) -> Result<Column> {
         cells.iter().for_each(|cell| builder.append_option(cell.as_str()));
         (Arc::new(builder.finish()), "object")
     } else {
-        return Err(PluginError::Unsupported {
-            what: format!("a column {label:?} of mixed or nested values"),
-            remedy: "send columns of numbers, bools or text".into(),
-        });
+        return Err(PluginError::unsupported(
+            format!("a column {label:?} of mixed or nested values"),
+            "send columns of numbers, bools or text",
+        ));
     };
     Ok(Column { label, dtype: dtype.into(), array })
 }

@@ -16,9 +16,9 @@
 
 mod column;
 mod frame;
+mod index;
 mod json;
 mod labels;
-mod made;
 mod objects;
 mod offsets;
 mod read;

@@ -115,9 +115,11 @@ fn is_zero(delta: &Node<'_>) -> bool {
 
 /// Writes the offset that `text` says.
 pub(super) fn write(to: &mut Stack, text: &str) -> Result<(), PluginError> {
-    let unknown = || PluginError::Unsupported {
-        what: format!("times whose freq is {text:?}"),
-        remedy: "leave it out, or use a code of pandas such as 15min, D, W-MON or QS-JAN".into(),
+    let unknown = || {
+        PluginError::unsupported(
+            format!("times whose freq is {text:?}"),
+            "leave it out, or use a code of pandas such as 15min, D, W-MON or QS-JAN",
+        )
     };
     let digits = text.find(|c: char| !c.is_ascii_digit() && c != '-').ok_or_else(unknown)?;
     let (count, code) = text.split_at(digits);

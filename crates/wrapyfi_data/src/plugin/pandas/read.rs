@@ -1,10 +1,11 @@
 //! pandas's pickles into a [`Frame`].
 
 use super::super::budget::Budget;
-use super::column::{Typed, column, columns, dictionary, listed};
-use super::frame::{Column, Frame, Index, Kind};
-use super::{labels, made, offsets};
-use crate::codec::pickle::{Node, Pairs, PickleCall, PickleError, View};
+use super::column::{Typed, column, columns, typed};
+use super::frame::{Column, Frame, Kind};
+use super::index::{axis, index};
+use super::labels;
+use crate::codec::pickle::{Node, PickleCall, PickleError, PickledArray};
 use crate::types::Value;
 
 type Result<T> = std::result::Result<T, PickleError>;
@@ -13,8 +14,8 @@ type Result<T> = std::result::Result<T, PickleError>;
 pub(super) fn frame(node: &Node<'_>, budget: &Budget) -> Result<Frame> {
     let call = node.any_call()?;
     match call.global().name {
-        "DataFrame" if call.find_state().is_none() => made::data_frame(node, &call, budget),
-        "Series" if call.find_state().is_none() => made::series(node, &call, budget),
+        "DataFrame" if call.find_state().is_none() => constructed_frame(node, &call, budget),
+        "Series" if call.find_state().is_none() => constructed_series(node, &call, budget),
         "DataFrame" => data_frame(node, &call, budget),
         "Series" => series(node, &call, budget),
         _ => Ok(Frame {
@@ -42,7 +43,7 @@ fn data_frame(node: &Node<'_>, call: &PickleCall<'_>, budget: &Budget) -> Result
     check_extras(&state)?;
     let blocks = state.dict()?.get("_mgr")?.call("pandas.core.internals.managers.BlockManager")?;
     let [labels_axis, index_axis] = blocks.arg(1)?.sequence()?.exact()?;
-    let (labels, columns_name) = labels::axis(&labels_axis, budget)?;
+    let (labels, columns_name) = axis(&labels_axis, budget)?;
     let index = index(&index_axis, budget)?;
     budget.take(node, labels.len().saturating_mul(size_of::<Column>()))?;
     let mut places: Vec<Option<Typed>> = labels.iter().map(|_| None).collect();
@@ -82,7 +83,7 @@ fn placement_of(node: &Node<'_>, count: usize) -> Result<Vec<usize>> {
             .ok_or_else(|| node.unexpected(format!("places among {count} columns")));
     }
     match node.array()? {
-        crate::codec::pickle::PickledArray::Tensor(tensor) => {
+        PickledArray::Tensor(tensor) => {
             let places = tensor.to_vec::<i64>().unwrap_or_default();
             let places =
                 places.into_iter().map(usize::try_from).collect::<std::result::Result<_, _>>();
@@ -113,73 +114,39 @@ fn series(node: &Node<'_>, call: &PickleCall<'_>, budget: &Budget) -> Result<Fra
     Ok(Frame { kind: Kind::Series, index, columns, columns_name: Value::Null })
 }
 
-/// Reads an index.
-pub(super) fn index(node: &Node<'_>, budget: &Budget) -> Result<Index> {
-    // Categories are an index, which may have categories.
-    budget.deeper(node, || read_index(node, budget))
-}
-
-fn read_index(node: &Node<'_>, budget: &Budget) -> Result<Index> {
-    let call = node.any_call()?;
-    if matches!(call.global().name, "Index" | "RangeIndex") {
-        return made::index(node, &call, budget);
+/// `pandas.DataFrame({label: series, …}, index, columns)`.
+fn constructed_frame(node: &Node<'_>, call: &PickleCall<'_>, budget: &Budget) -> Result<Frame> {
+    let [content, rows, columns] = call.args().exact()?;
+    let (names, columns_name) = axis(&columns, budget)?;
+    let index = index(&rows, budget)?;
+    let content = content.dict()?;
+    if content.len() != names.len() {
+        return Err(node.unexpected(format!("{} columns", names.len())));
     }
-    let makers = ["_new_Index", "_new_DatetimeIndex", "_new_TimedeltaIndex"];
-    if !makers.contains(&call.global().name) {
-        return Err(node.unexpected("an index"));
-    }
-    let (class, parts) = (call.arg(0)?.global()?, call.arg(1)?.dict()?);
-    let name = match parts.find("name") {
-        Some(name) => labels::scalar(&name)?,
-        None => Value::Null,
-    };
-    match class.name {
-        "RangeIndex" => {
-            let number = |key| parts.get(key)?.int();
-            let (start, stop, step) = (number("start")?, number("stop")?, number("step")?);
-            if step == 0 {
-                return Err(node.unexpected("a range with a step other than 0"));
-            }
-            Ok(Index::Range { start, stop, step, name })
+    let columns = names.into_iter().zip(content.iter()).map(|(label, (key, values))| {
+        if labels::scalar(&key)? != label {
+            return Err(key.unexpected("the label of the column in its place"));
         }
-        "MultiIndex" => levels(node, &parts, budget).map(Index::Levels),
-        "Index" | "DatetimeIndex" | "TimedeltaIndex" | "CategoricalIndex" | "PeriodIndex" => {
-            let data = parts.get("data")?;
-            let freq = parts.find("freq").map_or(Ok(None), |freq| offsets::read(&freq))?;
-            // `write` gives a regular index values that are an index themselves.
-            let column = if data.any_call().is_ok_and(|call| call.global().is("pandas.Index")) {
-                Column { label: name, ..listed(index(&data, budget)?, &data, budget)? }
-            } else {
-                let (array, dtype) = column(&data, budget)?;
-                Column { label: name, dtype, array }
-            };
-            Ok(Index::Column(Box::new(column), freq))
+        let series = values.call("pandas.Series")?;
+        let (array, dtype) = typed(&series.arg(0)?, &series.arg(2)?, budget)?;
+        if array.len() != index.len() {
+            return Err(values.unexpected(format!("a column of {} rows", index.len())));
         }
-        _ => Err(node.unexpected("an index of labels, a range, times, periods or categories")),
-    }
-}
-
-/// The levels of a `MultiIndex`: labels, codes into them, and a name each.
-fn levels(node: &Node<'_>, parts: &Pairs<'_>, budget: &Budget) -> Result<Vec<Column>> {
-    let (labels, codes) = (parts.get("levels")?.sequence()?, parts.get("codes")?.sequence()?);
-    let names = parts.get("names")?.sequence()?;
-    if labels.is_empty() || [codes.len(), names.len()] != [labels.len(); 2] {
-        return Err(node.unexpected("as many codes and names as levels"));
-    }
-    let found = labels.iter().zip(codes.iter()).zip(names.iter()).map(|((labels, codes), name)| {
-        let column = listed(index(&labels, budget)?, &labels, budget)?;
-        let array = dictionary(&codes, column.array, budget)?;
-        Ok(Column { label: labels::scalar(&name)?, dtype: column.dtype, array })
+        Ok(Column { label, dtype, array })
     });
-    let found = found.collect::<Result<Vec<_>>>()?;
-    let rows = found.first().map_or(0, |level| level.array.len());
-    if found.iter().any(|level| level.array.len() != rows) {
-        return Err(node.unexpected("levels of one length"));
-    }
-    Ok(found)
+    let columns = columns.collect::<Result<Vec<_>>>()?;
+    Ok(Frame { kind: Kind::Frame, index, columns, columns_name })
 }
 
-/// True for a plain value, which may be a label.
-pub(super) fn is_scalar(node: &Node<'_>) -> bool {
-    matches!(node.view(), View::None | View::Bool(_) | View::Int(_) | View::Float(_) | View::Str(_))
+/// `pandas.Series(values, index, dtype, name)`.
+fn constructed_series(node: &Node<'_>, call: &PickleCall<'_>, budget: &Budget) -> Result<Frame> {
+    let [values, rows, dtype, name] = call.args().exact()?;
+    let index = index(&rows, budget)?;
+    let (array, dtype) = typed(&values, &dtype, budget)?;
+    if array.len() != index.len() {
+        return Err(node.unexpected(format!("a series of {} rows", index.len())));
+    }
+    let columns = vec![Column { label: labels::scalar(&name)?, dtype, array }];
+    let columns_name = Value::Null;
+    Ok(Frame { kind: Kind::Series, index, columns, columns_name })
 }

@@ -57,10 +57,10 @@ fn data_frame(to: &mut Stack, frame: &Frame, columns: &[Column]) -> Result {
     for column in columns {
         let key = json::encode(&column.label).unwrap_or_default();
         if !seen.insert(key) {
-            return Err(PluginError::Unsupported {
-                what: format!("a data frame with two columns labelled {:?}", column.label),
-                remedy: "give the columns different labels".into(),
-            });
+            return Err(PluginError::unsupported(
+                format!("a data frame with two columns labelled {:?}", column.label),
+                "give the columns different labels",
+            ));
         }
     }
     // The index is written first, put into the memo, and popped.
@@ -135,9 +135,11 @@ fn index(to: &mut Stack, index: &Index) -> Result {
         }
         Index::Levels(levels) => made_by_name(to, "MultiIndex", |to| {
             let dictionaries = levels.iter().map(|level| {
-                codes(&level.array).ok_or_else(|| PluginError::Unsupported {
-                    what: format!("a level of an index of type {}", level.array.data_type()),
-                    remedy: "make it a dictionary of its labels".into(),
+                codes(&level.array).ok_or_else(|| {
+                    PluginError::unsupported(
+                        format!("a level of an index of type {}", level.array.data_type()),
+                        "make it a dictionary of its labels",
+                    )
                 })
             });
             let dictionaries = dictionaries.collect::<Result<Vec<_>>>()?;
@@ -214,10 +216,10 @@ fn label(to: &mut Stack, named: &Value) -> Result {
 }
 
 fn no_label(label: &Value) -> PluginError {
-    PluginError::Unsupported {
-        what: format!("a label of type {}", label.kind()),
-        remedy: "use text, a number, None, or a tuple of these".into(),
-    }
+    PluginError::unsupported(
+        format!("a label of type {}", label.kind()),
+        "use text, a number, None, or a tuple of these",
+    )
 }
 
 /// The type to ask for, where pandas would not find it in the values.
@@ -377,10 +379,10 @@ fn objects(to: &mut Stack, column: &Column) -> Result {
         }
         DataType::Int64 => each!(array.as_primitive::<Int64Type>(), |to, n| to.int(n)),
         other => {
-            return Err(PluginError::Unsupported {
-                what: format!("a column {:?} of objects of type {other}", column.label),
-                remedy: "leave out its dtype, or cast it".into(),
-            });
+            return Err(PluginError::unsupported(
+                format!("a column {:?} of objects of type {other}", column.label),
+                "leave out its dtype, or cast it",
+            ));
         }
     }
     Ok(())
@@ -389,9 +391,11 @@ fn objects(to: &mut Stack, column: &Column) -> Result {
 /// `pandas.Categorical.from_codes(codes, categories, ordered)`.
 fn categories(to: &mut Stack, column: &Column) -> Result {
     let data_type = column.array.data_type();
-    let (codes, values) = codes(&column.array).ok_or_else(|| PluginError::Unsupported {
-        what: format!("categories of type {data_type}"),
-        remedy: "use codes of int8 to int64".into(),
+    let (codes, values) = codes(&column.array).ok_or_else(|| {
+        PluginError::unsupported(
+            format!("categories of type {data_type}"),
+            "use codes of int8 to int64",
+        )
     })?;
     to.global("pandas", "Categorical.from_codes");
     write_codes(to, data_type, &codes);

@@ -362,19 +362,21 @@ fn value(to: &mut Stack, array: &ArrayRef, row: usize) -> std::result::Result<()
             to.dict_since_mark();
         }
         other => {
-            return Err(PluginError::Unsupported {
-                what: format!("a scalar of type {other}"),
-                remedy: "send an array of one element".into(),
-            });
+            return Err(PluginError::unsupported(
+                format!("a scalar of type {other}"),
+                "send an array of one element",
+            ));
         }
     }
     Ok(())
 }
 
 fn recount(array: &ArrayRef, data_type: &DataType) -> std::result::Result<ArrayRef, PluginError> {
-    retyped(array, data_type).map_err(|error| PluginError::Unsupported {
-        what: format!("a scalar of type {}: {error}", array.data_type()),
-        remedy: "send an array of one element".into(),
+    retyped(array, data_type).map_err(|error| {
+        PluginError::unsupported(
+            format!("a scalar of type {}: {error}", array.data_type()),
+            "send an array of one element",
+        )
     })
 }
 

@@ -293,10 +293,10 @@ pub(super) fn write_type(
             to.bool(false).tuple(3).reduce();
         }
         _ => {
-            return Err(PluginError::Unsupported {
-                what: format!("a column of type {data_type}"),
-                remedy: "cast it to a type of numbers, text, time, lists or structs".into(),
-            });
+            return Err(PluginError::unsupported(
+                format!("a column of type {data_type}"),
+                "cast it to a type of numbers, text, time, lists or structs",
+            ));
         }
     }
     Ok(())

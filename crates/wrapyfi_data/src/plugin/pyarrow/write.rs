@@ -41,10 +41,10 @@ pub(super) fn table(to: &mut Stack, table: &Table) -> Result<(), PluginError> {
             to.tuple(2).reduce();
             Ok(())
         }
-        (kind, columns) => Err(PluginError::Unsupported {
-            what: format!("a PyArrow {kind} of {} columns", columns.len()),
-            remedy: "make it an Array of one column, a RecordBatch or a Table".into(),
-        }),
+        (kind, columns) => Err(PluginError::unsupported(
+            format!("a PyArrow {kind} of {} columns", columns.len()),
+            "make it an Array of one column, a RecordBatch or a Table",
+        )),
     }
 }
 
@@ -74,9 +74,11 @@ fn parts(to: &mut Stack, data: &ArrayData) -> Result<(), PluginError> {
         data
     } else {
         let mut copy = MutableArrayData::new(vec![data], false, data.len());
-        copy.try_extend(0, 0, data.len()).map_err(|error| PluginError::Unsupported {
-            what: format!("a column of type {}: {error}", data.data_type()),
-            remedy: "send fewer rows".into(),
+        copy.try_extend(0, 0, data.len()).map_err(|error| {
+            PluginError::unsupported(
+                format!("a column of type {}: {error}", data.data_type()),
+                "send fewer rows",
+            )
         })?;
         copied = copy.freeze();
         &copied

@@ -6,7 +6,7 @@ use super::super::{PluginError, Unpacking};
 use super::{NAMED, STORAGES};
 use crate::codec::archive::{Archive, Member};
 use crate::codec::npy::gather;
-use crate::codec::pickle::{self, Allowed, Global, Node, PickleError};
+use crate::codec::pickle::{self, Allowed, Node, PickleError};
 use crate::plugin::Framework;
 use crate::types::{Dtype, Origin, Tensor, element_count, swap_byte_order};
 
@@ -15,53 +15,17 @@ const MAX_DIMENSIONS: usize = 64;
 /// Longest `byteorder` member.
 const WORD: usize = 16;
 
-/// Globals that a file may name: two functions that put a tensor together, one for parameters, and
-/// the element types. None of them is ever called.
-const ALLOWED: Allowed = Allowed::new(&[NAMES]).with_persistent_ids();
-
-const fn call(module: &'static str, name: &'static str) -> Global {
-    Global { module, name, callable: true }
-}
-
-const fn data(module: &'static str, name: &'static str) -> Global {
-    Global { module, name, callable: false }
-}
-
-/// Sorted by module and name.
-const NAMES: &[Global] = &[
-    call("collections", "OrderedDict"),
-    data("torch", "BFloat16Storage"),
-    data("torch", "BoolStorage"),
-    data("torch", "ByteStorage"),
-    data("torch", "CharStorage"),
-    data("torch", "ComplexDoubleStorage"),
-    data("torch", "ComplexFloatStorage"),
-    data("torch", "DoubleStorage"),
-    data("torch", "FloatStorage"),
-    data("torch", "HalfStorage"),
-    data("torch", "IntStorage"),
-    data("torch", "LongStorage"),
-    data("torch", "ShortStorage"),
-    data("torch", "uint16"),
-    data("torch", "uint32"),
-    data("torch", "uint64"),
-    call("torch._utils", "_rebuild_parameter"),
-    call("torch._utils", "_rebuild_tensor_v2"),
-    call("torch._utils", "_rebuild_tensor_v3"),
-    data("torch.storage", "UntypedStorage"),
-];
-
 fn malformed(reason: impl Into<String>) -> PluginError {
-    PluginError::Malformed { part: 0, reason: reason.into() }
+    PluginError::malformed(0, reason)
 }
 
 /// The tensor in `file`, an archive that `torch.save` wrote.
 pub(super) fn tensor(file: &Bytes, context: &Unpacking<'_>) -> Result<Tensor, PluginError> {
     if file.first() == Some(&0x80) {
-        return Err(PluginError::Unsupported {
-            what: "a torch file of before version 1.6, a row of pickles,".into(),
-            remedy: "save it with torch.save as it is by default".into(),
-        });
+        return Err(PluginError::unsupported(
+            "a torch file of before version 1.6, a row of pickles,",
+            "save it with torch.save as it is by default",
+        ));
     }
     let archive = Archive::open(file).map_err(malformed)?;
     let mut pickles = archive.iter().filter(|(name, _)| name.ends_with("/data.pkl"));
@@ -74,7 +38,7 @@ pub(super) fn tensor(file: &Bytes, context: &Unpacking<'_>) -> Result<Tensor, Pl
     let folder = name.trim_end_matches("data.pkl");
     let file = TorchFile { archive: &archive, folder, context };
     let data = file.content("data.pkl", member)?;
-    let pickle = pickle::read(&data, &[], &ALLOWED, context.limits).map_err(in_pickle)?;
+    let pickle = pickle::read(&data, &[], &Allowed::TORCH, context.limits).map_err(in_pickle)?;
     file.root(pickle.root())
 }
 
@@ -163,10 +127,10 @@ impl TorchFile<'_> {
             && !metadata.dict().map_err(in_pickle)?.is_empty()
         {
             // A conjugate or negative that torch has not computed yet: the elements are not the values.
-            return Err(PluginError::Unsupported {
-                what: format!("a tensor with {metadata} of metadata"),
-                remedy: "send tensor.resolve_conj().resolve_neg()".into(),
-            });
+            return Err(PluginError::unsupported(
+                format!("a tensor with {metadata} of metadata"),
+                "send tensor.resolve_conj().resolve_neg()",
+            ));
         }
         let view = View { dtype, offset, shape, strides };
         let data = self.elements(&storage, &view)?;
@@ -329,8 +293,5 @@ fn no_hooks(node: Node<'_>) -> Result<(), PluginError> {
     if hooks.pairs().is_empty() && hooks.args().is_empty() {
         return Ok(());
     }
-    Err(PluginError::Unsupported {
-        what: "a tensor with hooks".into(),
-        remedy: "send tensor.detach()".into(),
-    })
+    Err(PluginError::unsupported("a tensor with hooks", "send tensor.detach()"))
 }

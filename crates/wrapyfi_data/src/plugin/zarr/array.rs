@@ -131,8 +131,8 @@ impl Metadata {
             _ => return Err(malformed("$.dimension_separator is neither . nor /".into())),
         };
         let dtype = member("dtype").and_then(Value::as_str).ok_or_else(|| {
-            let remedy = "use numbers or text".into();
-            PluginError::Unsupported { what: "a structured zarr array".into(), remedy }
+            let remedy = "use numbers or text";
+            PluginError::unsupported("a structured zarr array", remedy)
         })?;
         let (itemsize, number) = element(dtype)?;
         let fill = fill_bytes(member("fill_value"), dtype, itemsize, number)?;

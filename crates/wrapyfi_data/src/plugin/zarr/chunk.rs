@@ -79,10 +79,10 @@ impl Compressor {
 }
 
 pub(super) fn unknown(what: &str) -> PluginError {
-    PluginError::Unsupported {
-        what: format!("{what} of a zarr array"),
-        remedy: "use none, zlib, gzip, lz4, zstd, or blosc with one of these".into(),
-    }
+    PluginError::unsupported(
+        format!("{what} of a zarr array"),
+        "use none, zlib, gzip, lz4, zstd, or blosc with one of these",
+    )
 }
 
 pub(super) fn wrong_length(length: usize, expected: usize) -> Fault {

@@ -79,9 +79,11 @@ impl ZarrGroup {
                 Value::Tensor(tensor) => files.array(&inner, array::write(tensor))?,
                 Value::Array(other) => {
                     let written = array::write_other(other);
-                    let written = written.ok_or_else(|| PluginError::Unsupported {
-                        what: format!("the structured array {name:?} of a zarr group"),
-                        remedy: "send its fields".into(),
+                    let written = written.ok_or_else(|| {
+                        PluginError::unsupported(
+                            format!("the structured array {name:?} of a zarr group"),
+                            "send its fields",
+                        )
                     })?;
                     files.array(&inner, written)?;
                 }
@@ -97,10 +99,10 @@ impl ZarrGroup {
 
 fn member_path(path: &str, name: &str) -> Result<String, PluginError> {
     if name.is_empty() || name.starts_with('.') || name.contains(['/', '\\', '\0', ':']) {
-        return Err(PluginError::Unsupported {
-            what: format!("a member {name:?} of a zarr group"),
-            remedy: "give it a name without / \\ : and without a dot at the beginning".into(),
-        });
+        return Err(PluginError::unsupported(
+            format!("a member {name:?} of a zarr group"),
+            "give it a name without / \\ : and without a dot at the beginning",
+        ));
     }
     Ok(format!("{path}{name}/"))
 }

@@ -46,10 +46,10 @@ impl Plugin for Zarr {
         match &*kind {
             ARRAY => {
                 let Value::Tensor(tensor) = store.array("")? else {
-                    return Err(PluginError::Unsupported {
-                        what: "a zarr array whose elements are no numbers".into(),
-                        remedy: "send it as a NumPy array".into(),
-                    });
+                    return Err(PluginError::unsupported(
+                        "a zarr array whose elements are no numbers",
+                        "send it as a NumPy array",
+                    ));
                 };
                 let mut origin = Origin::new(KEY);
                 for (key, value) in [("name", name), ("attrs", store.attributes("")?)] {
@@ -60,10 +60,10 @@ impl Plugin for Zarr {
                 Ok(tensor.with_origin(origin).into())
             }
             GROUP => Ok(ForeignObject::new(store.group("", 0)?).into()),
-            other => Err(PluginError::Unsupported {
-                what: format!("a zarr {other:?}"),
-                remedy: "send an Array or a Group".into(),
-            }),
+            other => Err(PluginError::unsupported(
+                format!("a zarr {other:?}"),
+                "send an Array or a Group",
+            )),
         }
     }
 
@@ -89,7 +89,7 @@ impl Plugin for Zarr {
 }
 
 fn malformed(reason: String) -> PluginError {
-    PluginError::Malformed { part: 0, reason }
+    PluginError::malformed(0, reason)
 }
 
 /// The folder that the zip holds.
@@ -153,8 +153,5 @@ impl Files {
 }
 
 fn too_large() -> PluginError {
-    PluginError::Unsupported {
-        what: "a zarr folder of more than 2 GiB".into(),
-        remedy: "send it in pieces".into(),
-    }
+    PluginError::unsupported("a zarr folder of more than 2 GiB", "send it in pieces")
 }

@@ -6,6 +6,7 @@
 
 use std::fmt;
 
+use num_bigint::BigInt;
 use serde::de::{Deserialize, Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
 use serde::ser::{Error as _, Serialize, SerializeMap, SerializeStruct, Serializer};
 
@@ -73,6 +74,15 @@ impl<'de> Deserialize<'de> for Value {
 
 struct ValueVisitor;
 
+/// Methods of plain values, some of which become a value through another type.
+macro_rules! plain {
+    ($($method:ident($kind:ty $(as $through:ty)?))*) => {$(
+        fn $method<E>(self, value: $kind) -> Result<Value, E> {
+            Ok($(<$through>::from)?(value).into())
+        }
+    )*};
+}
+
 impl<'de> Visitor<'de> for ValueVisitor {
     type Value = Value;
 
@@ -99,36 +109,9 @@ impl<'de> Visitor<'de> for ValueVisitor {
         Value::deserialize(inner)
     }
 
-    fn visit_bool<E>(self, value: bool) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_i64<E>(self, value: i64) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_u64<E>(self, value: u64) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_i128<E>(self, value: i128) -> Result<Value, E> {
-        Ok(num_bigint::BigInt::from(value).into())
-    }
-
-    fn visit_u128<E>(self, value: u128) -> Result<Value, E> {
-        Ok(num_bigint::BigInt::from(value).into())
-    }
-
-    fn visit_f64<E>(self, value: f64) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_str<E>(self, text: &str) -> Result<Value, E> {
-        Ok(text.into())
-    }
-
-    fn visit_string<E>(self, text: String) -> Result<Value, E> {
-        Ok(text.into())
+    plain! {
+        visit_bool(bool) visit_i64(i64) visit_u64(u64) visit_i128(i128 as BigInt)
+        visit_u128(u128 as BigInt) visit_f64(f64) visit_str(&str) visit_string(String)
     }
 
     fn visit_bytes<E>(self, bytes: &[u8]) -> Result<Value, E> {
@@ -162,11 +145,17 @@ fn one_kind<'de, T, D: Deserializer<'de>>(
         .map_err(|other| D::Error::custom(format!("{} where {wanted} should be", other.kind())))
 }
 
-impl Serialize for Tensor {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        Value::Tensor(self.clone()).serialize(serializer)
-    }
+macro_rules! serialize_as_value {
+    ($($part:ident),*) => {$(
+        impl Serialize for $part {
+            fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+                Value::from(self.clone()).serialize(serializer)
+            }
+        }
+    )*};
 }
+
+serialize_as_value!(Tensor, Map, DateTime);
 
 impl<'de> Deserialize<'de> for Tensor {
     /// Reads an array of a native object. No other format has arrays; their structs are not read
@@ -179,24 +168,12 @@ impl<'de> Deserialize<'de> for Tensor {
     }
 }
 
-impl Serialize for Map {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        Value::Map(self.clone()).serialize(serializer)
-    }
-}
-
 impl<'de> Deserialize<'de> for Map {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         one_kind(deserializer, "a dict", |value| match value {
             Value::Map(map) => Ok(map),
             other => Err(other),
         })
-    }
-}
-
-impl Serialize for DateTime {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        Value::DateTime(*self).serialize(serializer)
     }
 }
 

@@ -28,6 +28,15 @@ pub(super) fn variant_of(variant: &'static str, content: Value) -> Value {
     Map::from_iter([(variant, content)]).into()
 }
 
+/// Methods of plain values, some of which become a value through another type.
+macro_rules! plain {
+    ($($method:ident($kind:ty $(as $through:ty)?))*) => {$(
+        fn $method(self, value: $kind) -> Result<Value, TypedError> {
+            Ok($(<$through>::from)?(value).into())
+        }
+    )*};
+}
+
 impl Serializer for ToValue {
     type Ok = Value;
     type Error = TypedError;
@@ -39,64 +48,11 @@ impl Serializer for ToValue {
     type SerializeStruct = Fields;
     type SerializeStructVariant = Fields;
 
-    fn serialize_bool(self, value: bool) -> Result<Value, TypedError> {
-        Ok(value.into())
-    }
-
-    fn serialize_i8(self, value: i8) -> Result<Value, TypedError> {
-        Ok(value.into())
-    }
-
-    fn serialize_i16(self, value: i16) -> Result<Value, TypedError> {
-        Ok(value.into())
-    }
-
-    fn serialize_i32(self, value: i32) -> Result<Value, TypedError> {
-        Ok(value.into())
-    }
-
-    fn serialize_i64(self, value: i64) -> Result<Value, TypedError> {
-        Ok(value.into())
-    }
-
-    fn serialize_i128(self, value: i128) -> Result<Value, TypedError> {
-        Ok(BigInt::from(value).into())
-    }
-
-    fn serialize_u8(self, value: u8) -> Result<Value, TypedError> {
-        Ok(value.into())
-    }
-
-    fn serialize_u16(self, value: u16) -> Result<Value, TypedError> {
-        Ok(value.into())
-    }
-
-    fn serialize_u32(self, value: u32) -> Result<Value, TypedError> {
-        Ok(value.into())
-    }
-
-    fn serialize_u64(self, value: u64) -> Result<Value, TypedError> {
-        Ok(value.into())
-    }
-
-    fn serialize_u128(self, value: u128) -> Result<Value, TypedError> {
-        Ok(BigInt::from(value).into())
-    }
-
-    fn serialize_f32(self, value: f32) -> Result<Value, TypedError> {
-        Ok(value.into())
-    }
-
-    fn serialize_f64(self, value: f64) -> Result<Value, TypedError> {
-        Ok(value.into())
-    }
-
-    fn serialize_char(self, value: char) -> Result<Value, TypedError> {
-        Ok(String::from(value).into())
-    }
-
-    fn serialize_str(self, value: &str) -> Result<Value, TypedError> {
-        Ok(value.into())
+    plain! {
+        serialize_bool(bool) serialize_i8(i8) serialize_i16(i16) serialize_i32(i32)
+        serialize_i64(i64) serialize_i128(i128 as BigInt) serialize_u8(u8) serialize_u16(u16)
+        serialize_u32(u32) serialize_u64(u64) serialize_u128(u128 as BigInt) serialize_f32(f32)
+        serialize_f64(f64) serialize_char(char as String) serialize_str(&str)
     }
 
     fn serialize_bytes(self, value: &[u8]) -> Result<Value, TypedError> {

@@ -1,0 +1,24 @@
+//! A name and a value.
+
+use crate::ParameterValue;
+
+/// A parameter with a value.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parameter {
+    /// Name; groups end with dots, as in `camera.rate`.
+    pub name: String,
+    /// Value; [`ParameterValue::NotSet`] deletes a parameter of dynamic type.
+    pub value: ParameterValue,
+}
+
+impl Parameter {
+    /// A parameter of this name and value.
+    #[must_use]
+    pub fn new(name: impl Into<String>, value: impl Into<ParameterValue>) -> Self {
+        Self { name: name.into(), value: value.into() }
+    }
+
+    pub(super) fn size(&self) -> usize {
+        self.name.len().saturating_add(self.value.size())
+    }
+}
