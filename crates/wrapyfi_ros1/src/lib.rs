@@ -44,6 +44,8 @@ mod listener_connections;
 mod marks;
 mod master;
 mod names;
+#[doc(hidden)]
+pub mod offline;
 mod parameters;
 mod presence;
 mod probe;
