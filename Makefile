@@ -2,7 +2,8 @@
 # make check   for daily work: format, lints, tests without real peers
 # make test    everything: format, lints, tests against real peers, documentation, colcon
 # make nightly what takes hours: fuzz targets, more seeds, every feature alone, the release build, the oldest Rust,
-#              public interfaces, texts of licences, 200 kills of each kind of peer and of the bridge
+#              public interfaces, texts of licences, 200 kills of each kind of peer and of the bridge, AddressSanitizer
+#              over CycloneDDS and the code around it
 # make soak    everything around a bridge killed by chance for MINUTES=60: fails where the bridge grows
 # make bench   raw transports, bridge and Python Wrapyfi measured by turns: bench/RESULTS.md
 # make doc     API documentation of the workspace, in target/doc; links of the pages
@@ -19,7 +20,7 @@ MAKEFLAGS += --no-print-directory
 # One after the other: every step uses all cores, and each one fails with its own message.
 .NOTPARALLEL:
 .PHONY: demo check test nightly soak test-churn bench doc fmt lint fuzz setup-build setup-test setup-frameworks test-fmt test-rust
-.PHONY: test-frameworks test-python test-colcon test-rmw test-release test-seeds test-features test-oldest test-semver deny sbom
+.PHONY: test-asan test-frameworks test-python test-colcon test-rmw test-release test-seeds test-features test-oldest test-semver deny sbom
 
 DEMO_ARGS ?= --seconds 20
 BENCH_ARGS ?=
@@ -42,7 +43,11 @@ check: test-fmt lint
 test: setup-test test-fmt lint test-rust test-rmw test-python doc test-colcon
 	@echo "make test: all passed"
 
-nightly: deny test-oldest test-semver test-features test-seeds test-churn test-release fuzz
+nightly: deny test-oldest test-semver test-features test-seeds test-churn test-release test-asan fuzz
+
+# CycloneDDS, and the Rust around it, under AddressSanitizer; see the script for where its artefacts lie.
+test-asan: | target/COLCON_IGNORE
+	@scripts/test-asan.sh
 
 # Built as users build it, every test once more.
 test-release: export PROFILE := release

@@ -15,6 +15,7 @@
 // These functions are assertions: a panic is how they say that something does not hold.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::missing_panics_doc)]
 
+mod announced;
 mod codecs;
 mod dynamic;
 mod labelled;
@@ -31,23 +32,26 @@ mod yarp;
 mod yarp_names;
 mod yarp_payload;
 mod yarp_wire;
+mod zeromq;
 
+pub use announced::{bridge_marks, ros2_discovery};
 pub use codecs::{cdr, frames, jpeg, json, npy};
 pub use dynamic::dynamic;
 pub use labelled::{plugin_picture, plugin_zarr};
 pub use meter::{bounded, measure};
 pub use pickles::pickle;
 pub use requests::zeromq_requests;
-pub use ros1::{ros1_definition, ros1_messages};
+pub use ros1::{mapping_rules, ros1_definition, ros1_messages};
 pub use services::node_services;
 pub use tables::plugin_table;
 pub use tcpros::{tcpros_header, xmlrpc};
 pub use tensors::plugin_tensor;
 pub use texts::{config, msg_parser, ros_args};
 pub use yarp::{yarp_bottle, yarp_object, yarp_text};
-pub use yarp_names::yarp_name_lines;
+pub use yarp_names::{yarp_conf, yarp_multicast, yarp_name_lines};
 pub use yarp_payload::yarp_payload;
 pub use yarp_wire::yarp_connection;
+pub use zeromq::{zeromq_counts, zeromq_peer, zeromq_probe};
 
 use wrapyfi_core::Limits;
 
@@ -85,4 +89,12 @@ pub const TARGETS: &[Target] = &[
     ("tcpros_header", tcpros_header),
     ("xmlrpc", xmlrpc),
     ("yarp_payload", yarp_payload),
+    ("zeromq_probe", zeromq_probe),
+    ("zeromq_peer", zeromq_peer),
+    ("zeromq_counts", zeromq_counts),
+    ("ros2_discovery", ros2_discovery),
+    ("bridge_marks", bridge_marks),
+    ("yarp_conf", yarp_conf),
+    ("yarp_multicast", yarp_multicast),
+    ("mapping_rules", mapping_rules),
 ];

@@ -1,4 +1,4 @@
-//! Targets of ROS 1 types: a definition as a peer shows it, and messages of a pair of types.
+//! Targets of ROS 1 types: a definition as a peer shows it, messages of a pair of types, rules for pairs.
 
 use wrapyfi_interfaces::parser::{Dialect, TypeName};
 use wrapyfi_interfaces::ros1::{BadText, Definition, Options, PairPlan, Rules, Types};
@@ -15,6 +15,8 @@ const LINES: usize = 1024;
 const COMMON: usize = 8 << 20;
 /// Memory for each byte of a message: an empty string of ROS 1 doubles, a buffer doubles to grow.
 const GROWTH: usize = 8;
+/// Memory for each byte of YAML, whose events carry positions.
+const YAML: usize = 1024;
 /// A big-endian message is read into values first, as every message of the target `dynamic`.
 const GROWTH_BIG_ENDIAN: usize = 4096;
 /// Small limits, so that what exceeds them is small, too.
@@ -111,4 +113,45 @@ fn plan(ros1: &str, ros2: &str) -> Option<PairPlan> {
     let name = TypeName::new("fuzz_msgs", "Fuzzed").expect("a valid name");
     let ros2 = ResolvedType::from_text(Dialect::Ros2, &name, ros2).ok()?;
     PairPlan::compile(definition.resolved(), &ros2, &Rules::built_in()).ok()
+}
+
+/// Mapping rules as a file has them; after a line `----`, a ROS 1 definition and after another a ROS 2 definition of
+/// types that the rules may bring together.
+pub fn mapping_rules(data: &[u8]) {
+    let Ok(text) = std::str::from_utf8(data) else { return };
+    let mut parts = text.split(THEN);
+    let yaml = parts.next().unwrap_or_default();
+    let read = || serde_saphyr::from_str::<Option<Rules>>(yaml);
+    let rules = match bounded(yaml.len(), YAML, read) {
+        Ok(rules) => rules.unwrap_or_default(),
+        Err(error) => return assert!(!error.to_string().is_empty()),
+    };
+    for (dialect, names) in
+        [(Dialect::Ros1, Rules::ros2_names as fn(&_, &_) -> _), (Dialect::Ros2, Rules::ros1_names)]
+    {
+        for name in ["fuzz_msgs/Fuzzed", "rosgraph_msgs/Log", "std_srvs/srv/Empty", "tf/tfMessage"]
+        {
+            let Ok(name) = TypeName::parse(dialect, name) else { continue };
+            let found: Vec<TypeName> = names(&rules, &name);
+            assert!(!found.is_empty() && found.iter().all(|other| other.kind() == name.kind()));
+            let same = found
+                .iter()
+                .enumerate()
+                .any(|(n, one)| found.iter().skip(n + 1).any(|two| one == two));
+            assert!(!same, "a name comes twice: {found:?}");
+        }
+    }
+    let (Some(ros1), Some(ros2)) = (parts.next(), parts.next()) else { return };
+    let Ok(definition) = Definition::from_header("fuzz_msgs/Fuzzed", ros1) else { return };
+    let name = TypeName::new("fuzz_msgs", "Fuzzed").expect("a valid name");
+    let Ok(ros2) = ResolvedType::from_text(Dialect::Ros2, &name, ros2) else { return };
+    match PairPlan::compile(definition.resolved(), &ros2, &rules) {
+        Ok(plan) => {
+            let mut out = Vec::new();
+            _ = plan.to_cdr(&[0; 64], &OPTIONS, &mut out);
+            out.clear();
+            _ = plan.to_ros1(&[0, 1, 0, 0, 0, 0, 0, 0], 7, &OPTIONS, &mut out);
+        }
+        Err(error) => assert!(!error.to_string().is_empty()),
+    }
 }

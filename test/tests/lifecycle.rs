@@ -120,6 +120,10 @@ fn a_managed_bridge_has_routes_while_it_is_active_and_ends_once_it_is_finalized(
         drop(listener);
         assert!(change(env, &bridge, "deactivate")?);
         assert_eq!(state(env, &bridge)?, "2 inactive");
+        bridge.wait_until("the reason for the end of the route", |output| {
+            let is_told = |line: &String| line.contains("the node was deactivated");
+            output.err.iter().any(is_told).then_some(())
+        })?;
         assert!(!has_listener(env)? && is_broker_there());
         assert!(change(env, &bridge, "activate")?);
         drop(carries()?);

@@ -29,6 +29,17 @@ fn sent(status: &Value) -> u64 {
     routes(status).filter_map(|route| route["counters"]["sent"].as_u64()).sum()
 }
 
+/// The next two lines of a bridge's status, the later one first.
+fn two_more(bridge: &Process) -> Result<(Value, Value)> {
+    let seen = bridge.stdout().lines().filter(|line| line.starts_with('{')).count();
+    bridge.wait_until("two more lines of the status", |output| {
+        let mut lines: Vec<Value> = output.objects().collect();
+        let told = lines.len() >= seen + 2;
+        let last = lines.pop().zip(lines.pop());
+        told.then_some(last).flatten()
+    })
+}
+
 /// Waits until a bridge has a route that names the loop, and every bridge tells twice that nothing flows; the
 /// reason.
 fn until_stopped(bridges: &[&Process]) -> Result<String> {
@@ -39,13 +50,7 @@ fn until_stopped(bridges: &[&Process]) -> Result<String> {
         let mut reason = None;
         let mut is_still = true;
         for bridge in bridges {
-            let seen = bridge.stdout().lines().filter(|line| line.starts_with('{')).count();
-            let (last, told) = bridge.wait_until("two more lines of the status", |output| {
-                let mut lines: Vec<Value> = output.objects().collect();
-                let told = lines.len() >= seen + 2;
-                let last = lines.pop().zip(lines.pop());
-                told.then_some(last).flatten()
-            })?;
+            let (last, told) = two_more(bridge)?;
             is_still &= sent(&last) == sent(&told) && sent(&last) > 0;
             let mut loops = routes(&last).filter_map(|route| route["reason"].as_str());
             reason = reason.or(loops.find(|it| it.contains("loop: ")).map(str::to_owned));
@@ -177,6 +182,63 @@ fn a_quick_publisher_and_two_bridges_beside_each_other_are_no_loop() -> Result {
                 (route["counters"]["sent"].as_u64()? >= 4000).then_some(())
             })?;
         }
+        Ok(())
+    })
+}
+
+/// Number of messages that a talker on ROS 2 publishes beside two bridges.
+const PUBLISHED: u64 = 200;
+
+/// Two bridges with the same patterns, each both ways between ROS 2 and the far side. The numbers of messages that each
+/// has sent, once the talker has ended and nothing flows any more.
+fn side_by_side(env: &TestEnv, far: fn(&str) -> String, configs: [Config; 2]) -> Result<[u64; 2]> {
+    let topic = env.topic("x");
+    let (pattern, target) = (format!("{topic}(.*)"), format!("{topic}$1"));
+    let [one, two] = configs.map(|config| {
+        let there = text(&ros2(&pattern), &far(&target));
+        config.route(there).route(text(&far(&pattern), &ros2(&target)))
+    });
+    let one = env.bridge_named("one.yaml", &one)?;
+    let two = env.bridge_named("two.yaml", &two)?;
+    let echo = ["echo", &far(&topic), "--type", "Text", "--json", "--timeout", "100"];
+    let echo = env.wrapyfi(echo)?;
+    let count = PUBLISHED.to_string();
+    let value = ["--value", "{\"data\": \"once\"}", "--rate", "50", "--count", &count];
+    let endpoint = ros2(&topic);
+    let args = ["pub", &endpoint, "--type", "std_msgs/msg/String"];
+    env.wrapyfi([&args[..], &value].concat())?.exits_with(0)?;
+    echo.objects(1).map_err(|error| error.context(one.tail()))?;
+    let deadline = Instant::now() + TIMEOUT;
+    while Instant::now() < deadline {
+        let [(now, before), (other_now, other_before)] = [two_more(&one)?, two_more(&two)?];
+        let sums = [sent(&now), sent(&other_now)];
+        if sums == [sent(&before), sent(&other_before)] && sums != [0, 0] {
+            return Ok(sums);
+        }
+        assert!(sums.iter().sum::<u64>() <= 10 * PUBLISHED, "a storm: {now} {other_now}");
+    }
+    anyhow::bail!("messages go on: {} {}", one.tail(), two.tail())
+}
+
+/// No mark crosses ZeroMQ: both bridges carry each message, once.
+#[test]
+fn two_bridges_side_by_side_on_zeromq_double_and_make_no_storm() -> Result {
+    run("two_bridges_side_by_side_on_zeromq_double_and_make_no_storm", NEEDS, |env| {
+        let sums = side_by_side(env, zeromq, [env.embedded(), env.foreign()])?;
+        assert!(sums.iter().all(|sum| *sum <= PUBLISHED), "{sums:?} of {PUBLISHED} messages");
+        Ok(())
+    })
+}
+
+/// A port of YARP has one owner.
+#[test]
+fn two_bridges_side_by_side_on_yarp_make_no_storm() -> Result {
+    run("two_bridges_side_by_side_on_yarp_make_no_storm", NEEDS, |env| {
+        env.yarp_conf()?;
+        let address = format!("127.0.0.1:{}", env.yarp_port());
+        let two = env.foreign().endpoint(&format!("  yarp: {{ name_server: \"{address}\" }}\n"));
+        let sums = side_by_side(env, yarp, [env.embedded().yarp(env), two])?;
+        assert!(sums.iter().sum::<u64>() <= PUBLISHED, "{sums:?} of {PUBLISHED} messages");
         Ok(())
     })
 }

@@ -515,3 +515,44 @@ fn a_bridge_whose_node_is_killed_comes_back() -> Result {
         Ok(())
     })
 }
+
+/// A route's lists name nodes: others are refused, named in the log, and counted.
+#[test]
+fn nodes_of_a_list_are_heard_and_reached_and_no_others() -> Result {
+    run("nodes_of_a_list_are_heard_and_reached_and_no_others", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let (near, far) = (env.topic("near"), env.topic("far"));
+        let heard = Route::new(&ros1(&near), &zeromq(&near), "Text")
+            .with("options", "{ from_peers: [/friend] }");
+        let sent = Route::new(&zeromq(&far), &ros1(&far), "Text")
+            .with("options", "{ to_peers: [/ear@127.0.0.1] }");
+        let bridge = env.bridge(&env.embedded().route(heard).route(sent))?;
+        let logs = |what: &'static str| {
+            bridge.wait_until(what, move |output| {
+                output.err.iter().any(|line| line.contains(what)).then_some(())
+            })
+        };
+        let echo = echo(env, &zeromq(&near), "Text", 100_000)?;
+        let talk = |node: &str| {
+            let args = format!("publish --topic {near} --node {node} --rate 20");
+            env.rospy(&args, Some(&json!({ "data": node }).to_string()))
+        };
+        let _stranger = talk("stranger")?;
+        logs("/stranger at 127.0.0.1 is not among from_peers")?;
+        let _friend = talk("friend")?;
+        let texts = echo.objects(10).map_err(|error| error.context(bridge.tail()))?;
+        assert!(texts.iter().all(|one| one["value"] == "friend"), "{texts:?}");
+
+        let _talker = publish(env, &zeromq(&far), "\"x\"", &["--type", "Text", "--rate", "20"])?;
+        let _spy = env.rospy(&format!("subscribe --topic {far} --node spy"), None)?;
+        logs("/spy at 127.0.0.1 is not among to_peers")?;
+        let ear = env.rospy(&format!("subscribe --topic {far} --node ear"), None)?;
+        ear.messages(3).map_err(|error| error.context(bridge.tail()))?;
+        bridge.wait_until("the refusals to be counted", |output| {
+            let last = output.objects().next_back()?;
+            let mut routes = last["routes"].as_array()?.iter();
+            let counts = |it: &Value| it["counters"]["drops"]["refused_peer"].as_u64() >= Some(1);
+            routes.all(counts).then_some(())
+        })
+    })
+}

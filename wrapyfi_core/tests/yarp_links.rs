@@ -262,6 +262,50 @@ fn ports_have_the_names_that_are_asked_for() {
     });
 }
 
+/// Lists name ports and their addresses: others are refused and counted.
+#[test]
+fn ports_of_a_list_are_heard_and_reached_and_no_others() {
+    let net = YarpNetwork::new();
+    let (yarp, network) = (net.yarp(), net.network());
+    let (here, there) = (Context::default(), Context::default());
+    let (reader, other, writer, stranger) = net.runtime.block_on(async {
+        let reader = network.open_input("/view/in", &InputOptions::default()).await.unwrap();
+        let other = network.open_input("/other/in", &InputOptions::default()).await.unwrap();
+        let writer = network.open_output("/cam/out", &OutputOptions::default()).await.unwrap();
+        let stranger =
+            network.open_output("/stranger/out", &OutputOptions::default()).await.unwrap();
+        (reader, other, writer, stranger)
+    });
+    let connect = |from: &str, to: &str| net.runtime.block_on(network.connect(from, to, None));
+    let list = |entry: &str| Value::List(vec![entry.into()]);
+
+    let options =
+        Map::from([("port", "/bridge/cam:i".into()), ("from_peers", list("/cam/*@127.0.0.1"))]);
+    let mut sink = yarp.open_listener(&topic("/cam", options), &here).unwrap();
+    until(&here, "the port is open", || connect("/cam/out", "/bridge/cam:i").is_ok());
+    assert!(connect("/stranger/out", "/bridge/cam:i").is_err());
+    writer.write_bottle(&Bottle::from(vec![Element::string("\"hello\"")])).unwrap();
+    until(&here, "the message", || sink.take().unwrap().is_some());
+    until(&here, "the refusal is counted", || {
+        sink.link();
+        here.counters.snapshot().dropped_for(DropReason::RefusedPeer) >= 1
+    });
+
+    let options = Map::from([("to_peers", list("/view/in")), ("bottle", true.into())]);
+    let mut source = yarp.open_publisher(&topic("/view", options), &there).unwrap();
+    until(&there, "the port is open", || connect("/view", "/view/in").is_ok());
+    assert!(connect("/view", "/other/in").is_err());
+    open_way(&there, || source.link());
+    source.publish(&number(1)).unwrap();
+    assert_eq!(&*net.runtime.block_on(reader.recv()).unwrap().from, "/view");
+    net.runtime.block_on(async {
+        reader.close().await;
+        other.close().await;
+        writer.close().await;
+        stranger.close().await;
+    });
+}
+
 /// A server that ends without a word is found again at another address.
 #[test]
 fn a_server_that_vanishes_is_called_again() {

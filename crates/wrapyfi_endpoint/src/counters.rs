@@ -68,6 +68,9 @@ counted! {
         SendFailed => "send_failed",
         /// The destination did not accept the message: a node refused to set a parameter.
         Refused => "refused",
+        /// A program that `from_peers` or `to_peers` does not name was refused: counted for each connection, whose
+        /// messages nobody sees.
+        RefusedPeer => "refused_peer",
         /// Nobody listens at the destination.
         NoConsumer => "no_consumer",
         /// The middleware reported that it lost the message before we saw it.
@@ -196,6 +199,12 @@ impl Counters {
     /// Counts one object that was passed on unread, because its plug-in refused it.
     pub fn unread(&self) {
         self.unread.fetch_add(1, Relaxed);
+    }
+
+    /// Counts the connection of a program that is not in the endpoint's list.
+    pub fn refused_peer(&self) {
+        self.received(0);
+        self.dropped(DropReason::RefusedPeer);
     }
 
     /// Counts one dropped message.

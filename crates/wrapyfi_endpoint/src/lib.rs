@@ -35,6 +35,7 @@ pub mod network;
 mod origin;
 #[cfg(feature = "patterns")]
 pub mod pattern;
+mod peers;
 mod qos;
 mod qos_match;
 mod qos_pinned;
@@ -75,6 +76,7 @@ pub use learn::{LearnError, LearnResult, Learned};
 pub use learn::{service_of_name, topic_of_name};
 pub use mark::{BridgeMark, ParseMarkError};
 pub use origin::{Origin, SourceDurability};
+pub use peers::Peers;
 pub use qos::{Durability, History, Liveliness, Qos, QosPreset, Reliability};
 pub use qos_match::{MatchedQos, QosPolicy, QosWarning, listener_qos, mismatches, publisher_qos};
 pub use qos_pinned::PinnedQos;

@@ -96,7 +96,8 @@ impl FromStr for BridgeMark {
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let wrong = || ParseMarkError { text: text.chars().take(80).collect() };
         let (number, path) = text.split_once(':').ok_or_else(wrong)?;
-        if text.len() > MAX_BYTES || number.len() != 16 {
+        let is_number = number.len() == 16 && number.bytes().all(|byte| byte.is_ascii_hexdigit());
+        if text.len() > MAX_BYTES || !is_number {
             return Err(wrong());
         }
         let bridge = u64::from_str_radix(number, 16).map_err(|_e| wrong())?;
@@ -145,6 +146,7 @@ mod tests {
             "",
             "7:ros",
             "000000000000000x:ros",
+            "+00000000000007f:ros",
             "0000000000000007",
             "0000000000000007:a;b",
             &long,

@@ -150,6 +150,8 @@ pub struct RouteConfig {
     pub overflow: Option<OverflowConfig>,
     /// Highest rate passed on, in messages per second; others are dropped and counted.
     pub max_rate_hz: Option<Spanned<f64>>,
+    /// True where the route is stopped while its messages come back through other programs (default: true).
+    pub loop_guard: Option<bool>,
     /// Largest message in MiB.
     pub max_message_mib: Option<Spanned<usize>>,
     /// Devices that received tensors are labelled with; a library that stands here is not looked up

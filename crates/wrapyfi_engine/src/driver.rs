@@ -18,6 +18,7 @@ use super::plan::Plan;
 use super::plan_diff::{ApplyError, PlanDiff};
 use super::pool::Pool;
 use super::reconciler::{Change, Reconciler};
+use super::replacement::{INACTIVE, REMOVED};
 use super::route_status::{RouteState, RouteStatus};
 use super::tap::Tap;
 use wrapyfi_endpoint::{Registry, Wake};
@@ -62,7 +63,8 @@ struct Members {
 impl Driver {
     pub(super) fn new(plan: Plan, registry: &Registry) -> Self {
         let mut reconciler = Reconciler::new(registry);
-        let changes = reconciler.replace(plan.clone(), registry.clone(), registry.clock().now());
+        let changes =
+            reconciler.replace(plan.clone(), registry.clone(), REMOVED, registry.clock().now());
         let driver = Self {
             pool: Pool::new(registry.clock().clone()),
             members: Mutex::default(),
@@ -154,12 +156,15 @@ impl Driver {
                 reconciler.types = types;
             }
             std::mem::take(&mut latest.is_new).then(|| {
-                let plan = if latest.is_active { latest.plan.clone() } else { Plan::default() };
-                (plan, latest.registry.clone())
+                let (plan, removed) = match latest.is_active {
+                    true => (latest.plan.clone(), REMOVED),
+                    false => (Plan::default(), INACTIVE),
+                };
+                (plan, removed, latest.registry.clone())
             })
         };
-        if let Some((plan, registry)) = next {
-            let changes = reconciler.replace(plan, registry, now);
+        if let Some((plan, removed, registry)) = next {
+            let changes = reconciler.replace(plan, registry, removed, now);
             self.carry_out(&reconciler.registry, changes);
         }
         let next = match contained(|| reconciler.scan(now)) {

@@ -133,6 +133,7 @@ impl<'r> Reader<'r> {
             ("devices", config.devices.is_some()),
             ("lazy", config.lazy.is_some()),
             ("merge", config.merge),
+            ("loop_guard", config.loop_guard.is_some()),
         ] {
             if is_given {
                 self.complain(entry.referenced, format!("{key} has no effect on a service"));
@@ -342,7 +343,7 @@ impl<'r> Reader<'r> {
             self.complain(own.referenced, text);
         }
         let options = ends.map(|(from, to, _)| {
-            plan_options::read(&config.options, [from, to], self.middlewares)
+            plan_options::read(&config.options, [from, to], self.middlewares, is_service)
                 .map_err(|found| self.problems.extend(found))
                 .unwrap_or_default()
         });
@@ -352,6 +353,7 @@ impl<'r> Reader<'r> {
             qos: config.qos.unwrap_or_default(),
             queue: QueueSpec { depth, overflow },
             max_rate_hz: config.max_rate_hz.as_ref().map(|rate| rate.value),
+            loop_guard: config.loop_guard.unwrap_or(default.loop_guard),
             color_order,
             frame_id: config.frame_id.as_ref().map(|frame_id| frame_id.value.clone()),
             stamp: config.stamp.as_ref().map(|stamp| stamp.value),

@@ -18,10 +18,11 @@ fn plan(routes: &[&str]) -> Result<Plan, ConfigError> {
         None => Ok(()),
     };
     let conventions = Conventions { has_text_type: true, ..Conventions::NONE };
-    let known =
-        |name| Available { name, check_topic: &no_blanks, options: &["carrier"], conventions };
+    let known = |name, options| Available { name, check_topic: &no_blanks, options, conventions };
+    let middlewares =
+        [known("ros", &["carrier", "from_peers", "to_peers"][..]), known("ros2", &["carrier"][..])];
     let mut types = TypeStore::generated();
-    Plan::new(&config, &[known("ros"), known("ros2")], &mut types, "bridge.yaml")
+    Plan::new(&config, &middlewares, &mut types, "bridge.yaml")
 }
 
 fn one(route: &str) -> Route {
@@ -33,6 +34,32 @@ fn wrong(route: &str) -> String {
     assert!(text.starts_with("bridge.yaml:2:"), "{text}");
     assert_eq!(text.lines().count(), 1, "{text}");
     text
+}
+
+#[test]
+fn lists_of_peers_stand_where_somebody_keeps_them() {
+    let route = one("from: 'ros:/x', to: 'ros2:/x', options: { from_peers: [/a, '10.0.0.*'] }");
+    assert!(route.policy.options.get("from_peers").is_some());
+    for (options, said) in [
+        ("to_peers: [/a]", "connections of ros2 do not show whose they are, as those of ros do"),
+        ("from_peers: /a", "option from_peers must be a list of names"),
+        ("from_peers: []", "1 to 256 of them"),
+        ("from_peers: [robot]", "addresses (192.168.1.7"),
+    ] {
+        let text = wrong(&format!("from: 'ros:/x', to: 'ros2:/x', options: {{ {options} }}"));
+        assert!(text.contains(said), "{text}");
+    }
+    let text = wrong("service: 'ros:/x', as: 'ros2:/x', options: { from_peers: [/a] }");
+    assert!(text.contains("no effect on a service"), "{text}");
+}
+
+#[test]
+fn the_loop_guard_of_a_route_may_be_off() {
+    assert!(one("from: 'ros:/x', to: 'ros2:/x'").policy.loop_guard);
+    let off = one("from: 'ros:/x', to: 'ros2:/x', type: Text, loop_guard: false");
+    assert!(!off.policy.loop_guard && off.to_string().contains("no loop guard"), "{off}");
+    let text = wrong("service: 'ros:/x', as: 'ros2:/x', loop_guard: false");
+    assert!(text.contains("loop_guard has no effect on a service"), "{text}");
 }
 
 fn target(pattern: &Route, name: &str) -> Option<String> {

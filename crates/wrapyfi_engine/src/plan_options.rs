@@ -14,13 +14,14 @@ use wrapyfi_data::did_you_mean;
 use super::config_error::Problem;
 use super::plan_address::Available;
 use wrapyfi_data::types::{Map, Value, to_value};
-use wrapyfi_endpoint::EndpointAddress;
+use wrapyfi_endpoint::{EndpointAddress, Peers};
 
 /// Reads the options of a route between `ends`.
 pub(super) fn read(
     written: &BTreeMap<String, Spanned<serde_json::Value>>,
     ends: [&EndpointAddress; 2],
     middlewares: &[Available<'_>],
+    is_service: bool,
 ) -> Result<Map, Vec<Problem>> {
     let known: Vec<&str> = middlewares
         .iter()
@@ -32,18 +33,53 @@ pub(super) fn read(
     for (name, value) in written {
         let mut complain = |text| problems.push(Problem::at(value.referenced, text));
         let [from, to] = ends.map(|end| end.middleware.as_str());
+        let lists = [(Peers::FROM, from), (Peers::TO, to)];
+        let list = lists.into_iter().find(|(key, _)| key == name);
+        if let Some(text) = list.and_then(|end| cannot_list(end, middlewares, is_service)) {
+            complain(text);
+            continue;
+        }
         if let Err(unknown) = known_option(name, &known, &format!("between {from} and {to}")) {
             complain(unknown);
             continue;
         }
         match to_value(&value.value) {
             Ok(read) => {
-                options.insert(name.as_str(), plain(read));
+                let read = plain(read);
+                if list.is_some()
+                    && let Err(wanted) = Peers::read(&read)
+                {
+                    complain(format!("option {name} must be {wanted}"));
+                }
+                options.insert(name.as_str(), read);
             }
             Err(error) => complain(format!("option {name}: {error}")),
         }
     }
     if problems.is_empty() { Ok(options) } else { Err(problems) }
+}
+
+/// Reason why the programs at an end of a route cannot be listed.
+fn cannot_list(
+    (key, middleware): (&str, &str),
+    middlewares: &[Available<'_>],
+    is_service: bool,
+) -> Option<String> {
+    if is_service {
+        return Some(format!(
+            "option {key} has no effect on a service: topics alone have lists of peers"
+        ));
+    }
+    let shows = |it: &&Available<'_>| it.options.contains(&key);
+    let showing: Vec<_> = middlewares.iter().filter(shows).map(|it| it.name).collect();
+    let cannot = !showing.contains(&middleware);
+    cannot.then(|| {
+        format!(
+            "option {key} cannot be kept: connections of {middleware} do not show whose they are, as those of \
+             {} do; leave it out (docs/security.md says what {middleware} has instead)",
+            showing.join(", ")
+        )
+    })
 }
 
 /// Refuses an option whose name is not among those `known` at `place`, such as `on yarp`.

@@ -18,12 +18,20 @@ use wrapyfi_endpoint::{EndpointAddress, Registry};
 /// Reason for a new plan to end a route.
 const CHANGED: &str = "its settings have changed";
 const RESTARTED: &str = "its middleware starts anew";
-const REMOVED: &str = "the configuration has it no more";
+pub(super) const REMOVED: &str = "the configuration has it no more";
+pub(super) const INACTIVE: &str = "the node was deactivated";
 
 impl Reconciler {
     /// Replaces the plan, so that the routes of `plan` on the middlewares of `registry` are wanted,
-    /// and no others. Routes that are the same go on; among the changes, ends come before starts.
-    pub(super) fn replace(&mut self, plan: Plan, registry: Registry, now: Instant) -> Vec<Change> {
+    /// and no others. Routes that are the same go on; among the changes, ends come before starts. `removed` is the
+    /// reason that is told of a route that the plan does not have.
+    pub(super) fn replace(
+        &mut self,
+        plan: Plan,
+        registry: Registry,
+        removed: &str,
+        now: Instant,
+    ) -> Vec<Change> {
         let registry_before = std::mem::replace(&mut self.registry, registry);
         let mut changes = Vec::new();
         let patterns = plan.routes.into_iter().map(Pattern::new).collect();
@@ -33,7 +41,7 @@ impl Reconciler {
         self.explicit = single.map(|(index, spec)| (spec.key(), index)).collect();
         let found: Vec<_> = specs.iter().filter(|spec| !spec.is_whole()).cloned().collect();
         self.graph.follow(&self.registry, &found);
-        self.adopt(&before, &registry_before, now, &mut changes);
+        self.adopt(&before, (&registry_before, removed), now, &mut changes);
         for (index, spec) in specs.iter().enumerate().filter(|(_, spec)| !spec.is_many()) {
             let key = (index, spec.from.name.clone());
             let known = self.candidates.remove(&key);
@@ -56,7 +64,7 @@ impl Reconciler {
     fn adopt(
         &mut self,
         before: &[Pattern],
-        registry: &Registry,
+        (registry, removed): (&Registry, &str),
         now: Instant,
         changes: &mut Vec<Change>,
     ) {
@@ -95,7 +103,7 @@ impl Reconciler {
                 let why = match new {
                     Some(_) if !is_there => RESTARTED,
                     Some(_) => CHANGED,
-                    None => REMOVED,
+                    None => removed,
                 };
                 changes.push(stop(*id, why));
                 let key = candidate.key(old.spec.role());

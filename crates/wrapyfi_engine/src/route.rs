@@ -126,6 +126,8 @@ pub struct Policy {
     pub queue: QueueSpec,
     /// Highest rate passed on, in messages per second.
     pub max_rate_hz: Option<f64>,
+    /// True where the route is stopped while its messages come back through other programs.
+    pub loop_guard: bool,
     /// Channel order of three-channel frames on Wrapyfi's side.
     pub color_order: Encoding,
     /// Coordinate frame that messages get; `None` leaves the source's.
@@ -152,6 +154,7 @@ impl Default for Policy {
             to_override: QosOverride::default(),
             queue: QueueSpec::default(),
             max_rate_hz: None,
+            loop_guard: true,
             color_order: Encoding::Bgr8,
             frame_id: None,
             stamp: None,
@@ -360,6 +363,9 @@ impl Route {
         if let Some(hz) = policy.max_rate_hz {
             write!(f, "  at most {hz} Hz")?;
         }
+        if !policy.loop_guard {
+            f.write_str("  no loop guard")?;
+        }
         if policy.color_order != Encoding::Bgr8 {
             write!(f, "  encoding {}", policy.color_order)?;
         }
@@ -443,6 +449,7 @@ impl Serialize for Route {
                 map.serialize_entry("queue_depth", &policy.queue.depth)?;
                 map.serialize_entry("overflow", &format!("{:?}", policy.queue.overflow))?;
                 map.serialize_entry("max_rate_hz", &policy.max_rate_hz)?;
+                map.serialize_entry("loop_guard", &policy.loop_guard)?;
                 map.serialize_entry("encoding", &policy.color_order.to_string())?;
                 map.serialize_entry("frame_id", &policy.frame_id)?;
                 map.serialize_entry("stamp", &policy.stamp.map(|it| it.to_string()))?;

@@ -89,6 +89,7 @@ pub(super) enum Passage {
 pub(super) struct Tripwire {
     from: EndpointAddress,
     to: EndpointAddress,
+    is_on: bool,
     lanes: Arc<Lanes>,
     /// Entry among the lanes, once the route was busy.
     lane: Option<Arc<Lane>>,
@@ -163,6 +164,7 @@ impl Tripwire {
         Self {
             from: spec.from.clone(),
             to: spec.to.clone(),
+            is_on: spec.policy.loop_guard,
             lanes: Arc::default(),
             lane: None,
             window: Window::default(),
@@ -225,13 +227,13 @@ impl Tripwire {
     pub(super) fn judge(&mut self, sample: Sample, now: Instant) -> Passage {
         match &self.phase {
             Phase::Open { .. } => return Passage::Looped,
-            Phase::Watching => self.window.note(&sample.payload, now),
+            Phase::Watching if self.is_on => self.window.note(&sample.payload, now),
             Phase::Trial(_) if self.holds() => {
                 self.held_bytes += sample.wire_bytes;
                 self.held.push_back(sample);
                 return Passage::Held;
             }
-            Phase::Trial(_) => {}
+            Phase::Watching | Phase::Trial(_) => {}
         }
         if let Some(mending) = &mut self.mending {
             mending.has_passed = true;

@@ -18,6 +18,8 @@ struct World {
     sides: [Arc<Memory>; 2],
     routes: Vec<Relay>,
     now: Instant,
+    /// Setting of the routes that begin.
+    loop_guard: bool,
     /// Words of the states that were seen.
     seen: BTreeSet<&'static str>,
 }
@@ -27,7 +29,8 @@ impl World {
         let sides = ["a", "b"].map(|name| Arc::new(Memory::new(name)));
         let mut registry = Registry::new();
         sides.iter().for_each(|side| registry.register(side.clone()));
-        Self { registry, sides, routes: Vec::new(), now: Instant::now(), seen: BTreeSet::new() }
+        let (routes, seen) = (Vec::new(), BTreeSet::new());
+        Self { registry, sides, routes, now: Instant::now(), loop_guard: true, seen }
     }
 
     /// Starts a bridge with routes.
@@ -36,6 +39,7 @@ impl World {
         for (from, to) in routes {
             let ends = (from.parse().unwrap(), to.parse().unwrap());
             let mut route = Route::topic(ends.0, ends.1, MessageType::NativeObject);
+            route.policy.loop_guard = self.loop_guard;
             route.policy.queue = QueueSpec { depth: 200, overflow: Overflow::DropOldest };
             let number = self.routes.len() as u64;
             self.routes.push(Relay::new(route, &self.registry, number).beside(lanes.clone()));
@@ -136,6 +140,21 @@ fn one_message_between_two_bridges_is_stopped_and_a_mended_set_up_recovers() {
         }
     });
     assert_eq!(drain(ear.as_mut()), 120);
+    assert_eq!(world.state(0), "active");
+    world.is_accounted();
+}
+
+#[test]
+fn a_route_whose_guard_is_off_goes_on() {
+    let mut world = World::new();
+    world.loop_guard = false;
+    world.bridge(&[("a:/x", "b:/x")]);
+    world.bridge(&[("b:/x", "a:/x")]);
+    world.publisher(0, "/x").publish(&number(1)).unwrap();
+    world.tick(5000, |_, _| ());
+    let before = world.sent();
+    world.tick(100, |_, _| ());
+    assert!(world.sent() > before, "{}", world.state(0));
     assert_eq!(world.state(0), "active");
     world.is_accounted();
 }

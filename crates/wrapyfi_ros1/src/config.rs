@@ -230,8 +230,16 @@ impl Ros1Config {
         self.insecure.check(super::NAME, "a ROS 1 node", own)?;
         let afar = (!is_of_this_machine(address)).then_some(address);
         let master = NodeUri { host: self.hosts.or_same(&master.host), ..master };
-        // A host name may stand for another address on other machines: any of ours will do.
-        let bind = if own.is_loopback() { own } else { unspecified(own) };
+        let bind = if is_of_this_machine(own) {
+            own
+        } else {
+            // As behind a router that translates addresses: what is sent there arrives at another one.
+            tracing::warn!(
+                "ROS 1: {advertised}, which other nodes are told, is {own}, an address that this machine does not \
+                 have: the node listens on all of its addresses"
+            );
+            unspecified(own)
+        };
         Ok(Resolved { master, node, advertised, bind, afar })
     }
 }
@@ -295,9 +303,26 @@ mod tests {
         assert!(matches!(refused, ConfigError::Open(_)), "{refused}");
         assert!(refused.to_string().contains("WRAPYFI_ROS_INSECURE=1"), "{refused}");
         let allowed = Ros1Config { insecure: true.into(), ..open }.resolve().unwrap();
-        assert!(allowed.bind.is_unspecified());
+        assert!(allowed.bind.is_unspecified(), "no address of this machine");
         assert_eq!(allowed.advertised, "10.0.0.2");
         assert!(from(&[("WRAPYFI_ROS_INSECURE", "True")]).unwrap().insecure.is_allowed);
+    }
+
+    #[test]
+    fn an_announced_address_of_this_machine_is_the_one_that_is_bound() {
+        let second = IpAddr::from([127, 0, 0, 2]);
+        let hosts = [("robot".to_owned(), second)].into_iter().collect();
+        let config =
+            Ros1Config { hosts, hostname: Some("robot".to_owned()), ..Ros1Config::default() };
+        let resolved = config.resolve().unwrap();
+        assert_eq!((resolved.bind, resolved.advertised.as_str()), (second, "robot"));
+        let Some(facing) = facing(SocketAddr::from(([192, 0, 2, 7], 9))) else { return };
+        let config = Ros1Config {
+            hostname: Some(facing.to_string()),
+            insecure: true.into(),
+            ..Ros1Config::default()
+        };
+        assert_eq!(config.resolve().unwrap().bind, facing);
     }
 
     #[test]

@@ -44,6 +44,8 @@ mod listener_connections;
 mod marks;
 mod master;
 mod names;
+#[doc(hidden)]
+pub mod offline;
 mod parameters;
 mod presence;
 mod probe;
@@ -80,12 +82,15 @@ use wrapyfi_data::types::ServiceKind;
 use wrapyfi_endpoint::restart::restarted;
 use wrapyfi_endpoint::{
     Client, Context, Conventions, DiscoverError, Discovered, Discovery, LearnResult, Learned,
-    Listener, Middleware, OpenError, OpenResult, Opened, Publisher, Role, Server, ServiceSpec,
-    TopicSpec, Traits,
+    Listener, Middleware, OpenError, OpenResult, Opened, Peers, Publisher, Role, Server,
+    ServiceSpec, TopicSpec, Traits,
 };
 
 /// Name of this middleware in addresses.
 pub const NAME: &str = "ros";
+
+/// Names of the options of a topic that are read here: what a configuration may write.
+pub const OPTIONS: &[&str] = &[Peers::FROM, Peers::TO];
 
 /// Conventions of ROS 1, where `set_parameters` and its like are dynamic_reconfigure's.
 pub const CONVENTIONS: Conventions = Conventions {
@@ -258,9 +263,10 @@ impl Middleware for Ros1 {
         Ok(match conversion::wanted(&self.core, spec.message_type) {
             Some(wire_type) => {
                 let core = &self.core;
-                Box::new(listener::Ros1Listener::open(core, &topic, wire_type, spec, context))
+                Box::new(listener::Ros1Listener::open(core, &topic, wire_type, spec, context)?)
             }
             None => {
+                Peers::none(&spec.options, NAME, &topic)?;
                 Box::new(parameters::ParameterListener::open(&self.core, &topic, spec, context))
             }
         })
@@ -271,9 +277,10 @@ impl Middleware for Ros1 {
         Ok(match conversion::offered(&self.core, spec)? {
             Some(offer) => {
                 let core = &self.core;
-                Box::new(publication::Ros1Publisher::open(core, &topic, offer, spec, context))
+                Box::new(publication::Ros1Publisher::open(core, &topic, offer, spec, context)?)
             }
             None => {
+                Peers::none(&spec.options, NAME, &topic)?;
                 Box::new(parameters::ParameterPublisher::open(&self.core, &topic, spec, context))
             }
         })
@@ -281,11 +288,13 @@ impl Middleware for Ros1 {
 
     fn open_client(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Client> {
         let service = self.resolve(&spec.service)?;
+        Peers::none(&spec.options, NAME, &service)?;
         Ok(Box::new(client::Ros1Client::open(&self.core, &service, spec, context)?))
     }
 
     fn open_server(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Server> {
         let service = self.resolve(&spec.service)?;
+        Peers::none(&spec.options, NAME, &service)?;
         Ok(Box::new(server::Ros1Server::open(&self.core, &service, spec, context)?))
     }
 

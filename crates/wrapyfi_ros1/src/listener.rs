@@ -7,13 +7,13 @@
 
 use std::sync::Arc;
 
-use super::conversion;
 use super::core::Core;
 use super::listener_connections::{Arrival, ListenerConnections, Wanted};
+use super::{NAME, conversion};
 use wrapyfi_endpoint::codec::ros1::Ros1Type;
 use wrapyfi_endpoint::{
-    Context, DropReason, ForwardingListener, Latched, Link, Listener, Origin, Receiver, Sample,
-    SourceDurability, TakeError, TopicSpec, inbox,
+    Context, DropReason, ForwardingListener, Latched, Link, Listener, OpenResult, Origin, Peers,
+    Receiver, Sample, SourceDurability, TakeError, TopicSpec, inbox,
 };
 
 /// Receives one topic.
@@ -34,22 +34,24 @@ impl Ros1Listener {
         wire_type: Ros1Type,
         spec: &TopicSpec,
         context: &Context,
-    ) -> Self {
+    ) -> OpenResult<Self> {
         let (sender, receiver) = inbox(spec.queue, context);
         let limit = spec.limits.message_bytes;
         let type_name = wire_type.name.clone();
         let ignore_through = spec.ignore_through.clone();
-        let wanted = Wanted { wire_type, message_type: spec.message_type, limit, ignore_through };
+        let peers = Peers::of(&spec.options, Peers::FROM, NAME, topic)?;
+        let wanted =
+            Wanted { wire_type, message_type: spec.message_type, limit, ignore_through, peers };
         let connections = ListenerConnections::new(core, topic, wanted, sender);
         core.listen(topic, &type_name, &connections);
-        Self {
+        Ok(Self {
             core: Arc::clone(core),
             topic: topic.to_owned(),
             connections,
             inbox: receiver,
             spec: spec.clone(),
             latched: Latched::new(spec.limits.message_bytes),
-        }
+        })
     }
 
     fn next(&mut self) -> Option<Arrival> {

@@ -34,7 +34,8 @@ use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::codec::ros1::Ros1Type;
 use wrapyfi_endpoint::restart::restarted;
 use wrapyfi_endpoint::{
-    BridgeMark, Counters, DropReason, Mutex, PROGRESS, Sender, Share, SourceDurability, Waits, Wake,
+    BridgeMark, Counters, DropReason, Mutex, PROGRESS, Peers as PeerList, Sender, Share,
+    SourceDurability, Waits, Wake,
 };
 
 /// Field of a connection header: the mark of a bridge that publishes a topic by pattern.
@@ -73,6 +74,8 @@ pub(super) struct Wanted {
     pub(super) limit: usize,
     /// Publishers whose mark names this middleware are passed over.
     pub(super) ignore_through: Option<String>,
+    /// Publishers that are heard; others are refused.
+    pub(super) peers: Option<PeerList>,
 }
 
 pub(super) struct ListenerConnections {
@@ -352,6 +355,15 @@ impl Connection {
                     self.shared.again.notified().await;
                     continue;
                 }
+                Err(Closed::Refused(reason)) => {
+                    self.connections.counters().refused_peer();
+                    if !self.connections.note(&self.uri, Err(reason)) {
+                        return;
+                    }
+                    // It is asked again when the master names it again.
+                    self.shared.again.notified().await;
+                    continue;
+                }
                 Err(Closed::Fault(reason)) => reason,
             };
             if !self.connections.note(&self.uri, Err(reason)) {
@@ -383,6 +395,17 @@ impl Connection {
                 wire_type.name,
                 wire_type.md5
             )));
+        }
+        if let Some(peers) = &self.connections.wanted.peers {
+            let caller = header.get("callerid").unwrap_or_default();
+            let address = stream.peer_addr().map(|at| at.ip().to_string()).unwrap_or_default();
+            if !peers.admits(caller, &address) {
+                let text = format!(
+                    "{} at {address} is not among from_peers of the route",
+                    shortened(caller)
+                );
+                return Err(Closed::Refused(text));
+            }
         }
         let came_through = |shunned: &String| {
             let mark = header.get(MARK).and_then(|mark| mark.parse::<BridgeMark>().ok());
@@ -465,6 +488,8 @@ impl Connection {
 enum Closed {
     /// The publisher is a bridge's, which takes it from where this listener's messages go.
     Shunned,
+    /// The publisher is not in the route's list.
+    Refused(String),
     Fault(String),
 }
 

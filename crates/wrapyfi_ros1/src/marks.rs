@@ -40,7 +40,7 @@ impl Marked {
         format!("{NAMESPACE}/m{number:016x}")
     }
 
-    fn parse(text: &str) -> Option<Self> {
+    pub(super) fn parse(text: &str) -> Option<Self> {
         let mut words = text.split(' ');
         let role = match words.next()? {
             "publisher" => Role::Publisher,

@@ -13,19 +13,19 @@ use std::sync::Arc;
 use tokio::io::AsyncWriteExt as _;
 use wrapyfi_interfaces::ros1::PairPlan;
 
-use super::conversion;
 use super::core::{Core, Mark};
 use super::header::Header;
 use super::listener_connections::MARK;
 use super::subscriber::{BusLink, Frame, Subscriber};
 use super::tcpros::Accepted;
+use super::{NAME, conversion};
 use wrapyfi_data::types::{Encoding, Image, MessageType, Payload, Pixels};
 use wrapyfi_data::{EncodeError, EncodeResult, Limits};
 use wrapyfi_endpoint::codec::ros1::Ros1Type;
 use wrapyfi_endpoint::{
     BridgeMark, Context, Counters, Durability, ForwardingPublisher, History, Latched, Link,
-    MAX_ORIGINS, Mutex, Origin, PublishError, Published, Publisher, Role, SourceDurability,
-    TopicSpec, Wake, codec,
+    MAX_ORIGINS, Mutex, OpenResult, Origin, Peers, PublishError, Published, Publisher, Role,
+    SourceDurability, TopicSpec, Wake, codec,
 };
 
 /// Messages that a publisher without a depth keeps for a slow subscriber.
@@ -57,6 +57,8 @@ struct Entry {
     depth: usize,
     counters: Arc<Counters>,
     wake: Wake,
+    /// Subscribers that may have its messages.
+    peers: Option<Peers>,
 }
 
 impl Publication {
@@ -114,6 +116,18 @@ impl Publication {
             subscriber.push(frame, entry.depth, &entry.counters);
         }
         subscribers.len()
+    }
+
+    /// Reason why a subscriber is refused: every publisher here must let it in, because it gets the messages of all.
+    pub(super) fn refusal(&self, accepted: &Accepted) -> Option<String> {
+        let (caller, address) = (accepted.caller(), accepted.peer.ip().to_string());
+        let state = self.state.lock();
+        let mut entries = state.publishers.values();
+        let admits = |peers: &Peers| peers.admits(caller, &address);
+        let closed = entries.find(|entry| !entry.peers.as_ref().is_none_or(admits))?;
+        closed.counters.refused_peer();
+        let topic = &self.topic;
+        Some(format!("{caller} at {address} is not among to_peers of the route to {topic}"))
     }
 
     /// Serves a subscriber until either end closes.
@@ -206,7 +220,7 @@ impl Ros1Publisher {
         (wire_type, plan): (Ros1Type, Option<PairPlan>),
         spec: &TopicSpec,
         context: &Context,
-    ) -> Self {
+    ) -> OpenResult<Self> {
         let md5 = wire_type.md5.clone();
         let latches = spec.qos.durability == Durability::TransientLocal;
         let depth = match spec.qos.history {
@@ -221,6 +235,7 @@ impl Ros1Publisher {
             depth,
             counters: Arc::clone(&context.counters),
             wake: context.wake.clone(),
+            peers: Peers::of(&spec.options, Peers::TO, NAME, topic)?,
         };
         let publication = core.advertise(
             topic,
@@ -232,7 +247,7 @@ impl Ros1Publisher {
         );
         let mark = core.mark(Role::Publisher, topic, &spec.mark);
         let (core, spec, sequence) = (Arc::clone(core), spec.clone(), 0);
-        Self {
+        Ok(Self {
             id,
             core,
             publication,
@@ -242,7 +257,7 @@ impl Ros1Publisher {
             latches,
             source_latches: false,
             _mark: mark,
-        }
+        })
     }
 
     /// Changes what the publication knows of this publisher.

@@ -279,7 +279,13 @@ async fn welcome(
     let wanted = accepted.header.get("md5sum").unwrap_or_default();
     let fitting = all.iter().find(|one| one.wire_type.fits(wanted));
     match (fitting, all.first()) {
-        (Some(publication), _) => publication.serve(accepted, &core).await,
+        (Some(publication), _) => match publication.refusal(&accepted) {
+            None => publication.serve(accepted, &core).await,
+            Some(text) => {
+                tell(&refusals.subscribers, peer, "subscriber", &text);
+                refuse(&mut accepted.stream, &text).await;
+            }
+        },
         (None, Some(other)) => {
             let (other, wants) = (&other.wire_type, accepted.header.get("type").unwrap_or("*"));
             let text = format!(

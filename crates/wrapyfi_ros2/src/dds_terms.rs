@@ -47,13 +47,17 @@ pub(super) const ENCLAVE: &str = "enclave=/;";
 /// USER_DATA of an end of a service, as `rmw_cyclonedds_cpp` has it: `serviceid` or `clientid`, which
 /// both endpoints of the end share, and the type hash.
 pub(super) fn end_user_data(key: &str, id: &str, type_hash: Option<&str>) -> String {
-    let hash = type_hash.map(|hash| format!("typehash={hash};")).unwrap_or_default();
-    format!("{key}= {id};{hash}")
+    format!("{key}= {id};{}", hash_data(type_hash))
 }
 
 /// USER_DATA of an endpoint: its type hash.
 pub(super) fn user_data(topic: &TopicDescription) -> String {
-    topic.type_hash.as_ref().map(|hash| format!("typehash={hash};")).unwrap_or_default()
+    hash_data(topic.type_hash.as_deref())
+}
+
+/// A type hash as a pair of USER_DATA.
+pub(super) fn hash_data(type_hash: Option<&str>) -> String {
+    type_hash.map(|hash| format!("typehash={hash};")).unwrap_or_default()
 }
 
 /// Adds the mark of a bridge to USER_DATA, as a pair of its own that others pass over.
@@ -65,7 +69,7 @@ pub(super) fn marked(user_data: String, mark: Option<&BridgeMark>) -> String {
 }
 
 /// The mark of a bridge in USER_DATA, where there is one.
-fn mark(user_data: &[u8]) -> Option<BridgeMark> {
+pub(super) fn mark(user_data: &[u8]) -> Option<BridgeMark> {
     let text = std::str::from_utf8(user_data).ok()?;
     text.trim_end_matches('\0').split(';').find_map(|pair| pair.strip_prefix(MARK))?.parse().ok()
 }

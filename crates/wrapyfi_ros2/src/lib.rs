@@ -61,6 +61,8 @@ mod matching;
 mod names;
 mod node_endpoints;
 mod node_handle;
+#[doc(hidden)]
+pub mod offline;
 mod origins;
 mod owners;
 mod pacing;

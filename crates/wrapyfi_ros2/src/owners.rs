@@ -91,7 +91,7 @@ impl Owners {
     }
 }
 
-fn full_name(node: &NodeEntitiesInfo) -> String {
+pub(super) fn full_name(node: &NodeEntitiesInfo) -> String {
     format!("{}/{}", node.node_namespace.trim_end_matches('/'), node.node_name)
 }
 

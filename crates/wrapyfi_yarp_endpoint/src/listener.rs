@@ -150,8 +150,9 @@ async fn keep(
         let name = options.port.clone().unwrap_or_else(|| numbered(&topic));
         let (network, shared, state) =
             (shared.network(&options), Arc::clone(&shared), Arc::clone(&state));
+        let senders = YarpOptions::admission(options.from_peers.as_ref());
         async move {
-            let port_options = PortOptions { pictures, ..PortOptions::default() };
+            let port_options = PortOptions { pictures, senders, ..PortOptions::default() };
             network
                 .serve(&name, &port_options, move |received, _| {
                     let (shared, state) = (Arc::clone(&shared), Arc::clone(&state));

@@ -10,7 +10,7 @@ use wrapyfi_yarp::port::{Fate, Loss, Room, Written};
 use wrapyfi_endpoint::{Counters, DropReason, Mutex, Share};
 
 /// Faults of peers that cost a message each.
-const REASONS: [(&str, DropReason); 9] = [
+const REASONS: [(&str, DropReason); 10] = [
     ("message_too_large", DropReason::Oversize),
     ("line_too_long", DropReason::Oversize),
     ("bad_payload", DropReason::Malformed),
@@ -20,6 +20,7 @@ const REASONS: [(&str, DropReason); 9] = [
     ("over_budget", DropReason::OverBudget),
     ("bad_datagram", DropReason::Malformed),
     ("lost_datagram", DropReason::LostUpstream),
+    ("not_admitted", DropReason::RefusedPeer),
 ];
 
 /// Numbers of faults of a port that are counted already, by fault.

@@ -13,7 +13,8 @@ use wrapyfi_yarp::Dialect;
 use super::intrinsics::Intrinsics;
 use super::joint_limits::JointLimits;
 use wrapyfi_data::types::{Map, Value};
-use wrapyfi_endpoint::{OpenError, ServiceSpec, TopicSpec};
+use wrapyfi_endpoint::{OpenError, Peers, ServiceSpec, TopicSpec};
+use wrapyfi_yarp::port::Admission;
 
 /// Names of the options that are read here: what a configuration may write.
 pub const OPTIONS: &[&str] = &[
@@ -26,12 +27,14 @@ pub const OPTIONS: &[&str] = &[
     "degrees",
     "dialect",
     "frame_id",
+    Peers::FROM,
     "joints",
     "out_topic_connect",
     "packed_rows",
     "persistent",
     "port",
     "sensor",
+    Peers::TO,
     "wrapyfi_images",
 ];
 
@@ -135,6 +138,10 @@ pub struct YarpOptions {
     pub frame_id: String,
     /// `child_frame_id`: coordinate frame of the base that an odometry is of.
     pub child_frame_id: String,
+    /// `from_peers`: names and addresses of the programs whose messages a listener takes; all unless given.
+    pub from_peers: Option<Peers>,
+    /// `to_peers`: names and addresses of the ports that a publisher sends to; all unless given.
+    pub to_peers: Option<Peers>,
 }
 
 impl Default for YarpOptions {
@@ -160,6 +167,8 @@ impl Default for YarpOptions {
             command: None,
             frame_id: String::new(),
             child_frame_id: String::new(),
+            from_peers: None,
+            to_peers: None,
         }
     }
 }
@@ -178,7 +187,14 @@ impl YarpOptions {
     /// # Errors
     /// As [`YarpOptions::of_topic`].
     pub fn of_service(spec: &ServiceSpec) -> Result<Self, OpenError> {
+        Peers::none(&spec.options, "yarp", &spec.service)?;
         Self::read(&spec.options, &spec.service)
+    }
+
+    /// Test of a port of ours for the programs of a list.
+    pub(super) fn admission(peers: Option<&Peers>) -> Option<Admission> {
+        let peers = peers?.clone();
+        Some(Admission::new(move |name, address| peers.admits(name, address)))
     }
 
     /// Angles of YARP as ROS has them.
@@ -247,6 +263,8 @@ impl YarpOptions {
             "child_frame_id" => {
                 value.as_str().ok_or("a text")?.clone_into(&mut self.child_frame_id);
             }
+            Peers::FROM => self.from_peers = Some(Peers::read(value)?),
+            Peers::TO => self.to_peers = Some(Peers::read(value)?),
             "command" => {
                 let text = value.as_str().filter(|text| !text.trim().is_empty());
                 self.command = Some(text.ok_or("words as text, such as \"[set] [pos]\"")?.into());
@@ -378,6 +396,8 @@ mod tests {
             ("frame_id", "head".into()),
             ("base", "control".into()),
             ("child_frame_id", "base".into()),
+            (Peers::FROM, Value::List(vec!["/cam".into()])),
+            (Peers::TO, Value::List(vec!["10.0.0.*".into()])),
         ]);
         assert_eq!(options.len(), OPTIONS.len());
         assert!(OPTIONS.iter().all(|name| options.get(name).is_some()));
@@ -402,10 +422,13 @@ mod tests {
             command: Some("[set] [pos]".into()),
             frame_id: "head".into(),
             child_frame_id: "base".into(),
+            from_peers: Some(Peers::read(&Value::List(vec!["/cam".into()])).unwrap()),
+            to_peers: Some(Peers::read(&Value::List(vec!["10.0.0.*".into()])).unwrap()),
         };
         assert_eq!(read(options.clone()).unwrap(), wanted);
         let spec = ServiceSpec { options, ..ServiceSpec::new("/s", ServiceKind::NativeObject) };
-        assert_eq!(YarpOptions::of_service(&spec).unwrap(), wanted);
+        let refused = YarpOptions::of_service(&spec).unwrap_err().to_string();
+        assert!(refused.contains(Peers::FROM), "{refused}");
     }
 
     #[test]

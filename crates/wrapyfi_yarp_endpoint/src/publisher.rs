@@ -283,7 +283,11 @@ async fn serve(
     destination: Option<&str>,
 ) {
     let wanted = OutputOptions {
-        port: PortOptions { pictures, ..PortOptions::default() },
+        port: PortOptions {
+            pictures,
+            readers: YarpOptions::admission(options.to_peers.as_ref()),
+            ..PortOptions::default()
+        },
         queue: shared.send_queue,
         // The publisher is told what finds no room, as on ZeroMQ.
         overflow: Overflow::DropNewest,

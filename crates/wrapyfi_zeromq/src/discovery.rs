@@ -107,22 +107,16 @@ impl ZeroMqDiscovery {
 
     /// `{"/topic": count}`. What is no such thing is nobody's count: anyone can publish it.
     fn counts(&mut self, body: &[u8]) {
-        if body.len() <= MAX_TOLD_BYTES
-            && let Ok(counts) = serde_json::from_slice::<BTreeMap<String, u64>>(body)
-        {
+        if let Some(counts) = read_counts(body) {
             self.counted = true;
             self.listeners = counts;
-            let own = |topic: &str| topic == TRAFFIC_TOPIC || topic.starts_with(ASKS_FOR_COUNTS);
-            self.listeners.retain(|topic, count| *count > 0 && !own(topic));
         }
     }
 
     fn table(&mut self, body: &[u8]) {
-        if body.len() <= MAX_TOLD_BYTES
-            && let Ok(told) = serde_json::from_slice::<TrafficTable>(body)
-        {
+        if let Some(topics) = read_table(body) {
             self.has_table = true;
-            self.topics = told.topics;
+            self.topics = topics;
         }
     }
 
@@ -141,6 +135,21 @@ impl ZeroMqDiscovery {
         self.sees_all = true;
         Ok(())
     }
+}
+
+/// Topics with their listeners, from what a broker told.
+pub fn read_counts(body: &[u8]) -> Option<BTreeMap<String, u64>> {
+    let body = Some(body).filter(|body| body.len() <= MAX_TOLD_BYTES)?;
+    let mut counts: BTreeMap<String, u64> = serde_json::from_slice(body).ok()?;
+    let own = |topic: &str| topic == TRAFFIC_TOPIC || topic.starts_with(ASKS_FOR_COUNTS);
+    counts.retain(|topic, count| *count > 0 && !own(topic));
+    Some(counts)
+}
+
+/// Topics with their traffic, from what a broker of ours told.
+pub fn read_table(body: &[u8]) -> Option<BTreeMap<String, TopicTraffic>> {
+    let body = Some(body).filter(|body| body.len() <= MAX_TOLD_BYTES)?;
+    serde_json::from_slice::<TrafficTable>(body).ok().map(|told| told.topics)
 }
 
 fn transport(error: &zmq::Error) -> DiscoverError {

@@ -25,6 +25,7 @@
 //! | `peer`, `zmtp` | one connection that is not libzmq's, the protocol there |
 //! | `frames`, `envelope` | messages of several frames, what is around a request and a reply |
 //! | `own_messages` | our own messages are not received |
+//! | `offline` | readers of foreign bytes without sockets, for fuzzing |
 //! | `options`, `contexts` | what all sockets share; room for sockets |
 
 mod assembly;
@@ -42,6 +43,8 @@ mod ledger;
 mod link;
 mod listener;
 mod monitor;
+#[doc(hidden)]
+pub mod offline;
 mod options;
 mod own_messages;
 mod peer;

@@ -7,7 +7,7 @@
 //! ```
 
 use std::collections::{BTreeSet, VecDeque};
-use std::io::{ErrorKind, IoSlice, Read as _, Write as _};
+use std::io::{ErrorKind, IoSlice, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -157,8 +157,8 @@ enum Stage {
 }
 
 /// One peer.
-pub(super) struct Peer {
-    pub(super) stream: TcpStream,
+pub(super) struct Peer<S = TcpStream> {
+    pub(super) stream: S,
     pub(super) address: SocketAddr,
     kind: Kind,
     stage: Stage,
@@ -189,8 +189,8 @@ pub(super) struct Peer {
     has_heartbeats: bool,
 }
 
-impl Peer {
-    pub(super) fn new(stream: TcpStream, address: SocketAddr, now: Instant) -> Self {
+impl<S: Read + Write> Peer<S> {
+    pub(super) fn new(stream: S, address: SocketAddr, now: Instant) -> Self {
         Self {
             stream,
             address,
@@ -310,7 +310,7 @@ impl Peer {
         for _ in 0..READS {
             let read = match &mut self.assembly {
                 Some(assembly) if assembly.is_open() => {
-                    assembly.fill(&self.stream).map(|(count, message)| {
+                    assembly.fill(&mut self.stream).map(|(count, message)| {
                         heard.extend(message.map(Heard::Message));
                         (count, true)
                     })

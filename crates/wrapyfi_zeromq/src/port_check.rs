@@ -60,16 +60,18 @@ pub(super) fn ask_port(address: SocketAddr, ours: &str) -> Answer {
         Ok(stream) => Limited { stream, deadline },
         Err(error) => return Answer::Nobody(error.to_string()),
     };
-    match talk(&mut stream, ours) {
-        Ok(answer) => answer,
-        Err(error) => match error.kind() {
-            ErrorKind::WouldBlock | ErrorKind::TimedOut => Answer::Silent,
-            _ => Answer::NotZeroMq,
-        },
-    }
+    ask(&mut stream, ours)
 }
 
-fn talk(stream: &mut Limited, ours: &str) -> std::io::Result<Answer> {
+/// The answer on a connection, to a socket of type `ours`.
+pub(super) fn ask(stream: &mut (impl Read + Write), ours: &str) -> Answer {
+    talk(stream, ours).unwrap_or_else(|error| match error.kind() {
+        ErrorKind::WouldBlock | ErrorKind::TimedOut => Answer::Silent,
+        _ => Answer::NotZeroMq,
+    })
+}
+
+fn talk(stream: &mut (impl Read + Write), ours: &str) -> std::io::Result<Answer> {
     stream.write_all(&greeting())?;
     // The first ten bytes decide: who does not start so will not send sixty-four.
     let mut signature = [0; 10];
@@ -162,7 +164,7 @@ mod tests {
     use super::*;
     use std::net::TcpListener;
 
-    fn ask(socket_type: zmq::SocketType, ours: &str) -> Answer {
+    fn ask_socket(socket_type: zmq::SocketType, ours: &str) -> Answer {
         let context = zmq::Context::new();
         let socket = context.socket(socket_type).unwrap();
         socket.bind("tcp://127.0.0.1:*").unwrap();
@@ -172,9 +174,9 @@ mod tests {
 
     #[test]
     fn zeromq_sockets_tell_their_type() {
-        assert_eq!(ask(zmq::XPUB, "SUB"), Answer::Socket("XPUB".into()));
-        assert_eq!(ask(zmq::XSUB, "PUB"), Answer::Socket("XSUB".into()));
-        assert_eq!(ask(zmq::REP, "SUB"), Answer::Socket("REP".into()));
+        assert_eq!(ask_socket(zmq::XPUB, "SUB"), Answer::Socket("XPUB".into()));
+        assert_eq!(ask_socket(zmq::XSUB, "PUB"), Answer::Socket("XSUB".into()));
+        assert_eq!(ask_socket(zmq::REP, "SUB"), Answer::Socket("REP".into()));
     }
 
     #[test]

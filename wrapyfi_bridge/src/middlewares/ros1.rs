@@ -18,7 +18,7 @@ use crate::exit::Failure;
 pub(super) const AVAILABLE: Available<'static> = Available {
     name: NAME,
     check_topic: &ros1::check_name,
-    options: &[],
+    options: ros1::OPTIONS,
     conventions: ros1::CONVENTIONS,
 };
 

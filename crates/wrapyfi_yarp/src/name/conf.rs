@@ -8,6 +8,7 @@
 //!
 //! There is no address to fall back to: without a file nobody knows a name server.
 
+use std::fmt;
 use std::io::ErrorKind;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -116,20 +117,27 @@ impl From<([u8; 4], u16)> for NameServerConf {
     }
 }
 
+/// The text of its configuration file.
+impl fmt::Display for NameServerConf {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{} {} yarp", self.host, self.port)
+    }
+}
+
 /// `HOST:PORT`.
 impl FromStr for NameServerConf {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        if let Ok(address) = text.parse::<SocketAddr>() {
-            return Ok(address.into());
-        }
         let wrong =
             || format!("{text:?} is no address: write it as 127.0.0.1:10000 or robot:10000");
+        if let Ok(address) = text.parse::<SocketAddr>() {
+            return if address.port() == 0 { Err(wrong()) } else { Ok(address.into()) };
+        }
         let (host, port) = text.rsplit_once(':').ok_or_else(wrong)?;
         let letter = |letter: char| letter.is_ascii_alphanumeric() || "-._".contains(letter);
         match port.parse() {
-            Ok(port) if !host.is_empty() && host.chars().all(letter) => {
+            Ok(port @ 1..) if !host.is_empty() && host.chars().all(letter) => {
                 Ok(Self { host: host.to_owned(), port })
             }
             _ => Err(wrong()),
@@ -183,6 +191,11 @@ impl NameServerConf {
     }
 
     fn checked(host: &str, port: &str, mode: Option<&str>) -> Result<Self, String> {
+        if host.contains(|c: char| c.is_whitespace() || c.is_control() || "\"[]".contains(c)) {
+            return Err(format!(
+                "{host:?} is no host: write one name or address, without brackets"
+            ));
+        }
         let number = match port.parse() {
             Ok(number) if number != 0 => number,
             _ => return Err(format!("{port:?} is not a port: write a number from 1 to 65535")),
@@ -213,7 +226,7 @@ impl NameServerConf {
         if let Some(folder) = file.parent() {
             std::fs::create_dir_all(folder).map_err(refused)?;
         }
-        std::fs::write(file, format!("{} {} yarp\n", self.host, self.port)).map_err(refused)
+        std::fs::write(file, self.to_string()).map_err(refused)
     }
 }
 

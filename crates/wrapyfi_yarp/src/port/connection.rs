@@ -7,6 +7,7 @@ use tokio::net::TcpStream;
 use super::core::Core;
 use super::datagrams;
 use super::entered::Entered;
+use super::open::Admission;
 use super::session::{Answer, Event, Session, SessionError};
 use super::target::Way;
 use crate::wire::http::{self, HttpRequest};
@@ -38,6 +39,7 @@ pub(super) async fn run(core: Arc<Core>, stream: TcpStream) {
     }
     let sender = session.sender();
     let name = sender.name.clone();
+    let address = session.peer().ip().to_string();
     let entered = Entered::new(&core, name.clone(), session.carrier_text(), false, true);
     let after = tokio::select! {
         biased;
@@ -45,6 +47,11 @@ pub(super) async fn run(core: Arc<Core>, stream: TcpStream) {
         after = serve(&core, &entered, session) => after,
     };
     drop(entered);
+    if !matches!(after, After::Close)
+        && let Err(fault) = Admission::check(core.readers.as_ref(), &name, &address)
+    {
+        return core.counters.count(&fault);
+    }
     match after {
         After::Close => {}
         After::Reversed(session) => {

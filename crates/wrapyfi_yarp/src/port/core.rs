@@ -21,6 +21,7 @@ use super::inbox::Inbox;
 use super::link::Link;
 use super::message::Received;
 use super::network::Network;
+use super::open::Admission;
 use super::outbox::{Outbox, Overflow};
 use super::output::Output;
 use super::session::{Answer, SessionOptions};
@@ -107,6 +108,8 @@ pub(super) struct Core {
     pub(super) type_name: Option<String>,
     /// True when carrier mjpeg is taken.
     pub(super) pictures: bool,
+    /// Ports that messages may go to.
+    pub(super) readers: Option<Admission>,
     pub(super) role: Role,
     pub(super) sink: Sink,
     pub(super) session: SessionOptions,

@@ -100,7 +100,7 @@ pub use inspect::{Inspection, Modes};
 pub use link::LinkError;
 pub use message::{Fate, Loss, Message, PayloadKind, PortPayload, Received};
 pub use network::{Network, NetworkBuilder, Timeouts};
-pub use open::{OpenError, PortOptions};
+pub use open::{Admission, OpenError, PortOptions};
 pub use outbox::Overflow;
 pub use outputs::{ConnectError, ConnectionStatus, Written};
 pub use ports::{InputOptions, InputPort, OutputOptions, OutputPort, Port};

@@ -4,15 +4,17 @@
 //!   listen ─▶ number ─▶ register ─▶ set offers, accepts, ips, process ─▶ announce
 //! ```
 
+use std::fmt;
 use std::io;
 use std::net::{IpAddr, SocketAddr};
+use std::sync::Arc;
 
 use tokio::net::TcpListener;
 
 use super::names::{NameRequest, NamesError, Registration};
 use super::network::Network;
 use crate::name::environment::{EnvironmentError, PortNaming};
-use crate::wire::Carrier;
+use crate::wire::{Carrier, Fault};
 
 /// Address that a port listens on, and its registration.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -30,12 +32,57 @@ pub struct PortOptions {
     /// Take connections of carrier mjpeg. Where the messages are no pictures it brings nothing: such a
     /// connection is then refused, and the log says why.
     pub pictures: bool,
+    /// Programs that may connect to the port; everybody where there is none.
+    pub senders: Option<Admission>,
+    /// Ports that the port may send to; every port where there is none.
+    pub readers: Option<Admission>,
+}
+
+/// Test of the name and the address of the program at the other end of a connection.
+#[derive(Clone)]
+pub struct Admission(Arc<dyn Fn(&str, &str) -> bool + Send + Sync>);
+
+impl Admission {
+    /// Admits programs for which `test` of their name and address is true.
+    #[must_use]
+    pub fn new(test: impl Fn(&str, &str) -> bool + Send + Sync + 'static) -> Self {
+        Self(Arc::new(test))
+    }
+
+    /// Lets a program in.
+    ///
+    /// # Errors
+    /// [`Fault::NotAdmitted`] where it is none of those that are admitted.
+    pub(super) fn check(this: Option<&Self>, name: &str, address: &str) -> Result<(), Fault> {
+        match this {
+            Some(Self(test)) if !test(name, address) => {
+                Err(Fault::NotAdmitted { name: name.to_owned(), address: address.to_owned() })
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Two tests are the same where one is a copy of the other.
+impl PartialEq for Admission {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+}
+
+impl Eq for Admission {}
+
+impl fmt::Debug for Admission {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Admission")
+    }
 }
 
 impl Default for PortOptions {
     fn default() -> Self {
         let (rpc, pictures) = (false, true);
-        Self { address: None, register: true, replace: false, type_name: None, rpc, pictures }
+        let (address, type_name, senders, readers) = (None, None, None, None);
+        Self { address, register: true, replace: false, type_name, rpc, pictures, senders, readers }
     }
 }
 

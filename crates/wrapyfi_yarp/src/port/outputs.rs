@@ -16,6 +16,7 @@ use super::core::Core;
 use super::datagrams;
 use super::link::{Link, LinkError};
 use super::message::Message;
+use super::open::Admission;
 use super::outbox::{Outbox, Put};
 use super::output::{Group, Kind, Output};
 use super::pace::Pace;
@@ -75,6 +76,11 @@ impl Core {
         }
         let found = self.network.names().query(&name).await;
         let found = found.map_err(|error| unreachable(&error))?.ok_or_else(unknown)?;
+        let admitted = if pull { &self.session.admission } else { &self.readers };
+        if let Err(fault) = Admission::check(admitted.as_ref(), &name, &found.host) {
+            self.counters.count(&fault);
+            return Err(refused(&fault));
+        }
         let carrier: Carrier = match carrier {
             Some(carrier) => carrier.parse().map_err(|error: UnknownCarrier| refused(&error))?,
             None => found.carrier.parse().unwrap_or(Carrier::Tcp),

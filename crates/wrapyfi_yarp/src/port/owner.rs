@@ -54,6 +54,7 @@ impl Owner {
             own_port: opened.address.port(),
             runtime_folder: network.0.environment.runtime_folder(),
             counters: Arc::clone(&counters),
+            admission: options.senders.clone(),
         };
         let core = Arc::new(Core {
             name: opened.name,
@@ -64,6 +65,7 @@ impl Owner {
             rpc: options.rpc || role.client,
             type_name: options.type_name.clone(),
             pictures: options.pictures,
+            readers: options.readers.clone(),
             role,
             sink,
             session,

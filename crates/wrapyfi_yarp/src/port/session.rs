@@ -50,6 +50,7 @@ use std::net::SocketAddr;
 use bytes::{Bytes, BytesMut};
 use tokio::net::TcpStream;
 
+use super::open::Admission;
 use super::room::{Begun, progress};
 use super::spare::Spare;
 use super::stream::Stream;
@@ -144,6 +145,11 @@ impl Session {
                 }
             }
         };
+        let name = match &opening {
+            Opening::Messages { sender, .. } => sender.name.as_str(),
+            Opening::Names(_) | Opening::Http(_) => "",
+        };
+        Admission::check(options.admission.as_ref(), name, &peer.ip().to_string())?;
         let limits = &options.limits;
         let (carrier, reader) = match &opening {
             Opening::Names(line) => (None, Reader::Lines(Some(line.clone()), Lines::new(limits))),

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use tokio::net::UdpSocket;
 
+use super::registry::Registry;
 use super::reply::registration;
 use super::shared::Shared;
 use crate::name::multicast::{self, MAX_QUESTION};
@@ -33,16 +34,19 @@ pub(super) async fn answer(socket: UdpSocket, port: u16, shared: Arc<Shared>) {
                 return;
             }
         };
-        let question = multicast::read_question(buffer.get(..length).unwrap_or_default());
-        let Some(name) = question.and_then(|command| command.strip_prefix(b"query ")) else {
-            continue; // our own answers come back to us, too
-        };
-        let name = String::from_utf8_lossy(name);
-        let Target { network, name, .. } = Target::parse(name.trim());
-        let found = shared.state().registry.find(&name, &network);
-        let Some(found) = found else { continue };
-        if let Err(error) = socket.send_to(&multicast::answer(&registration(&found)), group).await {
+        let question = buffer.get(..length).unwrap_or_default();
+        let reply = reply(question, &shared.state().registry);
+        let Some(reply) = reply else { continue }; // our own answers come back to us, too
+        if let Err(error) = socket.send_to(&reply, group).await {
             tracing::debug!(target: "wrapyfi_yarp::server", %error, "multicast answer not sent");
         }
     }
+}
+
+/// Answer to a datagram; none where it is no question, or nobody has the name.
+pub(super) fn reply(datagram: &[u8], registry: &Registry) -> Option<Vec<u8>> {
+    let name = multicast::read_question(datagram)?.strip_prefix(b"query ")?;
+    let name = String::from_utf8_lossy(name);
+    let Target { network, name, .. } = Target::parse(name.trim());
+    Some(multicast::answer(&registration(&registry.find(&name, &network)?)))
 }

@@ -4,6 +4,7 @@ use std::net::{IpAddr, Ipv4Addr};
 use std::time::Duration;
 
 use super::commands::{Asker, NameState};
+use super::discovery;
 use super::options::NameServerLimits;
 use crate::Limits;
 use crate::port::names::Registration;
@@ -42,6 +43,12 @@ impl Offline {
         answer
     }
 
+    /// Answer of the name server to a datagram of its multicast group.
+    #[must_use]
+    pub fn hear(&self, datagram: &[u8]) -> Option<Vec<u8>> {
+        discovery::reply(datagram, &self.state.registry)
+    }
+
     /// Number of names.
     #[must_use]
     pub fn names(&self) -> usize {
@@ -54,4 +61,10 @@ impl Offline {
 #[must_use]
 pub fn read_answer(bytes: &[u8], limits: &Limits) -> Option<Vec<Registration>> {
     crate::name::read_answer(bytes, limits)
+}
+
+/// Name server that a program which looks for one finds in a datagram of the group.
+#[must_use]
+pub fn read_found(datagram: &[u8]) -> Option<Registration> {
+    crate::name::multicast::read_answer(datagram)
 }

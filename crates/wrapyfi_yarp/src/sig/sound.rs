@@ -240,7 +240,8 @@ impl Sound {
     pub fn to_interleaved(&self) -> Vec<i16> {
         let samples = self.all();
         let mut interleaved = Vec::with_capacity(samples.len());
-        for moment in 0..self.samples {
+        // A sound without channels may announce any number of samples.
+        for moment in 0..self.samples.min(samples.len()) {
             let of_moment = samples.iter().skip(moment).step_by(self.samples);
             interleaved.extend(of_moment.map(|sample| i16::from_le_bytes(*sample)));
         }

@@ -62,6 +62,14 @@ pub enum Fault {
         /// Most bytes, the NUL among them.
         limit: usize,
     },
+    /// The program at the other end is none of those that the port takes.
+    #[error("{name:?} at {address} is not among those that may connect here")]
+    NotAdmitted {
+        /// Name as the program says it.
+        name: String,
+        /// Address of its connection.
+        address: String,
+    },
     /// A block of a message has a negative length.
     #[error("a message declares a block of {0} bytes")]
     NegativeLength(
@@ -157,6 +165,7 @@ impl Fault {
                 | Self::NoPictures(_)
                 | Self::OtherHost { .. }
                 | Self::UnixSocket { .. }
+                | Self::NotAdmitted { .. }
         )
     }
 
@@ -170,6 +179,7 @@ impl Fault {
             Self::NoPictures(_) => "no_pictures",
             Self::OtherHost { .. } => "other_host",
             Self::UnixSocket { .. } => "unix_socket",
+            Self::NotAdmitted { .. } => "not_admitted",
             Self::NameLength { .. } => "name_length",
             Self::NegativeLength(_) => "negative_length",
             Self::MessageTooLarge { .. } => "message_too_large",

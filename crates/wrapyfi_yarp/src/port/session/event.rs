@@ -12,6 +12,7 @@ use std::time::Duration;
 use bytes::Bytes;
 
 use crate::port::counters::Counters;
+use crate::port::open::Admission;
 use crate::port::room::{Boundless, Rooms};
 use crate::wire::http::HttpRequest;
 use crate::wire::{Body, Command, Fault};
@@ -36,6 +37,8 @@ pub struct SessionOptions {
     pub runtime_folder: Option<PathBuf>,
     /// Counters of the faults of peers.
     pub counters: Arc<Counters>,
+    /// Programs that may connect; everybody where there is none.
+    pub admission: Option<Admission>,
 }
 
 impl Default for SessionOptions {
@@ -49,6 +52,7 @@ impl Default for SessionOptions {
             own_port: 0,
             runtime_folder: None,
             counters: Arc::default(),
+            admission: None,
         }
     }
 }
