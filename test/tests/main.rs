@@ -7,6 +7,7 @@ mod bridge_graph;
 mod churn;
 mod cli;
 mod communicator;
+mod curve;
 mod discovery;
 mod endings;
 mod example_sensors;

@@ -395,6 +395,14 @@ pub struct BrokerArgs {
     /// Allow an address that other machines reach. Nothing is encrypted or authenticated.
     #[arg(long)]
     pub insecure: bool,
+    /// Speak CURVE with the secret key in this file, a certificate of pyzmq or 40 characters; default from
+    /// WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE.
+    #[arg(long, value_name = "FILE")]
+    pub curve_secret_key_file: Option<PathBuf>,
+    /// Take only clients with this public key, 40 characters or a file with it, for all topics and services;
+    /// may be repeated. A list of topics for each key: `curve` of a configuration.
+    #[arg(long, value_name = "KEY")]
+    pub curve_client: Vec<String>,
 }
 
 /// Arguments of `wrapyfi yarpserver`.

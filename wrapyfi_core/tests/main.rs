@@ -70,6 +70,8 @@ mod zeromq_broker;
 mod zeromq_captures;
 #[cfg(feature = "zeromq")]
 mod zeromq_common;
+#[cfg(all(feature = "zeromq", feature = "curve"))]
+mod zeromq_curve;
 #[cfg(feature = "zeromq")]
 mod zeromq_endpoints;
 #[cfg(feature = "zeromq")]

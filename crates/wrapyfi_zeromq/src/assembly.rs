@@ -67,6 +67,11 @@ impl Assembly {
         self.open.is_some()
     }
 
+    /// Bytes of one message, all frames.
+    pub(super) fn limit(&self) -> usize {
+        self.limit
+    }
+
     /// Begins a frame of which `body` has come, or more than all of it; the message where that was its last, and the
     /// number of bytes that were taken.
     ///
@@ -77,11 +82,7 @@ impl Assembly {
         header: &Header,
         body: &[u8],
     ) -> Result<(Option<Vec<Bytes>>, usize), TooLarge> {
-        let bytes = self.bytes.checked_add(header.length).filter(|bytes| *bytes <= self.limit);
-        self.bytes = bytes.ok_or(TooLarge { limit: self.limit })?;
-        if self.frames.len() >= MAX_FRAMES {
-            return Err(TooLarge { limit: self.limit });
-        }
+        self.admit(header.length)?;
         if let Some(whole) = body.get(..header.length) {
             return Ok((self.end(Bytes::copy_from_slice(whole), header.more), whole.len()));
         }
@@ -90,6 +91,25 @@ impl Assembly {
         let missing = header.length - body.len();
         self.open = Some(Open { body: begun, missing, more: header.more });
         Ok((None, body.len()))
+    }
+
+    /// Adds a whole frame; the message where it was its last.
+    ///
+    /// # Errors
+    /// When the message is too large.
+    pub(super) fn add(&mut self, frame: Bytes, more: bool) -> Result<Option<Vec<Bytes>>, TooLarge> {
+        self.admit(frame.len())?;
+        Ok(self.end(frame, more))
+    }
+
+    /// Counts a frame that begins.
+    fn admit(&mut self, length: usize) -> Result<(), TooLarge> {
+        let bytes = self.bytes.checked_add(length).filter(|bytes| *bytes <= self.limit);
+        self.bytes = bytes.ok_or(TooLarge { limit: self.limit })?;
+        if self.frames.len() >= MAX_FRAMES {
+            return Err(TooLarge { limit: self.limit });
+        }
+        Ok(())
     }
 
     /// Reads bytes of the open frame; their number, and the message where they were its last.

@@ -18,6 +18,8 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::config::{ZeroMqConfig, resolve};
+use super::curve::Keys;
+use super::curve_config::{CurveConfig, CurveError};
 use super::front::{Bounds, Front};
 use super::ledger::Ledger;
 use super::monitor::Monitor;
@@ -44,6 +46,7 @@ pub struct BrokerConfig {
     pub max_frame_bytes: usize,
     pub max_connections: usize,
     pub insecure: Insecure,
+    pub curve: Option<CurveConfig>,
 }
 
 impl Default for BrokerConfig {
@@ -65,6 +68,9 @@ pub enum BrokerError {
     /// Other machines could reach it.
     #[error(transparent)]
     NotLoopback(#[from] ReachedByOthers),
+    /// The keys of CURVE have a fault.
+    #[error(transparent)]
+    Curve(#[from] CurveError),
     /// Somebody else has the port.
     #[error("port {port} on {ip} is taken: stop what uses it, or choose another port")]
     PortTaken {
@@ -120,7 +126,10 @@ pub struct BrokerStatus {
     pub ignored: u64,
     /// Messages that listeners missed, by reason: one that two listeners miss counts twice.
     pub missed: BTreeMap<&'static str, u64>,
-    /// Connections that were refused or ended, by reason: `too_many`, `oversize`, `over_budget`.
+    /// Subscriptions and messages refused because the CURVE keys of their clients may not have the topic.
+    pub denied: u64,
+    /// Connections that were refused or ended, by reason: `too_many`, `oversize`, `over_budget`; with CURVE
+    /// `mechanism` (a client without it), `curve` (a wrong server key, a forged command), `unknown_key`.
     pub cut: BTreeMap<&'static str, u64>,
     /// Listeners by topic.
     pub subscriptions: BTreeMap<String, u64>,
@@ -143,7 +152,8 @@ impl Broker {
 
     /// As [`Self::start`], of an instance whose publishers are told what the broker loses of theirs.
     fn start_with(config: &BrokerConfig, ledger: Arc<Ledger>) -> Result<Self, BrokerError> {
-        let ip = loopback(&config.ip, config.insecure)?;
+        let keys = keys(config.curve.as_ref(), config.monitor_topic.as_deref())?;
+        let ip = loopback(&config.ip, config.insecure, keys.as_ref())?;
         if config.pub_port == config.sub_port && config.pub_port != 0 {
             let names = ("pub_port", "sub_port");
             return Err(BrokerError::SamePort { port: config.pub_port, names });
@@ -159,9 +169,16 @@ impl Broker {
         let (stop_signal, stop) =
             StopSignal::new(&context).map_err(failed_to("open its control socket"))?;
         let status = Arc::<Mutex<BrokerStatus>>::default();
+        if keys.as_ref().is_some_and(|keys| !keys.has_list()) {
+            tracing::warn!(
+                "every client that knows the public key of this broker may use all topics: list those that may \
+                 (endpoints: zeromq: curve: clients)"
+            );
+        }
+        let public_key = keys.as_ref().map(|keys| keys.public());
         let proxy = Proxy {
-            front,
-            back,
+            front: front.secured(keys.clone()),
+            back: back.secured(keys),
             stop,
             monitor: Monitor::new(config.monitor_topic.as_deref()),
             traffic: Traffic::default(),
@@ -173,7 +190,7 @@ impl Broker {
         };
         let runs = Runs::start("zeromq-broker", stop_signal, proxy)
             .map_err(failed_to("start its thread"))?;
-        tracing::info!(%ip, pub_port, sub_port, "ZeroMQ broker runs");
+        tracing::info!(%ip, pub_port, sub_port, public_key, "ZeroMQ broker runs");
         Ok(Self { ip, pub_port, sub_port, status, _runs: runs })
     }
 
@@ -218,12 +235,30 @@ impl Supervised for Broker {
     fn ports((config, _): &Self::Config) -> (u16, u16) {
         (config.pub_port, config.sub_port)
     }
+
+    fn has_curve((config, _): &Self::Config) -> bool {
+        config.curve.is_some()
+    }
 }
 
-/// The address of `host`, which others may reach only where that is allowed.
-pub(super) fn loopback(host: &str, insecure: Insecure) -> Result<IpAddr, BrokerError> {
+/// Keys of a broker, where it is to have some.
+pub(super) fn keys(
+    curve: Option<&CurveConfig>,
+    own_topic: Option<&str>,
+) -> Result<Option<Arc<Keys>>, CurveError> {
+    curve.map(|curve| Keys::load(curve, true, own_topic)).transpose()
+}
+
+/// The address of `host`, which others may reach only where that is allowed, or where only known clients are taken.
+pub(super) fn loopback(
+    host: &str,
+    insecure: Insecure,
+    keys: Option<&Arc<Keys>>,
+) -> Result<IpAddr, BrokerError> {
     let ip = resolve(host)?;
-    insecure.check(super::NAME, "a broker", ip)?;
+    if !keys.is_some_and(|keys| keys.has_list()) {
+        insecure.check(super::NAME, "a broker", ip)?;
+    }
     Ok(ip)
 }
 

@@ -6,8 +6,10 @@
 //! ```
 
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
+use std::path::PathBuf;
 
 use super::broker::{BrokerConfig, BrokerError};
+use super::curve_config::CurveConfig;
 use super::service_broker::ServiceBrokerConfig;
 use wrapyfi_endpoint::network::{
     Hosts, Insecure, Place, ReachedByOthers, VariableError, Variables, is_of_this_machine, variable,
@@ -56,8 +58,10 @@ pub struct ZeroMqConfig {
     /// Connections at one port of a broker. Those beyond are refused.
     pub max_connections: usize,
     /// Allows a broker on addresses other machines can reach (`WRAPYFI_ZEROMQ_INSECURE`). Nothing is
-    /// authenticated or encrypted there.
+    /// authenticated or encrypted there, unless [`Self::curve`] has a list of clients: then no permission is needed.
     pub insecure: Insecure,
+    /// Keys of CURVE; none: connections are open to all, and are not encrypted.
+    pub curve: Option<CurveConfig>,
     /// Addresses of names that the system need not know.
     pub hosts: Hosts,
 }
@@ -79,6 +83,7 @@ impl Default for ZeroMqConfig {
             max_frame_bytes: wrapyfi_data::Limits::default().message_bytes + FRAME_SLACK,
             max_connections: 4096,
             insecure: Insecure::default(),
+            curve: None,
             hosts: Hosts::default(),
         }
     }
@@ -125,9 +130,14 @@ impl ZeroMqConfig {
         } else {
             BrokerMode::Foreign
         };
+        let secret_key_file = of.text("WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE")?.map(PathBuf::from);
+        let server_key = of.text("WRAPYFI_ZEROMQ_CURVE_SERVER_KEY")?;
+        let has_curve = secret_key_file.is_some() || server_key.is_some();
+        let curve = has_curve.then(|| CurveConfig { secret_key_file, server_key, clients: None });
         Ok(Self {
             ip: ip.unwrap_or(default.ip),
             insecure,
+            curve,
             pub_port: of.port("WRAPYFI_ZEROMQ_SOCKET_PUB_PORT", default.pub_port)?,
             sub_port: of.port("WRAPYFI_ZEROMQ_SOCKET_SUB_PORT", default.sub_port)?,
             rep_port: of.port("WRAPYFI_ZEROMQ_SOCKET_REQ_PORT", default.rep_port)?,
@@ -148,7 +158,9 @@ impl ZeroMqConfig {
     /// # Errors
     /// When a broker would be; the error names the setting that permits it.
     pub fn check(&self) -> Result<(), ReachedByOthers> {
-        let is_ours = [self.broker, self.service_broker].contains(&BrokerMode::Embedded);
+        let has_list = self.curve.as_ref().is_some_and(|curve| curve.clients.is_some());
+        let is_ours =
+            [self.broker, self.service_broker].contains(&BrokerMode::Embedded) && !has_list;
         // A name that has no address yet is looked at when the broker starts.
         match self.hosts.or_same(&self.ip).parse::<IpAddr>() {
             Ok(ip) if is_ours && is_of_this_machine(ip) => {
@@ -170,6 +182,7 @@ impl ZeroMqConfig {
             max_frame_bytes: self.max_frame_bytes,
             max_connections: self.max_connections,
             insecure: self.insecure,
+            curve: self.curve.clone(),
         }
     }
 
@@ -184,6 +197,7 @@ impl ZeroMqConfig {
             max_frame_bytes: self.max_frame_bytes,
             max_connections: self.max_connections,
             insecure: self.insecure,
+            curve: self.curve.clone(),
         }
     }
 }

@@ -24,7 +24,7 @@ use super::{NAME, Shared, options};
 use wrapyfi_endpoint::{DiscoverError, Discovered, Discovery, Role, Traffic, Wake};
 
 /// Prefix of the subscription that makes Wrapyfi's broker tell its counts. Not listed.
-const ASKS_FOR_COUNTS: &str = "WRAPYFI/LOOK/";
+pub(super) const ASKS_FOR_COUNTS: &str = "WRAPYFI/LOOK/";
 /// Longest time that our broker may take to send its table, once it is reached.
 const OURS_ANSWERS_WITHIN: Duration = Duration::from_secs(1);
 /// Largest count or table that is read.
@@ -52,7 +52,7 @@ pub(super) struct ZeroMqDiscovery {
 
 impl ZeroMqDiscovery {
     pub(super) fn new(shared: &Shared, monitor_topic: &str) -> Result<Self, DiscoverError> {
-        let link = BrokerLink::new(&shared.pub_endpoint);
+        let link = BrokerLink::new(&shared.pub_endpoint, shared.keys.as_ref());
         let connection = shared
             .contexts
             .open(|context| open(context, shared, &link, monitor_topic))
@@ -169,7 +169,7 @@ fn open(
     for topic in [monitor_topic, TRAFFIC_TOPIC, &name] {
         socket.set_subscribe(topic.as_bytes())?;
     }
-    link::connect(context, socket, link)
+    link::connect(context, socket, link, shared.keys.as_ref())
 }
 
 impl Discovery for ZeroMqDiscovery {

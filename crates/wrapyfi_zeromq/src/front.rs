@@ -29,6 +29,7 @@ use bytes::Bytes;
 use mio::unix::SourceFd;
 use mio::{Events, Interest, Poll, Token};
 
+use super::curve::{Curve, Keys};
 use super::options;
 use super::peer::{Heard, Kind, Loss, Message, Peer};
 use wrapyfi_endpoint::{DropReason, Throttle};
@@ -71,6 +72,10 @@ pub(super) struct Front {
     last: usize,
     /// Connections that were refused or ended, by reason.
     cuts: BTreeMap<&'static str, u64>,
+    /// Keys of the broker, where it speaks CURVE.
+    keys: Option<Arc<Keys>>,
+    /// Subscriptions and messages of topics that the keys of their clients may not have.
+    denied: u64,
     faults: Throttle,
     /// Listeners by what they are subscribed to, and how many subscriptions have which length.
     index: HashMap<Vec<u8>, BTreeSet<usize>>,
@@ -104,6 +109,8 @@ impl Front {
             messages: Vec::new(),
             last: 0,
             cuts: BTreeMap::new(),
+            keys: None,
+            denied: 0,
             faults: Throttle::default(),
             events: Some(Events::with_capacity(EVENTS)),
             peers: BTreeMap::new(),
@@ -118,6 +125,11 @@ impl Front {
             losses: Vec::new(),
             scratch: vec![0; READ_BYTES],
         })
+    }
+
+    /// The same, with CURVE where there are keys.
+    pub(super) fn secured(self, keys: Option<Arc<Keys>>) -> Self {
+        Self { keys, ..self }
     }
 
     /// The port that it is bound to.
@@ -148,6 +160,11 @@ impl Front {
     /// Number of connections that were refused or ended, by reason.
     pub(super) fn cuts(&self) -> impl Iterator<Item = (&'static str, u64)> {
         self.cuts.iter().map(|(reason, count)| (*reason, *count))
+    }
+
+    /// Number of subscriptions and messages that the keys of their clients may not have.
+    pub(super) fn denied(&self) -> u64 {
+        self.denied
     }
 
     /// Takes the losses that were noticed since the last call.
@@ -211,15 +228,19 @@ impl Front {
     /// Queues a message for everybody who is subscribed to it and has room. `of` is its size as its publisher
     /// counts it, where it is somebody's.
     pub(super) fn publish(&mut self, frames: Vec<Bytes>, of: Option<usize>) {
-        let Some(topic) = frames.first() else { return };
-        let to = self.subscribers(topic);
+        let Some(topic) = frames.first().cloned() else { return };
+        let to = self.subscribers(&topic);
         if to.is_empty() {
             return;
         }
-        let of = of.map(|size| (Bytes::copy_from_slice(topic), size));
+        let of = of.map(|size| (Bytes::copy_from_slice(&topic), size));
         let message = Message::new(frames, of, None);
         for id in to {
             let Some(peer) = self.peers.get_mut(&id) else { continue };
+            // A subscription is the beginning of a topic, which may go on as one that is not allowed.
+            if !peer.may_hear(&topic) {
+                continue;
+            }
             match peer.queue(&message, self.hwm) {
                 Ok(()) => _ = self.dirty.insert(id),
                 Err(reason) => self.losses.push(message.loss(reason, peer.address)),
@@ -284,6 +305,22 @@ impl Front {
         *self.cuts.entry(reason).or_default() += 1;
         if let Some(unlogged_before) = self.faults.pass(Instant::now()) {
             tracing::warn!(%peer, reason, unlogged_before, "the ZeroMQ broker ends a connection: {why}");
+        }
+    }
+
+    /// Counts what the key of a client may not have, and says so, but not each time.
+    fn deny(&mut self, id: usize, topic: &[u8]) {
+        self.denied += 1;
+        if let Some(unlogged_before) = self.faults.pass(Instant::now())
+            && let Some(peer) = self.peers.get(&id)
+        {
+            let key = peer.grant().map(|grant| grant.key()).unwrap_or_default();
+            let may_not = if self.kind == Kind::Xsub { "publish" } else { "subscribe to" };
+            let topic = String::from_utf8_lossy(topic);
+            tracing::warn!(
+                peer = %peer.address, key, %topic, unlogged_before,
+                "a CURVE client may not {may_not} this topic (curve: clients)"
+            );
         }
     }
 
@@ -364,6 +401,10 @@ impl Front {
                 Kind::Xpub => peer,
                 kind => peer.of_messages(kind, self.bounds.message_bytes),
             };
+            let peer = match &self.keys {
+                Some(keys) => peer.secured(Curve::server(keys, self.kind), None),
+                None => peer,
+            };
             self.peers.insert(id, peer);
             self.dirty.insert(id);
         }
@@ -392,10 +433,11 @@ impl Front {
                 Heard::Unsubscribed(topic) => {
                     unlist(&mut self.index, &mut self.lengths, topic, id);
                 }
-                Heard::Ignored => {}
+                Heard::Ignored | Heard::Denied(_) => {}
             }
             match one {
                 Heard::Message(frames) => self.messages.push((id, frames)),
+                Heard::Denied(topic) => self.deny(id, &topic),
                 change => self.heard.push(change),
             }
         }
@@ -404,7 +446,7 @@ impl Front {
             Ok(false) => {}
             Err(why) => {
                 if let Some(reason) = why.reason() {
-                    self.cut(reason.as_str(), address, &why);
+                    self.cut(reason, address, &why);
                 }
                 // One that only asks who is here, as a socket that does not fit, is told.
                 if let Some(peer) = self.peers.get_mut(&id) {

@@ -23,6 +23,7 @@
 //! | `listener`, `publisher`, `client`, `server` | the endpoints |
 //! | `publisher_connection` | a publisher's connection to the broker |
 //! | `peer`, `zmtp` | one connection that is not libzmq's, the protocol there |
+//! | `curve`, `curve_config` | CURVE: keys, a connection with them; its settings |
 //! | `frames`, `envelope` | messages of several frames, what is around a request and a reply |
 //! | `own_messages` | our own messages are not received |
 //! | `offline` | readers of foreign bytes without sockets, for fuzzing |
@@ -33,6 +34,9 @@ mod broker;
 mod client;
 mod config;
 mod contexts;
+#[cfg_attr(not(feature = "curve"), path = "curve_absent.rs")]
+mod curve;
+mod curve_config;
 mod deadline;
 mod discovery;
 mod envelope;
@@ -67,6 +71,7 @@ use std::sync::Arc;
 
 pub use broker::{Broker, BrokerConfig, BrokerError, BrokerStatus};
 pub use config::{BrokerMode, ZeroMqConfig};
+pub use curve_config::{CurveClient, CurveConfig, CurveError};
 pub use port_check::Answer;
 pub use service_broker::{ServiceBroker, ServiceBrokerConfig, ServiceBrokerStatus};
 pub use traffic::TopicTraffic;
@@ -109,6 +114,7 @@ struct Shared {
     ledger: Arc<ledger::Ledger>,
     io: io::Io,
     contexts: contexts::Contexts,
+    keys: Option<Arc<curve::Keys>>,
 }
 
 /// Error of starting ZeroMQ.
@@ -165,7 +171,11 @@ impl ZeroMqError {
             self,
             Self::NoPort { .. }
                 | Self::MonitorTopic { .. }
-                | Self::Broker(BrokerError::NotLoopback(_) | BrokerError::SamePort { .. })
+                | Self::Broker(
+                    BrokerError::NotLoopback(_)
+                        | BrokerError::SamePort { .. }
+                        | BrokerError::Curve(_)
+                )
         )
     }
 }
@@ -188,11 +198,15 @@ impl ZeroMq {
             reason,
         })?;
         let ip = config::resolve(&config.hosts.or_same(&config.ip))?;
+        let serves = config.broker == BrokerMode::Embedded;
+        let keys = config.curve.as_ref().map(|curve| curve::Keys::load(curve, serves, None));
+        let keys = keys.transpose().map_err(BrokerError::Curve)?;
         let ledger = Arc::<ledger::Ledger>::default();
         let supervisor = supervisor::Supervisor::<Broker>::start(
             &(config.broker_config(), Arc::clone(&ledger)),
             config.broker,
             ip,
+            keys.as_ref(),
         )?;
         let (pub_port, sub_port) = supervisor
             .own(|broker| (broker.pub_port(), broker.sub_port()))
@@ -211,6 +225,7 @@ impl ZeroMq {
             ledger,
             io,
             contexts: contexts::Contexts::default(),
+            keys,
         };
         Ok(Self {
             monitor_topic: config.monitor_topic.clone(),
@@ -254,7 +269,8 @@ impl ZeroMq {
             none => {
                 let ip = config::resolve(&self.config.hosts.or_same(&self.config.ip))?;
                 let config = self.config.service_broker_config();
-                none.insert(supervisor::Supervisor::start(&config, self.config.service_broker, ip)?)
+                let (mode, keys) = (self.config.service_broker, self.shared.keys.as_ref());
+                none.insert(supervisor::Supervisor::start(&config, mode, ip, keys)?)
             }
         };
         let own = supervisor.own(|broker| (broker.rep_port(), broker.req_port()));

@@ -21,12 +21,14 @@ use std::time::{Duration, Instant};
 use zmq::SocketEvent;
 
 use super::contexts;
+use super::curve::Keys;
 use super::options::inproc_name;
 use wrapyfi_endpoint::{Context, DropReason, Wake};
 
 const DOWN: u8 = 0;
 /// State of a socket whose handshake is over.
 pub(super) const UP: u8 = 1;
+/// State of a socket whose handshake failed.
 const REFUSED: u8 = 2;
 /// State of a socket that is closed for good.
 pub(super) const ENDED: u8 = 3;
@@ -34,6 +36,14 @@ pub(super) const ENDED: u8 = 3;
 pub(super) const UNANSWERED: u8 = 4;
 /// State of a socket for which the process may open no file.
 pub(super) const STARVED: u8 = 5;
+
+/// State of a socket whose broker has CURVE where it has not, or the other way round.
+pub(super) const SECURED: u8 = 6;
+/// State of a socket whose keys the broker does not take.
+pub(super) const KEYS: u8 = 7;
+
+/// Event of libzmq with this value: the two sides have different mechanisms.
+const MECHANISM_MISMATCH: u32 = 0x1100_0002;
 
 /// Time after a disconnection in which libzmq announces its next try, which it does at once unless
 /// it has given up. Also the pause before we try instead.
@@ -45,12 +55,15 @@ pub(super) const FAREWELL: Duration = Duration::from_secs(1);
 #[derive(Debug)]
 pub(super) struct BrokerLink {
     broker: String,
+    /// True where connections have CURVE.
+    has_keys: bool,
     state: AtomicU8,
 }
 
 impl BrokerLink {
-    pub(super) fn new(broker: &str) -> Arc<Self> {
-        Arc::new(Self { broker: broker.to_owned(), state: AtomicU8::new(DOWN) })
+    pub(super) fn new(broker: &str, keys: Option<&Arc<Keys>>) -> Arc<Self> {
+        let (broker, has_keys) = (broker.to_owned(), keys.is_some());
+        Arc::new(Self { broker, has_keys, state: AtomicU8::new(DOWN) })
     }
 
     pub(super) fn is_up(&self) -> bool {
@@ -59,7 +72,7 @@ impl BrokerLink {
 
     /// The last try to reach the broker failed.
     pub(super) fn has_failed(&self) -> bool {
-        matches!(self.state.load(Relaxed), REFUSED | ENDED | UNANSWERED | STARVED)
+        matches!(self.state.load(Relaxed), REFUSED | ENDED | UNANSWERED | STARVED | SECURED | KEYS)
     }
 
     /// Description of the event that is waited for; `None` when the broker is reached.
@@ -69,6 +82,15 @@ impl BrokerLink {
             ENDED => Some("ZeroMQ, which was shut down here".to_owned()),
             REFUSED => Some(format!(
                 "a ZeroMQ broker at {} (what answers there is not the matching side of one)",
+                self.broker
+            )),
+            SECURED => Some(format!(
+                "the broker at {}: one of the two sides has CURVE and the other has not (endpoints: zeromq: curve)",
+                self.broker
+            )),
+            KEYS => Some(format!(
+                "the broker at {}, which does not take our CURVE keys: `server_key` must be its public key, and our \
+                 public key one of its `clients`",
                 self.broker
             )),
             STARVED => Some(format!(
@@ -100,7 +122,12 @@ impl BrokerLink {
     pub(super) fn disconnected(&self) -> bool {
         // Lost before the handshake was over: refused, for a wrong socket type without further
         // notice.
-        self.note(if self.is_up() { DOWN } else { REFUSED })
+        self.note(match self.state() {
+            UP => DOWN,
+            state @ (SECURED | KEYS) => state,
+            _ if self.has_keys => KEYS,
+            _ => REFUSED,
+        })
     }
 
     /// Takes note of a state; true when it is another one. None follows the end.
@@ -114,15 +141,17 @@ impl BrokerLink {
     }
 
     /// Takes note of an event of libzmq; true when the state changed.
-    fn happened(&self, event: u16) -> bool {
+    fn happened(&self, event: u16, value: u32) -> bool {
         let is = |kind: SocketEvent| event == kind.to_raw();
         if is(SocketEvent::HANDSHAKE_SUCCEEDED) {
             self.note(UP)
+        } else if is(SocketEvent::HANDSHAKE_FAILED_PROTOCOL) && value == MECHANISM_MISMATCH {
+            self.note(SECURED)
         } else if is(SocketEvent::HANDSHAKE_FAILED_NO_DETAIL)
             || is(SocketEvent::HANDSHAKE_FAILED_PROTOCOL)
             || is(SocketEvent::HANDSHAKE_FAILED_AUTH)
         {
-            self.note(REFUSED)
+            self.note(if self.has_keys { KEYS } else { REFUSED })
         } else if is(SocketEvent::CLOSED) {
             self.note(UNANSWERED)
         } else {
@@ -146,12 +175,16 @@ struct Lost {
     was_up: bool,
 }
 
-/// Connects `socket` to the broker of `link`, watched from the first moment.
+/// Connects `socket` to the broker of `link`, with CURVE where there are keys, watched from the first moment.
 pub(super) fn connect(
     context: &zmq::Context,
     socket: zmq::Socket,
     link: &Arc<BrokerLink>,
+    keys: Option<&Arc<Keys>>,
 ) -> zmq::Result<(zmq::Socket, Watch)> {
+    if let Some(keys) = keys {
+        keys.give_to(&socket)?;
+    }
     let name = inproc_name("events");
     let events = context.socket(zmq::PAIR)?;
     events.set_linger(0)?;
@@ -191,7 +224,9 @@ impl Watch {
                 } else if event == SocketEvent::CONNECT_RETRIED.to_raw() {
                     self.lost = None;
                 }
-                changed |= self.link.happened(event);
+                let value = frame.get(2..).and_then(|rest| rest.first_chunk::<4>());
+                let value = value.map_or(0, |value| u32::from_ne_bytes(*value));
+                changed |= self.link.happened(event, value);
             }
         }
         changed
@@ -288,22 +323,22 @@ mod tests {
 
     #[test]
     fn the_reason_follows_the_events() {
-        let link = BrokerLink::new("tcp://127.0.0.1:5555");
+        let link = BrokerLink::new("tcp://127.0.0.1:5555", None);
         assert_eq!(link.waiting_for().unwrap(), "the broker at tcp://127.0.0.1:5555");
-        assert!(!link.happened(SocketEvent::CONNECTED.to_raw()));
-        assert!(link.happened(SocketEvent::HANDSHAKE_SUCCEEDED.to_raw()));
+        assert!(!link.happened(SocketEvent::CONNECTED.to_raw(), 0));
+        assert!(link.happened(SocketEvent::HANDSHAKE_SUCCEEDED.to_raw(), 0));
         assert_eq!(link.waiting_for(), None);
         assert!(!link.has_failed());
-        let elsewhere = BrokerLink::new("tcp://192.0.2.1:5555").waiting_for().unwrap();
+        let elsewhere = BrokerLink::new("tcp://192.0.2.1:5555", None).waiting_for().unwrap();
         assert!(elsewhere.contains("unless WRAPYFI_ZEROMQ_SOCKET_IP is set there"), "{elsewhere}");
-        assert!(link.happened(SocketEvent::DISCONNECTED.to_raw()));
+        assert!(link.happened(SocketEvent::DISCONNECTED.to_raw(), 0));
         assert!(!link.is_up());
-        assert!(link.happened(SocketEvent::HANDSHAKE_FAILED_PROTOCOL.to_raw()));
-        assert!(!link.happened(SocketEvent::DISCONNECTED.to_raw()));
+        assert!(link.happened(SocketEvent::HANDSHAKE_FAILED_PROTOCOL.to_raw(), 0));
+        assert!(!link.happened(SocketEvent::DISCONNECTED.to_raw(), 0));
         assert!(link.waiting_for().unwrap().contains("matching side"));
         assert!(!link.is_up() && link.has_failed());
-        assert!(link.happened(SocketEvent::CLOSED.to_raw()));
+        assert!(link.happened(SocketEvent::CLOSED.to_raw(), 0));
         assert!(link.has_failed());
-        assert!(!link.happened(0x7000));
+        assert!(!link.happened(0x7000, 0));
     }
 }

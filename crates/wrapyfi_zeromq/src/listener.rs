@@ -38,7 +38,7 @@ fn socket_depth(queue: QueueSpec) -> i32 {
 
 impl ZeroMqListener {
     pub(super) fn open(shared: &Shared, spec: &TopicSpec, context: &Context) -> OpenResult<Self> {
-        let link = BrokerLink::new(&shared.pub_endpoint);
+        let link = BrokerLink::new(&shared.pub_endpoint, shared.keys.as_ref());
         let (socket, watch) = shared
             .contexts
             .open(|context| open_socket(context, shared, spec, &link))
@@ -73,7 +73,7 @@ fn open_socket(
     socket.set_rcvhwm(socket_depth(spec.queue))?;
     options::set_message_limit(&socket, spec.limits.message_bytes)?;
     socket.set_subscribe(spec.topic.as_bytes())?;
-    link::connect(context, socket, link)
+    link::connect(context, socket, link, shared.keys.as_ref())
 }
 
 /// Has the I/O thread look at an endpoint.

@@ -10,6 +10,7 @@ pub use super::discovery::{read_counts, read_table};
 use super::monitor::Monitor;
 use super::peer::{Heard, Kind, Peer};
 use super::port_check::{self, Answer};
+use super::zmtp;
 
 /// Answer of a port whose program says `bytes` and closes.
 #[must_use]
@@ -17,6 +18,7 @@ pub fn probe(bytes: &[u8]) -> Answer {
     port_check::ask(
         &mut Pieces { rest: bytes, piece: bytes.len().max(1), pauses: false, paused: false },
         "SUB",
+        zmtp::NULL,
     )
 }
 

@@ -16,6 +16,7 @@ use std::time::Instant;
 use bytes::Bytes;
 
 use super::assembly::{Assembly, TooLarge};
+use super::curve::{self, Curve, Grant, OVERHEAD, Step};
 use super::options;
 use super::own_messages::Fingerprint;
 use super::zmtp::{self, Breach};
@@ -24,11 +25,13 @@ use wrapyfi_endpoint::{DropReason, PROGRESS, Share};
 /// Subscriptions of one listener. What is beyond is ignored.
 const MAX_SUBSCRIPTIONS: usize = 4096;
 /// Subscriptions are topic names: nothing longer is read.
-const MAX_FRAME_BYTES: usize = 64 * 1024;
+const MAX_FRAME_BYTES: usize = 64 * 1024 + OVERHEAD;
 /// Reads from one connection before the others have their turn.
 const READS: usize = 16;
 /// Question whether a peer lives: the command, and no time to live.
 const PING: &[u8] = b"\x04PING\0\0";
+/// Bytes of memory that a connection with CURVE keeps for its next message.
+const KEPT: usize = 64 * 1024;
 /// Pieces given to one write.
 const SLICES: usize = 64;
 
@@ -73,6 +76,10 @@ pub(super) enum End {
     Left,
     #[error(transparent)]
     Breach(#[from] Breach),
+    #[error("it offers {theirs} where this side speaks {ours} (endpoints: zeromq: curve)")]
+    Mechanism { theirs: String, ours: &'static str },
+    #[error(transparent)]
+    Curve(#[from] curve::Breach),
     #[error("it sends {0}")]
     TooLarge(#[from] TooLarge),
     #[error("too much waits in this process (limits: waiting_mib)")]
@@ -82,11 +89,13 @@ pub(super) enum End {
 }
 
 impl End {
-    /// Reason under which a message that was lost with it is counted.
-    pub(super) fn reason(&self) -> Option<DropReason> {
+    /// Reason under which it is counted; none for what happens to every connection.
+    pub(super) fn reason(&self) -> Option<&'static str> {
         match self {
-            Self::TooLarge(_) => Some(DropReason::Oversize),
-            Self::OverBudget => Some(DropReason::OverBudget),
+            Self::TooLarge(_) => Some(DropReason::Oversize.as_str()),
+            Self::OverBudget => Some(DropReason::OverBudget.as_str()),
+            Self::Mechanism { .. } => Some("mechanism"),
+            Self::Curve(breach) => Some(breach.reason()),
             Self::Left | Self::Breach(_) | Self::Io(_) => None,
         }
     }
@@ -99,6 +108,8 @@ pub(super) enum Heard {
     Unsubscribed(Vec<u8>),
     /// Something that is no subscription.
     Ignored,
+    /// Subscription or message of a topic that the peer's key may not have.
+    Denied(Vec<u8>),
     /// Frames of a message.
     Message(Vec<Bytes>),
 }
@@ -156,11 +167,43 @@ enum Stage {
     Open,
 }
 
+/// Security of a connection.
+enum Mechanism {
+    Null,
+    Curve(Box<Secured>),
+}
+
+/// State of a connection with CURVE.
+struct Secured {
+    curve: Curve,
+    /// Our first command, where we begin.
+    hello: Option<Vec<u8>>,
+    /// The message that has begun, of frames that were opened.
+    plain: Option<Assembly>,
+    /// Number of messages at the head of the outbox that are of the handshake, and go as they are.
+    clear: usize,
+    /// The first message of the outbox behind those, sealed when its turn comes: its number is that of its place.
+    sealed: Vec<u8>,
+}
+
+impl Secured {
+    fn seal(&mut self, message: &Message) -> Result<(), End> {
+        let wire = message.parts.concat();
+        let mut rest = &wire[..];
+        while let Some((frame, size)) = zmtp::split_frame(rest, usize::MAX)? {
+            self.curve.seal(frame.is_command, frame.more, frame.body, &mut self.sealed)?;
+            rest = rest.get(size..).unwrap_or_default();
+        }
+        Ok(())
+    }
+}
+
 /// One peer.
 pub(super) struct Peer<S = TcpStream> {
     pub(super) stream: S,
     pub(super) address: SocketAddr,
     kind: Kind,
+    mechanism: Mechanism,
     stage: Stage,
     inbox: Vec<u8>,
     /// The message that has begun, where we are to hear messages.
@@ -195,13 +238,14 @@ impl<S: Read + Write> Peer<S> {
             stream,
             address,
             kind: Kind::Xpub,
+            mechanism: Mechanism::Null,
             stage: Stage::Greeting,
             inbox: Vec::new(),
             assembly: None,
             inside: false,
             topics: BTreeSet::new(),
             only: None,
-            outbox: VecDeque::from([control(zmtp::greeting())]),
+            outbox: VecDeque::from([control(zmtp::greeting(zmtp::NULL, false))]),
             waiting: 0,
             written: 0,
             written_bytes: 0,
@@ -223,6 +267,38 @@ impl<S: Read + Write> Peer<S> {
     /// The same, of a connection from which we hear messages of at most `limit` bytes.
     pub(super) fn of_messages(self, kind: Kind, limit: usize) -> Self {
         Self { kind, assembly: Some(Assembly::new(limit)), ..self }
+    }
+
+    /// The same, with CURVE; `hello` is our first command, where we begin.
+    pub(super) fn secured(mut self, curve: Curve, hello: Option<Vec<u8>>) -> Self {
+        let greeting = zmtp::greeting(zmtp::CURVE, curve.is_server());
+        self.outbox = VecDeque::from([control(greeting)]);
+        let plain = self.assembly.take();
+        let sealed = |plain: &Assembly| Assembly::new(plain.limit().saturating_add(OVERHEAD));
+        self.assembly = plain.as_ref().map(sealed);
+        let secured = Secured { curve, hello, plain, clear: 1, sealed: Vec::new() };
+        Self { mechanism: Mechanism::Curve(Box::new(secured)), ..self }
+    }
+
+    /// Permissions of the peer's key, where it has some.
+    pub(super) fn grant(&self) -> Option<&Arc<Grant>> {
+        match &self.mechanism {
+            Mechanism::Null => None,
+            Mechanism::Curve(secured) => secured.curve.grant(),
+        }
+    }
+
+    /// True for a topic that the peer may hear of.
+    pub(super) fn may_hear(&self, topic: &[u8]) -> bool {
+        self.grant().is_none_or(|grant| grant.may_subscribe(topic))
+    }
+
+    /// Queues a command of the handshake.
+    fn say(&mut self, command: &[u8]) {
+        if let Mechanism::Curve(secured) = &mut self.mechanism {
+            secured.clear += 1;
+        }
+        self.outbox.push_back(control(zmtp::command(command)));
     }
 
     /// True when the handshake is over.
@@ -256,22 +332,23 @@ impl<S: Read + Write> Peer<S> {
     }
 
     pub(super) fn write(&mut self) -> std::io::Result<()> {
-        while !self.outbox.is_empty() && !self.is_blocked {
-            let mut skip = self.written;
-            let mut slices = Vec::with_capacity(SLICES);
-            for part in self.outbox.iter().flat_map(|message| &message.parts) {
-                match part.get(skip..) {
-                    Some(rest) if !rest.is_empty() => {
-                        slices.push(IoSlice::new(rest));
-                        skip = 0;
+        while let Some(first) = self.outbox.front()
+            && !self.is_blocked
+        {
+            let written = match &mut self.mechanism {
+                Mechanism::Curve(secured) if secured.clear == 0 => {
+                    if secured.sealed.is_empty() {
+                        secured.seal(first).map_err(std::io::Error::other)?;
                     }
-                    _ => skip -= part.len(),
+                    self.stream.write(secured.sealed.get(self.written..).unwrap_or_default())
                 }
-                if slices.len() == SLICES {
-                    break;
+                Mechanism::Curve(secured) => {
+                    let clear = secured.clear;
+                    self.write_clear(clear)
                 }
-            }
-            match self.stream.write_vectored(&slices) {
+                Mechanism::Null => self.write_clear(usize::MAX),
+            };
+            match written {
                 Ok(0) => return Err(ErrorKind::WriteZero.into()),
                 Ok(count) => {
                     self.written += count;
@@ -281,10 +358,21 @@ impl<S: Read + Write> Peer<S> {
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
                 Err(error) => return Err(error),
             }
-            while let Some(first) = self.outbox.front()
-                && self.written >= first.wire_bytes
-            {
-                self.written -= first.wire_bytes;
+            while let Some(first) = self.outbox.front() {
+                let bytes = match &self.mechanism {
+                    Mechanism::Curve(secured) if secured.clear == 0 => secured.sealed.len(),
+                    _ => first.wire_bytes,
+                };
+                // What is not sealed yet is not written.
+                if self.written < bytes || self.written == 0 {
+                    break;
+                }
+                self.written -= bytes;
+                if let Mechanism::Curve(secured) = &mut self.mechanism {
+                    secured.clear = secured.clear.saturating_sub(1);
+                    secured.sealed.clear();
+                    secured.sealed.shrink_to(KEPT);
+                }
                 if first.of.is_some() {
                     self.share.give(first.wire_bytes);
                     self.waiting -= 1;
@@ -293,6 +381,25 @@ impl<S: Read + Write> Peer<S> {
             }
         }
         Ok(())
+    }
+
+    /// Writes the first messages of the outbox as they are.
+    fn write_clear(&self, messages: usize) -> std::io::Result<usize> {
+        let mut skip = self.written;
+        let mut slices = Vec::with_capacity(SLICES);
+        for part in self.outbox.iter().take(messages).flat_map(|message| &message.parts) {
+            match part.get(skip..) {
+                Some(rest) if !rest.is_empty() => {
+                    slices.push(IoSlice::new(rest));
+                    skip = 0;
+                }
+                _ => skip -= part.len(),
+            }
+            if slices.len() == SLICES {
+                break;
+            }
+        }
+        (&self.stream).write_vectored(&slices)
     }
 
     /// Reads what has come; true when there is more. Without `to_the_end` it is read as far as one look shows that
@@ -310,22 +417,24 @@ impl<S: Read + Write> Peer<S> {
         for _ in 0..READS {
             let read = match &mut self.assembly {
                 Some(assembly) if assembly.is_open() => {
-                    assembly.fill(&mut self.stream).map(|(count, message)| {
-                        heard.extend(message.map(Heard::Message));
-                        (count, true)
-                    })
+                    assembly.fill(&mut self.stream).map(|(count, message)| (count, Some(message)))
                 }
-                _ => self.stream.read(scratch).map(|count| (count, false)),
+                _ => self.stream.read(scratch).map(|count| (count, None)),
             };
             match read {
                 Ok((0, _)) => return Err(End::Left),
-                Ok((count, is_within)) => {
+                Ok((count, within)) => {
                     self.heard_at = now;
-                    if !is_within {
-                        self.inbox.extend_from_slice(scratch.get(..count).unwrap_or_default());
-                        self.understand(heard)?;
+                    let is_within = within.is_some();
+                    match within {
+                        Some(Some(frames)) => self.arrived(frames, heard)?,
+                        Some(None) => {}
+                        None => {
+                            self.inbox.extend_from_slice(scratch.get(..count).unwrap_or_default());
+                            self.understand(heard)?;
+                        }
                     }
-                    let begun = self.assembly.as_ref().map_or(0, Assembly::held);
+                    let begun: usize = self.assemblies().map(Assembly::held).sum();
                     if !self.begun.hold(self.inbox.len() + begun) {
                         return Err(End::OverBudget);
                     }
@@ -350,10 +459,24 @@ impl<S: Read + Write> Peer<S> {
                 let fits = self.inbox.first().is_none_or(|first| *first == 0xff);
                 return if fits { Ok(()) } else { Err(Breach.into()) };
             };
-            self.has_heartbeats = zmtp::check_greeting(greeting)?;
+            let (theirs, has_heartbeats) = zmtp::read_greeting(greeting)?;
             self.inbox = rest.to_vec();
+            let (ours, hello) = match &mut self.mechanism {
+                Mechanism::Null => (zmtp::NULL, None),
+                Mechanism::Curve(secured) => (zmtp::CURVE, secured.hello.take()),
+            };
+            if theirs != ours {
+                return Err(End::Mechanism { theirs, ours });
+            }
+            self.has_heartbeats = has_heartbeats;
             self.stage = Stage::Handshake;
-            self.outbox.push_back(control(zmtp::ready(self.kind.name())));
+            match hello {
+                Some(hello) => self.say(&hello),
+                None if ours == zmtp::NULL => {
+                    self.outbox.push_back(control(zmtp::ready(self.kind.name())));
+                }
+                None => {}
+            }
         }
         let inbox = std::mem::take(&mut self.inbox);
         let mut rest = &inbox[..];
@@ -364,40 +487,123 @@ impl<S: Read + Write> Peer<S> {
             {
                 let body = rest.get(header.size..).unwrap_or_default();
                 let (message, taken) = assembly.begin(&header, body)?;
-                heard.extend(message.map(Heard::Message));
                 rest = body.get(taken..).unwrap_or_default();
+                if let Some(frames) = message {
+                    self.arrived(frames, heard)?;
+                }
                 continue;
             }
             let Some((frame, size)) = zmtp::split_frame(rest, MAX_FRAME_BYTES)? else { break };
-            match (self.stage, frame.is_command) {
-                (Stage::Open, true) => self.obey(frame.body, heard),
-                (Stage::Open, false) => {
-                    match (self.inside, frame.more) {
-                        (false, false) => self.subscribe(frame.body, heard),
-                        (false, true) => heard.push(Heard::Ignored),
-                        (true, _) => {}
-                    }
-                    self.inside = frame.more;
+            match (self.stage, &self.mechanism) {
+                (Stage::Open, Mechanism::Null) => {
+                    self.hear(frame.is_command, frame.more, frame.body, heard);
                 }
-                (_, true) => {
-                    let (name, properties) = zmtp::short_text(frame.body).ok_or(Breach)?;
-                    if name != b"READY"
-                        || !zmtp::socket_type(properties).is_some_and(|it| self.kind.takes(it))
-                    {
-                        return Err(Breach.into());
-                    }
-                    self.stage = Stage::Open;
-                    if self.only.is_some() {
-                        // Each of two of ours asks only who is silent: nobody would know that the other answers.
-                        self.outbox.push_back(control(zmtp::command(PING)));
-                    }
-                }
-                (_, false) => return Err(Breach.into()),
+                (Stage::Open, Mechanism::Curve(_)) => self.open(frame.body.to_vec(), heard)?,
+                _ if frame.is_command => self.handshake(frame.body)?,
+                _ => return Err(Breach.into()),
             }
             rest = rest.get(size..).unwrap_or_default();
         }
         self.inbox = rest.to_vec();
         Ok(())
+    }
+
+    /// Takes a command of the handshake.
+    fn handshake(&mut self, body: &[u8]) -> Result<(), End> {
+        let theirs = match &mut self.mechanism {
+            Mechanism::Null => {
+                let (name, properties) = zmtp::short_text(body).ok_or(Breach)?;
+                if name != b"READY" {
+                    return Err(Breach.into());
+                }
+                properties.to_vec()
+            }
+            Mechanism::Curve(secured) => {
+                let ours = zmtp::properties(self.kind.name());
+                match secured.curve.handshake(body, &ours) {
+                    Ok(Step::Say(command)) => {
+                        self.say(&command);
+                        return Ok(());
+                    }
+                    Ok(Step::Open(last, theirs)) => {
+                        if let Some(last) = last {
+                            self.say(&last);
+                        }
+                        theirs
+                    }
+                    Err(breach) => {
+                        if let Some(told) = breach.told() {
+                            self.say(told);
+                        }
+                        return Err(breach.into());
+                    }
+                }
+            }
+        };
+        if !zmtp::socket_type(&theirs).is_some_and(|it| self.kind.takes(it)) {
+            return Err(Breach.into());
+        }
+        self.stage = Stage::Open;
+        if self.only.is_some() {
+            // Each of two of ours asks only who is silent: nobody would know that the other answers.
+            self.outbox.push_back(control(zmtp::command(PING)));
+        }
+        Ok(())
+    }
+
+    /// Takes a message as it came, which with CURVE is one frame of one.
+    fn arrived(&mut self, frames: Vec<Bytes>, heard: &mut Vec<Heard>) -> Result<(), End> {
+        match &self.mechanism {
+            Mechanism::Null => heard.push(Heard::Message(frames)),
+            Mechanism::Curve(_) => {
+                for frame in frames {
+                    self.open(frame.into(), heard)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Opens a frame that was sealed.
+    fn open(&mut self, mut sealed: Vec<u8>, heard: &mut Vec<Heard>) -> Result<(), End> {
+        let Mechanism::Curve(secured) = &mut self.mechanism else { return Ok(()) };
+        let opened = secured.curve.open(&mut sealed)?;
+        let Some(plain) = secured.plain.as_mut().filter(|_| !opened.is_command) else {
+            let body = sealed.get(OVERHEAD..).unwrap_or_default();
+            self.hear(opened.is_command, opened.more, body, heard);
+            return Ok(());
+        };
+        let Some(message) = plain.add(Bytes::from(sealed).slice(OVERHEAD..), opened.more)? else {
+            return Ok(());
+        };
+        let topic = message.first().cloned().unwrap_or_default();
+        // Requests and replies have no topic; who may send them is decided by the handshake.
+        let is_denied = self.kind == Kind::Xsub
+            && secured.curve.grant().is_some_and(|grant| !grant.may_publish(&topic));
+        heard.push(if is_denied { Heard::Denied(topic.into()) } else { Heard::Message(message) });
+        Ok(())
+    }
+
+    /// Takes a frame that is no part of a message for us.
+    fn hear(&mut self, is_command: bool, more: bool, body: &[u8], heard: &mut Vec<Heard>) {
+        if is_command {
+            return self.obey(body, heard);
+        }
+        match (self.inside, more) {
+            (false, false) => self.subscribe(body, heard),
+            (false, true) => heard.push(Heard::Ignored),
+            (true, _) => {}
+        }
+        self.inside = more;
+    }
+
+    /// Messages that have begun, as they come and as they are opened.
+    fn assemblies(&self) -> impl Iterator<Item = &Assembly> {
+        let plain = match &self.mechanism {
+            Mechanism::Null => None,
+            Mechanism::Curve(secured) => secured.plain.as_ref(),
+        };
+        self.assembly.iter().chain(plain)
     }
 
     fn obey(&mut self, body: &[u8], heard: &mut Vec<Heard>) {
@@ -431,6 +637,9 @@ impl<S: Read + Write> Peer<S> {
         if self.only.as_ref().is_some_and(|only| !only.starts_with(&topic)) {
             return;
         }
+        if on && !self.may_hear(&topic) {
+            return heard.push(Heard::Denied(topic));
+        }
         let changed =
             if on { self.topics.insert(topic.clone()) } else { self.topics.remove(&topic) };
         if changed {
@@ -446,7 +655,7 @@ impl<S: Read + Write> Peer<S> {
         }
         let silent = now.saturating_duration_since(self.heard_at);
         // A peer that reads but stopped within a message is dead all the same.
-        let has_begun = self.assembly.as_ref().is_some_and(Assembly::has_begun);
+        let has_begun = self.assemblies().any(Assembly::has_begun);
         if silent >= PROGRESS && (has_begun || !self.inbox.is_empty()) {
             return false;
         }
@@ -482,7 +691,7 @@ mod tests {
         let stream = TcpStream::connect(port.local_addr().unwrap()).unwrap();
         let address = stream.peer_addr().unwrap();
         let mut peer = Peer::new(stream, address, Instant::now());
-        let mut greeting = zmtp::greeting();
+        let mut greeting = zmtp::greeting(zmtp::NULL, false);
         greeting[11] = minor;
         peer.inbox = [greeting, zmtp::ready("SUB")].concat();
         peer.understand(&mut Vec::new()).unwrap();

@@ -12,7 +12,7 @@ use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::time::{Duration, Instant};
 
-use super::zmtp::{Breach, Frame, GREETING, greeting, ready, short_text, socket_type, split_frame};
+use super::zmtp::{self, Breach, Frame, GREETING, ready, short_text, socket_type, split_frame};
 
 /// Time for the whole conversation.
 pub(super) const TIMEOUT: Duration = Duration::from_secs(1);
@@ -26,7 +26,7 @@ const MAX_COMMAND: usize = 4096;
 pub enum Answer {
     /// A ZeroMQ socket of this type (`XPUB`, `REP`, …).
     Socket(String),
-    /// A ZeroMQ socket that wants this security mechanism.
+    /// A ZeroMQ socket that wants this security mechanism, of which no type is known.
     Secured(String),
     /// A ZeroMQ socket that refused us, with its words.
     Refused(String),
@@ -42,6 +42,9 @@ impl fmt::Display for Answer {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Socket(kind) => write!(f, "a ZeroMQ socket of type {kind}"),
+            Self::Secured(mechanism) if mechanism == zmtp::NULL => {
+                f.write_str("a ZeroMQ socket without CURVE, which is configured here")
+            }
             Self::Secured(mechanism) => {
                 write!(f, "a ZeroMQ socket that wants {mechanism} security")
             }
@@ -53,26 +56,26 @@ impl fmt::Display for Answer {
     }
 }
 
-/// Asks `address`, in the role of a socket of type `ours`.
-pub(super) fn ask_port(address: SocketAddr, ours: &str) -> Answer {
+/// Asks `address`, in the role of a socket of type `ours` with that mechanism.
+pub(super) fn ask_port(address: SocketAddr, ours: &str, mechanism: &str) -> Answer {
     let deadline = Instant::now() + TIMEOUT;
     let mut stream = match TcpStream::connect_timeout(&address, TIMEOUT) {
         Ok(stream) => Limited { stream, deadline },
         Err(error) => return Answer::Nobody(error.to_string()),
     };
-    ask(&mut stream, ours)
+    ask(&mut stream, ours, mechanism)
 }
 
-/// The answer on a connection, to a socket of type `ours`.
-pub(super) fn ask(stream: &mut (impl Read + Write), ours: &str) -> Answer {
-    talk(stream, ours).unwrap_or_else(|error| match error.kind() {
+/// The answer on a connection, to a socket of type `ours` with that mechanism.
+pub(super) fn ask(stream: &mut (impl Read + Write), ours: &str, mechanism: &str) -> Answer {
+    talk(stream, ours, mechanism).unwrap_or_else(|error| match error.kind() {
         ErrorKind::WouldBlock | ErrorKind::TimedOut => Answer::Silent,
         _ => Answer::NotZeroMq,
     })
 }
 
-fn talk(stream: &mut (impl Read + Write), ours: &str) -> std::io::Result<Answer> {
-    stream.write_all(&greeting())?;
+fn talk(stream: &mut (impl Read + Write), ours: &str, wanted: &str) -> std::io::Result<Answer> {
+    stream.write_all(&zmtp::greeting(wanted, false))?;
     // The first ten bytes decide: who does not start so will not send sixty-four.
     let mut signature = [0; 10];
     stream.read_exact(&mut signature)?;
@@ -86,7 +89,7 @@ fn talk(stream: &mut (impl Read + Write), ours: &str) -> std::io::Result<Answer>
         return Ok(Answer::NotZeroMq);
     }
     let mechanism: Vec<u8> = mechanism.iter().copied().take(20).take_while(|&b| b != 0).collect();
-    if mechanism != b"NULL" {
+    if wanted != zmtp::NULL || mechanism != zmtp::NULL.as_bytes() {
         return Ok(Answer::Secured(printable(&mechanism)));
     }
     stream.write_all(&ready(ours))?;
@@ -169,7 +172,7 @@ mod tests {
         let socket = context.socket(socket_type).unwrap();
         socket.bind("tcp://127.0.0.1:*").unwrap();
         let endpoint = socket.get_last_endpoint().unwrap().unwrap();
-        ask_port(endpoint.trim_start_matches("tcp://").parse().unwrap(), ours)
+        ask_port(endpoint.trim_start_matches("tcp://").parse().unwrap(), ours, zmtp::NULL)
     }
 
     #[test]
@@ -183,16 +186,16 @@ mod tests {
     fn other_programs_are_told_apart() {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap();
-        assert_eq!(ask_port(address, "SUB"), Answer::Silent);
+        assert_eq!(ask_port(address, "SUB", zmtp::NULL), Answer::Silent);
 
         let server = std::thread::spawn(move || {
             let (_first, _) = listener.accept().unwrap();
             let (mut second, _) = listener.accept().unwrap();
             second.write_all(b"SSH-2.0-OpenSSH_9.6\r\n").unwrap();
         });
-        assert_eq!(ask_port(address, "SUB"), Answer::NotZeroMq);
+        assert_eq!(ask_port(address, "SUB", zmtp::NULL), Answer::NotZeroMq);
         server.join().unwrap();
-        assert!(matches!(ask_port(address, "SUB"), Answer::Nobody(_)));
+        assert!(matches!(ask_port(address, "SUB", zmtp::NULL), Answer::Nobody(_)));
     }
 
     #[test]

@@ -52,7 +52,7 @@ impl Proxy {
         let is_traffic = |topic: &[u8]| topic == TRAFFIC_TOPIC.as_bytes();
         for heard in self.front.heard() {
             let pass_on = match &heard {
-                Heard::Ignored | Heard::Message(_) => {
+                Heard::Ignored | Heard::Message(_) | Heard::Denied(_) => {
                     self.status.ignored += 1;
                     None
                 }
@@ -130,6 +130,7 @@ impl Proxy {
         shown.bytes = counts.bytes;
         shown.forged = counts.forged;
         shown.ignored = counts.ignored;
+        shown.denied = self.front.denied() + self.back.denied();
         shown.missed.clone_from(&counts.missed);
         shown.cut = cut;
     }

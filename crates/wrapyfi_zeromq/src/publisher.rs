@@ -30,8 +30,7 @@ impl ZeroMqPublisher {
         spec.limits.message_bytes = spec.limits.message_bytes.min(shared.max_frame_bytes);
         let io = Arc::clone(&shared.io.handle);
         let (hwm, own) = (shared.send_hwm, shared.own_messages.of(&spec.topic));
-        let connection =
-            PublisherConnection::new(shared.sub_address, &spec.topic, hwm, own, context, &io);
+        let connection = PublisherConnection::new(shared, &spec.topic, own, context);
         io.send(Command::Publish(Arc::clone(&connection)));
         shared.ledger.enter(spec.topic.as_bytes(), &context.counters);
         Self { connection, spec, depth: usize::from(hwm), io, told_order: false }

@@ -18,11 +18,12 @@ use bytes::Bytes;
 use mio::unix::SourceFd;
 use mio::{Interest, Registry, Token};
 
+use super::curve::{self, Curve, Keys};
 use super::io::{Command, Handle, Look, index};
 use super::link::{self, BrokerLink};
 use super::own_messages::OwnTopic;
-use super::peer::{Message, Peer};
-use super::{contexts, options};
+use super::peer::{End, Message, Peer};
+use super::{Shared, contexts, options};
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::{Context, DropReason, Mutex, PROGRESS, Throttle};
 
@@ -42,6 +43,8 @@ pub(super) struct PublisherConnection {
     own: Arc<OwnTopic>,
     context: Context,
     io: Arc<Handle>,
+    /// Keys of this process, where connections are to have CURVE.
+    keys: Option<Arc<Keys>>,
     state: Mutex<State>,
 }
 
@@ -67,13 +70,12 @@ enum Way {
 impl PublisherConnection {
     /// A connection to `broker` that the I/O thread makes.
     pub(super) fn new(
-        broker: SocketAddr,
+        shared: &Shared,
         topic: &str,
-        hwm: u16,
         own: Arc<OwnTopic>,
         context: &Context,
-        io: &Arc<Handle>,
     ) -> Arc<Self> {
+        let (io, broker) = (&shared.io.handle, shared.sub_address);
         let (id, now) = (io.next_id(), Instant::now());
         let backoff = Backoff::of_process(id);
         let state = State { way: Way::Down(now), backoff, moved: (0, now), closes: None };
@@ -81,8 +83,12 @@ impl PublisherConnection {
             id,
             broker,
             topic: Bytes::copy_from_slice(topic.as_bytes()),
-            hwm: Some(usize::from(hwm)).filter(|hwm| *hwm > 0),
-            link: BrokerLink::new(&options::endpoint(broker.ip(), broker.port())),
+            hwm: Some(usize::from(shared.send_hwm)).filter(|hwm| *hwm > 0),
+            link: BrokerLink::new(
+                &options::endpoint(broker.ip(), broker.port()),
+                shared.keys.as_ref(),
+            ),
+            keys: shared.keys.clone(),
             own,
             context: context.clone(),
             io: Arc::clone(io),
@@ -178,7 +184,10 @@ impl PublisherConnection {
             }
             if let Way::Begun(stream, _) = std::mem::replace(&mut state.way, Way::Ended) {
                 let peer = Peer::new(stream, self.broker, now).of_topic(self.topic.clone());
-                state.way = Way::Up(Box::new(peer));
+                match self.secure(peer) {
+                    Ok(peer) => state.way = Way::Up(Box::new(peer)),
+                    Err(breach) => return self.lose(state, now, &breach),
+                }
                 state.moved = (0, now);
             }
         }
@@ -202,7 +211,12 @@ impl PublisherConnection {
         }
         let more = match (read, written) {
             (Ok(more), Ok(())) => more,
-            (Err(why), _) => return self.lose(state, now, &why),
+            (Err(why), _) => {
+                if matches!(why, End::Mechanism { .. }) {
+                    self.link.note(link::SECURED);
+                }
+                return self.lose(state, now, &why);
+            }
             (_, Err(error)) => return self.lose(state, now, &error),
         };
         let waits = peer.is_open() && !peer.outbox.is_empty();
@@ -214,6 +228,13 @@ impl PublisherConnection {
         }
         let quiet = options::SILENCE.saturating_sub(now.saturating_duration_since(peer.heard_at));
         Look { more, timeout: Some(quiet.max(LOOK_EVERY)), over: false }
+    }
+
+    /// A connection that begins, with CURVE where there are keys.
+    fn secure(&self, peer: Peer) -> Result<Peer, curve::Breach> {
+        let Some(keys) = &self.keys else { return Ok(peer) };
+        let (curve, hello) = Curve::client(keys)?;
+        Ok(peer.secured(curve, Some(hello)))
     }
 
     /// Ends the connection; another try follows after a pause. What waited is lost.

@@ -13,8 +13,9 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use super::broker::{BrokerError, bind, failed_to, loopback};
+use super::broker::{BrokerError, bind, failed_to, keys, loopback};
 use super::config::ZeroMqConfig;
+use super::curve_config::CurveConfig;
 use super::front::Bounds;
 use super::options::StopSignal;
 use super::peer::Kind;
@@ -38,6 +39,7 @@ pub struct ServiceBrokerConfig {
     pub max_frame_bytes: usize,
     pub max_connections: usize,
     pub insecure: Insecure,
+    pub curve: Option<CurveConfig>,
 }
 
 impl Default for ServiceBrokerConfig {
@@ -80,7 +82,8 @@ pub struct ServiceBrokerStatus {
     pub malformed: u64,
     /// Replies dropped because their clients were gone, or did not read.
     pub unheard: u64,
-    /// Connections that were refused or ended, by reason: `too_many`, `oversize`, `over_budget`.
+    /// Connections that were refused or ended, by reason: `too_many`, `oversize`, `over_budget`; with CURVE
+    /// `mechanism`, `curve`, `unknown_key`, `not_allowed` (to call or to serve).
     pub cut: BTreeMap<&'static str, u64>,
     /// Reason why the broker does not work now; it goes on trying.
     pub failure: Option<String>,
@@ -92,7 +95,8 @@ impl ServiceBroker {
     /// # Errors
     /// When a port cannot be bound or must not be; both are free again then.
     pub fn start(config: &ServiceBrokerConfig) -> Result<Self, BrokerError> {
-        let ip = loopback(&config.ip, config.insecure)?;
+        let keys = keys(config.curve.as_ref(), None)?;
+        let ip = loopback(&config.ip, config.insecure, keys.as_ref())?;
         let (rep_port, req_port) = (config.rep_port, config.req_port);
         if rep_port == req_port && rep_port != 0 {
             let names = ("rep_port", "req_port");
@@ -112,6 +116,7 @@ impl ServiceBroker {
         let (stop_signal, stop) =
             StopSignal::new(&context).map_err(failed_to("open its control socket"))?;
         let status = Arc::<Mutex<ServiceBrokerStatus>>::default();
+        let (front, back) = (front.secured(keys.clone()), back.secured(keys));
         let proxy = ServiceProxy::new(front, back, stop, config.pending, Arc::clone(&status));
         let runs = Runs::start("zeromq-services", stop_signal, proxy)
             .map_err(failed_to("start its thread"))?;
@@ -159,5 +164,9 @@ impl Supervised for ServiceBroker {
 
     fn ports(config: &Self::Config) -> (u16, u16) {
         (config.rep_port, config.req_port)
+    }
+
+    fn has_curve(config: &Self::Config) -> bool {
+        config.curve.is_some()
     }
 }

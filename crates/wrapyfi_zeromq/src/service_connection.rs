@@ -161,7 +161,7 @@ impl ServiceConnection {
         spec: &ServiceSpec,
         context: &Context,
     ) -> zmq::Result<Arc<ServiceHandle>> {
-        let link = BrokerLink::new(endpoint);
+        let link = BrokerLink::new(endpoint, shared.keys.as_ref());
         let (socket, watch) = shared.contexts.open(|context| {
             let socket = context.socket(zmq::DEALER)?;
             options::set_common(&socket, shared.ip)?;
@@ -173,7 +173,7 @@ impl ServiceConnection {
             // not: libzmq would throw away a reply that came just before its broker ended.
             socket.set_immediate(matches!(end, End::Server(_)))?;
             options::set_message_limit(&socket, spec.limits.message_bytes)?;
-            link::connect(context, socket, &link)
+            link::connect(context, socket, &link, shared.keys.as_ref())
         })?;
         let io = Arc::clone(&shared.io.handle);
         let handle = Arc::new(ServiceHandle {

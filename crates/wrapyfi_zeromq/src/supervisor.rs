@@ -13,10 +13,12 @@ use std::time::{Duration, Instant};
 use super::ZeroMqError;
 use super::broker::BrokerError;
 use super::config::{BrokerMode, reachable};
+use super::curve::Keys;
 use super::link::{self, BrokerLink, Watch};
 use super::options::{self, StopSignal};
 use super::port_check::{Answer, ask_port};
 use super::turns::{Runs, Turns};
+use super::zmtp;
 use wrapyfi_endpoint::Mutex;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::network::is_of_this_machine;
@@ -43,6 +45,9 @@ pub(super) trait Supervised: Sized + Send + 'static {
 
     /// The two ports.
     fn ports(config: &Self::Config) -> (u16, u16);
+
+    /// True for a broker with CURVE.
+    fn has_curve(config: &Self::Config) -> bool;
 }
 
 /// One side of a broker.
@@ -71,6 +76,7 @@ impl<B: Supervised> Supervisor<B> {
         config: &B::Config,
         mode: BrokerMode,
         ip: IpAddr,
+        keys: Option<&Arc<Keys>>,
     ) -> Result<Self, ZeroMqError> {
         let found = match mode {
             BrokerMode::Embedded => settle(config, ip)?,
@@ -80,7 +86,7 @@ impl<B: Supervised> Supervisor<B> {
         match found {
             Found::Own(broker) => *supervisor.broker.lock() = Some(broker),
             Found::Foreign { may_take_over: false } => {}
-            Found::Foreign { may_take_over: true } => supervisor.guard(config.clone(), ip)?,
+            Found::Foreign { may_take_over: true } => supervisor.guard(config.clone(), ip, keys)?,
         }
         Ok(supervisor)
     }
@@ -90,10 +96,18 @@ impl<B: Supervised> Supervisor<B> {
         self.broker.lock().as_ref().map(look)
     }
 
-    fn guard(&mut self, config: B::Config, ip: IpAddr) -> Result<(), ZeroMqError> {
+    fn guard(
+        &mut self,
+        config: B::Config,
+        ip: IpAddr,
+        keys: Option<&Arc<Keys>>,
+    ) -> Result<(), ZeroMqError> {
         let context = zmq::Context::new();
         let (stop_signal, stop) = StopSignal::new(&context)?;
-        let guard = Guard::<B>::new(&context, config, ip, stop, Arc::clone(&self.broker))?;
+        let endpoint = options::endpoint(reachable(ip), B::ports(&config).0);
+        let link = BrokerLink::new(&endpoint, keys);
+        let guard =
+            Guard::<B>::new(&context, config, (ip, &link, keys), stop, Arc::clone(&self.broker))?;
         let runs = Runs::start("zeromq-guard", stop_signal, guard);
         self.guard =
             Some(runs.map_err(|error| ZeroMqError::Transport { reason: error.to_string() })?);
@@ -122,8 +136,9 @@ fn settle<B: Supervised>(config: &B::Config, ip: IpAddr) -> Result<Found<B>, Zer
             return Ok(Found::Foreign { may_take_over });
         }
         let (front_port, back_port) = B::ports(config);
-        let front = Asked::ask(ip, front_port, &B::FRONT);
-        let back = Asked::ask(ip, back_port, &B::BACK);
+        let has_curve = B::has_curve(config);
+        let front = Asked::ask(ip, front_port, &B::FRONT, has_curve);
+        let back = Asked::ask(ip, back_port, &B::BACK, has_curve);
         if front.is_broker() && back.is_broker() {
             tracing::info!(%ip, front_port, back_port, "using the ZeroMQ broker that runs already");
             return Ok(Found::Foreign { may_take_over });
@@ -146,17 +161,25 @@ fn settle<B: Supervised>(config: &B::Config, ip: IpAddr) -> Result<Found<B>, Zer
 struct Asked {
     port: u16,
     expected: &'static str,
+    has_curve: bool,
     answer: Answer,
 }
 
 impl Asked {
-    fn ask(ip: IpAddr, port: u16, side: &Side) -> Self {
+    fn ask(ip: IpAddr, port: u16, side: &Side, has_curve: bool) -> Self {
         let Side { ours, expected } = *side;
-        Self { port, expected, answer: ask_port(SocketAddr::new(reachable(ip), port), ours) }
+        let mechanism = if has_curve { zmtp::CURVE } else { zmtp::NULL };
+        let answer = ask_port(SocketAddr::new(reachable(ip), port), ours, mechanism);
+        Self { port, expected, has_curve, answer }
     }
 
     fn is_broker(&self) -> bool {
-        matches!(&self.answer, Answer::Socket(kind) if kind == self.expected)
+        match &self.answer {
+            Answer::Socket(kind) => kind == self.expected,
+            // A socket with keys tells its type to those alone whom it knows.
+            Answer::Secured(mechanism) => self.has_curve && mechanism == zmtp::CURVE,
+            _ => false,
+        }
     }
 
     fn is_nobody(&self) -> bool {
@@ -164,7 +187,7 @@ impl Asked {
     }
 
     fn into_error(self, ip: IpAddr, settings: &'static str) -> ZeroMqError {
-        let Self { port, expected, answer } = self;
+        let Self { port, expected, answer, .. } = self;
         ZeroMqError::PortTaken { ip, port, expected, answer, settings }
     }
 }
@@ -185,15 +208,14 @@ impl<B: Supervised> Guard<B> {
     fn new(
         context: &zmq::Context,
         config: B::Config,
-        ip: IpAddr,
+        (ip, link, keys): (IpAddr, &Arc<BrokerLink>, Option<&Arc<Keys>>),
         stop: zmq::Socket,
         slot: Arc<Mutex<Option<B>>>,
     ) -> zmq::Result<Self> {
-        let endpoint = options::endpoint(reachable(ip), B::ports(&config).0);
         let socket = context.socket(B::WATCHER)?;
         options::set_common(&socket, ip)?;
         socket.set_linger(0)?;
-        let (socket, watch) = link::connect(context, socket, &BrokerLink::new(&endpoint))?;
+        let (socket, watch) = link::connect(context, socket, link, keys)?;
         let mut backoff = Backoff::of_process(2);
         let try_at = Instant::now() + backoff.wait();
         Ok(Self { config, stop, watch, socket, slot, backoff, try_at })

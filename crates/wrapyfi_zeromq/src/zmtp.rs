@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   greeting (64 bytes)   signature, version, mechanism
-//!   command READY         Socket-Type
+//!   command READY         Socket-Type                (with CURVE: HELLO, WELCOME, INITIATE before it)
 //!   frames                flags, length (1 or 8 bytes), body
 //! ```
 //!
@@ -40,44 +40,67 @@ pub(super) struct Frame<'a> {
 
 /// A peer that does not keep to the protocol.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("it does not speak ZMTP 3 without security as its side does")]
+#[error("it does not speak ZMTP 3 as its side does")]
 pub(super) struct Breach;
 
-/// Our greeting, with mechanism NULL.
-pub(super) fn greeting() -> Vec<u8> {
+/// Mechanism of a connection without security.
+pub(super) const NULL: &str = "NULL";
+/// Mechanism of one whose ends have keys.
+pub(super) const CURVE: &str = "CURVE";
+
+/// Our greeting.
+pub(super) fn greeting(mechanism: &str, is_server: bool) -> Vec<u8> {
     let mut greeting = vec![0xff, 0, 0, 0, 0, 0, 0, 0, 1, 0x7f, 3, 0];
-    greeting.extend_from_slice(b"NULL");
+    greeting.extend_from_slice(mechanism.as_bytes());
+    greeting.resize(32, 0);
+    greeting.push(u8::from(is_server));
     greeting.resize(GREETING, 0);
     greeting
 }
 
-/// Checks that a greeting is of ZMTP 3 with mechanism NULL; true where it is of version 3.1, which has heartbeats.
+/// Reads a greeting of ZMTP 3: its mechanism, and true where it is of version 3.1, which has heartbeats.
 /// libzmq answers them from 4.2 on, and says 3.1 from 4.3.3 on.
-pub(super) fn check_greeting(greeting: &[u8; GREETING]) -> Result<bool, Breach> {
-    let [0xff, _, _, _, _, _, _, _, _, 0x7f, major @ 3..=255, minor, mechanism @ ..] = greeting
-    else {
+pub(super) fn read_greeting(greeting: &[u8; GREETING]) -> Result<(String, bool), Breach> {
+    let [0xff, _, _, _, _, _, _, _, _, 0x7f, major @ 3..=255, minor, rest @ ..] = greeting else {
         return Err(Breach);
     };
-    match mechanism.strip_prefix(b"NULL") {
-        Some([0, ..]) => Ok((*major, *minor) >= (3, 1)),
-        _ => Err(Breach),
-    }
+    let mechanism = rest.iter().take(20).take_while(|byte| **byte != 0).copied();
+    let mechanism = mechanism.collect::<Vec<u8>>().escape_ascii().to_string();
+    Ok((mechanism, (*major, *minor) >= (3, 1)))
 }
 
 /// The command READY of a socket of this type.
 pub(super) fn ready(socket_type: &str) -> Vec<u8> {
-    let mut body = b"\x05READY\x0bSocket-Type\0\0\0".to_vec();
-    // Socket types are words of a few letters.
-    body.push(u8::try_from(socket_type.len()).unwrap_or(u8::MAX));
-    body.extend_from_slice(socket_type.as_bytes());
-    command(&body)
+    command(&[&b"\x05READY"[..], &properties(socket_type)].concat())
 }
 
-/// A command with this body, which is at most 255 bytes long.
+/// Properties of a socket of this type.
+pub(super) fn properties(socket_type: &str) -> Vec<u8> {
+    let mut properties = b"\x0bSocket-Type\0\0\0".to_vec();
+    // Socket types are words of a few letters.
+    properties.push(u8::try_from(socket_type.len()).unwrap_or(u8::MAX));
+    properties.extend_from_slice(socket_type.as_bytes());
+    properties
+}
+
+/// A command with this body.
 pub(super) fn command(body: &[u8]) -> Vec<u8> {
-    let mut frame = vec![FLAG_COMMAND, u8::try_from(body.len()).unwrap_or(u8::MAX)];
-    frame.extend(body.iter().take(usize::from(u8::MAX)));
+    let mut frame = Vec::with_capacity(body.len() + 9);
+    put_header(true, false, body.len(), &mut frame);
+    frame.extend_from_slice(body);
     frame
+}
+
+/// Adds the header of a frame.
+pub(super) fn put_header(is_command: bool, more: bool, length: usize, out: &mut Vec<u8>) {
+    let flags = if is_command { FLAG_COMMAND } else { 0 } | if more { FLAG_MORE } else { 0 };
+    match u8::try_from(length) {
+        Ok(length) => out.extend([flags, length]),
+        Err(_) => {
+            out.push(flags | FLAG_LONG);
+            out.extend((length as u64).to_be_bytes());
+        }
+    }
 }
 
 /// Socket type in the properties of a command READY.
@@ -135,15 +158,8 @@ pub(super) fn encode<F: AsRef<[u8]> + Send + 'static>(frames: Vec<F>) -> Vec<Byt
     let (mut parts, mut head) = (Vec::new(), Vec::new());
     let count = frames.len();
     for (index, frame) in frames.into_iter().enumerate() {
-        let more = if index + 1 < count { FLAG_MORE } else { 0 };
         let body = frame.as_ref();
-        match u8::try_from(body.len()) {
-            Ok(length) => head.extend([more, length]),
-            Err(_) => {
-                head.push(more | FLAG_LONG);
-                head.extend((body.len() as u64).to_be_bytes());
-            }
-        }
+        put_header(false, index + 1 < count, body.len(), &mut head);
         if body.len() <= COPIED {
             head.extend_from_slice(body);
         } else {
@@ -213,15 +229,15 @@ mod tests {
 
     #[test]
     fn other_greetings_are_refused() {
-        let ours: [u8; GREETING] = greeting().try_into().unwrap();
-        assert_eq!(check_greeting(&ours), Ok(false));
+        let ours: [u8; GREETING] = greeting(CURVE, true).try_into().unwrap();
+        assert_eq!(read_greeting(&ours), Ok((CURVE.to_owned(), false)));
         let mut newer = ours;
         newer[11] = 1;
-        assert_eq!(check_greeting(&newer), Ok(true));
-        for (at, byte) in [(0, 0), (9, 0), (10, 2), (12, b'C'), (16, b'X')] {
+        assert_eq!(read_greeting(&newer), Ok((CURVE.to_owned(), true)));
+        for (at, byte) in [(0, 0), (9, 0), (10, 2)] {
             let mut other = ours;
             other[at] = byte;
-            assert_eq!(check_greeting(&other), Err(Breach), "{at}");
+            assert_eq!(read_greeting(&other), Err(Breach), "{at}");
         }
     }
 }

@@ -5,7 +5,9 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
-use wrapyfi_core::middleware::zeromq::{Broker, BrokerError, ServiceBroker, ZeroMqConfig};
+use wrapyfi_core::middleware::zeromq::{
+    Broker, BrokerError, CurveClient, ServiceBroker, ZeroMqConfig,
+};
 use wrapyfi_core::network::Place;
 
 use crate::cli::BrokerArgs;
@@ -26,6 +28,16 @@ pub fn run(args: &BrokerArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     config.sub_port = args.sub_port.unwrap_or(config.sub_port);
     config.rep_port = args.ports.rep_port.unwrap_or(config.rep_port);
     config.req_port = args.ports.req_port.unwrap_or(config.req_port);
+    if args.curve_secret_key_file.is_some() || !args.curve_client.is_empty() {
+        let curve = config.curve.get_or_insert_default();
+        // The broker's own key, whatever else connects from here.
+        curve.server_key = None;
+        if let Some(file) = &args.curve_secret_key_file {
+            curve.secret_key_file = Some(file.clone());
+        }
+        let clients = args.curve_client.iter().map(|key| CurveClient::of_all(key));
+        curve.clients = Some(clients.collect()).filter(|clients: &Vec<_>| !clients.is_empty());
+    }
     let services = match ServiceBroker::start(&config.service_broker_config()) {
         Ok(services) => Some(services),
         // Wrapyfi's servers bring theirs along: topics need not wait for them to end.
@@ -74,7 +86,9 @@ pub fn run(args: &BrokerArgs, shutdown: &Shutdown) -> Result<(), Failure> {
 
 fn failed(error: BrokerError) -> Failure {
     match error {
-        BrokerError::NotLoopback(_) | BrokerError::SamePort { .. } => Failure::usage(error),
+        BrokerError::NotLoopback(_) | BrokerError::SamePort { .. } | BrokerError::Curve(_) => {
+            Failure::usage(error)
+        }
         error => anyhow::Error::new(error).into(),
     }
 }

@@ -265,6 +265,7 @@ fn hosts(config: &Config<Endpoints>) -> Result<Hosts, Problem> {
 /// Finds what can be found wrong before anything is started, and reads what the sections name.
 fn check(endpoints: &mut Endpoints, beside: &Path) -> Result<(), Problem> {
     endpoints.yarp.check()?;
+    endpoints.zeromq.find_keys(beside);
     endpoints.ros.read_rules(beside)
 }
 

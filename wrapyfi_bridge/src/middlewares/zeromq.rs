@@ -1,12 +1,13 @@
 //! `endpoints.zeromq` of a configuration, and the middleware that it makes.
 
 use std::num::NonZeroU16;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Deserialize;
 use wrapyfi_core::endpoint::Conventions;
 use wrapyfi_core::engine::{Available, Problem, Spanned};
-use wrapyfi_core::middleware::zeromq::{self, BrokerMode, ZeroMqConfig};
+use wrapyfi_core::middleware::zeromq::{self, BrokerMode, CurveClient, CurveConfig, ZeroMqConfig};
 use wrapyfi_core::network::Hosts;
 
 use super::start::Role;
@@ -37,6 +38,55 @@ pub struct ZeroMqSection {
     pub send_hwm: Option<u16>,
     pub max_connections: Option<NonZeroU16>,
     pub insecure: Word,
+    pub curve: Option<CurveSection>,
+}
+
+/// `endpoints.zeromq.curve`; what is left out comes from the `WRAPYFI_ZEROMQ_CURVE_*` variables.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+#[allow(missing_docs)]
+pub struct CurveSection {
+    pub secret_key_file: Option<PathBuf>,
+    pub server_key: Option<String>,
+    pub clients: Option<Vec<CurveClientSection>>,
+}
+
+/// A client that the broker takes, with what it may.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs)]
+pub struct CurveClientSection {
+    pub key: String,
+    #[serde(default)]
+    pub publish: Vec<String>,
+    #[serde(default)]
+    pub subscribe: Vec<String>,
+    #[serde(default)]
+    pub call: bool,
+    #[serde(default)]
+    pub serve: bool,
+}
+
+impl CurveSection {
+    fn say(&self, config: &mut Option<CurveConfig>) {
+        let config = config.get_or_insert_default();
+        if let Some(file) = &self.secret_key_file {
+            config.secret_key_file = Some(file.clone());
+        }
+        if let Some(key) = &self.server_key {
+            config.server_key = Some(key.clone());
+        }
+        let client = |it: &CurveClientSection| CurveClient {
+            key: it.key.clone(),
+            publish: it.publish.clone(),
+            subscribe: it.subscribe.clone(),
+            call: it.call,
+            serve: it.serve,
+        };
+        if let Some(clients) = &self.clients {
+            config.clients = Some(clients.iter().map(client).collect());
+        }
+    }
 }
 
 /// Ports of the ZeroMQ broker of requests and replies.
@@ -70,6 +120,22 @@ pub enum BrokerWord {
 }
 
 impl ZeroMqSection {
+    /// Finds the files of keys, whose paths are as seen from `folder`.
+    pub(super) fn find_keys(&mut self, folder: &Path) {
+        let Some(curve) = &mut self.curve else { return };
+        if let Some(file) = &mut curve.secret_key_file {
+            *file = folder.join(&*file);
+        }
+        let keys = curve.clients.iter_mut().flatten().map(|client| &mut client.key);
+        for key in curve.server_key.iter_mut().chain(keys) {
+            // What names no file is the key itself.
+            let file = folder.join(&*key);
+            if file.is_file() {
+                *key = file.display().to_string();
+            }
+        }
+    }
+
     /// A broker of ours that other machines reach is refused before anything starts.
     pub fn check_permitted(&self, hosts: &Hosts) -> Result<(), Problem> {
         let Some(written) = &self.ip else { return Ok(()) };
@@ -84,6 +150,9 @@ impl ZeroMqSection {
     /// Writes into `config` who runs the broker, its address, and who may reach it.
     fn say(&self, config: &mut ZeroMqConfig) {
         self.insecure.say(&mut config.insecure, self.ip.is_some());
+        if let Some(curve) = &self.curve {
+            curve.say(&mut config.curve);
+        }
         if let Some(ip) = &self.ip {
             config.ip.clone_from(&ip.value);
         }

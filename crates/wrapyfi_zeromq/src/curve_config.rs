@@ -1,0 +1,131 @@
+//! Settings of CURVE, and the faults that they can have.
+
+use std::path::PathBuf;
+
+/// Keys of this process on ZeroMQ, and what other keys may do at a broker of ours.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct CurveConfig {
+    /// File with the secret key of this process, which nobody else may read
+    /// (`WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE`): a certificate of pyzmq, or a line of 40 characters. None: a key of
+    /// its own for each start, with which no broker can run here.
+    pub secret_key_file: Option<PathBuf>,
+    /// Public key of the broker, 40 characters, or a file with it (`WRAPYFI_ZEROMQ_CURVE_SERVER_KEY`). None: the
+    /// broker has the key of this process.
+    pub server_key: Option<String>,
+    /// Clients that a broker of ours takes. None: every client that knows the broker's public key.
+    pub clients: Option<Vec<CurveClient>>,
+}
+
+/// A client that a broker takes.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct CurveClient {
+    /// Public key, 40 characters, or a file with it.
+    pub key: String,
+    /// Topics that it may publish: regular expressions for whole names.
+    pub publish: Vec<String>,
+    /// Topics that it may listen to, likewise.
+    pub subscribe: Vec<String>,
+    /// True where it may call the service.
+    pub call: bool,
+    /// True where it may serve it.
+    pub serve: bool,
+}
+
+impl CurveClient {
+    /// A client that may use all topics and the service.
+    #[must_use]
+    pub fn of_all(key: &str) -> Self {
+        let all = vec![".*".to_owned()];
+        Self { key: key.to_owned(), publish: all.clone(), subscribe: all, call: true, serve: true }
+    }
+}
+
+/// Error of the keys of CURVE.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CurveError {
+    /// The program has no CURVE.
+    #[error("this program was built without CURVE: build it with the feature `curve`")]
+    NotBuilt,
+    /// The library that the program is linked with has no CURVE.
+    #[error(
+        "libzmq of this program was built without CURVE, as the one is that the crate zmq-sys brings: link the \
+         system's (Debian and Ubuntu: libzmq3-dev, .cargo/config.toml)"
+    )]
+    NotInLibzmq,
+    /// A file of a key cannot be read.
+    #[error("the CURVE key file {} cannot be read: {reason}", path.display())]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// Message of the system.
+        reason: String,
+    },
+    /// Others could read the secret key.
+    #[error(
+        "the CURVE secret key {path} can be read by others (mode {mode:03o}): chmod 600 {path}",
+        path = path.display()
+    )]
+    OpenToOthers {
+        /// The file.
+        path: PathBuf,
+        /// Its permissions.
+        mode: u32,
+    },
+    /// A file has no key.
+    #[error(
+        "{} has no {what} key: neither a line of 40 characters (Z85) nor a certificate of pyzmq with `{what}-key`",
+        path.display()
+    )]
+    NoKey {
+        /// The file.
+        path: PathBuf,
+        /// Kind of the key: public or secret.
+        what: &'static str,
+    },
+    /// A text is no key, and no file.
+    #[error(
+        "{text:?} is no CURVE public key (40 characters of Z85), and as a file it cannot be read: {reason}"
+    )]
+    BadKey {
+        /// Text as configured.
+        text: String,
+        /// Message of the system.
+        reason: String,
+    },
+    /// A topic of a client is no pattern.
+    #[error("the topic {pattern:?} of the CURVE client {key} is no pattern: {reason}")]
+    Pattern {
+        /// Public key of the client.
+        key: String,
+        /// Pattern as configured.
+        pattern: String,
+        /// The rule that it breaks.
+        reason: String,
+    },
+    /// A client is listed twice.
+    #[error("the CURVE client {key} is listed twice: write all that it may in one entry")]
+    Twice {
+        /// Public key of the client.
+        key: String,
+    },
+    /// A broker runs here, and has no key that stays.
+    #[error(
+        "a broker with CURVE needs `secret_key_file`; a program that only connects says `broker: foreign`"
+    )]
+    NoSecretKey,
+    /// The broker that would run here has another key than clients are told.
+    #[error(
+        "`server_key` ({server}) is not the public key of `secret_key_file` ({own}), which a broker here would have: \
+         leave it out, or say `broker: foreign`"
+    )]
+    OtherServer {
+        /// Public key that is configured.
+        server: String,
+        /// Public key of this process.
+        own: String,
+    },
+    /// The system gives no random numbers.
+    #[error("the system gives no random numbers for CURVE")]
+    NoRandom,
+}

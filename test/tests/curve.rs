@@ -1,0 +1,147 @@
+//! ZeroMQ with CURVE: sockets and certificates of pyzmq at our broker, and who is refused there.
+
+use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, run, zeromq};
+
+const NEEDS: &[Need] = &[Need::Program, Need::Python];
+
+/// Has pyzmq write certificates into the test's folder.
+fn certificates(env: &TestEnv, names: &str) -> Result {
+    let folder = env.path("keys");
+    std::fs::create_dir_all(&folder)?;
+    let args = format!("keys --dir {} --names {names}", folder.display());
+    let mut peer = env.peer("curve_peer.py", &args)?;
+    peer.event("done")?;
+    peer.exits_with(0)
+}
+
+/// A socket of pyzmq with the key `key` that takes the broker's for `server`.
+fn socket(env: &TestEnv, role: &str, topic: &str, key: &str, server: &str) -> Result<Process> {
+    let port = match role {
+        "pub" => env.sub_port(),
+        "sub" => env.pub_port(),
+        "req" => env.rep_port(),
+        _ => env.req_port(),
+    };
+    let folder = env.path("keys");
+    let keys = format!("--dir {} --key {key} --server {server}", folder.display());
+    let keys = if key.is_empty() { "" } else { &keys };
+    env.peer("curve_peer.py", &format!("{role} --port {port} --topic {topic} --bytes 1000 {keys}"))
+}
+
+fn logged(broker: &Process, words: &[&str]) -> Result {
+    broker.wait_until(&format!("{words:?} in the log"), |output| {
+        let has_all = |line: &String| words.iter().all(|word| line.contains(word));
+        output.err.iter().any(has_all).then_some(())
+    })
+}
+
+#[test]
+fn sockets_of_pyzmq_have_what_the_list_says() -> Result {
+    run("sockets_of_pyzmq_have_what_the_list_says", NEEDS, |env| {
+        certificates(env, "broker,robot,stranger")?;
+        let (from, to, secret) = (env.topic("in"), env.topic("out"), env.topic("secret"));
+        let curve = format!(
+            "    curve:\n      secret_key_file: keys/broker.key_secret\n      clients:\n        - {{ key: \
+             keys/robot.key, publish: [\"{from}\"], subscribe: [\"{to}\"] }}\n"
+        );
+        let route = Route::new(&zeromq(&from), &zeromq(&to), "NativeObject");
+        let bridge = env.bridge(&env.embedded().endpoint(&curve).route(route))?;
+        let listener = socket(env, "sub", &to, "robot", "broker")?;
+        let publisher = socket(env, "pub", &from, "robot", "broker")?;
+        let heard = listener.event("heard")?;
+        assert!(heard["text"].as_str().is_some_and(|text| text.contains("seq")), "{heard}");
+        for peer in [&listener, &publisher] {
+            assert_eq!(peer.event("handshake")?["ok"], true);
+        }
+        {
+            let stranger = socket(env, "sub", &to, "stranger", "broker")?;
+            let refused = stranger.event("handshake")?;
+            assert_eq!((&refused["ok"], &refused["code"]), (&false.into(), &400.into()));
+            logged(&bridge, &["unknown_key", "is not among the clients"])?;
+        }
+        {
+            let _without = socket(env, "sub", &to, "", "")?;
+            logged(&bridge, &["mechanism", "it offers NULL where this side speaks CURVE"])?;
+        }
+        {
+            let _wrong = socket(env, "sub", &to, "robot", "stranger")?;
+            logged(&bridge, &["curve", "made for another server key"])?;
+        }
+        {
+            let curious = socket(env, "sub", &secret, "robot", "broker")?;
+            assert_eq!(curious.event("handshake")?["ok"], true);
+            logged(&bridge, &["may not subscribe to", &secret])?;
+        }
+        // The route listens to it: a PUB sends nothing that nobody wants.
+        let _wanted = socket(env, "sub", &to, "robot", "broker")?;
+        let _forger = socket(env, "pub", &to, "robot", "broker")?;
+        logged(&bridge, &["may not publish", &to])
+    })
+}
+
+#[test]
+fn programs_take_keys_from_the_environment() -> Result {
+    run("programs_take_keys_from_the_environment", NEEDS, |env| {
+        certificates(env, "broker,robot")?;
+        let key = |name: &str| env.path("keys").join(name);
+        env.set_variable("WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE", key("broker.key_secret"));
+        let broker = env.broker()?;
+        logged(&broker, &["every client that knows the public key of this broker"])?;
+        let topic = env.topic("x");
+        let _publisher = socket(env, "pub", &topic, "robot", "broker")?;
+        env.set_variable("WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE", key("robot.key_secret"));
+        env.set_variable("WRAPYFI_ZEROMQ_CURVE_SERVER_KEY", key("broker.key"));
+        let endpoint = zeromq(&topic);
+        let mut echo =
+            env.wrapyfi(["echo", &endpoint, "--type", "NativeObject", "--count", "2", "--json"])?;
+        assert_eq!(echo.objects(2)?.len(), 2);
+        echo.exits_with(0)?;
+        let _server = socket(env, "rep", "", "robot", "broker")?;
+        let client = socket(env, "req", "", "robot", "broker")?;
+        assert_eq!(client.event("heard")?["text"], "[42]");
+        Ok(())
+    })
+}
+
+#[test]
+fn a_broker_takes_the_clients_of_its_arguments() -> Result {
+    run("a_broker_takes_the_clients_of_its_arguments", NEEDS, |env| {
+        certificates(env, "broker,robot,stranger")?;
+        let (pub_port, sub_port) = (env.pub_port().to_string(), env.sub_port().to_string());
+        let (own, robot) = (env.path("keys/broker.key_secret"), env.path("keys/robot.key"));
+        let arguments = [
+            "broker",
+            "--pub-port",
+            &pub_port,
+            "--sub-port",
+            &sub_port,
+            "--curve-secret-key-file",
+            &own.display().to_string(),
+            "--curve-client",
+            &robot.display().to_string(),
+        ];
+        let _broker = env.wrapyfi(arguments)?.pillar();
+        let topic = env.topic("x");
+        let listener = socket(env, "sub", &topic, "robot", "broker")?;
+        let _publisher = socket(env, "pub", &topic, "robot", "broker")?;
+        listener.event("heard")?;
+        let stranger = socket(env, "pub", &topic, "stranger", "broker")?;
+        assert_eq!(stranger.event("handshake")?["code"], 400);
+        Ok(())
+    })
+}
+
+#[test]
+fn a_secret_that_others_read_is_refused_with_its_remedy() -> Result {
+    run("a_secret_that_others_read_is_refused_with_its_remedy", &[Need::Program], |env| {
+        use std::os::unix::fs::PermissionsExt as _;
+        let file = env.write("secret", "JTKVSB%%)wK0E.X)V>+}o?pNmC{O&4W4b!Ni{Lh6\n")?;
+        std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o644))?;
+        env.set_variable("WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE", &file);
+        let mut broker = env.broker_that_may_fail()?;
+        broker.exits_with(2)?;
+        let said = broker.stderr();
+        assert!(said.contains(&format!("chmod 600 {}", file.display())), "{said}");
+        Ok(())
+    })
+}
