@@ -68,7 +68,7 @@ pub fn converse(kind: usize, limit: usize, bytes: &[u8], piece: usize) -> Conver
             Heard::Message(frames) => found.messages.push(frames),
             Heard::Subscribed(topic) => found.subscriptions.push((true, topic)),
             Heard::Unsubscribed(topic) => found.subscriptions.push((false, topic)),
-            Heard::Ignored => found.ignored += 1,
+            Heard::Ignored | Heard::Denied(_) => found.ignored += 1,
         }
     }
     found

@@ -384,7 +384,7 @@ impl<S: Read + Write> Peer<S> {
     }
 
     /// Writes the first messages of the outbox as they are.
-    fn write_clear(&self, messages: usize) -> std::io::Result<usize> {
+    fn write_clear(&mut self, messages: usize) -> std::io::Result<usize> {
         let mut skip = self.written;
         let mut slices = Vec::with_capacity(SLICES);
         for part in self.outbox.iter().take(messages).flat_map(|message| &message.parts) {
@@ -399,7 +399,7 @@ impl<S: Read + Write> Peer<S> {
                 break;
             }
         }
-        (&self.stream).write_vectored(&slices)
+        self.stream.write_vectored(&slices)
     }
 
     /// Reads what has come; true when there is more. Without `to_the_end` it is read as far as one look shows that
