@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use bytes::Bytes;
 use wrapyfi_core::middleware::zeromq::{Answer, offline};
 
 use crate::bounded;
@@ -31,14 +32,11 @@ pub fn zeromq_peer(data: &[u8]) {
     let (kind, piece) = (usize::from(choice >> 6), usize::from(choice & 0x3f) + 1);
     let converse = |piece| offline::converse(kind, MESSAGE, bytes, piece);
     let heard = bounded(bytes.len(), FRAMES, || converse(bytes.len()));
-    let of_peer = heard.messages.iter().flatten().map(|frame| frame.len()).sum::<usize>()
+    let of_peer = heard.messages.iter().flatten().map(Bytes::len).sum::<usize>()
         + heard.subscriptions.iter().map(|(_, topic)| topic.len()).sum::<usize>();
     assert!(of_peer <= bytes.len(), "more than was said");
     for message in &heard.messages {
-        assert!(
-            !message.is_empty()
-                && message.iter().map(|frame| frame.len()).sum::<usize>() <= MESSAGE
-        );
+        assert!(!message.is_empty() && message.iter().map(Bytes::len).sum::<usize>() <= MESSAGE);
     }
     assert!(if kind == 0 { heard.messages.is_empty() } else { heard.subscriptions.is_empty() });
     let in_pieces = bounded(bytes.len(), FRAMES, || converse(piece));

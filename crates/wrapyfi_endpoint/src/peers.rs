@@ -81,7 +81,7 @@ impl Peers {
     /// # Errors
     /// [`OpenError::InvalidOption`] where there is one.
     pub fn none(options: &Map, middleware: &'static str, name: &str) -> OpenResult<()> {
-        let given = [Self::FROM, Self::TO].into_iter().find(|key| options.get(*key).is_some());
+        let given = [Self::FROM, Self::TO].into_iter().find(|&key| options.get(key).is_some());
         given.map_or(Ok(()), |key| {
             Err(OpenError::InvalidOption {
                 middleware,

@@ -40,7 +40,9 @@ pub struct PortOptions {
 
 /// Test of the name and the address of the program at the other end of a connection.
 #[derive(Clone)]
-pub struct Admission(Arc<dyn Fn(&str, &str) -> bool + Send + Sync>);
+pub struct Admission(Arc<Test>);
+
+type Test = dyn Fn(&str, &str) -> bool + Send + Sync;
 
 impl Admission {
     /// Admits programs for which `test` of their name and address is true.
