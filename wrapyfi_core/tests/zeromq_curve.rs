@@ -163,7 +163,11 @@ fn our_publisher_has_a_broker_of_libzmq() {
     let zeromq = ZeroMq::start(&config).unwrap();
     let mut publisher = publisher(&zeromq, "/a");
     bound.send(b"\x01/a".as_slice(), 0).unwrap();
-    wait_until("the subscription", || publisher.publish(&text(100_000)).is_ok());
+    wait_until("the subscription", || {
+        // libzmq sends what it has to say when its owner calls it.
+        _ = bound.get_events().unwrap();
+        publisher.publish(&text(100_000)).is_ok()
+    });
     assert_eq!(bound.recv_multipart(0).unwrap().concat().len(), 100_004);
 }
 
@@ -249,18 +253,20 @@ fn a_listed_key_has_its_topics_alone() {
     let client = connected(&broker, Some(files.client()));
     // The broker's own key may everything.
     let all = connected(&broker, Some(files.curve("server")));
+    // One instance does not hear itself.
+    let hears = connected(&broker, Some(files.curve("server")));
     let mut heard = listener(&client, "/camera");
     passes(&mut *publisher(&all, "/camera"), &mut *heard, &text(1));
     // Its subscription is the beginning of this one, too.
     let mut longer = publisher(&all, "/camera/secret");
-    let mut own = listener(&all, "/camera/secret");
+    let mut own = listener(&hears, "/camera/secret");
     passes(&mut *longer, &mut *own, &text(2));
     let _refused = listener(&client, "/secret");
     wait_until("a refusal", || broker.status().denied == 1);
     assert!(!broker.status().subscriptions.contains_key("/secret"));
 
-    passes(&mut *publisher(&client, "/cmd/a"), &mut *listener(&all, "/cmd/a"), &text(3));
-    let mut all_of_it = listener(&all, "/camera");
+    passes(&mut *publisher(&client, "/cmd/a"), &mut *listener(&hears, "/cmd/a"), &text(3));
+    let mut all_of_it = listener(&hears, "/camera");
     let mut forged = publisher(&client, "/camera");
     wait_until("refusals", || {
         _ = forged.publish(&text(4));

@@ -133,7 +133,7 @@ impl ZeroMqConfig {
         let secret_key_file = of.text("WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE")?.map(PathBuf::from);
         let server_key = of.text("WRAPYFI_ZEROMQ_CURVE_SERVER_KEY")?;
         let has_curve = secret_key_file.is_some() || server_key.is_some();
-        let curve = has_curve.then(|| CurveConfig { secret_key_file, server_key, clients: None });
+        let curve = has_curve.then_some(CurveConfig { secret_key_file, server_key, clients: None });
         Ok(Self {
             ip: ip.unwrap_or(default.ip),
             insecure,

@@ -1,5 +1,7 @@
 //! CURVE in a program without it: nothing can be made, so that nothing has to be asked.
 
+#![allow(dead_code, reason = "the same as in `curve`, where it is used")]
+
 use std::convert::Infallible;
 use std::sync::Arc;
 

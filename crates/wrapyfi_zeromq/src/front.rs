@@ -401,8 +401,9 @@ impl Front {
                 Kind::Xpub => peer,
                 kind => peer.of_messages(kind, self.bounds.message_bytes),
             };
-            let peer = match &self.keys {
-                Some(keys) => peer.secured(Curve::server(keys, self.kind), None),
+            let curve = self.keys.as_ref().map(|keys| Curve::server(keys, self.kind));
+            let peer = match curve {
+                Some(curve) => peer.secured(curve, None),
                 None => peer,
             };
             self.peers.insert(id, peer);

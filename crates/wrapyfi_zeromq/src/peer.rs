@@ -271,7 +271,11 @@ impl<S: Read + Write> Peer<S> {
 
     /// The same, with CURVE; `hello` is our first command, where we begin.
     pub(super) fn secured(mut self, curve: Curve, hello: Option<Vec<u8>>) -> Self {
-        let greeting = zmtp::greeting(zmtp::CURVE, curve.is_server());
+        let mut greeting = zmtp::greeting(zmtp::CURVE, curve.is_server());
+        if curve.is_server() {
+            // libzmq leaves at another mechanism before it tells its own, and nobody would know why.
+            greeting.truncate(zmtp::VERSIONED);
+        }
         self.outbox = VecDeque::from([control(greeting)]);
         let plain = self.assembly.take();
         let sealed = |plain: &Assembly| Assembly::new(plain.limit().saturating_add(OVERHEAD));
@@ -463,7 +467,14 @@ impl<S: Read + Write> Peer<S> {
             self.inbox = rest.to_vec();
             let (ours, hello) = match &mut self.mechanism {
                 Mechanism::Null => (zmtp::NULL, None),
-                Mechanism::Curve(secured) => (zmtp::CURVE, secured.hello.take()),
+                Mechanism::Curve(secured) => {
+                    if secured.curve.is_server() {
+                        let rest = zmtp::greeting(zmtp::CURVE, true).split_off(zmtp::VERSIONED);
+                        secured.clear += 1;
+                        self.outbox.push_back(control(rest));
+                    }
+                    (zmtp::CURVE, secured.hello.take())
+                }
             };
             if theirs != ours {
                 return Err(End::Mechanism { theirs, ours });

@@ -13,6 +13,8 @@ use bytes::Bytes;
 
 /// Size of a greeting.
 pub(super) const GREETING: usize = 64;
+/// Size of what stands before the mechanism in it.
+pub(super) const VERSIONED: usize = 12;
 
 const FLAG_MORE: u8 = 0x01;
 const FLAG_LONG: u8 = 0x02;

@@ -187,7 +187,7 @@ fn grants(
 /// Random bytes of the system.
 pub(super) fn random<const N: usize>() -> Result<Zeroizing<[u8; N]>, CurveError> {
     let mut bytes = Zeroizing::new([0; N]);
-    OsRng.try_fill_bytes(&mut *bytes).map_err(|_| CurveError::NoRandom)?;
+    OsRng.try_fill_bytes(&mut *bytes).map_err(|_opaque| CurveError::NoRandom)?;
     Ok(bytes)
 }
 

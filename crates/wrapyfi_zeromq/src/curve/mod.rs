@@ -124,7 +124,7 @@ impl Curve {
 
     /// The end that connects, and its first command.
     pub(crate) fn client(keys: &Arc<Keys>) -> Result<(Self, Vec<u8>), Breach> {
-        let short: Zeroizing<Key> = random().map_err(|_| Breach::NoRandom)?;
+        let short: Zeroizing<Key> = random().map_err(|_opaque| Breach::NoRandom)?;
         let mut hello = b"\x05HELLO\x01\0".to_vec();
         hello.resize(80, 0);
         hello.extend_from_slice(SecretKey::from(*short).public_key().as_bytes());
@@ -182,7 +182,7 @@ impl Curve {
         let (_padding, rest) = rest.split_first_chunk::<72>().ok_or(WRONG)?;
         let (client, rest) = rest.split_first_chunk::<32>().ok_or(WRONG)?;
         let (number, rest) = rest.split_first_chunk::<8>().ok_or(WRONG)?;
-        let sealed: &[u8; 64 + TAG] = rest.try_into().map_err(|_| WRONG)?;
+        let sealed: &[u8; 64 + TAG] = rest.try_into().map_err(|_opaque| WRONG)?;
         self.heard = u64::from_be_bytes(*number);
         let toward = shared(client, &self.keys.secret)?;
         let zeros = open(&toward, &numbered(b"CurveZMQHELLO---", self.heard), sealed)
@@ -248,7 +248,7 @@ impl Curve {
         let told = open(&toward, &nonce_of(b"WELCOME-", random), sealed)
             .ok_or(Breach::Sealed("WELCOME"))?;
         let (server, cookie) = told.split_first_chunk::<32>().ok_or(WRONG)?;
-        let cookie: &[u8; COOKIE] = cookie.try_into().map_err(|_| WRONG)?;
+        let cookie: &[u8; COOKIE] = cookie.try_into().map_err(|_opaque| WRONG)?;
 
         let public = *SecretKey::from(*short).public_key().as_bytes();
         let vouched = [public, self.keys.server].concat();
@@ -308,7 +308,7 @@ impl Curve {
         let plain = out.get_mut(flags_at..).unwrap_or_default();
         let tag = session
             .encrypt_in_place_detached(&nonce.into(), &[], plain)
-            .map_err(|_| Breach::Malformed("MESSAGE"))?;
+            .map_err(|_opaque| Breach::Malformed("MESSAGE"))?;
         if let Some(place) = out.get_mut(seal_at..flags_at) {
             place.copy_from_slice(&tag);
         }
@@ -324,11 +324,11 @@ impl Curve {
         let (head, sealed) = frame.split_at_mut_checked(HEAD).ok_or(WRONG)?;
         let rest = head.strip_prefix(b"\x07MESSAGE").ok_or(WRONG)?;
         let (number, tag) = rest.split_first_chunk::<8>().ok_or(WRONG)?;
-        let tag: [u8; TAG] = tag.try_into().map_err(|_| WRONG)?;
+        let tag: [u8; TAG] = tag.try_into().map_err(|_opaque| WRONG)?;
         let nonce = numbered(self.prefix(!self.is_server), self.next(number)?);
         self.session()?
             .decrypt_in_place_detached(&nonce.into(), &[], sealed, &tag.into())
-            .map_err(|_| Breach::Sealed("MESSAGE"))?;
+            .map_err(|_opaque| Breach::Sealed("MESSAGE"))?;
         let flags = sealed.first().ok_or(WRONG)?;
         Ok(Opened { is_command: flags & COMMAND != 0, more: flags & MORE != 0 })
     }
@@ -366,7 +366,7 @@ fn seal(with: &SalsaBox, nonce: &[u8; 24], plain: &[u8]) -> Result<Vec<u8>, Brea
     let Some((place, text)) = sealed.split_first_chunk_mut::<TAG>() else { return Ok(sealed) };
     let tag = with
         .encrypt_in_place_detached(&(*nonce).into(), &[], text)
-        .map_err(|_| Breach::Malformed("of ours"))?;
+        .map_err(|_opaque| Breach::Malformed("of ours"))?;
     place.copy_from_slice(&tag);
     Ok(sealed)
 }
@@ -401,7 +401,7 @@ fn nonce_of(prefix: &[u8; 8], rest: &[u8; 16]) -> [u8; 24] {
 
 /// A nonce that ends with random bytes, and these.
 fn random_nonce(prefix: &[u8; 8]) -> Result<([u8; 24], [u8; 16]), Breach> {
-    let rest: Zeroizing<[u8; 16]> = random().map_err(|_| Breach::NoRandom)?;
+    let rest: Zeroizing<[u8; 16]> = random().map_err(|_opaque| Breach::NoRandom)?;
     Ok((nonce_of(prefix, &rest), *rest))
 }
 
