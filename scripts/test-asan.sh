@@ -15,6 +15,8 @@ export CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-$PWD/target/asan}"
 export RUSTFLAGS="-Zsanitizer=address -Cforce-frame-pointers=yes"
 export "CFLAGS_${host//-/_}=-fsanitize=address -fno-omit-frame-pointer -g1"
 export CARGO_PROFILE_DEV_DEBUG=line-tables-only
+# The optimiser takes several times as long over what the sanitizer adds, and may take away what it should find.
+export CARGO_PROFILE_DEV_OPT_LEVEL=0
 # Threads of CycloneDDS that a process leaves behind hold memory of theirs: that is no leak to find here.
 export ASAN_OPTIONS="${ASAN_OPTIONS:-detect_leaks=0:detect_stack_use_after_return=1}"
 

@@ -43,10 +43,13 @@ pub(super) async fn answer(socket: UdpSocket, port: u16, shared: Arc<Shared>) {
     }
 }
 
-/// Answer to a datagram; none where it is no question, or nobody has the name.
+/// Answer to a datagram; none where it is no question, nobody has the name, or the answer would not read as it is meant.
 pub(super) fn reply(datagram: &[u8], registry: &Registry) -> Option<Vec<u8>> {
     let name = multicast::read_question(datagram)?.strip_prefix(b"query ")?;
     let name = String::from_utf8_lossy(name);
     let Target { network, name, .. } = Target::parse(name.trim());
-    Some(multicast::answer(&registration(&registry.find(&name, &network)?)))
+    let found = registry.find(&name, &network)?;
+    let answer = multicast::answer(&registration(&found));
+    // A name, host or carrier with blanks in it, which anybody may register, reads as another port.
+    (multicast::read_answer(&answer).as_ref() == Some(&found)).then_some(answer)
 }
