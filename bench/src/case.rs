@@ -103,7 +103,7 @@ impl Case {
     /// `way/payload`, as `--only` has it.
     pub(crate) fn name(self) -> String {
         let other = if self.is_other { "@other" } else { "" };
-        format!("{}/{}{other}", name(self.way), name(self.payload))
+        format!("{}/{}{other}", name(&self.way), name(&self.payload))
     }
 
     /// Messages at a fixed rate, low enough that Python keeps up where both are measured.

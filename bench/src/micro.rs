@@ -166,9 +166,9 @@ impl Micro {
         for kind in Kind::value_variants().iter().copied().filter(|kind| *kind != Kind::FileMib) {
             let form = if kind == Kind::VgaJpeg { "pixels" } else { "zeromq" };
             let ours = ["encode", "decode"]
-                .map(|code| self.us(&format!("{form}/{code} {}", payload::name(kind))));
+                .map(|code| self.us(&format!("{form}/{code} {}", payload::name(&kind))));
             let cdr = ["encode", "decode"]
-                .map(|code| self.us(&format!("cdr/{code} {}", payload::name(kind))));
+                .map(|code| self.us(&format!("cdr/{code} {}", payload::name(&kind))));
             let repeats = if kind == Kind::FullHdRgb { 15 } else { 60 };
             let theirs = match &mut python {
                 Some(python) => python.coding(kind, repeats)?,
@@ -240,7 +240,7 @@ fn native(criterion: &mut Criterion) -> Result<()> {
 
 fn payloads(criterion: &mut Criterion) -> Result<()> {
     for kind in Kind::value_variants().iter().copied().filter(|kind| *kind != Kind::FileMib) {
-        let (maker, limits, name) = (Maker::new(kind)?, Limits::default(), payload::name(kind));
+        let (maker, limits, name) = (Maker::new(kind)?, Limits::default(), payload::name(&kind));
         let (spec, payload, message_type) =
             (maker.spec("/t"), maker.payload(1), kind.message_type());
         let encoded: Vec<Bytes> =

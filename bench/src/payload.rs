@@ -77,7 +77,7 @@ impl Kind {
 }
 
 /// Name of an option's value on the command line, in tables and in files.
-pub(crate) fn name(value: impl ValueEnum) -> String {
+pub(crate) fn name(value: &impl ValueEnum) -> String {
     value.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
 }
 

@@ -72,7 +72,7 @@ impl Python {
     /// Measures a case once.
     pub(crate) fn turn(&mut self, case: Case) -> Result<Turn> {
         let way = if case.way == Way::PythonForward { "forward" } else { "hop" };
-        let target = json!({ "way": way, "payload": name(case.payload) });
+        let target = json!({ "way": way, "payload": name(&case.payload) });
         self.sink.tell(&target)?;
         if case.way == Way::PythonForward {
             self.forward.tell(&target)?;
@@ -97,7 +97,7 @@ impl Python {
         let mut order = serde_json::to_value(order)?;
         if let Some(order) = order.as_object_mut() {
             order.insert("way".to_owned(), way.into());
-            order.insert("payload".to_owned(), name(case.payload).into());
+            order.insert("payload".to_owned(), name(&case.payload).into());
         }
         self.source.tell(&order)?;
         self.source.answer()
@@ -120,7 +120,7 @@ impl Python {
 
     /// Coding alone, without a transport.
     pub(crate) fn coding(&mut self, kind: Kind, repeats: u32) -> Result<Coding> {
-        self.coder.tell(&json!({ "payload": name(kind), "repeats": repeats }))?;
+        self.coder.tell(&json!({ "payload": name(&kind), "repeats": repeats }))?;
         self.coder.answer()
     }
 }

@@ -147,7 +147,7 @@ impl Bench {
 
     fn worker(&self, role: &str, wire: Wire, place: &[String]) -> Command {
         let mut command = self.command(&self.own);
-        command.args([role, "--wire", &name(wire)]).args(place);
+        command.args([role, "--wire", &name(&wire)]).args(place);
         command
     }
 
@@ -171,7 +171,7 @@ impl Bench {
         };
         let place = |topic: &str| -> Vec<String> {
             [
-                ("--payload", name(case.payload)),
+                ("--payload", name(&case.payload)),
                 ("--topic", topic.to_owned()),
                 ("--pub-port", ports.0.to_string()),
                 ("--sub-port", ports.1.to_string()),
