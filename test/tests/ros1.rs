@@ -363,6 +363,38 @@ fn routes_join_ros_1_and_ros_2() -> Result {
     })
 }
 
+/// A publisher of rospy ends an older connection of the same name: each route has a name of its own.
+#[test]
+fn two_routes_from_one_topic_of_rospy_lose_nothing() -> Result {
+    run("two_routes_from_one_topic_of_rospy_lose_nothing", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let topic = env.topic("numbers");
+        let ends = [zeromq(&topic), ros2(&topic)];
+        let routes = ends.iter().map(|to| Route::new(&ros1(&topic), to, "Text"));
+        let bridge =
+            env.bridge(&routes.fold(env.embedded(), |config, route| config.route(route)))?;
+        let echoes = ends.iter().map(|end| echo(env, end, "Text", 50));
+        let echoes = echoes.collect::<Result<Vec<Process>>>()?;
+        let talker = env.rospy(&format!("publish --topic {topic}"), Some(r#"{"data": "{n}"}"#))?;
+        for echo in &echoes {
+            let heard = echo.objects(50).map_err(|error| error.context(bridge.tail()))?;
+            let heard: Vec<u64> = heard
+                .iter()
+                .filter_map(|one| one["value"].as_str().and_then(|text| text.parse().ok()))
+                .collect();
+            let first = heard.first().copied().unwrap_or_default();
+            assert_eq!(heard, (first..first + 50).collect::<Vec<_>>(), "{}", bridge.tail());
+        }
+        // The tools of ROS 1 show each by its name.
+        let known = told(env, "rosnode", "info /rospy_peer")?;
+        let node = known.lines().find_map(|line| line.trim().strip_suffix("/listener_2"));
+        let node = node.map(|line| line.trim_start_matches("* to:").trim().to_owned());
+        assert!(node.is_some_and(|node| known.contains(&format!("{node}\n"))), "{known}");
+        drop(talker);
+        Ok(())
+    })
+}
+
 /// The real Wrapyfi on rospy publishes; `wrapyfi echo` must find the same hashes.
 fn echo_hears(test: &str, peer: &str, message_type: &str, key: &str) -> Result {
     run(test, WITH_WRAPYFI, |env| {

@@ -23,7 +23,6 @@ use wrapyfi_retry::NewestTasks;
 use super::body::{Bodies, Body};
 use super::config::NodeUri;
 use super::core::Core;
-use super::header::Header;
 use super::probe::{greeted, probe_of};
 use super::services::{self, MAX_ERROR_BYTES, ServiceCodec, ServiceType};
 use super::{splitter, tcpros};
@@ -215,8 +214,8 @@ impl ClientShared {
             let Some(core) = self.core.upgrade() else {
                 return Err("the node has ended".to_owned());
             };
-            let own = Header::new()
-                .with("callerid", core.name.full())
+            let own = core
+                .header()
                 .with("service", &self.service)
                 .with("tcp_nodelay", "1")
                 .with("type", &self.wire_type.name)

@@ -15,6 +15,7 @@ use tokio::sync::{Notify, watch};
 use wrapyfi_interfaces::ros1::{Rules, Types};
 
 use super::config::NodeUri;
+use super::header::{Header, NODE};
 use super::listener_connections::ListenerConnections;
 use super::marks::Marked;
 use super::master::Master;
@@ -109,6 +110,18 @@ impl Core {
         self.state.lock()
     }
 
+    /// Begin of a connection header of this node.
+    pub(super) fn header(&self) -> Header {
+        Header::new().with("callerid", self.name.full())
+    }
+
+    /// Begin of a connection header under a name in the node's private namespace, which no other node has. Our own
+    /// publishers read the node's name in it, because their `to_peers` name nodes.
+    pub(super) fn header_of_part(&self, part: &str) -> Header {
+        let node = self.name.full();
+        Header::new().with("callerid", format!("{node}/{part}")).with(NODE, node)
+    }
+
     /// A number that nothing else in this node has.
     pub(super) fn next_id(&self) -> u64 {
         self.next.fetch_add(1, Relaxed)
@@ -185,6 +198,7 @@ impl Core {
         let mut state = self.state();
         let State { subscriptions, orphans, .. } = &mut *state;
         let subscription = subscriptions.entry(topic.to_owned()).or_default();
+        connections.number_among(&subscription.listeners);
         subscription.listeners.push(Arc::clone(connections));
         // Under the lock, so that nothing older comes after what the master says next.
         connections.update(&with_orphans(&subscription.publishers, orphans.get(topic)));

@@ -14,6 +14,8 @@ use std::collections::BTreeMap;
 pub const MAX_HEADER_BYTES: usize = 1 << 20;
 /// Most fields in a header; nodes send fewer than ten.
 pub const MAX_FIELDS: usize = 256;
+/// Field that names the node where `callerid` is a name in its private namespace.
+pub(super) const NODE: &str = "wrapyfi_node";
 
 /// Fields by name.
 ///

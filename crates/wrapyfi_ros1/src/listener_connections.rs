@@ -11,7 +11,7 @@
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Weak};
+use std::sync::{Arc, OnceLock, Weak};
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
@@ -84,6 +84,8 @@ pub(super) struct ListenerConnections {
     wanted: Wanted,
     inbox: Sender<Arrival>,
     peers: Mutex<Peers>,
+    /// Number among the listeners of this topic in the node, from 1.
+    number: OnceLock<usize>,
 }
 
 #[derive(Default)]
@@ -135,7 +137,31 @@ impl ListenerConnections {
             wanted,
             inbox,
             peers: Mutex::default(),
+            number: OnceLock::new(),
         })
+    }
+
+    /// Takes the lowest number that none of `others` has, the other listeners of this topic in the node.
+    pub(super) fn number_among(&self, others: &[Arc<Self>]) {
+        let taken = |number: &usize| others.iter().any(|other| other.number.get() == Some(number));
+        let lowest = (1..).find(|number| !taken(number));
+        self.number.get_or_init(|| lowest.unwrap_or(1));
+    }
+
+    /// Header with which a publisher is asked for the topic. A publisher of rospy ends an older connection whose
+    /// `callerid` is the same: listeners of one topic in a node would take the connection from each other for
+    /// ever. So the first has the name of the node, and each further one a name in the node's private namespace.
+    fn own_header(&self, core: &Core) -> Header {
+        let own = match self.number.get() {
+            Some(number) if *number > 1 => core.header_of_part(&format!("listener_{number}")),
+            _ => core.header(),
+        };
+        let wire_type = &self.wanted.wire_type;
+        own.with("topic", &self.topic)
+            .with("type", &wire_type.name)
+            .with("md5sum", &wire_type.md5)
+            .with("message_definition", &wire_type.definition)
+            .with("tcp_nodelay", "1")
     }
 
     pub(super) fn wake(&self) -> &Wake {
@@ -380,13 +406,7 @@ impl Connection {
             self.connections.core.upgrade().ok_or_else(|| "the node has ended".to_owned())?;
         let (host, port) = request_topic(&core, &self.uri, &self.connections.topic).await?;
         let wire_type = &self.connections.wanted.wire_type;
-        let own = Header::new()
-            .with("callerid", core.name.full())
-            .with("topic", &self.connections.topic)
-            .with("type", &wire_type.name)
-            .with("md5sum", &wire_type.md5)
-            .with("message_definition", &wire_type.definition)
-            .with("tcp_nodelay", "1");
+        let own = self.connections.own_header(&core);
         let (stream, header) = tcpros::greeted(&host, port, &own).await?;
         if let Some(error) = header.get("error") {
             return Err(Closed::Fault(format!(

@@ -108,8 +108,9 @@ async fn topic(core: &Core, name: &str, node: &str) -> Result<TypeInfo, String> 
     let uri = core.master.lookup_node(node).await.map_err(|error| error.to_string())?;
     let uri = uri.ok_or_else(|| format!("the master knows no node {node}"))?;
     let (host, port) = request_topic(core, &uri, name).await?;
-    let own = Header::new()
-        .with("callerid", core.name.full())
+    // Under the node's own name rospy would end the connection of a listener that is there.
+    let own = core
+        .header_of_part("probe")
         .with("topic", name)
         .with("type", "*")
         .with("md5sum", "*")
@@ -174,11 +175,7 @@ pub(super) async fn still_serves(core: &Core, service: &str, node: &str) -> bool
 
 /// Header with which a server is asked for its type, without a call.
 pub(super) fn probe_of(core: &Core, service: &str) -> Header {
-    Header::new()
-        .with("callerid", core.name.full())
-        .with("service", service)
-        .with("md5sum", "*")
-        .with("probe", "1")
+    core.header().with("service", service).with("md5sum", "*").with("probe", "1")
 }
 
 /// The header of who is at `place`; the connection ends with it.

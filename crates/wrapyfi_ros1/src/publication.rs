@@ -14,7 +14,6 @@ use tokio::io::AsyncWriteExt as _;
 use wrapyfi_interfaces::ros1::PairPlan;
 
 use super::core::{Core, Mark};
-use super::header::Header;
 use super::listener_connections::MARK;
 use super::subscriber::{BusLink, Frame, Subscriber};
 use super::tcpros::Accepted;
@@ -144,8 +143,8 @@ impl Publication {
             );
         }
         let latches = self.state.lock().publishers.values().any(|entry| entry.latches);
-        let own = Header::new()
-            .with("callerid", core.name.full())
+        let own = core
+            .header()
             .with("topic", &self.topic)
             .with("type", &self.wire_type.name)
             .with("md5sum", &self.wire_type.md5)

@@ -19,7 +19,6 @@ use tokio::time::timeout;
 
 use super::body::{Bodies, Body};
 use super::core::Core;
-use super::header::Header;
 use super::services::{ServiceCodec, ServiceType, shortened};
 use super::tcpros::{self, Accepted};
 use wrapyfi_endpoint::requests::Requests;
@@ -134,8 +133,8 @@ impl ServiceHost {
             self.context().counters.dropped(DropReason::Mismatch);
             return tcpros::refuse(&mut stream, &text).await;
         }
-        let own = Header::new()
-            .with("callerid", core.name.full())
+        let own = core
+            .header()
             .with("service", &self.service)
             .with("type", &self.wire_type.name)
             .with("md5sum", &self.wire_type.md5)

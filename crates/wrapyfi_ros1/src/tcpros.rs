@@ -19,7 +19,7 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::timeout;
 
 use super::core::Core;
-use super::header::{Header, HeaderError};
+use super::header::{Header, HeaderError, NODE};
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::network::Hosts;
 use wrapyfi_endpoint::{Mutex, Throttle};
@@ -155,7 +155,7 @@ pub(super) struct Accepted {
 impl Accepted {
     /// Name of the node at the other end, as it says.
     pub(super) fn caller(&self) -> &str {
-        self.header.get("callerid").unwrap_or("(unnamed)")
+        self.header.get(NODE).or_else(|| self.header.get("callerid")).unwrap_or("(unnamed)")
     }
 }
 
