@@ -395,6 +395,7 @@ fn bad_configurations(env: &TestEnv) -> Vec<Bad> {
         changed("zeromq:/a", "zeromqq:/a", &["zeromqq", "zeromq"]),
         changed("zeromq:/a", "nothing", &["nothing"]),
         changed("ros2:/a", "ros2:/a b", &["/a b"]),
+        changed("zeromq:/a", "zeromq:/cam/*", &["write (.*) for any text"]),
         changed(&format!("pub_port: {}", env.pub_port()), "pub_port: 70000", &["70000"]),
         changed("    type:", "    queue_dept: 3\n    type:", &["queue_depth"]).at("queue_dept:"),
         changed("    type:", "    queue_depth: many\n    type:", &["queue_depth"])

@@ -2,7 +2,7 @@
 //! side are independent programs.
 
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros2, run};
+use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros2, run, zeromq};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Python];
 
@@ -88,6 +88,36 @@ fn a_ros_image_is_a_port_that_may_be_read() -> Result {
         let sums: Vec<String> =
             heard.iter().filter_map(|h| h["sha256"].as_str().map(str::to_owned)).collect();
         publisher.sent_in_a_row("sha256", &sums)
+    })
+}
+
+#[test]
+fn two_routes_merge_into_one_port() -> Result {
+    run("two_routes_merge_into_one_port", NEEDS, |env| {
+        env.yarp_conf()?;
+        let (a, b, to) = (env.topic("a"), env.topic("b"), yarp(&env.topic("to")));
+        let sources = [ros2(&a), zeromq(&b)];
+        let mut config = env.embedded().yarp(env);
+        for from in &sources {
+            config = config.route(Route::new(from, &to, "Text").with("merge", "true"));
+        }
+        let bridge = env.bridge(&config)?;
+        let listener = env.wrapyfi(["echo", &to, "--type", "Text", "--json"])?;
+        let mut publishers = Vec::new();
+        for from in &sources {
+            let value = format!("\"of {from}\"");
+            let publish = ["pub", from, "--type", "Text", "--value", &value, "--rate", "20"];
+            publishers.push(env.wrapyfi(publish)?);
+        }
+        for from in &sources {
+            let what = format!("of {from}");
+            listener
+                .wait_until(&what, |output| {
+                    output.out.iter().any(|line| line.contains(&what)).then_some(())
+                })
+                .map_err(|error| error.context(bridge.tail()))?;
+        }
+        Ok(())
     })
 }
 

@@ -109,6 +109,35 @@ fn flows(
     }
 }
 
+/// Publishers of one name share its port: it stays, with its readers, until the last of them has ended, and
+/// the name is free for the next one then.
+#[test]
+fn publishers_of_one_name_share_a_port() {
+    let net = YarpNetwork::new();
+    let (near, far, context) = (net.yarp(), net.yarp(), Context::default());
+    let spec = topic("/shared", Map::new());
+    let mut first = near.open_publisher(&spec, &context).unwrap();
+    let mut second = near.open_publisher(&spec, &context).unwrap();
+    let mut sink = far.open_listener(&spec, &context).unwrap();
+    open_way(&context, || first.link());
+    open_way(&context, || second.link());
+    flows(&mut *first, (&mut *sink, &context), 0..3);
+    flows(&mut *second, (&mut *sink, &context), 3..6);
+    drop(first);
+    flows(&mut *second, (&mut *sink, &context), 6..20);
+    // Opened while the last one ends: the farewell of the old port does not take the new one's name.
+    drop(second);
+    let mut third = near.open_publisher(&spec, &context).unwrap();
+    open_way(&context, || third.link());
+    open_way(&context, || sink.link());
+    flows(&mut *third, (&mut *sink, &context), 20..23);
+    drop(third);
+    let names = net.names();
+    until(&context, "the name is free", || {
+        net.runtime.block_on(names.query("/shared")).unwrap().is_none()
+    });
+}
+
 /// Messages that wait for a reader whose program is killed are lost, and none of them counts as
 /// sent.
 #[test]

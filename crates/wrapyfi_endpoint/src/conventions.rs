@@ -1,7 +1,9 @@
 //! Conventions of middlewares on which the reading of a configuration depends, before anything starts.
 
-/// Services that every node of ROS 2 offers about itself, also where a bridge carries them.
-const NODE_SERVICES: [&str; 11] = [
+/// Services that every node of ROS 2, a managed one or our own offers about itself, also where a bridge carries
+/// them. The mark of a bridge's endpoint is no help: the mapping of Fast DDS shows none of a service, and
+/// whoever calls `change_state` ends the bridge.
+const NODE_SERVICES: [&str; 21] = [
     "get_parameters",
     "get_parameter_types",
     "set_parameters",
@@ -13,6 +15,16 @@ const NODE_SERVICES: [&str; 11] = [
     "get_logger_levels",
     "set_logger_level",
     "set_logger_levels",
+    "change_state",
+    "get_state",
+    "get_available_states",
+    "get_available_transitions",
+    "get_transition_graph",
+    "add_route",
+    "remove_route",
+    "list_routes",
+    "explain",
+    "reload",
 ];
 
 /// Conventions of a middleware for types and for names that programs have about themselves.

@@ -47,17 +47,24 @@ impl NamePattern {
     /// Compiles a pattern; a leading slash is left out, as it is of names.
     ///
     /// # Errors
-    /// When the pattern is no regular expression, or too large; the text says what to change.
+    /// When the pattern is no regular expression, a glob, or too large; the text goes on from the pattern
+    /// and says what to change.
     pub fn new(written: &str) -> Result<Self, String> {
         if written.len() > MAX_PATTERN {
             let length = written.len();
-            return Err(format!("it is {length} bytes long, the limit is {MAX_PATTERN}"));
+            return Err(format!("is {length} bytes long, the limit is {MAX_PATTERN}"));
         }
         let last_line = |text: String| {
             let last = text.lines().last().unwrap_or_default();
-            last.trim().trim_start_matches("error: ").to_owned()
+            let fault = last.trim().trim_start_matches("error: ");
+            format!("is no regular expression: {fault}")
         };
         let bare = bare(written);
+        if is_glob(bare) {
+            return Err(
+                "is a glob; a pattern is a regular expression: write (.*) for any text".to_owned()
+            );
+        }
         // Parsed as written first, so that an error shows the pattern as the user wrote it; to compile it costs
         // a hundred times as much.
         regex_syntax::parse(bare).map_err(|error| last_line(error.to_string()))?;
@@ -65,7 +72,7 @@ impl NamePattern {
         let regex = RegexBuilder::new(&whole).size_limit(MAX_COMPILED).build();
         let regex = regex.map_err(|error| match error {
             regex::Error::CompiledTooBig(limit) => {
-                format!("it takes more than {limit} bytes; write a simpler one")
+                format!("takes more than {limit} bytes; write a simpler one")
             }
             other => last_line(other.to_string()),
         })?;
@@ -99,13 +106,17 @@ impl NamePattern {
             if !exists {
                 let digits =
                     group.len() - group.trim_start_matches(|c: char| c.is_ascii_digit()).len();
+                let groups = self.regex.captures_len() - 1;
                 let hint = match (group.get(..digits), group.get(digits..)) {
                     (Some(number), Some(more)) if !number.is_empty() && !more.is_empty() => {
                         format!("; write ${{{number}}}{more} for group {number}")
                     }
+                    _ if groups == 0 => {
+                        let text = self.written.strip_suffix(".*").unwrap_or("…/");
+                        format!("; put what shall be kept in parentheses: \"{text}(.*)\"")
+                    }
                     _ => String::new(),
                 };
-                let groups = self.regex.captures_len() - 1;
                 return Err(format!(
                     "${group} is no group of {:?}, which has {groups} in parentheses{hint}",
                     self.written
@@ -130,6 +141,26 @@ impl NamePattern {
         captures.expand(template, &mut out);
         (out.len() <= MAX_NAME).then_some(out)
     }
+}
+
+/// True where `*` follows `/`, `(` or the beginning, as in a shell's `/camera/*`. As a regular expression,
+/// that repeats a slash or nothing, and matches no name that is meant.
+fn is_glob(pattern: &str) -> bool {
+    let (mut before, mut is_class) = ('(', false);
+    let mut letters = pattern.chars();
+    while let Some(letter) = letters.next() {
+        match letter {
+            '\\' => {
+                letters.next();
+            }
+            '[' => is_class = true,
+            ']' => is_class = false,
+            '*' if !is_class && matches!(before, '/' | '(') => return true,
+            _ => {}
+        }
+        before = letter;
+    }
+    false
 }
 
 /// Way from the name at the destination back to the one at the source, where the pattern is text
@@ -319,6 +350,13 @@ mod tests {
     fn what_is_wrong_with_a_pattern_is_said() {
         let error = NamePattern::new("/camera/(left").unwrap_err();
         assert!(error.contains("unclosed group"), "{error}");
+        for glob in ["/camera/*", "*", "/*", "/(*)", "/cam/*/raw", "**", "[/]/*"] {
+            let error = NamePattern::new(glob).unwrap_err();
+            assert!(error.contains("write (.*) for any text"), "{glob}: {error}");
+        }
+        for good in ["/camera/.*", "a[/*]", r"a/\*", r"a\/*b", "(?:a/)*b", "(.*)/raw"] {
+            assert!(NamePattern::new(good).is_ok(), "{good}");
+        }
         assert!(NamePattern::new(&"a".repeat(2000)).unwrap_err().contains("1024"));
         let error = NamePattern::new("(?:a{1000}){1000}").unwrap_err();
         assert!(error.contains("simpler"), "{error}");
@@ -340,6 +378,10 @@ mod tests {
         ] {
             let error = two.check_template(wrong).unwrap_err();
             assert!(error.contains(why), "{wrong}: {error}");
+        }
+        for (written, remedy) in [("/cam/.*", "\"/cam/(.*)\""), ("/cam/[a-z]+", "\"…/(.*)\"")] {
+            let error = pattern(written).check_template("/$1").unwrap_err();
+            assert!(error.contains("which has 0") && error.contains(remedy), "{error}");
         }
     }
 

@@ -110,6 +110,15 @@ mod tests {
         for name in ["/talker/get_parameters", "/rosout/set_logger_level", "/x/_action/send_goal"] {
             assert!(!has_route(usual, SERVICES, name), "{name}");
         }
+        // Those of a managed node, and our own, by which a client of another middleware would end a bridge.
+        for name in
+            ["change_state", "get_state", "get_available_states", "get_available_transitions"]
+                .iter()
+                .chain(&["get_transition_graph", "add_route", "remove_route", "list_routes"])
+                .chain(&["explain", "reload"])
+        {
+            assert!(!has_route(usual, SERVICES, &format!("/ros1_bridge/{name}")), "{name}");
+        }
         for name in ["/add", "/get_parameters/of"] {
             assert!(has_route(usual, SERVICES, name), "{name}");
         }

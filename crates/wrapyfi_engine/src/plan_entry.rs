@@ -207,7 +207,7 @@ impl<'r> Reader<'r> {
         let before = self.problems.len();
         let from_key = if to_key == "as" { "service" } else { "from" };
         let mut compile = |key: &str, text: &Spanned<String>, written: &str| {
-            let wrong = |fault| format!("{key} {written:?} is no regular expression: {fault}");
+            let wrong = |fault| format!("{key} {written:?} {fault}");
             let compiled = NamePattern::new(written);
             self.noted(compiled.map_err(|fault| Problem::at(text.referenced, wrong(fault))))
         };

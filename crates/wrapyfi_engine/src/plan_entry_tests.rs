@@ -117,6 +117,10 @@ fn types_may_be_given_to_a_pattern_or_stand_in() {
 fn every_mistake_is_refused_with_its_line_and_a_remedy() {
     for (route, why) in [
         ("from: 'ros:/(.*', to: 'ros2:/$1'", "no regular expression"),
+        ("from: 'ros:/cam/*', to: 'ros2:/cam'", "write (.*) for any text"),
+        ("from: 'ros:/(*)', to: 'ros2:/$1'", "write (.*) for any text"),
+        ("from: 'ros:/(.*)', to: 'ros2:/$1', deny: ['cam/*']", "deny \"cam/*\" is a glob"),
+        ("from: 'ros:/cam/.*', to: 'ros2:/$1'", "parentheses: \"/cam/(.*)\""),
         ("from: 'ros:/(.*)', to: 'ros2:/$2'", "$2 is no group"),
         ("from: 'ros:/(.*)', to: 'ros2:/$1_raw'", "write ${1}_raw"),
         ("from: 'ros:/(.*)', to: 'ros2:/all'", "it has no $1"),

@@ -22,6 +22,7 @@
 //! | `input` | input ports of other programs, and the names that mean them |
 //! | `found_format` | functions of Wrapyfi, told from the rpc ports of robots |
 //! | `client_dialects` | dialect and format of a request, and so of its answer |
+//! | `shared_output` | one output port for all publishers of its name |
 //! | `publisher`, `listener`, `client`, `server` | the endpoints |
 //! | `log_port` | the log, where `yarplogger` reads it |
 //! | `link_state`, `losses`, `tasks`, `own` | what an endpoint says of itself; where its task runs |
@@ -50,6 +51,7 @@ mod port_connection;
 mod publisher;
 mod role;
 mod server;
+mod shared_output;
 mod survey;
 mod tasks;
 mod types;
@@ -115,6 +117,7 @@ struct Shared {
     registrar: Registrar,
     directory: Arc<directory::Directory>,
     own: own::OwnPorts,
+    outputs: shared_output::SharedOutputs,
     survey: survey::Survey,
     types: types::Types,
     tasks: tasks::Tasks,
@@ -308,6 +311,7 @@ impl Yarp {
                 registrar,
                 directory,
                 own,
+                outputs: shared_output::SharedOutputs::default(),
                 survey: survey::Survey::default(),
                 types: types::Types::new(config.conventions.clone()),
                 tasks,

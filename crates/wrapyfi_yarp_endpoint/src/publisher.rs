@@ -13,18 +13,17 @@
 //!
 //! A topic whose name is that of an input port of another program ([`input`]) writes to that port,
 //! now or whenever it comes. Our own port then has a name that nobody has to know, so the input's
-//! name stays free for the program that opens it.
+//! name stays free for the program that opens it. Publishers of one name share the port ([`super::shared_output`]).
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::time::Duration;
 
 use tokio::sync::watch;
 use tokio::time::Instant;
 use wrapyfi_yarp::Dialect;
 use wrapyfi_yarp::port::{
-    Connected, Fate, Message, OutputOptions, OutputPort, Overflow, PayloadKind, PortOptions,
-    Written,
+    Connected, Fate, Message, OutputOptions, Overflow, PayloadKind, PortOptions, Written,
 };
 
 use super::device::Device;
@@ -34,9 +33,11 @@ use super::opening::{number, until_open};
 use super::options::{BottleFormat, YarpOptions};
 use super::payload::{self, Outgoing};
 use super::port_connection::PortConnection;
+use super::shared_output::{PortSettings, SharedOutput};
 use super::tasks::{Stop, Stopped};
 use super::{Shared, input};
 use wrapyfi_data::types::{DataType, MessageType, Payload, Stamp};
+use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::{
     Context, Counters, DropReason, Link, Mutex, OpenResult, PublishError, Publisher, TopicSpec,
 };
@@ -60,15 +61,13 @@ struct PublisherState {
     /// The port's name before the environment changes it.
     given: String,
     name: String,
-    port: Mutex<Option<OutputPort>>,
+    port: Mutex<Option<Arc<SharedOutput>>>,
     /// The port writes to an input of another program.
     commands: AtomicBool,
     /// A port is being opened: its name may be known already, and is not another program's.
     opening: watch::Sender<bool>,
     device: Device,
     link_state: Arc<LinkState>,
-    /// Number of the next message with a time.
-    count: AtomicI32,
     /// Counts messages: a movement that is under way ends when another one comes.
     messages: AtomicU64,
 }
@@ -82,14 +81,14 @@ impl PublisherState {
         sent: &Arc<Sent>,
     ) -> Option<Written> {
         let (mut written, mut number) = (Written::default(), None);
-        let port = self.port.lock();
-        let port = port.as_ref()?;
+        let output = self.port.lock();
+        let SharedOutput { port, count, .. } = output.as_deref()?;
         for Outgoing { payload, stamp } in messages {
             let is_file = payload.kind == PayloadKind::Raw;
             let fate: Arc<dyn Fate> = sent.clone();
             let mut message = Message { fate: Some(fate), ..Message::new(payload) };
             if let Some(stamp) = stamp {
-                let count = *number.get_or_insert_with(|| self.count.fetch_add(1, Relaxed));
+                let count = *number.get_or_insert_with(|| count.fetch_add(1, Relaxed));
                 message = message.stamped(wrapyfi_yarp::sig::Stamp { count, ..stamp });
             }
             let more =
@@ -104,7 +103,7 @@ impl PublisherState {
     /// Names of the ports that read.
     fn readers(&self) -> Vec<String> {
         let port = self.port.lock();
-        let status = port.as_ref().map(OutputPort::status).unwrap_or_default();
+        let status = port.as_ref().map(|output| output.port.status()).unwrap_or_default();
         status.into_iter().filter(|one| !one.incoming).map(|one| one.name).collect()
     }
 }
@@ -134,7 +133,6 @@ impl YarpPublisher {
             opening: watch::Sender::new(false),
             device: Device::new(spec.message_type, &options, destination),
             link_state,
-            count: AtomicI32::new(0),
             messages: AtomicU64::new(0),
         });
         let (stop, stopped) = shared.tasks.stop();
@@ -295,23 +293,46 @@ async fn serve(
     // Two colons: no other bridge takes it for an endpoint.
     let numbered = destination.map(|port| format!("{port}:out:{}", number()));
     let given = numbered.as_deref().unwrap_or(&state.given);
-    let port = until_open(shared, &state.name, &state.link_state, || {
-        let (network, wanted) = (shared.network(options), wanted.clone());
-        async move {
-            state.opening.send_replace(true);
-            let opened = network.open_output(given, &wanted).await;
-            if opened.is_err() {
-                state.opening.send_replace(false);
+    let connects = options.out_topic_connect.clone();
+    let settings = PortSettings {
+        pictures,
+        to_peers: options.to_peers.clone(),
+        connects: connects.map(|to| (to, options.carrier.clone(), options.persistent)),
+    };
+    let opened = || async {
+        let port = until_open(shared, &state.name, &state.link_state, || {
+            let (network, wanted) = (shared.network(options), wanted.clone());
+            async move {
+                state.opening.send_replace(true);
+                let opened = network.open_output(given, &wanted).await;
+                if opened.is_err() {
+                    state.opening.send_replace(false);
+                }
+                opened
             }
-            opened
+        })
+        .await;
+        shared.own.insert(port.name());
+        port
+    };
+    let mut backoff = Backoff::of_name(given);
+    let output = loop {
+        // Another publisher may be opening it: then its name is not another program's either.
+        state.opening.send_replace(true);
+        if let Some(output) = shared.outputs.open(given, &settings, opened).await {
+            break output;
         }
-    })
-    .await;
-    let name = port.name().to_owned();
-    let changes = port.connected();
-    shared.own.insert(&name);
+        state.opening.send_replace(false);
+        state.link_state.waiting(format!(
+            "port {given}, which another publisher of this program has: give both the same to_peers, \
+             out_topic_connect and type, or one of them another port"
+        ));
+        backoff.pause().await;
+    };
+    let name = output.port.name().to_owned();
+    let changes = output.port.connected();
     state.commands.store(destination.is_some(), Relaxed);
-    *state.port.lock() = Some(port);
+    *state.port.lock() = Some(output);
     state.opening.send_replace(false);
     let connection = connection(&name, options, destination);
     let kept = async {
@@ -347,19 +368,20 @@ fn connection(
     }
 }
 
-/// Closes the port that is open, if any.
+/// Gives the port up that is open, if any; it closes with its last publisher.
 async fn close(shared: &Shared, state: &PublisherState, options: &YarpOptions) {
     state.opening.send_replace(false);
-    let port = state.port.lock().take();
-    let Some(port) = port else { return };
-    let name = port.name().to_owned();
-    if !state.commands.load(Relaxed)
-        && let Some(connection) = connection(&name, options, None)
-    {
-        connection.forget(shared).await;
-    }
-    port.close().await;
-    shared.own.remove(&name);
+    let output = state.port.lock().take();
+    let Some(output) = output else { return };
+    let name = output.port.name().to_owned();
+    let wish = connection(&name, options, None).filter(|_| !state.commands.load(Relaxed));
+    output
+        .close(&shared.own, async {
+            if let Some(connection) = wish {
+                connection.forget(shared).await;
+            }
+        })
+        .await;
 }
 
 /// Tells how many read, for as long as the port lives.
@@ -390,7 +412,8 @@ impl Publisher for YarpPublisher {
     /// ends, as `connection_lost`. Readers of carrier mjpeg get a
     /// picture as a file, all others as an object.
     fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
-        let (objects, pictures) = self.state.port.lock().as_ref().map_or((0, 0), |port| {
+        let (objects, pictures) = self.state.port.lock().as_ref().map_or((0, 0), |output| {
+            let port = &output.port;
             let pictures = port.picture_readers();
             (port.connected().borrow().outputs.saturating_sub(pictures), pictures)
         });

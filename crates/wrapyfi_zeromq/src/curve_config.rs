@@ -94,7 +94,7 @@ pub enum CurveError {
         reason: String,
     },
     /// A topic of a client is no pattern.
-    #[error("the topic {pattern:?} of the CURVE client {key} is no pattern: {reason}")]
+    #[error("the topic {pattern:?} of the CURVE client {key} {reason}")]
     Pattern {
         /// Public key of the client.
         key: String,

@@ -58,7 +58,7 @@ impl NamedType {
             read.map_err(|wrong| Problem::at(message_type.referenced, wrong.to_string()))?;
         }
         Convention::new(&names.value, word).map_err(|fault| {
-            let text = format!("names {:?} is no regular expression: {fault}", names.value);
+            let text = format!("names {:?} {fault}", names.value);
             Problem::at(names.referenced, text)
         })
     }

@@ -12,7 +12,8 @@
 //!   info          a status -> RouteInfo, a verdict -> Explain_Response, and back
 //! ```
 //!
-//! No bridge by pattern carries these endpoints anywhere: their mark says that they have been everywhere.
+//! No bridge by pattern carries these endpoints anywhere: their mark says that they have been everywhere, and
+//! services, of which the mapping of Fast DDS shows no mark, are left out by name.
 
 pub mod client;
 pub mod diagnostics;
