@@ -11,7 +11,7 @@ use wrapyfi_rmw::{
 
 use super::graph::{
     CdrClient, CdrReader, CdrReply, CdrRequest, CdrSample, CdrServer, CdrWriter, GraphError,
-    GraphResult, Notify, Peers, QosEvents, RequestId, ServiceDescription, TopicDescription,
+    GraphResult, Notify, Peers, QosEvents, RequestId, ServiceDescription,
 };
 use super::rmw_graph::{Shared, hash_from_text, to_rmw};
 use wrapyfi_endpoint::{History, Qos};
