@@ -5,9 +5,9 @@
 //!   ~/remove_route ─┴─▶ Edits ─▶ Plan removed: routes that are left out
 //! ```
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 
-use wrapyfi_core::engine::{Config, Plan, RouteConfig, Spanned};
+use wrapyfi_core::engine::{Config, Plan, Route, RouteConfig, Spanned};
 
 use crate::exit::Failure;
 use crate::middlewares::{Endpoints, Loaded};
@@ -19,7 +19,8 @@ const SOURCE: &str = "the added route";
 #[derive(Debug, Clone, Default)]
 pub struct Edits {
     added: Vec<Spanned<RouteConfig>>,
-    removed: BTreeSet<String>,
+    /// Names by which routes were left out, each with the ends of its route.
+    removed: BTreeMap<String, String>,
 }
 
 impl Edits {
@@ -29,7 +30,8 @@ impl Edits {
         &self.added
     }
 
-    /// Adds an entry of `routes`, given in YAML.
+    /// Adds an entry of `routes`, given in YAML. A route of the file that was left out comes back as the file has it,
+    /// where the entry has the same ends.
     ///
     /// # Errors
     /// When the text is no entry; lines count from the one before it.
@@ -40,7 +42,12 @@ impl Edits {
         let mut entries = config.routes.into_iter();
         match (entries.next(), entries.next()) {
             (Some(entry), None) if entry.value.from.is_some() || entry.value.service.is_some() => {
-                self.added.push(entry);
+                let ends = ends(&entry.value);
+                let before = self.removed.len();
+                self.removed.retain(|_, removed| *removed != ends);
+                if self.removed.len() == before {
+                    self.added.push(entry);
+                }
             }
             _ => {
                 return Err(Failure::Usage(format!(
@@ -54,7 +61,7 @@ impl Edits {
 
     /// Leaves out a route, which the plan must have.
     pub fn remove(&mut self, name: &str) {
-        self.removed.insert(name.to_owned());
+        self.removed.insert(name.to_owned(), String::new());
     }
 
     /// Takes the routes that are left out from a plan that was made of the file's entries and those that were added.
@@ -64,11 +71,14 @@ impl Edits {
     /// When `wanted` is none of its routes.
     pub fn leave_out(&mut self, wanted: Option<&str>, loaded: &mut Loaded) -> Result<(), Failure> {
         let Loaded { plan, lines, .. } = loaded;
-        for name in std::mem::take(&mut self.removed) {
+        for name in std::mem::take(&mut self.removed).into_keys() {
             let of_file = plan.routes.len().saturating_sub(self.added.len());
             match place(plan, &name) {
                 Some(at) if at >= of_file => drop(self.added.remove(at - of_file)),
-                Some(_) => drop(self.removed.insert(name.clone())),
+                Some(at) => {
+                    let ends = plan.routes.get(at).map(Route::ends).unwrap_or_default();
+                    self.removed.insert(name.clone(), ends);
+                }
                 None if wanted == Some(name.as_str()) => {
                     let names: Vec<_> =
                         plan.routes.iter().map(|route| route.name.as_str()).collect();
@@ -86,6 +96,16 @@ impl Edits {
         }
         Ok(())
     }
+}
+
+/// Ends of an entry, as those of its route are written.
+fn ends(entry: &RouteConfig) -> String {
+    let (from, to) = match &entry.service {
+        Some(_) => (&entry.offered, &entry.service),
+        None => (&entry.from, &entry.to),
+    };
+    let text = |end: &Option<Spanned<String>>| end.as_ref().map(|end| end.value.clone());
+    format!("{} -> {}", text(from).unwrap_or_default(), text(to).unwrap_or_default())
 }
 
 /// Place in the plan of the route with this name or these ends.
@@ -136,6 +156,24 @@ mod tests {
         let mut plan = load_text(FILE, "file").unwrap();
         edits.leave_out(None, &mut plan).unwrap();
         assert_eq!(names(&plan).len(), 0);
+    }
+
+    #[test]
+    fn a_route_of_the_file_that_was_left_out_comes_back() {
+        for entry in [
+            "name: a, from: 'zeromq:/a', to: 'ros2:/a', type: Text",
+            "name: a, service: 'ros2:/a', as: 'yarp:/a', type: std_srvs/srv/Trigger",
+        ] {
+            let file = format!("routes:\n- {{{entry}}}\n");
+            let mut edits = Edits::default();
+            edits.remove("a");
+            edits.leave_out(Some("a"), &mut load_text(&file, "file").unwrap()).unwrap();
+            edits.add(&format!("{{{entry}}}")).unwrap();
+            assert_eq!(edits.added().len(), 0, "{entry}");
+            let mut plan = load_text(&file, "file").unwrap();
+            edits.leave_out(None, &mut plan).unwrap();
+            assert_eq!(names(&plan), ["a"]);
+        }
     }
 
     #[test]

@@ -7,9 +7,9 @@
 
 use std::fmt;
 
-use super::route::Kind;
+use super::route::{Kind, Route};
 use super::route_index::{Placed, RouteIndex, has_parameters};
-use wrapyfi_endpoint::pattern::{filled_template, fits_template};
+use wrapyfi_endpoint::pattern::{Inverse, filled_template, fits_template};
 use wrapyfi_endpoint::{EndpointAddress, Role};
 
 /// Two routes of one bridge, of which the second does not hear what the first publishes.
@@ -64,7 +64,8 @@ impl RouteIndex<'_> {
         for publishing @ Placed { route, from, to, .. } in self.all.iter().filter(has_messages) {
             if route.is_many() {
                 let met = self.taking.keys().filter(|address| {
-                    address.middleware == to.middleware && fits_template(&to.name, &address.name)
+                    address.middleware == to.middleware
+                        && may_become(route, &to.name, &address.name)
                 });
                 for address in met {
                     let others = self.taking_from(Role::Publisher, address);
@@ -86,6 +87,16 @@ impl RouteIndex<'_> {
         }
         found
     }
+}
+
+/// True where a pattern whose destination is `template` may publish on `name`. Where the source can be told from the
+/// destination, its groups and filters decide, because a group need not take every text.
+fn may_become(route: &Route, template: &str, name: &str) -> bool {
+    let inverse = || Inverse::new(&route.names.as_ref()?.pattern, template);
+    fits_template(template, name)
+        && inverse().is_none_or(|inverse| {
+            inverse.source(name).is_some_and(|source| route.target(&source).is_some())
+        })
 }
 
 #[cfg(test)]
@@ -123,6 +134,9 @@ mod tests {
         let on = |from: &str| format!("name: on, from: '{from}', to: 'c:/z', type: Text");
         assert_eq!(found(&[all, &on("b:/lab/x")]), ["all ~ on"]);
         assert_eq!(found(&[all, &on("b:/x")]), NONE);
+        let part = "name: part, from: 'a:/(pat/.*)', to: 'b:/$1'";
+        assert_eq!(found(&[part, &on("b:/pat/x")]), ["part ~ on"]);
+        assert_eq!(found(&[part, &on("b:/other/x")]), NONE);
         assert_eq!(found(&[all, "name: on, from: 'b:/lab/x', to: 'a:/x', type: Text"]), NONE);
         let one = "name: one, from: 'a:/x', to: 'b:/x', type: Text";
         assert_eq!(found(&[one, "name: rest, from: 'b:/(.*)', to: 'c:/$1'"]), ["one ~ rest"]);

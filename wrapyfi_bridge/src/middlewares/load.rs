@@ -51,6 +51,14 @@ impl Endpoints {
         }
     }
 
+    /// Checks what the middlewares check of their settings when they start, as far as it asks nobody.
+    pub(super) fn check(&self) -> Result<(), Problem> {
+        self.yarp.check()?;
+        self.zeromq.check()?;
+        self.ros2.check()?;
+        self.ros.check()
+    }
+
     /// Checks that nothing would listen where other machines reach it without permission. Parameters and arguments
     /// say where, and permit it, too: only what they have changed can be judged.
     ///
@@ -264,7 +272,7 @@ fn hosts(config: &Config<Endpoints>) -> Result<Hosts, Problem> {
 
 /// Finds what can be found wrong before anything is started, and reads what the sections name.
 fn check(endpoints: &mut Endpoints, beside: &Path) -> Result<(), Problem> {
-    endpoints.yarp.check()?;
+    endpoints.check()?;
     endpoints.zeromq.find_keys(beside);
     endpoints.ros.read_rules(beside)
 }
@@ -348,6 +356,24 @@ mod tests {
                 .endpoints
                 .check_permitted(None)
                 .unwrap();
+        }
+    }
+
+    #[test]
+    fn settings_that_no_middleware_starts_with_are_refused_with_their_line() {
+        for (section, why) in [
+            ("ros: { master_uri: 'localhost:11311' }", "master_uri"),
+            ("ros: { master_uri: 'https://localhost:11311' }", "http://host:11311"),
+            ("ros2: { domain_id: 300 }", "domains are 0 to 232"),
+            ("zeromq: { pub_port: 5555, sub_port: 5555 }", "both 5555"),
+            ("zeromq: { ip: '10.0.0.5:5555' }", "write ports as pub_port"),
+        ] {
+            let route = "routes:\n- {from: 'zeromq:/a', to: 'ros2:/a', type: Text}\n";
+            let text = format!("{route}endpoints:\n  {section}\n");
+            let refused = load_text(&text, "file").unwrap_err();
+            let told = refused.to_string();
+            assert!(told.starts_with("file:4:") && told.contains(why), "{section}: {told}");
+            assert!(!told.contains("ROS_MASTER_URI"), "{told}");
         }
     }
 

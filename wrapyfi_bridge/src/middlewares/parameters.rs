@@ -18,7 +18,7 @@ const PREFIX: &str = "endpoints.";
 enum Setting {
     Text(fn(&mut Endpoints) -> &mut Option<String>),
     Placed(fn(&mut Endpoints) -> &mut Option<Spanned<String>>),
-    Port(fn(&mut Endpoints) -> &mut Option<u16>),
+    Port(fn(&mut Endpoints) -> &mut Option<Spanned<u16>>),
     Switch(fn(&mut Endpoints) -> &mut bool),
 }
 
@@ -26,7 +26,7 @@ enum Setting {
 const SETTINGS: [(&str, Setting); 14] = [
     ("endpoints.ros.hostname", Setting::Text(|it| &mut it.ros.hostname)),
     ("endpoints.ros.insecure", Setting::Switch(|it| &mut it.ros.insecure.0.is_allowed)),
-    ("endpoints.ros.master_uri", Setting::Text(|it| &mut it.ros.master_uri)),
+    ("endpoints.ros.master_uri", Setting::Placed(|it| &mut it.ros.master_uri)),
     ("endpoints.ros.namespace", Setting::Text(|it| &mut it.ros.namespace)),
     ("endpoints.ros.node", Setting::Text(|it| &mut it.ros.node)),
     ("endpoints.yarp.embedded", Setting::Switch(|it| &mut it.yarp.embedded)),
@@ -60,7 +60,9 @@ impl Setting {
                 return Ok(());
             }
             (Self::Port(place), ParameterValue::Integer(port @ 1..=65535)) => {
-                *place(endpoints) = u16::try_from(port).ok();
+                let port = u16::try_from(port).ok();
+                *place(endpoints) =
+                    port.map(|port| Spanned::new(port, Location::UNKNOWN, Location::UNKNOWN));
                 return Ok(());
             }
             (Self::Switch(place), ParameterValue::Bool(is_on)) => {
@@ -80,7 +82,7 @@ impl Setting {
         match self {
             Self::Text(place) => place(endpoints).as_deref().map(ParameterValue::from),
             Self::Placed(place) => place(endpoints).as_ref().map(|text| text.value.as_str().into()),
-            Self::Port(place) => place(endpoints).map(|port| i64::from(port).into()),
+            Self::Port(place) => place(endpoints).as_ref().map(|port| i64::from(port.value).into()),
             Self::Switch(place) => place(endpoints).then_some(ParameterValue::Bool(true)),
         }
     }
@@ -131,7 +133,6 @@ pub(crate) fn take_parameters(
         word.said(Place::Parameter, is_given(address), is_allowed);
     }
     endpoints
-        .yarp
         .check()
         .map_err(|problem| Failure::Usage(format!("parameters {PREFIX}…: {}", problem.message)))
 }
@@ -188,7 +189,7 @@ mod tests {
         let given = ("endpoints.yarp.namespace".to_owned(), ParameterValue::from("/lab"));
         let mut store = ParameterStore::new(&name, [given].into()).unwrap();
         let mut endpoints = Endpoints::default();
-        endpoints.zeromq.pub_port = Some(7000);
+        endpoints.zeromq.pub_port = Some(Spanned::new(7000, Location::UNKNOWN, Location::UNKNOWN));
         endpoints.yarp.embedded = true;
         endpoints.yarp.namespace = Some("/of_the_file".to_owned());
         take_parameters(&mut endpoints, &mut store).unwrap();
@@ -203,7 +204,7 @@ mod tests {
         assert!(store.describe("endpoints.yarp.embedded").unwrap().read_only);
         assert!(store.set("endpoints.zeromq.pub_port", 1).is_err());
         // As after another file was read.
-        endpoints.zeromq.pub_port = Some(7001);
+        endpoints.zeromq.pub_port = Some(Spanned::new(7001, Location::UNKNOWN, Location::UNKNOWN));
         endpoints.yarp.embedded = false;
         show_endpoints(&endpoints, &mut store);
         let told = ["yarp.namespace /lab", "zeromq.pub_port 7001"];

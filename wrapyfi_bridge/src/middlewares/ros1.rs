@@ -28,7 +28,7 @@ pub(super) const AVAILABLE: Available<'static> = Available {
 #[serde(deny_unknown_fields, default)]
 #[allow(missing_docs)] // config/example.yaml is the manual
 pub struct Ros1Section {
-    pub master_uri: Option<String>,
+    pub master_uri: Option<Spanned<String>>,
     pub hostname: Option<String>,
     pub namespace: Option<String>,
     pub node: Option<String>,
@@ -65,6 +65,21 @@ impl Ros1Section {
         Ok(())
     }
 
+    /// Checks the address of the master as the node does at its start, which asks the net as well.
+    pub(super) fn check(&self) -> Result<(), Problem> {
+        let Some(written) = &self.master_uri else { return Ok(()) };
+        let config = Ros1Config { master_uri: written.value.clone(), ..Ros1Config::default() };
+        config.master().map(drop).map_err(|error| {
+            let text = match error {
+                ros1::ConfigError::MasterUri { uri, reason } => format!(
+                    "master_uri {uri:?} is no address of a master: {reason}; write it as http://host:11311"
+                ),
+                other => other.to_string(),
+            };
+            Problem::at(written.referenced, text)
+        })
+    }
+
     /// A node of ours that other machines reach is refused before anything starts. A name that has no address yet is
     /// looked at when the node starts.
     pub fn check_permitted(&self, hosts: &Hosts) -> Result<(), Problem> {
@@ -82,7 +97,7 @@ impl Ros1Section {
         let mut config = Ros1Config::from_env().map_err(Failure::usage)?;
         let Ros1Section { master_uri, hostname, namespace, node, remap, insecure, rules, .. } =
             self.clone();
-        config.master_uri = master_uri.unwrap_or(config.master_uri);
+        config.master_uri = master_uri.map_or(config.master_uri, |uri| uri.value);
         insecure.say(&mut config.insecure, hostname.is_some());
         config.hostname = hostname.or(config.hostname);
         config.hosts = hosts.clone();

@@ -2,7 +2,8 @@
 
 use serde::Deserialize;
 use wrapyfi_core::endpoint::Conventions;
-use wrapyfi_core::engine::Available;
+use wrapyfi_core::engine::{Available, Problem, Spanned};
+use wrapyfi_core::middleware::ros2::environment::MAX_DOMAIN_ID;
 use wrapyfi_core::middleware::ros2::{Adapter, Ros2};
 use wrapyfi_core::start::Ros2Settings;
 
@@ -29,12 +30,29 @@ fn check_topic(topic: &str) -> Result<(), String> {
 #[serde(deny_unknown_fields, default)]
 #[allow(missing_docs)] // config/example.yaml is the manual
 pub struct Ros2Section {
-    pub domain_id: Option<u32>,
+    pub domain_id: Option<Spanned<u32>>,
     pub interface: Option<String>,
     pub graph: Option<Adapter>,
 }
 
 impl Ros2Section {
+    /// Domain of the section, else that of the environment.
+    pub(crate) fn domain_id(&self, of_environment: u32) -> u32 {
+        self.domain_id.as_ref().map_or(of_environment, |written| written.value)
+    }
+
+    /// Refuses a domain that has no ports.
+    pub(super) fn check(&self) -> Result<(), Problem> {
+        match &self.domain_id {
+            Some(written) if written.value > MAX_DOMAIN_ID => {
+                let text =
+                    format!("domain_id is {}, domains are 0 to {MAX_DOMAIN_ID}", written.value);
+                Err(Problem::at(written.referenced, text))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Starts the middleware as the node `node`.
     ///
     /// # Errors
@@ -56,7 +74,7 @@ impl Ros2Section {
         let settings = Ros2Settings::of_node(node.name().clone(), variable);
         let mut settings = settings.map_err(Failure::usage)?;
         let cyclone = &mut settings.cyclone;
-        cyclone.domain_id = self.domain_id.unwrap_or(cyclone.domain_id);
+        cyclone.domain_id = self.domain_id(cyclone.domain_id);
         cyclone.interface.clone_from(&self.interface);
         cyclone.max_message_bytes = largest_message;
         settings.adapter = self.graph;

@@ -88,7 +88,7 @@ impl Settings {
         let node = if plan.uses("ros2") {
             let environment = environment::read(|name| std::env::var(name).ok());
             let environment = environment.map_err(Failure::usage)?;
-            let domain_id = ros2.domain_id.unwrap_or(environment.domain_id);
+            let domain_id = ros2.domain_id(environment.domain_id);
             let interface = ros2.interface.clone().unwrap_or("left out".to_owned());
             let graph = ros2.graph.map_or("left out".to_owned(), |graph| format!("{graph:?}"));
             Some(BTreeMap::from([

@@ -1,5 +1,6 @@
 //! `endpoints.zeromq` of a configuration, and the middleware that it makes.
 
+use std::net::IpAddr;
 use std::num::NonZeroU16;
 use std::path::{Path, PathBuf};
 
@@ -29,8 +30,8 @@ pub(super) const AVAILABLE: Available<'static> = Available {
 #[allow(missing_docs)] // config/example.yaml is the manual
 pub struct ZeroMqSection {
     pub ip: Option<Spanned<String>>,
-    pub pub_port: Option<u16>,
-    pub sub_port: Option<u16>,
+    pub pub_port: Option<Spanned<u16>>,
+    pub sub_port: Option<Spanned<u16>>,
     pub rep_port: Option<u16>,
     pub req_port: Option<u16>,
     pub broker: Option<BrokerWord>,
@@ -147,6 +148,42 @@ impl ZeroMqSection {
         config.check().map_err(|refused| Problem::at(written.referenced, refused.to_string()))
     }
 
+    /// Refuses what no broker can start with, and nobody can connect to.
+    pub(super) fn check(&self) -> Result<(), Problem> {
+        if let Some(ip) = &self.ip
+            && ip.value.trim_matches(['[', ']']).parse::<IpAddr>().is_err()
+            && ip.value.contains([':', '/', ' '])
+        {
+            let text = format!(
+                "ip {:?} is neither an address nor the name of a host: write ports as pub_port and sub_port",
+                ip.value
+            );
+            return Err(Problem::at(ip.referenced, text));
+        }
+        let Some(written) = self.sub_port.as_ref().or(self.pub_port.as_ref()) else {
+            return Ok(());
+        };
+        let config = ZeroMqConfig::from_env();
+        let mut config =
+            config.map_err(|wrong| Problem { position: None, message: wrong.to_string() })?;
+        self.say_ports(&mut config);
+        if config.pub_port == config.sub_port && config.pub_port != 0 {
+            let text = format!(
+                "pub_port and sub_port are both {}: give the two sides of the broker two ports",
+                config.pub_port
+            );
+            return Err(Problem::at(written.referenced, text));
+        }
+        Ok(())
+    }
+
+    /// Writes the ports of messages into `config`.
+    fn say_ports(&self, config: &mut ZeroMqConfig) {
+        let port = |written: &Option<Spanned<u16>>| written.as_ref().map(|it| it.value);
+        config.pub_port = port(&self.pub_port).unwrap_or(config.pub_port);
+        config.sub_port = port(&self.sub_port).unwrap_or(config.sub_port);
+    }
+
     /// Writes into `config` who runs the broker, its address, and who may reach it.
     fn say(&self, config: &mut ZeroMqConfig) {
         self.insecure.say(&mut config.insecure, self.ip.is_some());
@@ -184,8 +221,7 @@ impl ZeroMqSection {
         if let Some(topic) = &self.monitor_topic {
             config.monitor_topic.clone_from(topic);
         }
-        config.pub_port = self.pub_port.unwrap_or(config.pub_port);
-        config.sub_port = self.sub_port.unwrap_or(config.sub_port);
+        self.say_ports(&mut config);
         config.rep_port = self.rep_port.unwrap_or(config.rep_port);
         config.req_port = self.req_port.unwrap_or(config.req_port);
         config.send_hwm = self.send_hwm.unwrap_or(config.send_hwm);

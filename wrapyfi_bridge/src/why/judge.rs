@@ -30,6 +30,23 @@ pub fn judge(way: &Way) -> Verdict {
     Verdict { way: way.title.clone(), passed: walk.passed, finding }
 }
 
+/// True where a bridge runs the route and messages have come in on it.
+fn way_received(way: &Way) -> bool {
+    way.running.as_ref().is_some_and(|running| running.counters.received > 0)
+}
+
+/// True for a publisher that the bridge with the ROS 2 node `own` may be itself. Only ROS names the nodes of
+/// publishers; a node of the bridge on ROS 1 is `wrapyfi_` and a number.
+fn may_be_bridge(one: &Discovered, middleware: &str, own: &str) -> bool {
+    match (&one.node, middleware) {
+        (Some(node), "ros2") => node == own,
+        (Some(node), "ros") => {
+            node.rsplit('/').next().is_some_and(|last| last.starts_with("wrapyfi_"))
+        }
+        _ => true,
+    }
+}
+
 impl Walk<'_> {
     fn walk(&mut self) -> Step {
         let way = self.way;
@@ -51,6 +68,16 @@ impl Walk<'_> {
         self.quality(source, provider)?;
         match &way.destination {
             None if source.names.is_some() => {}
+            None if way.without_route.is_some() => {
+                let file = way.without_route.as_deref().unwrap_or_default();
+                let address = &source.address;
+                return Err(Finding::new(
+                    Cause::NoRoute,
+                    format!("no route of {file} begins or ends at {address}"),
+                    "the file of the routes",
+                    format!("write one: {{from: \"{address}\", to: …}}; or correct the name"),
+                ));
+            }
             None => {
                 self.among_themselves(source, provider, taker)?;
                 if !way.is_service {
@@ -136,8 +163,12 @@ impl Walk<'_> {
         let nobody = nobody(end, role);
         // Where it publishes itself, a bridge is one of them, and hears the others only.
         let unheard = self.way.route.as_ref().and_then(|route| route.unheard.as_ref());
-        let unheard = unheard.filter(|_| {
-            role == Role::Publisher && there.iter().map(|one| one.count.max(1)).sum::<u64>() <= 1
+        let has_received = way_received(self.way);
+        let unheard = unheard.filter(|unheard| {
+            role == Role::Publisher
+                && !has_received
+                && there.iter().map(|one| one.count.max(1)).sum::<u64>() <= 1
+                && there.iter().all(|one| may_be_bridge(one, &address.middleware, &unheard.node))
         });
         if let Some(unheard) = unheard {
             let (cause, what) = match unheard.circle.is_empty() {

@@ -104,6 +104,33 @@ fn nothing_is_missing_where_all_is_there() {
     );
 }
 
+#[test]
+fn a_publisher_that_is_not_the_bridge_is_heard_beside_a_route_that_is_not() {
+    let way_of = |node: &str| {
+        let mut way = of_source(|it| {
+            it.found = vec![Discovered { node: Some(node.to_owned()), ..publisher("/in") }];
+        });
+        way.route.as_mut().unwrap().unheard = Some(Unheard {
+            node: "/wrapyfi_bridge".to_owned(),
+            text: "write a route from a to c".to_owned(),
+            circle: Vec::new(),
+        });
+        way
+    };
+    let cause = |way: &Way| judge(way).finding.map(|found| found.cause);
+    assert_eq!(cause(&way_of("/wrapyfi_bridge")), Some(Cause::OwnPublication));
+    assert_eq!(cause(&way_of("/talker")), None);
+}
+
+#[test]
+fn an_endpoint_that_no_route_of_the_file_means_lacks_a_route() {
+    let way =
+        Way { route: None, destination: None, without_route: Some("b.yaml".to_owned()), ..whole() };
+    let found = judge(&way).finding.unwrap();
+    assert_eq!(found.cause, Cause::NoRoute);
+    assert!(found.what.contains("no route of b.yaml") && found.what.contains("ros2:/in"));
+}
+
 /// Each situation, its cause, words of what is said, words of the remedy.
 #[test]
 fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
@@ -116,7 +143,11 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
     };
     let unresolved = || Answer::Unresolved("host name \"robot\" does not resolve".to_owned());
     let nobody = |end: &mut End| end.found.retain(|one| one.role != Role::Publisher);
-    let heard = Unheard { text: "write a route from a to c".to_owned(), circle: Vec::new() };
+    let heard = Unheard {
+        node: "/wrapyfi_bridge".to_owned(),
+        text: "write a route from a to c".to_owned(),
+        circle: Vec::new(),
+    };
     let circle = Unheard {
         circle: vec!["ros2:/in".into(), "zeromq:/x".into(), "ros2:/in".into()],
         ..heard.clone()

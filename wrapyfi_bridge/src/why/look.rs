@@ -215,7 +215,7 @@ fn graph(endpoints: &Endpoints) -> Graph {
     };
     let is_local = std::env::var("ROS_LOCALHOST_ONLY").is_ok_and(|value| value == "1");
     Graph {
-        domain_id: endpoints.ros2.domain_id.unwrap_or(domain_id),
+        domain_id: endpoints.ros2.domain_id(domain_id),
         range,
         range_setting: match is_local {
             true => "ROS_LOCALHOST_ONLY=1",

@@ -56,6 +56,8 @@ pub struct Way {
     pub destination: Option<End>,
     /// Status of the route in a bridge that runs it and was asked.
     pub running: Option<RouteStatus>,
+    /// File of which no route means the endpoint that was asked for.
+    pub without_route: Option<String>,
     /// Parts that are known to be in place before the walk.
     pub known: Vec<String>,
 }
@@ -80,6 +82,8 @@ pub struct RouteFacts {
 /// A route of the same bridge that this one does not hear.
 #[derive(Debug, Clone)]
 pub struct Unheard {
+    /// Full name of the bridge's node on ROS 2.
+    pub node: String,
     /// Both routes, and the remedy, in words.
     pub text: String,
     /// Addresses of a circle that the routes of the file make, from one back to itself.
@@ -251,6 +255,7 @@ pub enum Cause {
     ServiceMapping,
     Qos,
     NoBridge,
+    NoRoute,
     NobodyListens,
     State,
     Drops,

@@ -140,7 +140,7 @@ impl Configured<'_> {
                     left_out,
                     ..RouteFacts::default()
                 };
-                facts.unheard = unheard(&index, &route);
+                facts.unheard = unheard(&index, &route, node);
                 if facts.left_out.is_some() {
                     let title = format!("{name} in {}", route.name);
                     return Ok(Way { title, route: Some(facts), ..Way::default() });
@@ -148,7 +148,10 @@ impl Configured<'_> {
                 Ok(self.of_route(&route, facts, types))
             }
             None => match address(name) {
-                Ok(address) => Ok(of_address(&address, sight, types)),
+                Ok(address) => {
+                    let without_route = Some(file.to_owned());
+                    Ok(Way { without_route, ..of_address(&address, sight, types) })
+                }
                 Err(_) => {
                     let known: Vec<_> =
                         plan.routes.iter().take(20).map(|route| route.name.as_str()).collect();
@@ -220,7 +223,7 @@ impl Configured<'_> {
             false => format!("{}: {}", route.name, route.ends()),
         };
         let (route, source) = (Some(facts), Some(source));
-        Way { title, is_service, route, source, destination, running, known: Vec::new() }
+        Way { title, is_service, route, source, destination, running, ..Way::default() }
     }
 }
 
@@ -273,9 +276,10 @@ fn route(plan: &Plan, index: &RouteIndex<'_>, name: &str) -> Option<(Route, Left
 }
 
 /// Route of the same file that publishes where this one listens.
-fn unheard(index: &RouteIndex<'_>, route: &Route) -> Option<Unheard> {
+fn unheard(index: &RouteIndex<'_>, route: &Route, node: &Node) -> Option<Unheard> {
     let found = index.unheard().into_iter().find(|one| one.listening == route.name)?;
-    Some(Unheard { text: found.to_string(), circle: circle(index, route) })
+    let node = node.name().fqn().to_owned();
+    Some(Unheard { node, text: found.to_string(), circle: circle(index, route) })
 }
 
 /// Addresses from the source of a route along the routes of the file, where they lead back to it; else
@@ -408,12 +412,13 @@ mod tests {
         ]);
         let around = circle(&index(&ring), &ring.routes[1]);
         assert_eq!(around, ["zeromq:/x", "yarp:/x", "ros2:/x", "zeromq:/x"]);
-        assert!(unheard(&index(&ring), &ring.routes[1]).is_some());
+        let node = Node::bridge().unwrap();
+        assert!(unheard(&index(&ring), &ring.routes[1], &node).is_some());
         let pair = plan(&[
             "from: 'ros2:/x', to: 'zeromq:/x', type: Text",
             "from: 'zeromq:/x', to: 'ros2:/x', type: Text",
         ]);
         assert_eq!(circle(&index(&pair), &pair.routes[0]), [""; 0]);
-        assert!(unheard(&index(&pair), &pair.routes[0]).is_none());
+        assert!(unheard(&index(&pair), &pair.routes[0], &node).is_none());
     }
 }
