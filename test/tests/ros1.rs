@@ -371,8 +371,7 @@ fn two_routes_from_one_topic_of_rospy_lose_nothing() -> Result {
         let topic = env.topic("numbers");
         let ends = [zeromq(&topic), ros2(&topic)];
         let routes = ends.iter().map(|to| Route::new(&ros1(&topic), to, "Text"));
-        let bridge =
-            env.bridge(&routes.fold(env.embedded(), |config, route| config.route(route)))?;
+        let bridge = env.bridge(&routes.fold(env.embedded(), wrapyfi_e2e::Config::route))?;
         let echoes = ends.iter().map(|end| echo(env, end, "Text", 50));
         let echoes = echoes.collect::<Result<Vec<Process>>>()?;
         let talker = env.rospy(&format!("publish --topic {topic}"), Some(r#"{"data": "{n}"}"#))?;
