@@ -35,7 +35,7 @@ impl Engine {
         self
     }
 
-    /// As [`Applier::apply`](super::Applier::apply); the next step turns to the plan.
+    /// As `apply` of [`Applier`](super::Applier); the next step turns to the plan.
     ///
     /// # Errors
     /// As there.

@@ -7,7 +7,7 @@
 //! ```
 //!
 //! One driver steps all routes: in turn where a test gives the time, on a pool of threads in
-//! production. A plan may be replaced while they run ([`Applier::apply`]).
+//! production. A plan may be replaced while they run (`apply` of [`Applier`]).
 //!
 //! A route is data: [`Route`] is the one that is wanted, [`RouteStatus`] its state. A pattern
 //! matches many topics or services: its routes are made as these come, with the types that they
