@@ -300,6 +300,27 @@ fn our_server_answers_the_first_call_of_a_client_on_fast_dds() -> Result {
     })
 }
 
+/// A process that is stopped and goes on, as with Ctrl-Z and `fg`.
+#[test]
+fn a_server_that_was_stopped_and_goes_on_answers_fast_dds_again() -> Result {
+    run("a_server_that_was_stopped_and_goes_on_answers_fast_dds_again", NEEDS, |env| {
+        let service = env.topic("sums");
+        let server = start(env, FAST, "serve", &service, &["--value", r#"{"sum": 42}"#])?;
+        let mut client = env.fast_peer(&format!("client --topic {service} --type {ADD}"))?;
+        for round in 0..3 {
+            let answers = |output: &Output| output.events("reply").len();
+            let before = client.wait_until("a number", |output| Some(answers(output)))?;
+            let more = |output: &Output| (answers(output) > before + 2).then_some(());
+            told_until(&mut client, &Cdr::new().long(round).long(3), None, more)
+                .map_err(|e| e.context(server.tail()))?;
+            server.pause()?;
+            std::thread::sleep(Duration::from_millis(300)); // the time for which it stands still
+            server.resume()?;
+        }
+        Ok(())
+    })
+}
+
 #[test]
 fn a_call_in_the_wrong_mapping_says_what_to_set() -> Result {
     run("a_call_in_the_wrong_mapping_says_what_to_set", NEEDS, |env| {

@@ -172,38 +172,16 @@ impl Reconciler {
         keeps
     }
 
-    /// Type that publishers of the source announce, where they do.
-    pub(super) fn told_by_sources(
-        &mut self,
-        spec: &Route,
-        candidate: &Candidate,
-    ) -> Option<&'static str> {
-        let Candidate { from, to, .. } = candidate;
-        if let (Kind::Topic(types), Typing::Given) = (spec.kind, spec.typing) {
-            return Some(types.to.label());
-        }
-        let sources: Vec<Discovered> =
-            self.sources(spec.role(), from, &to.middleware).cloned().collect();
-        let between_ros = self.are_both_ros(from, to);
-        let middleware = self.graph.get(&from.middleware)?.middleware.clone()?;
-        let mut told = sources.iter().filter_map(|one| {
-            let learned = middleware.learn_topic(one, &mut self.types).ok()?;
-            Some(learned.message_type(between_ros).label())
-        });
-        told.next()
-    }
-
-    /// Type that all publishers of the source announce now, and the one that the route learned from those before.
-    /// A source whose type is guessed by its messages tells none.
+    /// Type that all publishers of the source announce now, and the one that the route learned: from those before, or
+    /// from listeners where it was made ahead of its publishers. A source whose type is guessed by its messages tells
+    /// none.
     pub(super) fn other_type(
         &mut self,
         spec: &Route,
         candidate: &Candidate,
     ) -> Option<(&'static str, &'static str)> {
         let carried = candidate.carried.filter(|_| spec.typing != Typing::Given)?;
-        let Candidate { from, to, wished: None, guessed_type: None, .. } = candidate else {
-            return None;
-        };
+        let Candidate { from, to, wished: None, .. } = candidate else { return None };
         let between_ros = self.are_both_ros(from, to);
         let source = self.graph.get(&from.middleware).filter(|side| !side.traits().untyped)?;
         let middleware = source.middleware.clone()?;

@@ -25,8 +25,6 @@ pub(super) struct Candidate {
     rival_since: Option<Instant>,
     /// True while its source has no publisher yet, and a listener waits at the destination.
     pub(super) is_ahead: bool,
-    /// Type of a route that was made ahead of its publishers, which may have another.
-    pub(super) guessed_type: Option<&'static str>,
     /// Type that its route carries.
     pub(super) carried: Option<MessageType>,
     /// Type that its listeners want, where it differs from the learned one and can be made of it.
@@ -59,7 +57,6 @@ impl Candidate {
             retry_at: None,
             rival_since: None,
             is_ahead: false,
-            guessed_type: None,
             carried: None,
             wished: None,
             misfits: None,
@@ -130,13 +127,23 @@ impl Candidate {
     }
 
     /// Notes the reason that it has no route, and logs a new one; at level debug where it is one of
-    /// many. True where it is new.
-    pub(super) fn waits(&mut self, name: &str, state: RouteState, is_one_of_many: bool) -> bool {
-        if matches!(self.state, State::Runs(_)) || self.state == State::Waits(state.clone()) {
-            return false;
+    /// many. The reason where it is new.
+    pub(super) fn waits(
+        &mut self,
+        role: Role,
+        state: RouteState,
+        is_one_of_many: bool,
+    ) -> Option<&RouteState> {
+        match &self.state {
+            State::Runs(_) => return None,
+            State::Waits(known) if *known == state => return None,
+            State::New | State::Waits(_) => {}
         }
-        state.log(name, is_one_of_many, 0);
+        state.log(&self.name(role), is_one_of_many, 0);
         self.state = State::Waits(state);
-        true
+        match &self.state {
+            State::Waits(state) => Some(state),
+            State::New | State::Runs(_) => None,
+        }
     }
 }

@@ -7,13 +7,13 @@
 //! ```
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use wrapyfi_interfaces::store::TypeStore;
 
 use super::lanes::Lanes;
-use super::member::{Member, lock};
+use super::member::Member;
 use super::plan::Plan;
 use super::plan_diff::{ApplyError, PlanDiff};
 use super::pool::Pool;
@@ -21,7 +21,7 @@ use super::reconciler::{Change, Reconciler};
 use super::replacement::{INACTIVE, REMOVED};
 use super::route_status::{RouteState, RouteStatus};
 use super::tap::Tap;
-use wrapyfi_endpoint::{Registry, Wake};
+use wrapyfi_endpoint::{Mutex, Registry, Wake};
 use wrapyfi_retry::contained;
 
 /// Pause between two looks whether all routes are closed.
@@ -85,7 +85,7 @@ impl Driver {
     }
 
     pub(super) fn set_types(&self, types: TypeStore) {
-        lock(&self.reconciler).types = types;
+        self.reconciler.lock().types = types;
     }
 
     /// Turns to another plan, as a whole or not at all. Routes that are the same in both go on
@@ -106,7 +106,7 @@ impl Driver {
             return Err(ApplyError::Unknown(unknown));
         }
         let diff = {
-            let mut latest = lock(&self.latest);
+            let mut latest = self.latest.lock();
             let (diff, is_active) = (latest.plan.diff(&plan), latest.is_active);
             *latest = Latest { plan, registry, is_new: true, types: Some(types), is_active };
             diff
@@ -118,7 +118,7 @@ impl Driver {
     /// Starts the routes of the plan, as they are at first, or stops them all: their ends close, and plan and
     /// middlewares stay. It happens soon after.
     pub fn set_active(&self, is_active: bool) {
-        let mut latest = lock(&self.latest);
+        let mut latest = self.latest.lock();
         latest.is_new |= latest.is_active != is_active;
         latest.is_active = is_active;
         drop(latest);
@@ -127,7 +127,7 @@ impl Driver {
 
     /// Turns to other middlewares of the same names: routes on one that is another begin anew.
     pub fn turn_to(&self, registry: Registry) {
-        let mut latest = lock(&self.latest);
+        let mut latest = self.latest.lock();
         (latest.registry, latest.is_new) = (registry, true);
         drop(latest);
         self.wake.ring();
@@ -137,7 +137,7 @@ impl Driver {
     #[must_use]
     pub fn wait_closed(&self, most: Duration) -> bool {
         let end = Instant::now() + most;
-        while lock(&self.latest).is_new || !self.members().is_empty() {
+        while self.latest.lock().is_new || !self.members().is_empty() {
             if Instant::now() >= end {
                 return false;
             }
@@ -149,9 +149,9 @@ impl Driver {
     /// Turns to a new plan where there is one, and looks at discovery; instant of the next look, if
     /// nothing rings before.
     pub(super) fn look(&self, now: Instant) -> Option<Instant> {
-        let mut reconciler = lock(&self.reconciler);
+        let mut reconciler = self.reconciler.lock();
         let next = {
-            let mut latest = lock(&self.latest);
+            let mut latest = self.latest.lock();
             if let Some(types) = latest.types.take() {
                 reconciler.types = types;
             }
@@ -174,14 +174,14 @@ impl Driver {
             }
             Err(panic) => Some(now + reconciler.panicked(panic, now)),
         };
-        *lock(&self.found) = reconciler.status();
+        *self.found.lock() = reconciler.status();
         next
     }
 
     /// Carries out the reconciler's changes without waiting for a step.
     fn carry_out(&self, registry: &Registry, changes: Vec<Change>) {
         for change in changes {
-            let mut members = lock(&self.members);
+            let mut members = self.members.lock();
             let running = |id| members.running.get(&id).cloned();
             match change {
                 Change::Start { id, route, counters } => {
@@ -222,7 +222,7 @@ impl Driver {
 
     /// Members that run, those that close before the others.
     pub(super) fn members(&self) -> Vec<Arc<Member>> {
-        let mut members = lock(&self.members);
+        let mut members = self.members.lock();
         members.closing.retain(|member| !member.is_closed());
         members.closing.iter().chain(members.running.values()).cloned().collect()
     }
@@ -232,34 +232,34 @@ impl Driver {
     /// it is blocked once the step takes over a second.
     #[must_use]
     pub fn status(&self) -> Vec<RouteStatus> {
-        let latest = lock(&self.latest);
+        let latest = self.latest.lock();
         if !latest.is_active {
             let state = || RouteState::Waiting("the bridge to be activated".to_owned());
             return latest.plan.routes.iter().map(|it| RouteStatus::planned(it, state())).collect();
         }
         drop(latest);
-        let running: Vec<_> = lock(&self.members).running.values().cloned().collect();
-        let found = lock(&self.found).clone();
+        let running: Vec<_> = self.members.lock().running.values().cloned().collect();
+        let found = self.found.lock().clone();
         running.iter().map(|member| member.status()).chain(found).collect()
     }
 
     /// The latest plan.
     #[must_use]
     pub fn plan(&self) -> Plan {
-        lock(&self.latest).plan.clone()
+        self.latest.lock().plan.clone()
     }
 
     /// Window on the messages of a route that carries a topic, by its name and its ends as its status has
     /// them.
     #[must_use]
     pub fn tap(&self, name: &str, from: &str, to: &str) -> Option<Arc<Tap>> {
-        lock(&self.members).running.values().find_map(|member| member.tap_of([name, from, to]))
+        self.members.lock().running.values().find_map(|member| member.tap_of([name, from, to]))
     }
 
     /// Middlewares of the latest plan.
     #[must_use]
     pub fn registry(&self) -> Registry {
-        lock(&self.latest).registry.clone()
+        self.latest.lock().registry.clone()
     }
 
     /// Looks at the rates of the routes, and logs of those whose step takes too long.

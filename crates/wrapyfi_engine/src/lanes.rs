@@ -6,12 +6,13 @@
 //! ```
 
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, Weak};
+use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
 
-use super::member::lock;
-use super::tripwire::PUBLISHES;
-use wrapyfi_endpoint::{Counters, EndpointAddress};
+use wrapyfi_endpoint::{Counters, EndpointAddress, Mutex};
+
+/// Share of the expected messages above which a publisher is at work.
+pub(super) const PUBLISHES: f64 = 0.3;
 
 /// Busy routes of a bridge.
 #[derive(Default)]
@@ -46,14 +47,14 @@ impl Lanes {
     ) -> Arc<Lane> {
         let (from, to, is_in_trial) = (from.clone(), to.clone(), AtomicBool::new(false));
         let lane = Arc::new(Lane { from, to, counters, is_in_trial });
-        let mut lanes = lock(&self.0);
+        let mut lanes = self.0.lock();
         lanes.retain(|lane| lane.strong_count() > 0);
         lanes.push(Arc::downgrade(&lane));
         lane
     }
 
     fn back(&self, lane: &Lane) -> Vec<Arc<Lane>> {
-        let lanes = lock(&self.0);
+        let lanes = self.0.lock();
         lanes.iter().filter_map(Weak::upgrade).filter(|other| lane.is_answered_by(other)).collect()
     }
 

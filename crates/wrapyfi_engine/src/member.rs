@@ -7,21 +7,21 @@
 //! ```
 
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Weak};
 use std::task::Waker;
 use std::time::{Duration, Instant};
 
 use super::lanes::Lanes;
 use super::pool::{Place, Pool};
 use super::rate::RateMeter;
-use super::relay::{Relay, Step};
+use super::relay::Relay;
 use super::route::{Kind, Route, RouteKey};
 use super::route_status::{RouteState, RouteStatus};
 use super::service_relay::ServiceRelay;
 use super::tap::Tap;
-use super::work::Work;
+use super::work::{Step, Work};
 use wrapyfi_endpoint::backoff::Backoff;
-use wrapyfi_endpoint::{Clock, Counters, CountersSnapshot, Qos, Registry, Throttle, Wake};
+use wrapyfi_endpoint::{Clock, Counters, CountersSnapshot, Mutex, Qos, Registry, Throttle, Wake};
 use wrapyfi_retry::contained;
 
 /// Length of a step from which on it shows as blocked.
@@ -30,10 +30,6 @@ const BLOCKED_AFTER: Duration = Duration::from_secs(1);
 const CLOSING_LOOK_EVERY: Duration = Duration::from_millis(10);
 /// Time without a panic after which the back-off begins anew.
 const CALM_AFTER: Duration = Duration::from_secs(30);
-
-pub(super) fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 /// A route that runs.
 pub(super) struct Member {
@@ -196,7 +192,7 @@ impl Member {
     }
 
     fn order(&self, enter: impl FnOnce(&mut Orders)) {
-        enter(&mut lock(&self.orders));
+        enter(&mut self.orders.lock());
         self.is_ordered.store(true, Ordering::Release);
         self.wake.ring();
     }
@@ -220,10 +216,10 @@ impl Member {
 
     /// Brings the route one step on; `None` once it has closed.
     pub(super) fn step(&self, now: Instant) -> Option<Step> {
-        let mut slot = lock(&self.slot);
+        let mut slot = self.slot.lock();
         let slot = &mut *slot;
         if self.is_ordered.swap(false, Ordering::AcqRel) {
-            let Orders { keep_open, misfits, stop } = std::mem::take(&mut *lock(&self.orders));
+            let Orders { keep_open, misfits, stop } = std::mem::take(&mut *self.orders.lock());
             if let Some(end) = stop {
                 self.close_now(slot, Some(&end));
             } else if let Some(work) = &mut slot.work {
@@ -275,7 +271,7 @@ impl Member {
     /// Closes the ends of a route whose turn panicked outside of the route's own step.
     pub(super) fn turn_panicked(&self, panic: &str, now: Instant) -> Step {
         self.step_began_ms.store(0, Ordering::Relaxed);
-        self.contain(&mut lock(&self.slot), panic, now)
+        self.contain(&mut self.slot.lock(), panic, now)
     }
 
     /// Closes the ends of a route that panicked; they are opened again after a while.
@@ -313,7 +309,7 @@ impl Member {
             }
         }
         slot.shown = Arc::new(Published { state, qos });
-        *lock(&self.published) = Arc::clone(&slot.shown);
+        *self.published.lock() = Arc::clone(&slot.shown);
     }
 
     /// Closes the route for good, and logs its numbers of messages where it `end`s before the
@@ -338,11 +334,7 @@ impl Member {
 
     /// Closes the route at the end of the program; false where it is in the middle of a blocking step.
     pub(super) fn close(&self) -> bool {
-        let mut slot = match self.slot.try_lock() {
-            Ok(slot) => slot,
-            Err(std::sync::TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
-            Err(std::sync::TryLockError::WouldBlock) => return false,
-        };
+        let Some(mut slot) = self.slot.try_lock() else { return false };
         self.close_now(&mut slot, None);
         true
     }
@@ -357,7 +349,7 @@ impl Member {
     /// Looks once a second how many messages went through, and logs once that the step in progress takes
     /// too long.
     pub(super) fn look(&self, now: Instant) {
-        lock(&self.rate).look(&self.counters, now);
+        self.rate.lock().look(&self.counters, now);
         self.tell_blocked();
     }
 
@@ -379,7 +371,7 @@ impl Member {
 
     /// Status of the route; does not wait for a step in progress.
     pub(super) fn status(&self) -> RouteStatus {
-        let published = Arc::clone(&lock(&self.published));
+        let published = Arc::clone(&self.published.lock());
         let state = match self.blocked_for() {
             Some(time) => self.blocked_state(time),
             None => published.state.clone(),
@@ -390,7 +382,7 @@ impl Member {
             from_qos,
             to_qos,
             counters: self.counters.snapshot(),
-            rate: lock(&self.rate).rate(),
+            rate: self.rate.lock().rate(),
             panics: self.panics.load(Ordering::Relaxed),
             ..self.identity.clone()
         }

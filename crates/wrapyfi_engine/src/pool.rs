@@ -11,13 +11,13 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::atomic::Ordering;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, MutexGuard, PoisonError};
 use std::thread::Thread;
 use std::time::{Duration, Instant};
 
-use super::member::{Member, lock};
-use super::relay::Step;
-use wrapyfi_endpoint::Clock;
+use super::member::Member;
+use super::work::Step;
+use wrapyfi_endpoint::{Clock, Mutex};
 use wrapyfi_retry::contained;
 use wrapyfi_retry::thread::restarted;
 
@@ -153,7 +153,7 @@ impl Pool {
         self: &Arc<Self>,
         look: impl Fn(Instant) + Send + 'static,
     ) -> std::io::Result<()> {
-        self.grow(&mut lock(&self.state))?;
+        self.grow(&mut self.state.lock())?;
         let pool = Arc::clone(self);
         self.spawn("route-timer", move || pool.keep_time(&look))
     }
@@ -169,14 +169,14 @@ impl Pool {
         act: impl FnMut() + Send + 'static,
     ) -> std::io::Result<()> {
         let pool = Arc::clone(self);
-        lock(&self.state).threads += 1;
+        self.state.lock().threads += 1;
         let thread = std::thread::Builder::new().name(name.to_owned());
         let started = thread.spawn(move || {
             restarted(&format!("thread {name}"), |time| pool.goes_on_after(time), act);
-            pool.has_ended(&mut lock(&pool.state));
+            pool.has_ended(&mut pool.state.lock());
         });
         started.map(drop).inspect_err(|_| {
-            lock(&self.state).threads -= 1;
+            self.state.lock().threads -= 1;
             self.stop();
         })
     }
@@ -184,7 +184,7 @@ impl Pool {
     /// Waits before a thread that panicked begins again; false once the pool is stopped.
     fn goes_on_after(&self, pause: Duration) -> bool {
         let goes_on = |state: &mut State| !state.stop;
-        let waited = self.ended.wait_timeout_while(lock(&self.state), pause, goes_on);
+        let waited = self.ended.wait_timeout_while(self.state.lock(), pause, goes_on);
         !waited.unwrap_or_else(PoisonError::into_inner).0.stop
     }
 
@@ -202,7 +202,7 @@ impl Pool {
             _ => None,
         });
         if rung == Ok(Place::IDLE) {
-            let mut state = lock(&self.state);
+            let mut state = self.state.lock();
             self.enqueue(&mut state, member);
             let worker = state.take_idle();
             // Unparked without the lock, which is the first thing that the worker takes.
@@ -252,7 +252,7 @@ impl Pool {
 
     fn work(&self) {
         let own = std::thread::current();
-        let mut state = lock(&self.state);
+        let mut state = self.state.lock();
         while !state.stop {
             let Some((member, is_behind)) = state.next() else {
                 let is_needed = state.grown_at.is_some_and(|at| at.elapsed() < LOOK_EVERY);
@@ -263,7 +263,7 @@ impl Pool {
                 state.idle.push(own.clone());
                 drop(state);
                 std::thread::park();
-                state = lock(&self.state);
+                state = self.state.lock();
                 // Nobody has taken it from `idle` where the park ended by itself, or for all.
                 match state.idle.iter().position(|idle| idle.id() == own.id()) {
                     Some(place) => drop(state.idle.remove(place)),
@@ -284,7 +284,7 @@ impl Pool {
                 let now = Instant::now();
                 (Some(member.turn_panicked(&panic, now)), now)
             });
-            state = lock(&self.state);
+            state = self.state.lock();
             if is_behind {
                 state.at_behind -= 1;
             }
@@ -295,7 +295,7 @@ impl Pool {
                 // program waits for the close, in which the ends unregister from masters and name
                 // servers.
                 member.close();
-                state = lock(&self.state);
+                state = self.state.lock();
                 break;
             }
             self.put_back(&mut state, member, step, now);
@@ -323,7 +323,7 @@ impl Pool {
             return;
         }
         let next = self.together(next, now);
-        let mut timer = lock(&member.timer);
+        let mut timer = member.timer.lock();
         if timer.is_none_or(|at| next < at) {
             *timer = Some(next);
             drop(timer);
@@ -358,12 +358,12 @@ impl Pool {
         let mut looked_at = self.clock.now();
         // Numbers of turns taken at the moment when members were seen waiting without a worker.
         let mut seen: Option<(Instant, (u64, u64))> = None;
-        let mut state = lock(&self.state);
+        let mut state = self.state.lock();
         while !state.stop {
             let now = self.clock.now();
             while let Some(entry) = state.timers.first_entry().filter(|it| it.key().0 <= now) {
                 let member = entry.remove();
-                *lock(&member.timer) = None;
+                *member.timer.lock() = None;
                 if self.claim(&member) {
                     self.enqueue(&mut state, member);
                     if let Some(worker) = state.take_idle() {
@@ -378,7 +378,7 @@ impl Pool {
                 }
                 drop(state);
                 look(now);
-                state = lock(&self.state);
+                state = self.state.lock();
             }
             let mut pause = LOOK_EVERY;
             if state.waits_in_vain() {
@@ -418,7 +418,7 @@ impl Pool {
 
     /// Lets every worker end after the step that it is in.
     pub(super) fn stop(&self) {
-        let mut state = lock(&self.state);
+        let mut state = self.state.lock();
         state.stop = true;
         // Dropped after the lock: the queues hold members, which close their endpoints when
         // dropped.
@@ -437,7 +437,7 @@ impl Pool {
     /// Waits until every thread has ended, at most `limit`.
     pub(super) fn wait(&self, limit: Duration) {
         let is_busy = |state: &mut State| state.threads > 0;
-        drop(self.ended.wait_timeout_while(lock(&self.state), limit, is_busy));
+        drop(self.ended.wait_timeout_while(self.state.lock(), limit, is_busy));
     }
 }
 

@@ -411,16 +411,13 @@ impl Reconciler {
     ) {
         let Some(pattern) = self.patterns.get_mut(key.0) else { return };
         pattern.panics += 1;
-        let name = candidate.name(pattern.spec.role());
+        let role = pattern.spec.role();
         candidate.retry_at(now + self.backoff.wait());
+        let text = format!("a decision on it panicked: {panic}");
         if let Some(unlogged_before) = self.complaints.pass(now) {
-            tracing::error!(route = name, unlogged_before, "a decision on it panicked: {panic}");
+            tracing::error!(route = candidate.name(role), unlogged_before, "{text}");
         }
-        candidate.waits(
-            &name,
-            RouteState::Error(format!("a decision on it panicked: {panic}")),
-            true,
-        );
+        candidate.waits(role, RouteState::Error(text), true);
     }
 
     /// Brings one candidate on; true when it stays, and the change that follows.
@@ -433,10 +430,10 @@ impl Reconciler {
         let Some(spec) = self.patterns.get(key.0).map(|pattern| Arc::clone(&pattern.spec)) else {
             return (false, None);
         };
-        let name = candidate.name(spec.role());
+        let role = spec.role();
         if let Some(to) = candidate.moves_to.take() {
             let state = std::mem::replace(&mut candidate.state, State::New);
-            let left = candidate.key(spec.role());
+            let left = candidate.key(role);
             candidate.to = to;
             if let State::Runs(id) = state {
                 self.ended(key.0, &left, now);
@@ -447,7 +444,7 @@ impl Reconciler {
         if let Some(away) = self.away(&spec) {
             // A source that cannot be seen is not gone for that reason.
             candidate.seen(now);
-            candidate.waits(&name, away, spec.is_many());
+            candidate.waits(role, away, spec.is_many());
             return (true, None);
         }
         if let State::Runs(id) = candidate.state {
@@ -455,7 +452,7 @@ impl Reconciler {
                 Ok(misfits) => return (true, self.goes_on(&spec, candidate, id, misfits)),
                 Err(why) => why,
             };
-            self.ended(key.0, &candidate.key(spec.role()), now);
+            self.ended(key.0, &candidate.key(role), now);
             let stays = !matches!(candidate.state, State::Runs(_));
             return (stays, Some(stop(id, why)));
         }
@@ -465,7 +462,7 @@ impl Reconciler {
         if !candidate.is_due(now, SETTLE) || !self.are_settled(&spec, now) {
             if candidate.state == State::New {
                 // Asks for the type now, so that it is known when the candidate is due.
-                _ = self.told_by_sources(&spec, candidate);
+                _ = self.make(&spec, candidate);
             }
             return (true, None);
         }
@@ -475,30 +472,28 @@ impl Reconciler {
             Err(_) if candidate.is_ahead => return (false, None),
             Err((state, retry)) => {
                 candidate.retry_at(now + retry);
-                let text = state.to_string();
                 let is_silent = spec.is_many() && matches!(state, RouteState::Waiting(_));
                 // Where nothing but a user can help, a line of the debug log is not enough.
-                if candidate.waits(&name, state, spec.is_many())
+                if let Some(state) = candidate.waits(role, state, spec.is_many())
                     && is_silent
                     && !retry.is_zero()
                     && let Some(pattern) = self.patterns.get_mut(key.0)
                 {
-                    pattern.news.lacks(name, text, now);
+                    let text = state.to_string();
+                    pattern.news.lacks(candidate.name(role), text, now);
                 }
                 return (true, None);
             }
         };
         self.ours.insert((route.role(), route.to.clone()), None);
         (candidate.misfits, candidate.carried) = (None, None);
-        let label = route.label();
         if let Kind::Topic(types) = route.kind {
             candidate.rests = route.policy.lazy;
             candidate.carried = Some(types.to);
         }
-        candidate.guessed_type = candidate.is_ahead.then_some(label);
         if let Some(pattern) = self.patterns.get_mut(key.0) {
             pattern.made += 1;
-            pattern.news.add(name, &candidate.from, label, now);
+            pattern.news.add(candidate.name(role), &candidate.from, route.label(), now);
         }
         (true, Some(self.start(candidate, route)))
     }
@@ -538,20 +533,10 @@ impl Reconciler {
                 return Ok(candidate.misfits.clone());
             }
             candidate.state = State::New;
-            let name = candidate.name(spec.role());
-            candidate.waits(&name, RouteState::Waiting(rival.clone()), true);
+            candidate.waits(spec.role(), RouteState::Waiting(rival.clone()), true);
             return Err(rival);
         }
         candidate.has_no_rival();
-        if let Some(guessed) = candidate.guessed_type
-            && let Some(told) = self.told_by_sources(spec, candidate)
-        {
-            candidate.guessed_type = None;
-            if guessed != told {
-                candidate.state = State::New;
-                return Err(format!("its publishers have the type {told}, not {guessed}"));
-            }
-        }
         let misfits = self.misfits(spec, candidate);
         if let Some(instead) = misfits.instead {
             candidate.state = State::New;

@@ -20,7 +20,7 @@ use super::route_status::{RouteState, RouteStatus};
 use super::stamping;
 use super::tap::Tap;
 use super::tripwire::{Passage, Tripwire};
-use super::work::Work;
+use super::work::{DEGRADED_FOR, REST_REVIEW_EVERY, REVIEW_EVERY, Step, UNWANTED_FOR, Work};
 use wrapyfi_data::codec::convert_payload;
 use wrapyfi_data::types::Payload;
 use wrapyfi_endpoint::backoff::Backoff;
@@ -32,14 +32,6 @@ use wrapyfi_endpoint::{
 /// Largest number of messages moved in one step, so that a flooded route lets others have their
 /// turn.
 const BATCH: usize = 16;
-/// Time for which a loss keeps a route `degraded`.
-pub(super) const DEGRADED_FOR: Duration = Duration::from_secs(5);
-/// Time without listeners after which a lazy route closes its source.
-pub(super) const UNWANTED_FOR: Duration = Duration::from_secs(2);
-/// Time between two looks at the links when nothing rings.
-pub(super) const REVIEW_EVERY: Duration = Duration::from_millis(500);
-/// Time between two looks of a route at rest, or of one whose ends are; who comes, goes or sends rings before.
-pub(super) const REST_REVIEW_EVERY: Duration = Duration::from_secs(2);
 /// Time without a message or a change after which the ends count as at rest; longer than [`UNWANTED_FOR`].
 const CALM_AFTER: Duration = Duration::from_secs(3);
 
@@ -71,15 +63,6 @@ pub struct Relay {
     unread: Throttle,
     tap: Arc<Tap>,
     tripwire: Tripwire,
-}
-
-/// Messages that a step moved, and the time of the next one.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Step {
-    /// Number of messages taken, delivered or not.
-    pub moved: usize,
-    /// Instant at which to step again if the bell does not ring before.
-    pub next: Instant,
 }
 
 impl Relay {

@@ -16,10 +16,9 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::end::End;
-use super::relay::{DEGRADED_FOR, REST_REVIEW_EVERY, REVIEW_EVERY, Step, UNWANTED_FOR};
 use super::route::Route;
 use super::route_status::{RouteState, RouteStatus};
-use super::work::Work;
+use super::work::{DEGRADED_FOR, REST_REVIEW_EVERY, REVIEW_EVERY, Step, UNWANTED_FOR, Work};
 use wrapyfi_data::types::Payload;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::{

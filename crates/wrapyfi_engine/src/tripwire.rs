@@ -20,7 +20,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use super::lanes::{Answer, Lane, Lanes};
+use super::lanes::{Answer, Lane, Lanes, PUBLISHES};
 use super::route::Route;
 use super::route_status::RouteState;
 use wrapyfi_data::types::{Payload, Pixels};
@@ -45,8 +45,6 @@ const ROUNDS: u32 = 8;
 const QUIET: Duration = Duration::from_millis(20);
 /// Number of messages that a publisher would have sent in the quiet time, at least.
 const EXPECTED: f64 = 4.0;
-/// Share of these above which a publisher is at work.
-pub(super) const PUBLISHES: f64 = 0.3;
 /// Longest pause that a busy machine makes in a loop.
 const LONGEST_PAUSE: Duration = Duration::from_millis(200);
 /// Distance of two rounds.

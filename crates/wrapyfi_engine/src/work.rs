@@ -1,10 +1,27 @@
-//! The trait by which the driver steps a route.
+//! The trait by which the driver steps a route, and the times that routes of topics and of services have in common.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-use super::relay::Step;
 use super::route_status::RouteState;
 use wrapyfi_endpoint::Qos;
+
+/// Time for which a loss keeps a route `degraded`.
+pub(super) const DEGRADED_FOR: Duration = Duration::from_secs(5);
+/// Time without listeners or calls after which a lazy route closes its source.
+pub(super) const UNWANTED_FOR: Duration = Duration::from_secs(2);
+/// Time between two looks at the links when nothing rings.
+pub(super) const REVIEW_EVERY: Duration = Duration::from_millis(500);
+/// Time between two looks of a route at rest, or of one whose ends are; who comes, goes or sends rings before.
+pub(super) const REST_REVIEW_EVERY: Duration = Duration::from_secs(2);
+
+/// Messages that a step moved, and the time of the next one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Step {
+    /// Number of messages taken, delivered or not.
+    pub moved: usize,
+    /// Instant at which to step again if the bell does not ring before.
+    pub next: Instant,
+}
 
 /// A route at work: no threads, no clock of its own.
 pub(super) trait Work: Send {

@@ -4,7 +4,7 @@
 //!   RustServices ── client, server ──▶ Participant (while there is one of them)
 //!     settings     what RustDDS can be told of the node's settings
 //!     participant  RustDDS, its announcement (announce), its thread (watch, greeting), its end (goodbye)
-//!     client, server  the traits, on a Pair of endpoints
+//!     client, server  the traits, on a Pair of endpoints, which end opens anew where RustDDS has ended beneath
 //!     pair         writer, reader, remotes: whom they are matched with
 //!     outgoing     what is written; large: replies in fragments, which RustDDS cannot identify
 //!     identity     which request; adapter: CDR bytes
@@ -24,6 +24,7 @@ mod announce;
 mod captured_tests;
 mod changes;
 mod client;
+mod end;
 #[cfg(test)]
 mod foreign_tests;
 mod fragments;
@@ -38,6 +39,8 @@ mod participant;
 mod remotes;
 mod server;
 mod settings;
+#[cfg(test)]
+mod stopped_tests;
 mod watch;
 
 use std::sync::{Arc, Weak};
@@ -47,6 +50,7 @@ pub use settings::RustServicesError;
 
 use self::changes::Changes;
 use self::client::Client;
+use self::end::End;
 use self::participant::{Participant, Topics};
 use self::server::Server;
 use self::settings::Settings;
@@ -115,9 +119,8 @@ impl RustServices {
     /// When a name is invalid or RustDDS refuses.
     pub fn client(&self, service: &ServiceDescription, on_event: Notify) -> Created<dyn CdrClient> {
         let (requests, replies) = dds_names(service)?;
-        let topics = Topics { written: requests, read: replies, service };
-        let opened = self.participant()?.open("creating a client", &topics, on_event)?;
-        Ok(Box::new(Client::new(opened)))
+        let topics = Topics { written: requests, read: replies, service: service.clone() };
+        Ok(Box::new(Client::new(End::open(self, "creating a client", topics, on_event)?)))
     }
 
     /// Creates a server and announces it. `on_event` is called as for [`RustServices::client`].
@@ -126,19 +129,18 @@ impl RustServices {
     /// When a name is invalid or RustDDS refuses.
     pub fn server(&self, service: &ServiceDescription, on_event: Notify) -> Created<dyn CdrServer> {
         let (requests, replies) = dds_names(service)?;
-        let topics = Topics { written: replies, read: requests, service };
-        let opened = self.participant()?.open("creating a server", &topics, on_event)?;
-        Ok(Box::new(Server::new(opened)))
+        let topics = Topics { written: replies, read: requests, service: service.clone() };
+        Ok(Box::new(Server::new(End::open(self, "creating a server", topics, on_event)?)))
     }
 
     fn existing(&self) -> Option<Arc<Participant>> {
         self.0.participant.lock().upgrade()
     }
 
-    /// The participant, created where there is none.
+    /// The participant, created where there is none, and where the one there was has ended.
     fn participant(&self) -> GraphResult<Arc<Participant>> {
         let mut known = self.0.participant.lock();
-        if let Some(participant) = known.upgrade() {
+        if let Some(participant) = known.upgrade().filter(|it| !it.has_ended()) {
             return Ok(participant);
         }
         let participant = Participant::new(&self.0.settings, &self.0.changes)?;

@@ -32,7 +32,8 @@ use parameters::Overrides;
 use remap::{RemapRule, Scope};
 
 use super::name::check_enclave;
-use super::{LogLevel, NameError, NodeName, ParameterValue};
+use super::{LogLevel, NameError, NodeName};
+use wrapyfi_data::types::ParameterValue;
 
 /// Most arguments of one command line.
 pub const MAX_ARGUMENTS: usize = 16_384;

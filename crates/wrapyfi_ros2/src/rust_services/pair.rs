@@ -8,8 +8,11 @@
 
 use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::pin::pin;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::task::{Context, Poll, Waker};
 
+use futures_core::Stream as _;
 use rustdds::no_key::{DeserializedCacheChange, SimpleDataReader};
 use rustdds::rpc::SampleIdentity;
 use rustdds::{DataReaderStatus, DataWriterStatus, RTPSEntity as _, StatusEvented as _, Timestamp};
@@ -204,9 +207,16 @@ impl Pair {
         }
     }
 
-    /// Reads what RustDDS has to say about the writer.
-    pub(super) fn on_writer_status(&self) {
-        while let Some(status) = self.outgoing.writer.try_recv_status() {
+    /// Reads what RustDDS has to say about the writer; false where the loop that would say more has ended.
+    pub(super) fn on_writer_status(&self) -> bool {
+        let mut statuses = pin!(self.outgoing.writer.as_async_status_stream());
+        let mut context = Context::from_waker(Waker::noop());
+        loop {
+            let status = match statuses.as_mut().poll_next(&mut context) {
+                Poll::Ready(Some(status)) => status,
+                Poll::Ready(None) => return false,
+                Poll::Pending => return true,
+            };
             match status {
                 DataWriterStatus::PublicationMatched { reader, current, .. } => {
                     if current.count_change() > 0 {

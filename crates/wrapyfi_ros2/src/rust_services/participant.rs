@@ -39,13 +39,13 @@ pub(super) struct Participant {
 }
 
 /// Names and quality of service of the two topics of a service.
-pub(super) struct Topics<'a> {
+pub(super) struct Topics {
     /// DDS topic and type of what is written.
     pub(super) written: (String, String),
     /// Topic and type that the end reads.
     pub(super) read: (String, String),
     /// The service.
-    pub(super) service: &'a ServiceDescription,
+    pub(super) service: ServiceDescription,
 }
 
 impl Participant {
@@ -100,20 +100,20 @@ impl Participant {
     pub(super) fn open(
         self: &Arc<Self>,
         operation: &'static str,
-        topics: &Topics<'_>,
+        topics: &Topics,
         notify: Notify,
     ) -> GraphResult<Opened> {
-        let service = topics.service;
+        let service = &topics.service;
         let pair = self
             .watch
             .add(|| self.endpoints_of(topics), |ends| Pair::new(service, self.whole, ends, notify))
             .map_err(|error| GraphError::stack(operation, &service.name, &error))?;
         let (reader, writer) = (pair.reader_guid().to_bytes(), pair.writer_guid().to_bytes());
         self.change(|announcement| announcement.add(reader, writer));
-        Ok(Opened { pair, _listed: Listed { participant: Arc::clone(self), reader, writer } })
+        Ok(Opened { pair, listed: Listed { participant: Arc::clone(self), reader, writer } })
     }
 
-    fn endpoints_of(&self, topics: &Topics<'_>) -> Result<(Writer, Reader), CreateError> {
+    fn endpoints_of(&self, topics: &Topics) -> Result<(Writer, Reader), CreateError> {
         let qos = qos(topics.service.depth);
         let named = |(name, type_name): &(String, String)| {
             topic(&self.dds, (name.as_str(), type_name.as_str()), &qos)
@@ -125,8 +125,17 @@ impl Participant {
         Ok((writer, reader))
     }
 
-    /// Changes the announcement, then tells the owner without a lock.
+    /// True once RustDDS has ended beneath: nothing is sent or heard any more.
+    pub(super) fn has_ended(&self) -> bool {
+        self.watch.has_ended()
+    }
+
+    /// Changes the announcement, then tells the owner without a lock. One that nobody would hear is left alone: the
+    /// participant that follows announces what there is.
     fn change(&self, change: impl FnOnce(&mut Announcement)) {
+        if self.has_ended() {
+            return;
+        }
         {
             let mut announcement = self.announcement.lock();
             change(&mut announcement);
@@ -138,7 +147,9 @@ impl Participant {
 
 impl Drop for Participant {
     fn drop(&mut self) {
-        self.announcement.lock().retire();
+        if !self.has_ended() {
+            self.announcement.lock().retire();
+        }
     }
 }
 
@@ -147,7 +158,14 @@ impl Drop for Participant {
 pub(super) struct Opened {
     /// Endpoints of the client or server.
     pub(super) pair: Arc<Pair>,
-    _listed: Listed,
+    listed: Listed,
+}
+
+impl Opened {
+    /// True once RustDDS has ended beneath.
+    pub(super) fn has_ended(&self) -> bool {
+        self.listed.participant.has_ended()
+    }
 }
 
 /// The entry of a service in the announcement, removed on drop.

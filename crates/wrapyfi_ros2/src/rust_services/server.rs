@@ -9,30 +9,31 @@
 use rustdds::GUID;
 
 use super::adapter::Received;
+use super::end::End;
 use super::outgoing::Identity;
-use super::participant::Opened;
 use super::{identity, remotes};
 use crate::graph::{CdrRequest, CdrServer, GraphError, Peers, RequestId, ServiceMapping};
 
 /// Takes requests, sends replies.
-pub(super) struct Server(Opened);
+pub(super) struct Server(End);
 
 impl Server {
-    pub(super) fn new(opened: Opened) -> Self {
-        Self(opened)
+    pub(super) fn new(end: End) -> Self {
+        Self(end)
     }
 }
 
 impl Drop for Server {
     fn drop(&mut self) {
         // A program that ends after its last reply must not take it along.
-        self.0.pair.outgoing.farewell();
+        self.0.pair().outgoing.farewell();
     }
 }
 
 impl CdrServer for Server {
     fn take(&mut self) -> Result<Option<CdrRequest>, GraphError> {
-        let pair = &self.0.pair;
+        self.0.renew()?;
+        let pair = self.0.pair();
         let Some(taken) = pair.take()? else { return Ok(None) };
         if remotes::is_cyclone(&taken.writer) {
             return Err(GraphError::ForeignMapping {
@@ -56,7 +57,7 @@ impl CdrServer for Server {
     }
 
     fn hears(&self, id: &RequestId) -> bool {
-        let remotes = self.0.pair.remotes.lock();
+        let remotes = self.0.pair().remotes.lock();
         if GUID::from_bytes(id.client).entity_id.entity_kind.is_reader() {
             remotes.has_reader(&id.client)
         } else {
@@ -66,14 +67,14 @@ impl CdrServer for Server {
     }
 
     fn reply(&mut self, id: &RequestId, parts: &[&[u8]]) -> Result<(), GraphError> {
-        self.0.pair.write(parts, Identity::Always(identity::of_reply(id))).map(|_| ())
+        self.0.pair().write(parts, Identity::Always(identity::of_reply(id))).map(|_| ())
     }
 
     fn clients(&self) -> Peers {
-        self.0.pair.remotes.lock().peers()
+        self.0.pair().remotes.lock().peers()
     }
 
     fn lost(&mut self) -> u64 {
-        self.0.pair.take_lost()
+        self.0.pair().take_lost()
     }
 }

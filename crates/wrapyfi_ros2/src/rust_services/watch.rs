@@ -10,6 +10,10 @@
 //! end of a match may be heard before its beginning; those of an endpoint are in order, but only
 //! four of them are kept. So after news of matches whoever discovery does not know any more is
 //! forgotten: a peer that left leaves no ghost.
+//!
+//! RustDDS ends its loops where the system interrupts their wait, as Linux does where a stopped process goes on
+//! (SIGSTOP and SIGCONT, Ctrl-Z and `fg`, a debugger). The thread sees it, tells every pair, and ends: their owners
+//! open them on another participant.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -18,6 +22,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Weak};
 use std::thread::JoinHandle;
+use std::time::Duration;
 
 use rustdds::mio1::event::Source as _;
 use rustdds::mio1::{Events, Interest, Poll, Registry, Token, Waker};
@@ -39,12 +44,15 @@ const TOKENS_EACH: usize = 4;
 const DATA: usize = 0;
 const READER_STATUS: usize = 1;
 const WRITER_STATUS: usize = 2;
+/// Time between two looks at whether the loops of RustDDS go on.
+const LOOK_EVERY: Duration = Duration::from_secs(2);
 
 /// Runs the thread; dropping it ends the thread.
 pub(super) struct Watch {
     routes: Arc<Mutex<Routes>>,
     registry: Registry,
     stop: Arc<AtomicBool>,
+    has_ended: Arc<AtomicBool>,
     waker: Waker,
     thread: Option<JoinHandle<()>>,
 }
@@ -64,7 +72,8 @@ impl Watch {
         let waker = Waker::new(&registry, WAKER)?;
         let mut listener = participant.status_listener();
         listener.register(&registry, PARTICIPANT, Interest::READABLE)?;
-        let (routes, stop) = (Arc::<Mutex<Routes>>::default(), Arc::new(AtomicBool::new(false)));
+        let (stop, has_ended) = (Arc::<AtomicBool>::default(), Arc::<AtomicBool>::default());
+        let routes = Arc::<Mutex<Routes>>::default();
         let watched = Watched {
             listener,
             participant: participant.clone(),
@@ -72,13 +81,24 @@ impl Watch {
             routes: Arc::clone(&routes),
             stop: Arc::clone(&stop),
         };
+        let ended = Arc::clone(&has_ended);
         let thread = std::thread::Builder::new().name("ros2 services".into()).spawn(move || {
             // A lock of RustDDS that a panic of its own poisoned would panic here too.
-            if catch_unwind(AssertUnwindSafe(|| watched.run(poll))).is_err() {
-                tracing::error!("services hear no more: RustDDS is broken in this process");
+            let why = catch_unwind(AssertUnwindSafe(|| watched.run(poll)));
+            let why = why.unwrap_or_else(|_| Some("RustDDS is broken".to_owned()));
+            let Some(why) = why else { return };
+            tracing::warn!("services of the Fast DDS mapping are opened anew: {why}");
+            ended.store(true, Relaxed);
+            for (_, pair) in alive(&watched.routes) {
+                pair.ring();
             }
         })?;
-        Ok(Self { routes, registry, stop, waker, thread: Some(thread) })
+        Ok(Self { routes, registry, stop, has_ended, waker, thread: Some(thread) })
+    }
+
+    /// True once nothing is heard any more, because RustDDS has ended beneath.
+    pub(super) fn has_ended(&self) -> bool {
+        self.has_ended.load(Relaxed)
     }
 
     /// Watches the pair that `create` makes, from before its first match on.
@@ -146,18 +166,21 @@ struct Watched {
 }
 
 impl Watched {
-    fn run(&self, mut poll: Poll) {
+    /// Hears events until the watch is dropped; the reason where it cannot go on before.
+    fn run(&self, mut poll: Poll) -> Option<String> {
         let mut events = Events::with_capacity(64);
         while !self.stop.load(Relaxed) {
-            match poll.poll(&mut events, None) {
+            match poll.poll(&mut events, Some(LOOK_EVERY)) {
                 Ok(()) => {}
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
-                Err(error) => {
-                    tracing::error!(%error, "services hear no more: polling failed");
-                    return;
-                }
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(error) => return Some(format!("waiting for their events failed: {error}")),
             }
             let (mut changed, mut matches) = (BTreeMap::new(), false);
+            if events.is_empty() && self.has_rustdds_ended() {
+                let why =
+                    "the loops of RustDDS have ended, as where a process is stopped and goes on";
+                return Some(why.to_owned());
+            }
             for event in &events {
                 match event.token() {
                     WAKER => {}
@@ -173,6 +196,13 @@ impl Watched {
                 pair.ring();
             }
         }
+        None
+    }
+
+    /// True where the loop of discovery takes no more orders, or that of the endpoints has dropped a writer.
+    fn has_rustdds_ended(&self) -> bool {
+        let of_writers = |(_, pair): (usize, Arc<Pair>)| !pair.on_writer_status();
+        self.participant.assert_liveliness().is_err() || alive(&self.routes).any(of_writers)
     }
 
     /// True when it is about matches.
@@ -185,7 +215,7 @@ impl Watched {
         match what {
             DATA => pair.on_data(),
             READER_STATUS => pair.on_reader_status(),
-            _ => pair.on_writer_status(),
+            _ => _ = pair.on_writer_status(),
         }
         changed.insert(number, pair);
         what != DATA
@@ -258,15 +288,17 @@ impl Watched {
 
     /// Shows every pair to `look`, which says whether anything changed there.
     fn each(&self, changed: &mut BTreeMap<usize, Arc<Pair>>, mut look: impl FnMut(&Pair) -> bool) {
-        let pairs: Vec<_> = {
-            let routes = self.routes.lock();
-            let alive = routes.pairs.iter();
-            alive.filter_map(|(number, pair)| Some((*number, pair.upgrade()?))).collect()
-        };
-        for (number, pair) in pairs {
+        for (number, pair) in alive(&self.routes) {
             if look(&pair) {
                 changed.insert(number, pair);
             }
         }
     }
+}
+
+/// The pairs that somebody holds, by number.
+fn alive(routes: &Mutex<Routes>) -> impl Iterator<Item = (usize, Arc<Pair>)> {
+    let routes = routes.lock();
+    let pairs = routes.pairs.iter().filter_map(|(number, pair)| Some((*number, pair.upgrade()?)));
+    pairs.collect::<Vec<_>>().into_iter()
 }

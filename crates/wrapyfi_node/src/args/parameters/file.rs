@@ -9,16 +9,30 @@
 //!           x: 2.5       group.x
 //! ```
 
-use super::super::error::YamlError;
-use super::yaml::{Events, Item, Origin, RawScalar};
-use super::{MAX_DEPTH, MAX_NAME_BYTES, Overrides};
+use super::super::error::{ParamsFileError, YamlError};
+use super::yaml::{Events, Item, MAX_DEPTH, Origin, RawScalar};
+use super::{MAX_NAME_BYTES, Overrides};
 use crate::name::{absolute, check_namespace, check_node_name};
 
+/// Largest parameter file in bytes.
+pub const MAX_FILE_BYTES: usize = 1024 * 1024;
 /// The key that separates names of nodes from names of parameters.
 const PARAMETERS_KEY: &str = "ros__parameters";
 
+impl Overrides {
+    /// Takes in a parameter file.
+    pub(in super::super) fn add_file(&mut self, content: &[u8]) -> Result<(), ParamsFileError> {
+        if content.len() > MAX_FILE_BYTES {
+            return Err(ParamsFileError::TooLarge { max: MAX_FILE_BYTES });
+        }
+        let text = std::str::from_utf8(content)
+            .map_err(|error| ParamsFileError::NotUtf8 { at: error.valid_up_to() })?;
+        Ok(read(text.trim_start_matches('\u{feff}'), self)?)
+    }
+}
+
 /// Takes in all documents of a file.
-pub(super) fn read(text: &str, overrides: &mut Overrides) -> Result<(), YamlError> {
+fn read(text: &str, overrides: &mut Overrides) -> Result<(), YamlError> {
     let mut reader = Reader { events: Events::new(text, Origin::File), overrides };
     loop {
         match reader.events.next()? {

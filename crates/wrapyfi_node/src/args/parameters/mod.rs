@@ -13,16 +13,13 @@ mod yaml;
 
 use std::collections::BTreeMap;
 
+pub use file::MAX_FILE_BYTES;
 pub(super) use rule::parse_rule;
 
-use super::error::{ParamsFileError, YamlError};
-use crate::ParameterValue;
+use super::error::YamlError;
 use crate::name::absolute;
+use wrapyfi_data::types::ParameterValue;
 
-/// Largest parameter file in bytes.
-pub const MAX_FILE_BYTES: usize = 1024 * 1024;
-/// Deepest nesting of groups in a file.
-const MAX_DEPTH: usize = 64;
 /// Longest name of a parameter or a node in bytes. Groups join their names, so without a bound
 /// a small file could make a long name for each of many parameters.
 const MAX_NAME_BYTES: usize = 1024;
@@ -45,16 +42,6 @@ struct Entry {
 }
 
 impl Overrides {
-    /// Takes in a parameter file.
-    pub(super) fn add_file(&mut self, content: &[u8]) -> Result<(), ParamsFileError> {
-        if content.len() > MAX_FILE_BYTES {
-            return Err(ParamsFileError::TooLarge { max: MAX_FILE_BYTES });
-        }
-        let text = std::str::from_utf8(content)
-            .map_err(|error| ParamsFileError::NotUtf8 { at: error.valid_up_to() })?;
-        Ok(file::read(text.trim_start_matches('\u{feff}'), self)?)
-    }
-
     /// Starts a group of overrides for the nodes that `pattern` matches.
     fn begin_node(&mut self, pattern: &str) -> Result<usize, YamlError> {
         let pattern = absolute(pattern);
@@ -120,6 +107,7 @@ fn matches(pattern: &str, fqn: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use super::super::error::ParamsFileError;
     use super::*;
 
     #[test]

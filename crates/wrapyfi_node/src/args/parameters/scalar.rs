@@ -5,7 +5,7 @@
 //! ```
 
 use super::super::error::YamlError;
-use crate::ParameterValue;
+use wrapyfi_data::types::ParameterValue;
 
 /// A scalar with its type.
 #[derive(Debug, Clone, PartialEq)]

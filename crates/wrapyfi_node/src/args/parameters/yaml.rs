@@ -7,9 +7,11 @@
 use granit_parser::{Event, Options, Parser, ScalarStyle, Span, StrInput, Tag, options};
 
 use super::super::error::YamlError;
-use super::MAX_DEPTH;
 use super::scalar::{Scalar, append};
-use crate::ParameterValue;
+use wrapyfi_data::types::ParameterValue;
+
+/// Deepest nesting of groups in a file.
+pub(super) const MAX_DEPTH: usize = 64;
 
 /// Origin of the YAML; errors about files name a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
