@@ -266,8 +266,10 @@ fn a_port_of_yarp_that_comes_back_with_another_type_is_carried() -> Result {
             for (message_type, value, said) in [numbers, ("NativeObject", "\"word\"", "\"word\"")] {
                 let publish = ["pub", &yarp(&topic), "--type", message_type, "--value", value];
                 let mut publisher = env.wrapyfi(publish.into_iter().chain(["--rate", "20"]))?;
+                // For two seconds: a bridge looks twice a second at what there is.
                 let heard = |output: &Output| {
-                    output.out.iter().any(|line| line.contains(said)).then_some(())
+                    let told = output.out.iter().filter(|line| line.contains(said)).count();
+                    (told >= 40).then_some(())
                 };
                 listener.wait_until(message_type, heard).with_context(|| publisher.tail())?;
                 publisher.terminate()?;
