@@ -162,6 +162,11 @@ impl TestEnv {
     /// Starts a YARP name server of ours on this test's port, where its programs look for one.
     pub fn yarpserver(&self) -> Result<Process> {
         self.yarp_conf()?;
+        self.yarpserver_there()
+    }
+
+    /// Starts a YARP name server of ours where `yarp.conf` says.
+    pub fn yarpserver_there(&self) -> Result<Process> {
         let server = self.wrapyfi(["yarpserver", "--read", "--no-discovery"])?.pillar();
         server.wait_until("the name server", |output| {
             output.err.iter().any(|line| line.contains("name server /root on")).then_some(())
@@ -254,7 +259,14 @@ impl TestEnv {
 
     /// Starts our broker on this test's ports.
     pub fn broker(&self) -> Result<Process> {
-        let broker = self.broker_that_may_fail()?.pillar();
+        self.broker_at(self.pub_port(), self.sub_port())
+    }
+
+    /// Starts our broker on these ports.
+    pub fn broker_at(&self, pub_port: u16, sub_port: u16) -> Result<Process> {
+        let (pub_port, sub_port) = (pub_port.to_string(), sub_port.to_string());
+        let args = ["broker", "--pub-port", &pub_port, "--sub-port", &sub_port];
+        let broker = self.wrapyfi(args)?.pillar();
         // A program that starts a broker where there is none must find this one.
         broker.wait_until("the ports to be bound", |output| {
             output.err.iter().any(|line| line.contains("listeners connect to port")).then_some(())

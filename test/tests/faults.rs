@@ -3,11 +3,13 @@
 
 use std::collections::BTreeSet;
 use std::net::{Ipv4Addr, UdpSocket};
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, ensure};
 use serde_json::Value;
 use wrapyfi_e2e::{
-    Config, Need, Output, Process, Result, Route, TestEnv, ros1, ros2, run, yarp, zeromq,
+    Config, Need, Output, Process, Result, Route, TestEnv, repository, ros1, ros2, run, yarp,
+    zeromq,
 };
 
 const NEEDS: &[Need] = &[Need::Program, Need::Python];
@@ -246,6 +248,38 @@ fn a_topic_of_ros_1_that_comes_back_with_another_type_is_carried() -> Result {
     })
 }
 
+/// A written route, and the route of a pattern. The first message of a port shows its type.
+#[test]
+fn a_port_of_yarp_that_comes_back_with_another_type_is_carried() -> Result {
+    run("a_port_of_yarp_that_comes_back_with_another_type_is_carried", NEEDS, |env| {
+        let _server = env.yarpserver()?;
+        let (one, all) = (env.topic("one"), env.topic("all/"));
+        let config = env
+            .embedded()
+            .route(Route::untyped(&yarp(&one), &zeromq(&one)))
+            .route(Route::untyped(&yarp(&format!("{all}(.*)")), &zeromq(&format!("{all}$1"))));
+        let _bridge = env.bridge(&config)?;
+        for topic in [one, format!("{all}x")] {
+            let listener =
+                env.wrapyfi(["echo", &zeromq(&topic), "--type", "NativeObject", "--json"])?;
+            let numbers = ("std_msgs/msg/Float64MultiArray", "{\"data\": [1.5]}", "<f8");
+            for (message_type, value, said) in [numbers, ("NativeObject", "\"word\"", "\"word\"")] {
+                let publish = ["pub", &yarp(&topic), "--type", message_type, "--value", value];
+                let mut publisher = env.wrapyfi(publish.into_iter().chain(["--rate", "20"]))?;
+                // For two seconds: a bridge looks twice a second at what there is.
+                let heard = |output: &Output| {
+                    let told = output.out.iter().filter(|line| line.contains(said)).count();
+                    (told >= 40).then_some(())
+                };
+                listener.wait_until(message_type, heard).with_context(|| publisher.tail())?;
+                publisher.terminate()?;
+                publisher.exits_with(0)?;
+            }
+        }
+        Ok(())
+    })
+}
+
 #[test]
 fn a_clock_that_stops_stops_no_route() -> Result {
     run("a_clock_that_stops_stops_no_route", &[Need::Program, Need::Python, Need::Node], |env| {
@@ -260,4 +294,58 @@ fn a_clock_that_stops_stops_no_route() -> Result {
         clock.kill()?;
         hears_more(&listener, 100).map(drop)
     })
+}
+
+/// Files that read the system's clock. None of them decides when a route, a wait or a rate goes on: those take
+/// `Instant`, which no jump of that clock moves.
+const CLOCK_READERS: [(&str, &str); 7] = [
+    ("crates/wrapyfi_data/src/types/stamp.rs", "time in a message"),
+    ("crates/wrapyfi_endpoint/src/mark.rs", "number of a bridge, taken once"),
+    ("crates/wrapyfi_engine/src/stamping.rs", "time in a message"),
+    ("crates/wrapyfi_engine/src/tripwire.rs", "slots of loop guards, taken once"),
+    ("crates/wrapyfi_ros1/src/config.rs", "name of a node, taken once"),
+    ("crates/wrapyfi_yarp_endpoint/src/log_port.rs", "time of a line of the log"),
+    ("wrapyfi_bridge/src/logging.rs", "time of a line of the log"),
+];
+/// The deadline of a request for a broker of this machine, at most its timeout.
+const DEADLINE: &str = "crates/wrapyfi_zeromq/src/deadline.rs";
+
+fn sources(folder: &Path, found: &mut Vec<PathBuf>) -> Result {
+    for entry in std::fs::read_dir(folder)? {
+        let path = entry?.path();
+        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        if path.is_dir() {
+            if !["tests", "target", "conformance"].contains(&name) {
+                sources(&path, found)?;
+            }
+        } else if name.ends_with(".rs") && !name.ends_with("tests.rs") {
+            found.push(path);
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn the_systems_clock_is_read_in_named_places_alone() -> Result {
+    let root = repository();
+    let crates =
+        std::fs::read_dir(root.join("crates"))?.filter_map(|entry| Some(entry.ok()?.path()));
+    let all = crates.chain(["wrapyfi_core", "wrapyfi_bridge"].map(|name| root.join(name)));
+    let mut files = Vec::new();
+    for folder in all.map(|of| of.join("src")).filter(|folder| folder.is_dir()) {
+        sources(&folder, &mut files)?;
+    }
+    let mut readers = BTreeSet::new();
+    for file in files {
+        let text = std::fs::read_to_string(&file)?;
+        let code = text.split("#[cfg(test)]\nmod ").next().unwrap_or_default();
+        let reads = ["SystemTime::now", "Utc::now", "Local::now", "CLOCK_REALTIME"];
+        if reads.iter().any(|read| code.contains(read)) {
+            readers.insert(file.strip_prefix(&root)?.display().to_string());
+        }
+    }
+    let named: BTreeSet<String> =
+        CLOCK_READERS.iter().map(|(file, _)| *file).chain([DEADLINE]).map(str::to_owned).collect();
+    assert_eq!(readers, named, "another file reads the clock, or one no more: say what for");
+    Ok(())
 }

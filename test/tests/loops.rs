@@ -242,3 +242,44 @@ fn two_bridges_side_by_side_on_yarp_make_no_storm() -> Result {
         Ok(())
     })
 }
+
+/// The bridge that has the port of YARP ends, twice in a row.
+#[test]
+fn a_second_bridge_on_yarp_takes_over() -> Result {
+    run("a_second_bridge_on_yarp_takes_over", &[Need::Program, Need::Python], |env| {
+        let _server = env.yarpserver()?;
+        let topic = env.topic("x");
+        let (pattern, target) = (format!("{topic}(.*)"), format!("{topic}$1"));
+        let address = format!("  yarp: {{ name_server: \"127.0.0.1:{}\" }}\n", env.yarp_port());
+        let config = env
+            .foreign()
+            .endpoint(&address)
+            .route(text(&ros2(&pattern), &yarp(&target)))
+            .route(text(&yarp(&pattern), &ros2(&target)));
+        let _talker = env.dds_publisher(&topic, "std_msgs/msg/String", "--rate 20 --text here")?;
+        let name = format!("{} -> {}", ros2(&topic), yarp(&topic));
+        let sends = |bridge: &Process| {
+            bridge.wait_until("messages", |output| {
+                let route = route_status(output, &name)?;
+                (route["counters"]["sent"].as_u64()? > 0).then_some(())
+            })
+        };
+        let mut owner = env.bridge_named("bridge0.yaml", &config)?;
+        let args = ["echo", &yarp(&topic), "--type", "Text", "--json"];
+        let echo = env.wrapyfi(args)?;
+        sends(&owner)?;
+        for number in 1..=2 {
+            let second = env.bridge_named(&format!("bridge{number}.yaml"), &config)?;
+            second.wait_until("to leave the topic alone", |output| {
+                route_status(output, &name).filter(|route| route["state"] != "active")
+            })?;
+            owner.terminate()?;
+            owner.exits_with(0)?;
+            sends(&second).map_err(|error| error.context(second.tail()))?;
+            let before = echo.wait_until("what it heard", |it| Some(it.objects().count()))?;
+            echo.objects(before + 5)?;
+            owner = second;
+        }
+        Ok(())
+    })
+}

@@ -1,6 +1,8 @@
 //! A bridge whose configuration changes while it runs.
 
-use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros2, run, until_route, yarp, zeromq};
+use wrapyfi_e2e::{
+    Config, Need, Process, Result, Route, TestEnv, ros1, ros2, run, until_route, yarp, zeromq,
+};
 
 const FILE: &str = "reload.yaml";
 
@@ -288,4 +290,74 @@ fn a_file_that_never_rests_is_read_once_it_does() -> Result {
         anyhow::ensure!(!bridge.stderr().lines().any(ended), "{}", bridge.stderr());
         Ok(())
     })
+}
+
+/// A server that comes back at another address: a middleware of `end` starts anew at the address of a changed file.
+/// `begin` starts the server at one of two ports and gives its section of the configuration.
+fn server_that_moves(
+    test: &str,
+    needs: &[Need],
+    end: impl Fn(&str) -> String,
+    begin: impl Fn(&TestEnv, u16) -> Result<(Process, Config)>,
+    ports: impl Fn(&TestEnv) -> [u16; 2],
+) -> Result {
+    run(test, needs, |env| {
+        let topic = env.topic("x");
+        let route = Route::new(&ros2(&topic), &end(&topic), "Text");
+        let _talker = env.dds_publisher(&topic, "std_msgs/msg/String", "--rate 20 --text {n}")?;
+        let [first, second] = ports(env);
+        let hears = || {
+            let echo = env.wrapyfi(["echo", &end(&topic), "--type", "Text", "--json"])?;
+            echo.objects(5).map(drop)
+        };
+        let (mut server, config) = begin(env, first)?;
+        let bridge = env.bridge_named(FILE, &config.route(route.clone()))?;
+        hears().map_err(|error| error.context(bridge.tail()))?;
+        server.kill()?;
+        drop(server);
+        let (_server, config) = begin(env, second)?;
+        env.write(FILE, config.route(route).yaml())?;
+        hears().map_err(|error| error.context(bridge.tail()))
+    })
+}
+
+#[test]
+fn a_name_server_of_yarp_may_move() -> Result {
+    let begin = |env: &TestEnv, port: u16| {
+        env.write("yarp.conf", format!("127.0.0.1 {port} yarp\n"))?;
+        let server = env.yarpserver_there()?;
+        let section = format!("  yarp: {{ name_server: \"127.0.0.1:{port}\" }}\n");
+        Ok((server, env.foreign().endpoint(&section)))
+    };
+    let ports = |env: &TestEnv| [env.yarp_port(), env.req_port()];
+    let needs = &[Need::Program, Need::Python];
+    server_that_moves("a_name_server_of_yarp_may_move", needs, yarp, begin, ports)
+}
+
+#[test]
+fn a_broker_of_zeromq_may_move() -> Result {
+    let begin = |env: &TestEnv, port: u16| {
+        let sub_port = if port == env.pub_port() { env.sub_port() } else { env.yarp_port() };
+        env.set_variable("WRAPYFI_ZEROMQ_SOCKET_PUB_PORT", port.to_string());
+        env.set_variable("WRAPYFI_ZEROMQ_SOCKET_SUB_PORT", sub_port.to_string());
+        let broker = env.broker_at(port, sub_port)?;
+        Ok((broker, Config::foreign(port, sub_port)))
+    };
+    let ports = |env: &TestEnv| [env.pub_port(), env.ros_port()];
+    let needs = &[Need::Program, Need::Python];
+    server_that_moves("a_broker_of_zeromq_may_move", needs, zeromq, begin, ports)
+}
+
+#[test]
+fn a_master_of_ros_1_may_move() -> Result {
+    let begin = |env: &TestEnv, port: u16| {
+        let uri = format!("http://127.0.0.1:{port}");
+        env.set_variable("ROS_MASTER_URI", &uri);
+        let master = env.rospy(&format!("master --port {port}"), None)?;
+        master.event("ready")?;
+        Ok((master, env.foreign().endpoint(&format!("  ros: {{ master_uri: \"{uri}\" }}\n"))))
+    };
+    let ports = |env: &TestEnv| [env.ros_port(), env.req_port()];
+    let needs = &[Need::Program, Need::Python, Need::Ros1];
+    server_that_moves("a_master_of_ros_1_may_move", needs, ros1, begin, ports)
 }

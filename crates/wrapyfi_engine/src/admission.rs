@@ -172,30 +172,41 @@ impl Reconciler {
         keeps
     }
 
-    /// Type that all publishers of the source announce now, and the one that the route learned: from those before, or
-    /// from listeners where it was made ahead of its publishers. A source whose type is guessed by its messages tells
-    /// none.
+    /// Type that all publishers of the source have now, and the one that the route learned: from those before, or from
+    /// listeners where it was made ahead of its publishers. Of a source whose messages show the type, another one is
+    /// news only once it has shown the first: until then the route may have what its listeners want. Those of ROS are
+    /// read as objects, too.
     pub(super) fn other_type(
         &mut self,
         spec: &Route,
-        candidate: &Candidate,
+        candidate: &mut Candidate,
     ) -> Option<(&'static str, &'static str)> {
         let carried = candidate.carried.filter(|_| spec.typing != Typing::Given)?;
-        let Candidate { from, to, wished: None, .. } = candidate else { return None };
+        let Candidate { from, to, wished: None, .. } = &*candidate else { return None };
         let between_ros = self.are_both_ros(from, to);
-        let source = self.graph.get(&from.middleware).filter(|side| !side.traits().untyped)?;
+        let source = self.graph.get(&from.middleware)?;
+        let untyped = source.traits().untyped;
         let middleware = source.middleware.clone()?;
         let mut other = None;
         for publisher in source.endpoints(Role::Publisher, &from.name) {
             let learned = middleware.learn_topic(publisher, &mut self.types).ok()?;
             let told = learned.message_type(between_ros);
-            let told = middleware.received_as(told, &spec.policy.options).label();
-            if told == carried.label() {
+            let told = middleware.received_as(told, &spec.policy.options);
+            other = Some(told);
+            if told.label() == carried.label() {
+                break;
+            }
+        }
+        let told = other?;
+        if untyped {
+            let before = candidate.shown.replace(told.label());
+            let is_object = carried.data_type() == DataType::NativeObject
+                && told.data_type() == DataType::RosMessage;
+            if is_object || before.is_none_or(|before| before == told.label()) {
                 return None;
             }
-            other = Some((told, carried.label()));
         }
-        other
+        (told.label() != carried.label()).then_some((told.label(), carried.label()))
     }
 
     /// Listeners at the destination that want another type than the route's, and a type for them.

@@ -27,6 +27,8 @@ pub(super) struct Candidate {
     pub(super) is_ahead: bool,
     /// Type that its route carries.
     pub(super) carried: Option<MessageType>,
+    /// Type that the messages of its source have shown, where nothing else tells it.
+    pub(super) shown: Option<&'static str>,
     /// Type that its listeners want, where it differs from the learned one and can be made of it.
     pub(super) wished: Option<MessageType>,
     /// Listeners that its route cannot serve, in words, as the route was told last.
@@ -58,6 +60,7 @@ impl Candidate {
             rival_since: None,
             is_ahead: false,
             carried: None,
+            shown: None,
             wished: None,
             misfits: None,
             rests: false,

@@ -17,12 +17,12 @@
 //! Option `joints` goes before the names that are told. A board that never tells leaves joints without names.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use wrapyfi_yarp::bottle::Vocab;
 use wrapyfi_yarp::port::RpcClient;
 use wrapyfi_yarp::{Bottle, Dialect, Value};
 
-use super::device::ANSWERS;
 use super::joint_limits::{JointLimits, Range};
 use super::options::{Axis, YarpOptions};
 use super::payload;
@@ -33,6 +33,9 @@ const PORTS: [&str; 3] = ["/state:o", "/stateExt:o", payload::COMMAND_PORT];
 const REQUESTS: [(&str, Dialect); 2] = [("/rpc:i", Dialect::V3), ("/nws/rpc:i", Dialect::V4)];
 /// Most joints of a board.
 const MOST: i64 = 256;
+
+/// Longest time that a device may take for all its answers.
+pub(super) const ANSWERS: Duration = Duration::from_secs(2);
 
 /// The ports for requests that the board of a port may have, and what it speaks there.
 pub(super) fn requests(port: &str) -> Option<[(String, Dialect); 2]> {

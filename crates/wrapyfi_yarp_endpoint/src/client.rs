@@ -25,10 +25,12 @@ use wrapyfi_yarp::port::{LinkError, PortOptions, RpcClient, RpcError};
 use super::directory::unless_slow;
 use super::found_format::{self, FoundFormat};
 use super::link_state::LinkState;
+use super::name::check_name;
 use super::opening::{numbered, until_open};
 use super::options::YarpOptions;
+use super::shared::Shared;
 use super::tasks::{Stop, Stopped};
-use super::{Shared, client_dialects, payload};
+use super::{client_dialects, payload};
 use wrapyfi_data::types::Stamp;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::calls::{Calls, Stage};
@@ -313,9 +315,9 @@ impl YarpClient {
         context: &Context,
     ) -> OpenResult<WireClient<Self>> {
         let options = YarpOptions::of_service(spec)?;
-        super::check_name(&spec.service)?;
+        check_name(&spec.service)?;
         if let Some(port) = &options.port {
-            super::check_name(port)?;
+            check_name(port)?;
         }
         let waiting = format!("port {} to answer", spec.service);
         let state = Arc::new(ClientState {

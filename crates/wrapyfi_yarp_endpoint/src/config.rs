@@ -14,7 +14,9 @@ use wrapyfi_yarp::name::conf::{self, DEFAULT_NAMESPACE, locate};
 use wrapyfi_yarp::name::environment::EnvironmentError;
 use wrapyfi_yarp::name::{Environment, Located, NameServerConf};
 
-use super::{Convention, YarpError};
+use super::error::YarpError;
+use super::name::NAME;
+use super::types::Convention;
 use wrapyfi_data::Limits;
 use wrapyfi_endpoint::network::{
     Hosts, Insecure, Place, ReachedByOthers, facing, is_of_this_machine, is_on,
@@ -178,7 +180,7 @@ impl YarpConfig {
             (_, Some(advertised)) => advertised,
             (on, None) => on,
         };
-        let refused = self.insecure.check(super::NAME, "a port", reached).err();
+        let refused = self.insecure.check(NAME, "a port", reached).err();
         Ok(Listening { on, advertised, is_afar, refused })
     }
 }

@@ -16,16 +16,16 @@ use tokio::time::{Instant, timeout};
 use wrapyfi_yarp::Dialect;
 use wrapyfi_yarp::port::{Connected, PortOptions, RpcClient};
 
+use super::board::ANSWERS;
 use super::intrinsics::{self, Intrinsics};
 use super::opening::numbered;
 use super::options::YarpOptions;
-use super::{Shared, board, payload};
+use super::shared::Shared;
+use super::{board, payload};
 use wrapyfi_data::types::MessageType;
 use wrapyfi_endpoint::Mutex;
 use wrapyfi_endpoint::backoff::Backoff;
 
-/// Longest time that a device may take for all its answers.
-pub(super) const ANSWERS: Duration = Duration::from_secs(2);
 /// Time to the second try.
 const FIRST: Duration = Duration::from_millis(100);
 /// Tries before a board is asked only when somebody needs it, and a camera no more.

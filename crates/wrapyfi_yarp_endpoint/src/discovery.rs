@@ -17,11 +17,19 @@
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use wrapyfi_yarp::port::{AdminError, Inspection, Modes};
 
 use super::directory::Entry;
+use super::intrinsics;
 use super::role::{role, topic_of};
-use super::{Shared, intrinsics, survey};
+use super::shared::Shared;
+use super::types::FILES;
 use wrapyfi_endpoint::{DiscoverError, Discovered, Discovery, NameFilter, Role};
+
+/// Longest time that a port is given for its answer: those that died are still registered.
+const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Looks at one name server.
 pub(super) struct YarpDiscovery {
@@ -81,7 +89,7 @@ impl Discovery for YarpDiscovery {
         let now = (was_asked, shared.changes());
         if self.known == Some(now) {
             // Those that did not answer may have to be asked again.
-            survey::ask(&shared, &self.ports);
+            ask(&shared, &self.ports);
             return Ok(self.found.clone());
         }
         let (mut ports, own) = (shared.directory.entries(), shared.registrar.client());
@@ -91,7 +99,7 @@ impl Discovery for YarpDiscovery {
             name != own.namespace() && name != "fallback" && !shared.own.contains(name)
         });
         self.sift(&mut ports);
-        survey::ask(&shared, &ports);
+        ask(&shared, &ports);
         let mut found: BTreeMap<(&str, Role), Discovered> = BTreeMap::new();
         self.complete = was_asked && shared.survey.is_over(&ports);
         for (port, entry) in &ports {
@@ -130,5 +138,54 @@ impl Discovery for YarpDiscovery {
 
     fn is_complete(&self) -> Option<bool> {
         Some(self.complete)
+    }
+}
+
+/// Asks those of `ports` that have not been asked. Returns at once.
+fn ask(shared: &Arc<Shared>, ports: &BTreeMap<String, Entry>) {
+    let mut due = shared.survey.due(ports, Instant::now());
+    // Those whose first message is waited for behind that have the longest way.
+    due.sort_by_cached_key(|(name, entry)| is_told_by_name(shared, name, entry));
+    for (name, entry) in due {
+        // One that was connected otherwise is asked all.
+        let whole =
+            !is_told_by_name(shared, &name, &entry) || shared.survey.answer_of(&name).is_some();
+        let (shared, room) = (Arc::clone(shared), Arc::clone(&shared.survey.room));
+        let tasks = Arc::clone(&shared);
+        tasks.tasks.spawn_aside(async move {
+            let Ok(_permit) = room.acquire_owned().await else { return };
+            let asked = interview(&shared, &name, whole);
+            let told = match tokio::time::timeout(PATIENCE, asked).await {
+                Ok(Ok(told)) => Some(told),
+                Ok(Err(error)) => {
+                    tracing::debug!(port = name, %error, "does not say what it is");
+                    None
+                }
+                Err(_elapsed) => {
+                    tracing::debug!(port = name, "did not say within {PATIENCE:?} what it is");
+                    None
+                }
+            };
+            shared.survey.enter(&name, entry.number, told, Instant::now());
+        });
+    }
+}
+
+/// True when the name of a port tells that it sends, and which type.
+fn is_told_by_name(shared: &Shared, name: &str, entry: &Entry) -> bool {
+    let sends = matches!(role(name, None).1, Role::Publisher);
+    sends && shared.types.of(name, entry.number, None).is_some()
+}
+
+/// Asks a port about itself; about its connections alone unless `whole`.
+async fn interview(shared: &Shared, name: &str, whole: bool) -> Result<Inspection, AdminError> {
+    match shared.located(name).await {
+        None => Err(AdminError::Unknown(name.to_owned())),
+        // A server of files over HTTP may understand nothing else.
+        Some(entry) if entry.has_files => {
+            let modes = Some(Modes { input: false, output: true, rpc: false });
+            Ok(Inspection { modes, type_name: Some(FILES.into()), ..Inspection::default() })
+        }
+        Some(entry) => shared.network.inspect(name, entry.contact.as_deref(), whole).await,
     }
 }

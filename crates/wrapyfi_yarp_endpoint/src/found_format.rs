@@ -15,8 +15,8 @@ use std::time::Duration;
 
 use wrapyfi_yarp::wire::admin::split_destination;
 
-use super::Shared;
 use super::options::{BottleFormat, YarpOptions};
+use super::shared::Shared;
 
 /// Property of a port of ours at the name server, where it takes calls as Wrapyfi's.
 const MARK: &str = "wrapyfi";

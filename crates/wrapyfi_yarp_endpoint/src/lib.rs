@@ -13,10 +13,11 @@
 //! | module | one idea |
 //! | --- | --- |
 //! | `config`, `options` | settings of the middleware; of a topic or service |
+//! | `shared`, `name`, `error` | what all endpoints share; which names ports may have; why YARP does not start |
 //! | `payload` | bytes of messages ⇄ payloads |
 //! | `directory` | the names there are, and who waits for one |
 //! | `survey`, `role`, `discovery` | what ports say of themselves, and what that makes them |
-//! | `types`, `first_message` | what ports send |
+//! | `types`, `first_message`, `learning` | what ports send |
 //! | `device` | what devices tell of themselves: `board`, `joint_limits` of joints, `intrinsics` of cameras |
 //! | `opening`, `port_connection` | ports that open, connections that stay, whatever ends meanwhile |
 //! | `input` | input ports of other programs, and the names that mean them |
@@ -34,15 +35,18 @@ mod config;
 mod device;
 mod directory;
 mod discovery;
+mod error;
 mod first_message;
 mod found_format;
 mod input;
 mod intrinsics;
 mod joint_limits;
+mod learning;
 mod link_state;
 mod listener;
 mod log_port;
 mod losses;
+mod name;
 mod opening;
 pub mod options;
 mod own;
@@ -51,27 +55,30 @@ mod port_connection;
 mod publisher;
 mod role;
 mod server;
+mod shared;
 mod shared_output;
 mod survey;
 mod tasks;
 mod types;
 
-use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::runtime::{Builder, Handle, Runtime};
 use wrapyfi_interfaces::store::TypeStore;
-use wrapyfi_yarp::name::conf::ConfError;
 use wrapyfi_yarp::name::registrar::RegistrarOptions;
 use wrapyfi_yarp::name::{Environment, NameClient, Registrar};
 use wrapyfi_yarp::port::names::Names;
-use wrapyfi_yarp::port::{Network, PortOptions, Timeouts};
-use wrapyfi_yarp::server::{NameServer, NameServerError, NameServerOptions};
+use wrapyfi_yarp::port::{Network, Timeouts};
+use wrapyfi_yarp::server::{NameServer, NameServerOptions};
 
 use self::config::Listening;
+use self::shared::Shared;
 pub use config::YarpConfig;
+pub use error::YarpError;
 pub use log_port::LogPort;
+pub use name::{NAME, check_topic};
 pub use options::OPTIONS;
 pub use types::Convention;
 pub use wrapyfi_yarp::Dialect;
@@ -83,19 +90,14 @@ use wrapyfi_endpoint::network::ReachedByOthers;
 use wrapyfi_endpoint::restart::restarted;
 use wrapyfi_endpoint::{
     Client, Context, Conventions, DiscoverError, Discovered, Discovery, LearnResult, Learned,
-    Listener, Middleware, OpenError, OpenResult, Opened, PROGRESS, Publisher, Role, Server,
-    ServiceSpec, Share, TopicSpec, Traits, topic_of_name,
+    Listener, Middleware, Opened, PROGRESS, Publisher, Role, Server, ServiceSpec, Share, TopicSpec,
+    Traits, topic_of_name,
 };
-
-/// Name of this middleware in addresses.
-pub const NAME: &str = "yarp";
 
 /// Conventions of YARP. A number follows the prefix of log ports, with which no name of ROS may begin.
 pub const CONVENTIONS: Conventions =
     Conventions { program_topics: Some("log/"), ..Conventions::NONE };
 
-/// Longest name of a port: YARP reads 1000 bytes with its end, and a reader's name has a number.
-const MAX_NAME_BYTES: usize = 900;
 /// Threads that carry all ports.
 const THREADS: usize = 2;
 /// Longest time that a request to the name server may take.
@@ -109,143 +111,6 @@ pub struct Yarp {
     server: Option<NameServer>,
     runtime: Option<Runtime>,
     address: String,
-}
-
-/// State that all endpoints of one YARP instance share.
-struct Shared {
-    network: Network,
-    registrar: Registrar,
-    directory: Arc<directory::Directory>,
-    own: own::OwnPorts,
-    outputs: shared_output::SharedOutputs,
-    survey: survey::Survey,
-    types: types::Types,
-    tasks: tasks::Tasks,
-    send_queue: usize,
-    environment: Environment,
-    /// The name server is on another machine.
-    is_afar: bool,
-    /// Refusal of ports that others connect to; `None` where they may be opened.
-    refused: Option<ReachedByOthers>,
-}
-
-impl Shared {
-    /// Refuses to open ports that others connect to where other machines would reach them without
-    /// permission.
-    fn may_listen(&self) -> Result<(), ReachedByOthers> {
-        self.refused.clone().map_or(Ok(()), Err)
-    }
-
-    /// A port that only asks. Where ports may not be open to other machines, it listens on this one alone,
-    /// and nobody is told: its server answers on the connection that it is asked on.
-    fn asking(&self) -> PortOptions {
-        match self.refused {
-            None => PortOptions::default(),
-            Some(_) => PortOptions {
-                address: Some(SocketAddr::from((Ipv4Addr::LOCALHOST, 0))),
-                register: false,
-                ..PortOptions::default()
-            },
-        }
-    }
-
-    /// Numbers of changes of names, answers of ports, types, and own ports: while they stay the
-    /// same, discovery finds the same.
-    fn changes(&self) -> [u64; 4] {
-        let Self { directory, survey, types, own, .. } = self;
-        [directory.changes(), survey.changes(), types.heard.learned(), own.changes()]
-    }
-
-    /// The name under which a port of ours is registered, as the environment wants it.
-    fn own_name(&self, name: &str) -> String {
-        let naming = self.environment.port_naming(name);
-        naming.map_or_else(|_| name.to_owned(), |naming| naming.name)
-    }
-
-    /// The port of this name and its address, for which the name server is asked where it is not known.
-    async fn located(&self, name: &str) -> Option<directory::Entry> {
-        let entry = self.directory.entry(name)?;
-        if entry.contact.is_some() {
-            return Some(entry);
-        }
-        let found = self.network.query(name).await.ok().flatten()?;
-        Some(self.directory.locate(name, entry.number, &found))
-    }
-
-    /// Hint for the error about a port that does not answer: the likely reason and the remedy, else
-    /// an empty text. A name server on this machine is not asked: loopback is the usual address
-    /// there.
-    async fn hint(&self, name: &str) -> &'static str {
-        if !self.is_afar {
-            return "";
-        }
-        let contact = self.located(name).await.and_then(|entry| entry.contact);
-        let at = contact.and_then(|contact| contact.parse::<SocketAddr>().ok());
-        if at.is_some_and(|at| at.ip().is_loopback()) {
-            "; it is registered at an address of its own machine alone: set YARP_IP there"
-        } else {
-            ""
-        }
-    }
-
-    /// The network in which an endpoint with these options opens its port.
-    fn network(&self, options: &options::YarpOptions) -> Network {
-        options
-            .dialect
-            .map_or_else(|| self.network.clone(), |dialect| self.network.with_dialect(dialect))
-    }
-
-    /// Reason why a port of ours is not found under its name; `None` where it is.
-    fn taken(&self, name: &str) -> Option<String> {
-        let status = self.registrar.status();
-        let taken = status.borrow().taken.iter().any(|taken| taken == name);
-        taken.then(|| {
-            format!("the name {name}, which another program took from us: end that one, or set option port")
-        })
-    }
-}
-
-/// Error of starting YARP.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum YarpError {
-    /// No setting says where the name server is.
-    #[error("no name server is known: {0}")]
-    NameServer(#[from] ConfError),
-    /// No name server runs, and ours cannot.
-    #[error(transparent)]
-    Embedded(#[from] NameServerError),
-    /// The name server's machine has no address.
-    #[error("name server: {reason}")]
-    Host {
-        /// Reason why the host has no address.
-        reason: String,
-    },
-    /// Other machines could reach our name server.
-    #[error(transparent)]
-    NotLoopback(#[from] ReachedByOthers),
-    /// The system refused.
-    #[error("YARP could not start: {reason}")]
-    Transport {
-        /// Message of the system.
-        reason: String,
-    },
-}
-
-impl YarpError {
-    /// True when no later try can succeed, because the settings are wrong.
-    #[must_use]
-    pub fn is_hopeless(&self) -> bool {
-        match self {
-            Self::NameServer(error) => !error.is_missing(),
-            Self::NotLoopback(_) => true,
-            Self::Embedded(error) => matches!(
-                error,
-                NameServerError::NotLoopback { .. } | NameServerError::BadNamespace { .. }
-            ),
-            Self::Host { .. } | Self::Transport { .. } => false,
-        }
-    }
 }
 
 impl Yarp {
@@ -423,7 +288,7 @@ impl Middleware for Yarp {
         if found.type_name.is_some() || found.role != Role::Publisher {
             return topic_of_name(NAME, found, types);
         }
-        let told = first_message::learn(&self.shared, &found.name)?;
+        let told = learning::learn(&self.shared, &found.name)?;
         topic_of_name(NAME, &Discovered { type_name: Some(told), ..found.clone() }, types)
     }
 
@@ -472,39 +337,4 @@ impl std::fmt::Debug for Yarp {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Yarp").field("name_server", &self.address).finish_non_exhaustive()
     }
-}
-
-/// Checks the name of a topic or service, which is the name of a port.
-///
-/// # Errors
-/// The rule that the name breaks.
-pub fn check_topic(name: &str) -> Result<(), String> {
-    name_fault(name).map_or(Ok(()), |fault| Err(fault.to_owned()))
-}
-
-/// The rule that a name breaks, if any.
-fn name_fault(name: &str) -> Option<&'static str> {
-    if !name.starts_with('/') || name.len() < 2 {
-        return Some("it must begin with / and go on, such as /icub/cam/left");
-    }
-    if name.len() > MAX_NAME_BYTES {
-        return Some("it is longer than 900 bytes; YARP reads 1000 at most");
-    }
-    if name.ends_with('/') {
-        return Some("it ends with /; leave that out");
-    }
-    let forbidden = |letter: char| {
-        letter.is_control() || letter.is_whitespace() || "\"\\,(){}[]".contains(letter)
-    };
-    if name.contains(forbidden) {
-        return Some("it has a blank, a quote, a comma or a bracket, which YARP's commands use");
-    }
-    if name.contains(":/") {
-        return Some("it contains :/, which YARP takes for the end of a carrier");
-    }
-    None
-}
-
-fn check_name(name: &str) -> OpenResult<()> {
-    check_topic(name).map_err(|reason| OpenError::invalid_name(NAME, name, reason))
 }

@@ -14,11 +14,13 @@ use wrapyfi_yarp::port::{Answer, PortOptions, Received, RpcServer};
 use super::device::Device;
 use super::link_state::LinkState;
 use super::losses::Losses;
+use super::name::check_name;
 use super::opening::{numbered, until_open};
 use super::options::YarpOptions;
 use super::port_connection::PortConnection;
+use super::shared::Shared;
 use super::tasks::{Stop, Stopped};
-use super::{Shared, intrinsics, payload};
+use super::{intrinsics, payload};
 use wrapyfi_data::types::{DataType, Stamp};
 use wrapyfi_endpoint::{
     Context, DropReason, Link, Listener, Mutex, OpenResult, Receiver, Sample, Sender, TakeError,
@@ -99,9 +101,9 @@ impl YarpListener {
         context: &Context,
     ) -> OpenResult<Self> {
         let options = YarpOptions::of_topic(spec)?;
-        super::check_name(&spec.topic)?;
+        check_name(&spec.topic)?;
         if let Some(port) = &options.port {
-            super::check_name(port)?;
+            check_name(port)?;
         }
         let (sender, receiver) = inbox(spec.queue, context);
         // Calibrations belong to pictures.

@@ -13,11 +13,11 @@ use tokio::sync::{Mutex, mpsc};
 use wrapyfi_yarp::port::{OutputOptions, OutputPort};
 use wrapyfi_yarp::{Bottle, Value};
 
-use super::Shared;
 use super::link_state::LinkState;
 use super::opening::until_open;
 use super::options::YarpOptions;
 use super::port_connection::PortConnection;
+use super::shared::Shared;
 use wrapyfi_endpoint::Wake;
 use wrapyfi_endpoint::restart::restarted;
 

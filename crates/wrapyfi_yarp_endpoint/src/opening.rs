@@ -2,8 +2,8 @@
 
 use wrapyfi_yarp::port::OpenError;
 
-use super::Shared;
 use super::link_state::LinkState;
+use super::shared::Shared;
 use wrapyfi_endpoint::backoff::Backoff;
 
 /// Opens a port with `open`, again and again until it succeeds; `link_state` is told why not yet.

@@ -11,9 +11,9 @@ use std::time::Duration;
 use tokio::sync::watch;
 use wrapyfi_yarp::port::Connected;
 
-use super::Shared;
 use super::directory::unless_slow;
 use super::options::YarpOptions;
+use super::shared::Shared;
 use wrapyfi_endpoint::backoff::Backoff;
 
 /// Time that the name server has to make the connection before it is reminded.

@@ -27,15 +27,17 @@ use wrapyfi_yarp::port::{
 };
 
 use super::device::Device;
+use super::input;
 use super::link_state::LinkState;
 use super::losses::Sent;
+use super::name::check_name;
 use super::opening::{number, until_open};
 use super::options::{BottleFormat, YarpOptions};
 use super::payload::{self, Outgoing};
 use super::port_connection::PortConnection;
+use super::shared::Shared;
 use super::shared_output::{PortSettings, SharedOutput};
 use super::tasks::{Stop, Stopped};
-use super::{Shared, input};
 use wrapyfi_data::types::{DataType, MessageType, Payload, Stamp};
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::{
@@ -116,7 +118,7 @@ impl YarpPublisher {
     ) -> OpenResult<Self> {
         let options = YarpOptions::of_topic(spec)?;
         let name = options.port.clone().unwrap_or_else(|| spec.topic.clone());
-        super::check_name(&name)?;
+        check_name(&name)?;
         let given = name;
         let name = shared.own_name(&given);
         let waiting = format!("port {name} to open");

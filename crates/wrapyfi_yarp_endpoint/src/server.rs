@@ -22,10 +22,12 @@ use super::client_dialects::{self, ClientDialects};
 use super::found_format::{self, FoundFormat};
 use super::link_state::LinkState;
 use super::losses::Losses;
+use super::name::check_name;
 use super::opening::until_open;
 use super::options::{BottleFormat, YarpOptions};
+use super::payload;
+use super::shared::Shared;
 use super::tasks::{Stop, Stopped};
-use super::{Shared, payload};
 use wrapyfi_data::types::{Payload, ServiceKind};
 use wrapyfi_endpoint::codec::{DecodeError, EncodeResult};
 use wrapyfi_endpoint::requests::Requests;
@@ -143,7 +145,7 @@ impl YarpServer {
     ) -> OpenResult<WireServer<Self>> {
         let options = YarpOptions::of_service(spec)?;
         let name = options.port.clone().unwrap_or_else(|| spec.service.clone());
-        super::check_name(&name)?;
+        check_name(&name)?;
         let given = name;
         let name = shared.own_name(&given);
         let waiting = format!("port {name} to open");

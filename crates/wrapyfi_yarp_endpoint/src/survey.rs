@@ -16,16 +16,12 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use tokio::sync::Semaphore;
-use wrapyfi_yarp::port::{AdminError, Inspection, Modes};
+use wrapyfi_yarp::port::Inspection;
 
-use super::Shared;
 use super::directory::Entry;
 use super::role::role;
-use super::types::FILES;
 use wrapyfi_endpoint::{Mutex, Role};
 
-/// Longest time that a port is given for its answer: those that died are still registered.
-const PATIENCE: Duration = Duration::from_secs(1);
 /// Most ports that are asked at once. A port of YARP starts `lsb_release` before it says what it is, 12 to 45 ms
 /// of a processor: more of them only wait for each other.
 const AT_ONCE: usize = 8;
@@ -40,7 +36,7 @@ pub(super) struct Survey {
     answers: Mutex<BTreeMap<String, Answer>>,
     /// Counts what was answered, or was not.
     changes: AtomicU64,
-    room: Arc<Semaphore>,
+    pub(super) room: Arc<Semaphore>,
 }
 
 /// Answer of one port.
@@ -136,7 +132,11 @@ impl Survey {
     }
 
     /// Marks those that have to be asked.
-    fn due(&self, ports: &BTreeMap<String, Entry>, now: Instant) -> Vec<(String, Entry)> {
+    pub(super) fn due(
+        &self,
+        ports: &BTreeMap<String, Entry>,
+        now: Instant,
+    ) -> Vec<(String, Entry)> {
         let mut answers = self.answers.lock();
         let is_due =
             |name: &str, number| answers.get(name).is_none_or(|answer| answer.is_due(number, now));
@@ -155,7 +155,8 @@ impl Survey {
         due
     }
 
-    fn enter(&self, name: &str, number: u64, told: Option<Inspection>, now: Instant) {
+    /// Enters the answer of a port, or that it gave none.
+    pub(super) fn enter(&self, name: &str, number: u64, told: Option<Inspection>, now: Instant) {
         let mut answers = self.answers.lock();
         // Another port may have the name by now, or nobody.
         let Some(answer) = answers.get_mut(name).filter(|answer| answer.number == number) else {
@@ -169,55 +170,6 @@ impl Survey {
             }
         };
         self.changes.fetch_add(1, Ordering::Release);
-    }
-}
-
-/// Asks those of `ports` that have not been asked. Returns at once.
-pub(super) fn ask(shared: &Arc<Shared>, ports: &BTreeMap<String, Entry>) {
-    let mut due = shared.survey.due(ports, Instant::now());
-    // Those whose first message is waited for behind that have the longest way.
-    due.sort_by_cached_key(|(name, entry)| is_told_by_name(shared, name, entry));
-    for (name, entry) in due {
-        // One that was connected otherwise is asked all.
-        let whole =
-            !is_told_by_name(shared, &name, &entry) || shared.survey.answer_of(&name).is_some();
-        let (shared, room) = (Arc::clone(shared), Arc::clone(&shared.survey.room));
-        let tasks = Arc::clone(&shared);
-        tasks.tasks.spawn_aside(async move {
-            let Ok(_permit) = room.acquire_owned().await else { return };
-            let asked = interview(&shared, &name, whole);
-            let told = match tokio::time::timeout(PATIENCE, asked).await {
-                Ok(Ok(told)) => Some(told),
-                Ok(Err(error)) => {
-                    tracing::debug!(port = name, %error, "does not say what it is");
-                    None
-                }
-                Err(_elapsed) => {
-                    tracing::debug!(port = name, "did not say within {PATIENCE:?} what it is");
-                    None
-                }
-            };
-            shared.survey.enter(&name, entry.number, told, Instant::now());
-        });
-    }
-}
-
-/// True when the name of a port tells that it sends, and which type.
-fn is_told_by_name(shared: &Shared, name: &str, entry: &Entry) -> bool {
-    let sends = matches!(role(name, None).1, Role::Publisher);
-    sends && shared.types.of(name, entry.number, None).is_some()
-}
-
-/// Asks a port about itself; about its connections alone unless `whole`.
-async fn interview(shared: &Shared, name: &str, whole: bool) -> Result<Inspection, AdminError> {
-    match shared.located(name).await {
-        None => Err(AdminError::Unknown(name.to_owned())),
-        // A server of files over HTTP may understand nothing else.
-        Some(entry) if entry.has_files => {
-            let modes = Some(Modes { input: false, output: true, rpc: false });
-            Ok(Inspection { modes, type_name: Some(FILES.into()), ..Inspection::default() })
-        }
-        Some(entry) => shared.network.inspect(name, entry.contact.as_deref(), whole).await,
     }
 }
 

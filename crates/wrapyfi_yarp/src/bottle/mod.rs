@@ -10,6 +10,7 @@
 
 mod error;
 mod kind;
+mod list;
 mod read;
 mod scan;
 mod text_read;
@@ -20,6 +21,7 @@ mod write;
 use bytes::Bytes;
 
 pub use error::{BottleError, EncodeError, TextError};
+pub use list::Bottle;
 pub use scan::BottleScan;
 pub(crate) use text_write::significant;
 pub use value::{Text, Value, Vocab, Vocab64};
@@ -29,13 +31,6 @@ use text_read::TextReader;
 use text_write::is_key;
 
 use crate::{Dialect, Limits};
-
-/// A list of values: what YARP sends unless it sends an image, a sound or a vector.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Bottle {
-    /// The elements in order.
-    pub values: Vec<Value>,
-}
 
 /// State of a bottle whose bytes are still arriving, found by [`Bottle::frame`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,12 +42,6 @@ pub enum Frame {
 }
 
 impl Bottle {
-    /// A bottle without elements.
-    #[must_use]
-    pub const fn new() -> Self {
-        Self { values: Vec::new() }
-    }
-
     /// Reads the bottle at the start of `bytes`; what follows it is left alone. Returns it with the
     /// number of bytes it took. Strings and blobs share `bytes`.
     ///
@@ -192,64 +181,5 @@ impl Bottle {
             Value::List(list) => list.values.first().is_some_and(|first| is_key(first, key)),
             other => is_key(other, key),
         })
-    }
-
-    /// Number of elements.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.values.len()
-    }
-
-    /// True when the bottle has no elements.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.values.is_empty()
-    }
-
-    /// The element at `index`, from 0.
-    #[must_use]
-    pub fn get(&self, index: usize) -> Option<&Value> {
-        self.values.get(index)
-    }
-
-    /// Appends an element.
-    pub fn push(&mut self, value: impl Into<Value>) {
-        self.values.push(value.into());
-    }
-}
-
-impl From<Vec<Value>> for Bottle {
-    fn from(values: Vec<Value>) -> Self {
-        Self { values }
-    }
-}
-
-impl FromIterator<Value> for Bottle {
-    fn from_iter<T: IntoIterator<Item = Value>>(values: T) -> Self {
-        Self { values: values.into_iter().collect() }
-    }
-}
-
-impl Extend<Value> for Bottle {
-    fn extend<T: IntoIterator<Item = Value>>(&mut self, values: T) {
-        self.values.extend(values);
-    }
-}
-
-impl IntoIterator for Bottle {
-    type Item = Value;
-    type IntoIter = std::vec::IntoIter<Value>;
-
-    fn into_iter(self) -> Self::IntoIter {
-        self.values.into_iter()
-    }
-}
-
-impl<'a> IntoIterator for &'a Bottle {
-    type Item = &'a Value;
-    type IntoIter = std::slice::Iter<'a, Value>;
-
-    fn into_iter(self) -> Self::IntoIter {
-        self.values.iter()
     }
 }

@@ -5,7 +5,7 @@ use std::fmt;
 
 use bytes::Bytes;
 
-use super::Bottle;
+use super::list::Bottle;
 
 /// One element of a bottle: 40 bytes, whatever it holds. Strings and blobs share the bytes of the
 /// message they were read from.

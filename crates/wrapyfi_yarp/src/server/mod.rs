@@ -32,7 +32,6 @@
 //! | a browser's form | does any command | only those that change nothing |
 //! | `=tail`, unregistered | its name is lost | its name is used again |
 
-use std::collections::BTreeMap;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
@@ -61,6 +60,7 @@ mod shared;
 mod subscriptions;
 
 pub use options::{NameServerLimits, NameServerOptions};
+pub use shared::NameServerStatus;
 
 #[doc(hidden)]
 pub mod offline;
@@ -110,23 +110,6 @@ pub enum NameServerError {
         /// Error of the system.
         source: std::io::Error,
     },
-}
-
-/// A name server at one moment.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct NameServerStatus {
-    /// Names there are, its own and the discovery group's among them.
-    pub names: usize,
-    /// Connections open now.
-    pub connections: usize,
-    /// Readers of changes connected now.
-    pub readers: usize,
-    /// Commands done and refused, since it started.
-    pub commands: u64,
-    /// Counts of everything that was refused, lost or dropped, by reason: `refused`,
-    /// `too_many_connections`, `event_dropped`, `link_failed`, `idle`, and those of
-    /// [`crate::wire::Fault::name`]. Counts of successes: `link_made`, `link_ended`.
-    pub counts: BTreeMap<&'static str, u64>,
 }
 
 /// A running name server. Dropping it ends it.

@@ -11,12 +11,29 @@ use tokio::sync::Notify;
 use super::commands::{Asker, NameState, Outcome};
 use super::events::Readers;
 use super::links::Links;
+use super::options::NameServerOptions;
 use super::registry::Refusal;
-use super::{NameServerOptions, NameServerStatus};
 use crate::Bottle;
 use crate::port::Counters;
 use crate::port::names::Registration;
 use crate::wire::Body;
+
+/// A name server at one moment.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct NameServerStatus {
+    /// Names there are, its own and the discovery group's among them.
+    pub names: usize,
+    /// Connections open now.
+    pub connections: usize,
+    /// Readers of changes connected now.
+    pub readers: usize,
+    /// Commands done and refused, since it started.
+    pub commands: u64,
+    /// Counts of everything that was refused, lost or dropped, by reason: `refused`,
+    /// `too_many_connections`, `event_dropped`, `link_failed`, `idle`, and those of
+    /// [`crate::wire::Fault::name`]. Counts of successes: `link_made`, `link_ended`.
+    pub counts: BTreeMap<&'static str, u64>,
+}
 
 /// A connection as descriptions name it.
 #[derive(Debug, Clone)]

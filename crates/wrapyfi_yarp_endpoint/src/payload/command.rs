@@ -15,19 +15,21 @@
 
 use std::time::Duration;
 
+use wrapyfi_yarp::port::PortPayload;
 use wrapyfi_yarp::{Bottle, Dialect, Value as Element, sig};
 
 use super::super::joint_limits;
 use super::super::options::{Axis, Control, YarpOptions};
 use super::joints::{floats, texts};
+use super::outgoing::Outgoing;
 use super::rules::Rules;
-use super::{Bytewise, Outgoing, native, ros};
+use super::{native, ros};
 use wrapyfi_data::types::{Header, MessageType, Payload, Stamp, Value};
 use wrapyfi_endpoint::TopicSpec;
 use wrapyfi_endpoint::codec::{EncodeError, EncodeResult};
 
 /// Ending of the name of the port on which a control board takes commands.
-pub(in super::super) const COMMAND_PORT: &str = "/command:i";
+pub(crate) const COMMAND_PORT: &str = "/command:i";
 /// Names of joints that an error shows.
 const SHOWN: usize = 32;
 
@@ -54,7 +56,7 @@ pub(super) fn of_state(
 
 /// The movements that a `JointTrajectory` for a control board asks for, each with its time from now on;
 /// none where `payload` is something else, or for another port. A trajectory that begins later waits.
-pub(in super::super) fn trajectory(
+pub(crate) fn trajectory(
     payload: &Payload,
     spec: &TopicSpec,
     options: &YarpOptions,
@@ -89,7 +91,7 @@ pub(in super::super) fn trajectory(
             time_s: begin.as_secs_f64() + time.as_secs_f64(),
         };
         let stamp = (begin != Stamp::default()).then(|| sent_at(begin));
-        movements.push((due, Outgoing { payload: Bytewise::object(bytes), stamp }));
+        movements.push((due, Outgoing { payload: PortPayload::object(bytes), stamp }));
     }
     Ok(Some(movements))
 }

@@ -29,7 +29,7 @@ fn parts(bottle: &Bottle) -> Option<([f64; 4], Vec<f64>)> {
 }
 
 /// True when a message can only be a laser scan: floats where a scan has them.
-pub(in super::super) fn is_scan(bottle: &Bottle) -> bool {
+pub(crate) fn is_scan(bottle: &Bottle) -> bool {
     let is_float = |element: &Element| matches!(element, Element::Float64(_));
     match bottle.values.as_slice() {
         [bounds @ .., Element::List(scan), Element::Int32(0..=3)] => {

@@ -23,6 +23,7 @@ mod joints;
 mod laser;
 mod native;
 mod numbers;
+mod outgoing;
 mod positional;
 mod requests;
 mod ros;
@@ -39,6 +40,7 @@ use wrapyfi_yarp::{Dialect, sig};
 
 use super::intrinsics::CAMERA_INFO;
 use super::options::{BottleFormat, YarpOptions};
+use outgoing::envelope;
 use rules::Rules;
 use wrapyfi_data::types::{DataType, MessageType, NativeObject, Payload, Stamp};
 use wrapyfi_endpoint::TopicSpec;
@@ -48,19 +50,10 @@ use wrapyfi_endpoint::codec::{
 
 pub(super) use command::{COMMAND_PORT, trajectory};
 pub(super) use laser::is_scan;
+pub use outgoing::Outgoing;
 pub use requests::{
     decode_reply, decode_request, encode_error, encode_reply, encode_request, is_json,
 };
-
-/// A message to write: its bytes, and the time that goes with it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Outgoing {
-    /// The bytes.
-    pub payload: Bytewise,
-    /// Time at which the payload was made, where it says so. The stamp's count is 0: the writer
-    /// counts.
-    pub stamp: Option<sig::Stamp>,
-}
 
 /// Writes `payload` as a message of the topic.
 ///
@@ -130,12 +123,6 @@ pub(super) fn is_of_camera(message_type: MessageType) -> bool {
 pub(super) fn is_of_joints(message_type: MessageType) -> bool {
     let MessageType::Ros(ros_type) = message_type else { return false };
     matches!(ros_type.name(), ros::JOINTS | ros::TRAJECTORY)
-}
-
-/// The stamp that goes with a message; none where it has no time.
-fn envelope(stamp: Option<Stamp>) -> Option<sig::Stamp> {
-    let stamp = stamp.filter(|stamp| *stamp != Stamp::default())?;
-    Some(sig::Stamp { count: 0, time_s: stamp.as_secs_f64() })
 }
 
 /// Reads a message of the topic. `stamp` is that of its envelope; `now` stands in where there is

@@ -1,0 +1,48 @@
+//! Error of starting YARP.
+
+use wrapyfi_endpoint::network::ReachedByOthers;
+use wrapyfi_yarp::name::conf::ConfError;
+use wrapyfi_yarp::server::NameServerError;
+
+/// Error of starting YARP.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum YarpError {
+    /// No setting says where the name server is.
+    #[error("no name server is known: {0}")]
+    NameServer(#[from] ConfError),
+    /// No name server runs, and ours cannot.
+    #[error(transparent)]
+    Embedded(#[from] NameServerError),
+    /// The name server's machine has no address.
+    #[error("name server: {reason}")]
+    Host {
+        /// Reason why the host has no address.
+        reason: String,
+    },
+    /// Other machines could reach our name server.
+    #[error(transparent)]
+    NotLoopback(#[from] ReachedByOthers),
+    /// The system refused.
+    #[error("YARP could not start: {reason}")]
+    Transport {
+        /// Message of the system.
+        reason: String,
+    },
+}
+
+impl YarpError {
+    /// True when no later try can succeed, because the settings are wrong.
+    #[must_use]
+    pub fn is_hopeless(&self) -> bool {
+        match self {
+            Self::NameServer(error) => !error.is_missing(),
+            Self::NotLoopback(_) => true,
+            Self::Embedded(error) => matches!(
+                error,
+                NameServerError::NotLoopback { .. } | NameServerError::BadNamespace { .. }
+            ),
+            Self::Host { .. } | Self::Transport { .. } => false,
+        }
+    }
+}
