@@ -1,5 +1,6 @@
 //! Processes that a test starts, listens to and ends.
 
+use std::collections::BTreeSet;
 use std::io::{BufRead as _, BufReader, Read, Write as _};
 use std::os::unix::process::CommandExt as _;
 use std::process::{Child, ChildStdin, Command, Stdio};
@@ -115,6 +116,29 @@ impl Process {
     #[must_use]
     pub fn id(&self) -> u32 {
         self.child.id()
+    }
+
+    /// Ports that it has bound: of `udp`, or those of `tcp` at which it listens.
+    pub fn ports(&self, protocol: &str) -> Result<BTreeSet<u16>> {
+        let pid = self.id();
+        let files = std::fs::read_dir(format!("/proc/{pid}/fd"))?;
+        let links = files.filter_map(|file| std::fs::read_link(file.ok()?.path()).ok());
+        let sockets: BTreeSet<String> = links
+            .filter_map(|link| {
+                Some(link.to_str()?.strip_prefix("socket:[")?.strip_suffix(']')?.to_owned())
+            })
+            .collect();
+        let mut ports = BTreeSet::new();
+        let table = std::fs::read_to_string(format!("/proc/{pid}/net/{protocol}"))?;
+        for line in table.lines().skip(1) {
+            let columns: Vec<&str> = line.split_whitespace().collect();
+            let [_, local, _, state, _, _, _, _, _, inode, ..] = columns[..] else { continue };
+            let (_, port) = local.split_once(':').context("no port")?;
+            if sockets.contains(inode) && (protocol != "tcp" || state == "0A") {
+                ports.insert(u16::from_str_radix(port, 16)?);
+            }
+        }
+        Ok(ports)
     }
 
     /// Writes one line to its stdin.

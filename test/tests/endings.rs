@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::time::{Duration, Instant};
 
-use wrapyfi_e2e::{Need, Process, Result, Route, TIMEOUT, TestEnv, ros2, run, yarp, zeromq};
+use wrapyfi_e2e::{Need, Process, Result, Route, TIMEOUT, TestEnv, ros1, ros2, run, yarp, zeromq};
 
 const NEEDS: &[Need] = &[Need::Program];
 
@@ -204,6 +204,30 @@ fn a_broker_that_had_no_files_left_serves_again() -> Result {
             drop(crowd(port)?);
         }
         flows(env, &zeromq(&env.topic("x")))
+    })
+}
+
+#[test]
+fn a_ros_1_node_that_had_no_files_left_serves_again() -> Result {
+    let needs = &[Need::Program, Need::Python, Need::Ros1];
+    run("a_ros_1_node_that_had_no_files_left_serves_again", needs, |env| {
+        let (_roscore, _broker) = (env.roscore()?, env.broker()?);
+        let topic = env.topic("x");
+        let route = Route::new(&zeromq(&topic), &ros1(&topic), "Text");
+        let file = env.write("bridge.yaml", env.foreign().route(route).yaml())?;
+        let file = file.display().to_string();
+        let args = ["bridge", "--config", &file, "--json"];
+        let bridge = with_few_files(env, &args, "ROS 1: node started")?;
+        let ports = bridge.ports("tcp")?;
+        anyhow::ensure!(ports.len() == 2, "XML-RPC and TCPROS: {ports:?}");
+        for port in ports {
+            drop(crowd(port)?);
+        }
+        let publish =
+            ["pub", &zeromq(&topic), "--type", "Text", "--value", "\"x\"", "--rate", "20"];
+        let _publisher = env.wrapyfi(publish)?;
+        let ear = env.rospy(&format!("subscribe --topic {topic}"), None)?;
+        ear.messages(3).map(drop).map_err(|error| error.context(bridge.tail()))
     })
 }
 

@@ -35,27 +35,6 @@ fn hears_more(listener: &Process, count: usize) -> Result<Vec<u64>> {
     Ok(more)
 }
 
-/// Ports of UDP that a process has bound.
-fn udp_ports(pid: u32) -> Result<BTreeSet<u16>> {
-    let files = std::fs::read_dir(format!("/proc/{pid}/fd"))?;
-    let links = files.filter_map(|file| std::fs::read_link(file.ok()?.path()).ok());
-    let sockets: BTreeSet<String> = links
-        .filter_map(|link| {
-            Some(link.to_str()?.strip_prefix("socket:[")?.strip_suffix(']')?.to_owned())
-        })
-        .collect();
-    let mut ports = BTreeSet::new();
-    for line in std::fs::read_to_string(format!("/proc/{pid}/net/udp"))?.lines().skip(1) {
-        let columns: Vec<&str> = line.split_whitespace().collect();
-        let (local, inode) = (columns[1], columns[9]);
-        let (_, port) = local.split_once(':').context("no port")?;
-        if sockets.contains(inode) {
-            ports.insert(u16::from_str_radix(port, 16)?);
-        }
-    }
-    Ok(ports)
-}
-
 #[test]
 fn garbage_on_the_ports_of_dds_stops_nothing() -> Result {
     run("garbage_on_the_ports_of_dds_stops_nothing", NEEDS, |env| {
@@ -66,7 +45,7 @@ fn garbage_on_the_ports_of_dds_stops_nothing() -> Result {
         let _publisher = env.dds_publisher(&from, TYPE, "--rate 50 --text {n}")?;
         hears_more(&listener, 10)?;
 
-        let ports = udp_ports(bridge.id())?;
+        let ports = bridge.ports("udp")?;
         ensure!(ports.len() >= 2, "ports of discovery and of data: {ports:?}");
         let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0))?;
         let mut chance = 7_u64;
@@ -278,6 +257,68 @@ fn a_port_of_yarp_that_comes_back_with_another_type_is_carried() -> Result {
         }
         Ok(())
     })
+}
+
+/// Fifty programs listen to either end of a route and go, every third one killed: who stays misses nothing.
+fn guests_come_and_go(
+    test: &str,
+    needs: &[Need],
+    (end, kind): (impl Fn(&str) -> String, &str),
+    prepare: impl FnOnce(&TestEnv) -> Result<Option<Process>>,
+    talk: impl FnOnce(&TestEnv, &str) -> Result<Process>,
+) -> Result {
+    run(test, needs, |env| {
+        let _server = prepare(env)?;
+        let (from, to) = (env.topic("from"), env.topic("to"));
+        let (source, destination) = (end(&from), end(&to));
+        let bridge = env.bridge(&env.embedded().route(Route::new(&source, &destination, kind)))?;
+        let echo = |end: &str, more: &[&str]| {
+            env.wrapyfi([&["echo", end, "--type", kind, "--json"], more].concat())
+        };
+        let listener = echo(&destination, &[])?;
+        let _talker = talk(env, &from)?;
+        hears_more(&listener, 10).with_context(|| bridge.tail())?;
+        for number in 0..50 {
+            let side = if number % 2 == 0 { &source } else { &destination };
+            if number % 3 == 0 {
+                let mut guest = echo(side, &[])?;
+                guest.objects(1)?;
+                guest.kill()?;
+            } else {
+                echo(side, &["--count", "1"])?.exits_with(0)?;
+            }
+        }
+        let heard = listener.wait_until("what it heard", |output| Some(numbers(output)))?;
+        let whole: Vec<u64> = (heard[0]..).take(heard.len()).collect();
+        ensure!(heard == whole, "some of {} are missing: {heard:?}", whole.len());
+        Ok(())
+    })
+}
+
+#[test]
+fn nodes_of_ros_1_come_and_go_under_traffic() -> Result {
+    let needs = &[Need::Program, Need::Python, Need::Ros1];
+    let talk = |env: &TestEnv, topic: &str| {
+        let args = format!("publish --topic {topic} --rate 50");
+        env.rospy(&args, Some(r#"{"data": "{n}"}"#))
+    };
+    let master = |env: &TestEnv| env.roscore().map(Some);
+    guests_come_and_go(
+        "nodes_of_ros_1_come_and_go_under_traffic",
+        needs,
+        (ros1, "Text"),
+        master,
+        talk,
+    )
+}
+
+#[test]
+fn sockets_of_zeromq_come_and_go_under_traffic() -> Result {
+    let talk = |env: &TestEnv, topic: &str| {
+        env.peer("zmq_numbers.py", &format!("publish --topic {topic} --rate 50"))
+    };
+    let test = "sockets_of_zeromq_come_and_go_under_traffic";
+    guests_come_and_go(test, NEEDS, (zeromq, "NativeObject"), |_| Ok(None), talk)
 }
 
 #[test]

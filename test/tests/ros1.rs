@@ -2,7 +2,9 @@
 //! ROS 1 is in it.
 
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros1, ros2, run, texts, zeromq};
+use wrapyfi_e2e::{
+    Need, Process, Result, Route, TestEnv, ros1, ros2, run, texts, until_route, zeromq,
+};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Ros1];
 const WITH_WRAPYFI: &[Need] = &[Need::Program, Need::Ros1, Need::Python];
@@ -585,5 +587,75 @@ fn nodes_of_a_list_are_heard_and_reached_and_no_others() -> Result {
             let counts = |it: &Value| it["counters"]["drops"]["refused_peer"].as_u64() >= Some(1);
             routes.all(counts).then_some(())
         })
+    })
+}
+
+/// A list that is shortened while the bridge runs leaves nobody connected who is not in it any more.
+#[test]
+fn a_subscriber_that_a_changed_list_leaves_out_is_cut_off() -> Result {
+    run("a_subscriber_that_a_changed_list_leaves_out_is_cut_off", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let topic = env.topic("x");
+        let config = |peers: &str| {
+            let route = Route::new(&zeromq(&topic), &ros1(&topic), "Text")
+                .with("options", &format!("{{ to_peers: [{peers}] }}"));
+            env.embedded().route(route)
+        };
+        let bridge = env.bridge_named("peers.yaml", &config("/ear, /spy"))?;
+        let _talker = publish(env, &zeromq(&topic), "\"x\"", &["--type", "Text", "--rate", "20"])?;
+        let listen =
+            |node: &str| env.rospy(&format!("subscribe --topic {topic} --node {node}"), None);
+        let (spy, ear) = (listen("spy")?, listen("ear")?);
+        let heard = |node: &Process| {
+            node.wait_until("what it heard", |output| Some(output.events("message").len()))
+        };
+        spy.messages(3)?;
+        ear.messages(3)?;
+        env.write("peers.yaml", config("/ear").yaml())?;
+        bridge.hang_up()?;
+        bridge.wait_until("the refusal", |output| {
+            let what = "/spy at 127.0.0.1 is not among to_peers";
+            output.err.iter().any(|line| line.contains(what)).then_some(())
+        })?;
+        let before = heard(&spy)?;
+        ear.messages(heard(&ear)? + 20).map_err(|error| error.context(bridge.tail()))?;
+        assert_eq!(heard(&spy)?, before, "{}", bridge.tail());
+        Ok(())
+    })
+}
+
+/// The state of a route says what is wrong with the server of its service, also of one that was killed, which stays
+/// registered; and the route recovers.
+#[test]
+fn a_server_of_another_type_and_one_that_was_killed_are_told() -> Result {
+    run("a_server_of_another_type_and_one_that_was_killed_are_told", NEEDS, |env| {
+        const SET: (&str, &str) =
+            ("std_srvs/srv/SetBool.srv", "bool data\n---\nbool success\nstring message\n");
+        let _roscore = env.roscore()?;
+        env.definitions(&[SET])?;
+        let name = env.topic("set");
+        let route =
+            Route::service(&ros1(&name), "zeromq:/set", "std_srvs/srv/SetBool").with("name", "set");
+        let config = env.embedded().with("definitions", "[interfaces]").requests(env).route(route);
+        let bridge = env.bridge(&config)?;
+        let says = |words: [&'static str; 2]| {
+            until_route(&bridge, "set", move |route| {
+                let text = route.map(ToString::to_string).unwrap_or_default();
+                !text.contains("\"state\":\"active\"") && words.iter().all(|it| text.contains(it))
+            })
+        };
+        let is_active =
+            || until_route(&bridge, "set", |route| route.is_some_and(|it| it["state"] == "active"));
+        let args = format!("serve --topic {name} --node server");
+        let mut wrong = env.rospy(&format!("{args} --type std_srvs/Empty"), Some("{}"))?;
+        says(["is std_srvs/Empty", "that is std_srvs/SetBool"])?;
+        wrong.kill()?;
+        let mut right = env.rospy(&args, None)?;
+        is_active()?;
+        right.kill()?;
+        says(["the server of", "does not answer"])?;
+        assert!(env.ros_books()?.entries_of("/server") > 0, "the master forgot it");
+        let _again = env.rospy(&args, None)?;
+        is_active()
     })
 }

@@ -22,9 +22,11 @@ use wrapyfi_retry::NewestTasks;
 
 use super::body::{Bodies, Body};
 use super::config::NodeUri;
-use super::core::Core;
+use super::header::Header;
+use super::node::Node;
 use super::probe::{greeted, probe_of};
 use super::services::{self, MAX_ERROR_BYTES, ServiceCodec, ServiceType};
+use super::xmlrpc::shortened;
 use super::{splitter, tcpros};
 use wrapyfi_data::types::Payload;
 use wrapyfi_data::{DecodeError, EncodeResult};
@@ -68,7 +70,7 @@ struct Ended {
 
 /// State that a client shares with the tasks of its calls.
 struct ClientShared {
-    core: Weak<Core>,
+    node: Weak<Node>,
     service: String,
     wire_type: ServiceType,
     limit_bytes: usize,
@@ -85,7 +87,7 @@ struct ClientShared {
 
 /// Calls one service.
 pub(super) struct Ros1Client {
-    core: Arc<Core>,
+    node: Arc<Node>,
     codec: ServiceCodec,
     shared: Arc<ClientShared>,
     seeker: AbortHandle,
@@ -96,14 +98,14 @@ pub(super) struct Ros1Client {
 
 impl Ros1Client {
     pub(super) fn open(
-        core: &Arc<Core>,
+        node: &Arc<Node>,
         service: &str,
         spec: &ServiceSpec,
         context: &Context,
     ) -> OpenResult<WireClient<Self>> {
-        let codec = ServiceCodec::new(core, spec)?;
+        let codec = ServiceCodec::new(node, spec)?;
         let shared = Arc::new(ClientShared {
-            core: Arc::downgrade(core),
+            node: Arc::downgrade(node),
             service: service.to_owned(),
             wire_type: codec.wire_type.clone(),
             limit_bytes: spec.limits.message_bytes,
@@ -114,15 +116,15 @@ impl Ros1Client {
             why: Mutex::default(),
             seek: Notify::new(),
         });
-        let (kept, told, seed) = (Arc::clone(&shared), Arc::clone(&shared), core.next_id());
+        let (kept, told, seed) = (Arc::clone(&shared), Arc::clone(&shared), node.next_id());
         let seeker = restarted(
             format!("the search for service {service}"),
             move |what| told.found(None, Some(what)),
             move || seek(Arc::clone(&kept), seed),
         );
-        let seeker = core.handle.spawn(seeker).abort_handle();
+        let seeker = node.handle.spawn(seeker).abort_handle();
         let tasks = NewestTasks::default();
-        let wire = Self { core: Arc::clone(core), codec, shared, seeker, tasks, sequence: 0 };
+        let wire = Self { node: Arc::clone(node), codec, shared, seeker, tasks, sequence: 0 };
         Ok(WireClient::new(wire, &spec.service, spec.pending, context))
     }
 }
@@ -152,7 +154,7 @@ impl ClientShared {
 
     /// Description of the missing server, and the reason.
     fn missing(&self) -> String {
-        let fault = self.core.upgrade().and_then(|core| core.fault());
+        let fault = self.node.upgrade().and_then(|node| node.fault());
         fault
             .or_else(|| self.why.lock().clone())
             .unwrap_or_else(|| format!("a ROS 1 node that offers {}", self.service))
@@ -178,6 +180,27 @@ impl ClientShared {
             self.found(None, Some(format!("the server of {}: {why}", self.service)));
             self.seek.notify_one();
         }
+    }
+
+    /// Reason why a server with this header cannot be called, if there is one.
+    fn objection(&self, header: &Header) -> Option<String> {
+        let (service, wanted) = (&self.service, &self.wire_type);
+        if let Some(error) = header.get("error") {
+            return Some(format!(
+                "the server of {service}, which refuses: {}",
+                services::shortened(error)
+            ));
+        }
+        let md5 = header.get("md5sum").unwrap_or("*");
+        (md5 != "*" && md5 != wanted.md5).then(|| {
+            format!(
+                "a server of {service} that is {} [{}]; the one there is {} [{}]: have both use the same definition",
+                wanted.name,
+                wanted.md5,
+                shortened(header.get("type").unwrap_or("another type")),
+                shortened(md5)
+            )
+        })
     }
 
     /// A kept connection that still stands.
@@ -211,17 +234,17 @@ impl ClientShared {
                 Err(_) => return Err("the client has ended".to_owned()),
             };
             let Some(place) = place else { continue };
-            let Some(core) = self.core.upgrade() else {
+            let Some(node) = self.node.upgrade() else {
                 return Err("the node has ended".to_owned());
             };
-            let own = core
+            let own = node
                 .header()
                 .with("service", &self.service)
                 .with("tcp_nodelay", "1")
                 .with("type", &self.wire_type.name)
                 .with("md5sum", &self.wire_type.md5)
                 .with("persistent", "1");
-            drop(core);
+            drop(node);
             let mut stream = match tcpros::connect(&place.host, place.port).await {
                 Ok(stream) => stream,
                 Err(why) => {
@@ -312,14 +335,15 @@ async fn seek(shared: Arc<ClientShared>, seed: u64) {
     }
 }
 
-/// Asks the master for the node that offers the service. A master that was restarted knows no node,
-/// so the address `known` stays then; `None` when this node has ended.
+/// Asks the master for the node that offers the service, and that node whether it is there and of which type it is: the
+/// master also names servers that were killed. A master that was restarted knows no node, so the address `known` stays
+/// then; `None` when this node has ended.
 async fn look(
     shared: &ClientShared,
     known: Option<&NodeUri>,
 ) -> Option<Result<NodeUri, Option<String>>> {
-    let core = shared.core.upgrade()?;
-    let (place, is_listed) = match core.master.lookup_service(&shared.service).await {
+    let node = shared.node.upgrade()?;
+    let (place, is_listed) = match node.master.lookup_service(&shared.service).await {
         Ok(Some(place)) => (place, true),
         // One that was restarted knows nobody: the server may still be there.
         Ok(None) => match known {
@@ -329,23 +353,14 @@ async fn look(
         // The known address stays: calls need no master.
         Err(error) => return Some(known.cloned().ok_or_else(|| Some(error.awaited()))),
     };
-    if is_listed && known == Some(&place) {
-        return Some(Ok(place));
-    }
-    // The master also names servers that were killed.
-    let probe = probe_of(&core, &shared.service);
-    drop(core);
+    let probe = probe_of(&node, &shared.service);
+    drop(node);
     Some(match greeted(&place, &probe).await {
-        Ok(header) => match header.get("error") {
-            Some(_) if !is_listed => Err(None),
-            Some(error) => {
-                let refusal = services::shortened(error);
-                Err(Some(format!("the server of {}, which refuses: {refusal}", shared.service)))
-            }
+        Err(why) => Err(is_listed.then(|| format!("the server of {}: {why}", shared.service))),
+        Ok(header) => match shared.objection(&header) {
+            Some(why) => Err(is_listed.then_some(why)),
             None => Ok(place),
         },
-        Err(_) if !is_listed => Err(None),
-        Err(why) => Err(Some(format!("the server of {}: {why}", shared.service))),
     })
 }
 
@@ -363,7 +378,7 @@ impl ClientWire for Ros1Client {
             self.sequence += 1;
             let Some(outgoing) = calls.send(self.sequence) else { break };
             let shared = Arc::clone(&self.shared);
-            let task = self.core.handle.spawn(call(shared, self.sequence, outgoing));
+            let task = self.node.handle.spawn(call(shared, self.sequence, outgoing));
             // Those that wait for late replies are given up first.
             let most = self.codec.spec.pending.saturating_mul(2);
             self.tasks.enter(task.abort_handle(), most);

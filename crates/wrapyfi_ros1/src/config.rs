@@ -16,6 +16,9 @@ use wrapyfi_endpoint::network::{
     variable,
 };
 
+/// Name of this middleware in addresses.
+pub const NAME: &str = "ros";
+
 /// Port of a master whose address names none.
 const MASTER_PORT: u16 = 11311;
 
@@ -227,7 +230,7 @@ impl Ros1Config {
                 (own.to_string(), own)
             }
         };
-        self.insecure.check(super::NAME, "a ROS 1 node", own)?;
+        self.insecure.check(NAME, "a ROS 1 node", own)?;
         let afar = (!is_of_this_machine(address)).then_some(address);
         let master = NodeUri { host: self.hosts.or_same(&master.host), ..master };
         let bind = if is_of_this_machine(own) {

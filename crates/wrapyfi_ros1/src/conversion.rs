@@ -6,17 +6,18 @@
 //!                                                    shows its own when the connection begins
 //! ```
 
+use std::borrow::Cow;
+
 use bytes::Bytes;
 use wrapyfi_interfaces::ros1::{Options, PairPlan, TranscodeError, Types};
 
-use super::NAME;
+use super::config::NAME;
 use super::core::Core;
 use super::header::Header;
-use super::publication::fitted;
-use wrapyfi_data::types::{MessageType, Payload, RosMessage, RosType};
+use wrapyfi_data::types::{Encoding, Image, MessageType, Payload, Pixels, RosMessage, RosType};
 use wrapyfi_data::{DecodeError, DecodeResult, EncodeError, EncodeResult, Limits};
 use wrapyfi_endpoint::codec::ros1::{self, Ros1Type};
-use wrapyfi_endpoint::{OpenError, OpenResult, TopicSpec};
+use wrapyfi_endpoint::{OpenError, OpenResult, TopicSpec, codec};
 
 /// Any type: a publisher says which.
 pub(super) const ANY: &str = "*";
@@ -176,5 +177,54 @@ pub(super) fn encode(
             let payload = fitted(payload, *message_type, *color_order, limits)?;
             ros1::encode(&payload, *message_type, sequence, limits, plugins)
         }
+    }
+}
+
+/// The payload in the form that the type carries: pixels, or a file. Wrapyfi's listeners take colour
+/// as `bgr8` only, so pixels in the other order are turned, unless `color_order` asks for that order.
+pub(super) fn fitted<'p>(
+    payload: &'p Payload,
+    message_type: MessageType,
+    color_order: Encoding,
+    limits: &Limits,
+) -> EncodeResult<Cow<'p, Payload>> {
+    let payload = codec::fitted(payload, message_type, color_order, limits)?;
+    Ok(match &*payload {
+        Payload::Image(image @ Image { pixels: Pixels::Raw(raw), .. })
+            if (raw.encoding, color_order) == (Encoding::Rgb8, Encoding::Bgr8) =>
+        {
+            let pixels = Pixels::Raw(raw.clone().swap_red_blue());
+            Cow::Owned(Payload::Image(Image { pixels, ..image.clone() }))
+        }
+        _ => payload,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use wrapyfi_data::types::RawPixels;
+
+    fn encoding_of(pixels: RawPixels, color_order: Encoding) -> (Encoding, Vec<u8>) {
+        let payload = Payload::Image(Image::new(wrapyfi_data::types::Stamp::default(), pixels));
+        let payload =
+            fitted(&payload, MessageType::Image, color_order, &Limits::default()).unwrap();
+        let Payload::Image(Image { pixels: Pixels::Raw(raw), .. }) = payload.into_owned() else {
+            panic!("pixels stay pixels");
+        };
+        (raw.encoding, raw.data.to_vec())
+    }
+
+    #[test]
+    fn colour_is_as_wrapyfi_takes_it_unless_the_other_order_is_asked_for() {
+        let pixel =
+            |encoding, bytes: &[u8]| RawPixels::dense(1, 1, encoding, bytes.to_vec()).unwrap();
+        let red = || pixel(Encoding::Rgb8, &[255, 1, 0]);
+        assert_eq!(encoding_of(red(), Encoding::Bgr8), (Encoding::Bgr8, vec![0, 1, 255]));
+        assert_eq!(encoding_of(red(), Encoding::Rgb8), (Encoding::Rgb8, vec![255, 1, 0]));
+        let blue = || pixel(Encoding::Bgr8, &[255, 1, 0]);
+        assert_eq!(encoding_of(blue(), Encoding::Rgb8), (Encoding::Bgr8, vec![255, 1, 0]));
+        let grey = pixel(Encoding::Mono8, &[9]);
+        assert_eq!(encoding_of(grey, Encoding::Bgr8), (Encoding::Mono8, vec![9]));
     }
 }

@@ -7,9 +7,9 @@ use std::time::Duration;
 
 use tokio::task::JoinSet;
 
-use super::core::Core;
 use super::marks::{self, Marks};
 use super::master::{MasterError, Owners, SystemState};
+use super::node::Node;
 use super::presence::Presence;
 use super::probe;
 use wrapyfi_endpoint::restart::restarted;
@@ -35,45 +35,47 @@ struct Seen {
 }
 
 impl Ros1Discovery {
-    pub(super) fn new(core: &Arc<Core>) -> Self {
-        let waiting = format!("master {}", core.master.uri);
+    pub(super) fn new(node: &Arc<Node>) -> Self {
+        let waiting = format!("master {}", node.master.uri);
         let seen = Arc::new(Mutex::new(Seen { fault: Some(waiting), ..Seen::default() }));
-        let (weak, kept, told) = (Arc::downgrade(core), Arc::clone(&seen), Arc::clone(&seen));
+        let (weak, kept, told) = (Arc::downgrade(node), Arc::clone(&seen), Arc::clone(&seen));
         let mut task = JoinSet::new();
         let looks = restarted(
             "the discovery of ROS 1".to_owned(),
             move |what| told.lock().fault = Some(what),
             move || watch(weak.clone(), Arc::clone(&kept)),
         );
-        task.spawn_on(looks, &core.handle);
+        task.spawn_on(looks, &node.handle);
         Self { seen, _task: task }
     }
 }
 
-async fn watch(core: Weak<Core>, seen: Arc<Mutex<Seen>>) {
+async fn watch(node: Weak<Node>, seen: Arc<Mutex<Seen>>) {
     let mut presence = Presence::default();
     loop {
-        let Some(core) = core.upgrade() else { return };
-        let now = match look(&core, &mut presence).await {
+        let Some(node) = node.upgrade() else { return };
+        let now = match look(&node, &mut presence).await {
             Ok(endpoints) => Seen { asked: true, endpoints, fault: None },
             Err(error) => Seen { asked: true, endpoints: Vec::new(), fault: Some(error.awaited()) },
         };
-        drop(core);
+        drop(node);
         *seen.lock() = now;
         tokio::time::sleep(LOOK).await;
     }
 }
 
-async fn look(core: &Arc<Core>, presence: &mut Presence) -> Result<Vec<Discovered>, MasterError> {
-    let types: BTreeMap<String, String> = core.master.topic_types().await?.into_iter().collect();
-    let state = core.master.system_state().await?;
-    let marks = marks::read(core.master.get_param(marks::NAMESPACE).await?.as_ref());
-    let found = presence.sift(core, endpoints(state, &types, &marks, core.name.full()));
+async fn look(node: &Arc<Node>, presence: &mut Presence) -> Result<Vec<Discovered>, MasterError> {
+    let types: BTreeMap<String, String> = node.master.topic_types().await?.into_iter().collect();
+    let state = node.master.system_state().await?;
+    let marks = marks::read(node.master.get_param(marks::NAMESPACE).await?.as_ref());
+    let listed = endpoints(state, &types, &marks, node.name.full());
+    let (found, orphans) = presence.sift(&node.core, listed);
+    node.set_orphans(orphans);
     let there: BTreeSet<(Role, &str, &str)> = found
         .iter()
         .filter_map(|one| Some((one.role, one.name.as_str(), one.node.as_deref()?)))
         .collect();
-    probe::keep_only(core, |role, name, node| there.contains(&(role, name, node)));
+    probe::keep_only(node, |role, name, node| there.contains(&(role, name, node)));
     Ok(found)
 }
 

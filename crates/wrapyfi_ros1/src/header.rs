@@ -16,6 +16,8 @@ pub const MAX_HEADER_BYTES: usize = 1 << 20;
 pub const MAX_FIELDS: usize = 256;
 /// Field that names the node where `callerid` is a name in its private namespace.
 pub(super) const NODE: &str = "wrapyfi_node";
+/// Field with the mark of a bridge that publishes a topic by pattern.
+pub(super) const MARK: &str = "wrapyfi_bridge";
 
 /// Fields by name.
 ///

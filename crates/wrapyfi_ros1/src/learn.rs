@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use wrapyfi_interfaces::store::TypeStore;
 
-use super::NAME;
+use super::config::NAME;
 use super::core::Core;
 use super::probe::{Answer, TypeInfo, ask};
 use wrapyfi_data::types::{RosService, RosType, ServiceKind};

@@ -5,7 +5,7 @@
 //!                      master (roscore)
 //!        register, look up ▲      │ publisherUpdate, paramUpdate
 //!   ┌──────────────────────┴──────▼──────────────────────────┐
-//!   │ Core: endpoints by name     slave API (XML-RPC)        │
+//!   │ Node: endpoints by name     slave API (XML-RPC)        │
 //!   └──▲─────────────────────────────────────────────────────┘
 //!      │ one TCPROS connection for each pair of publisher and listener, for each call under way
 //!   Ros1Listener ◀═══ publishers      Ros1Publisher ═══▶ subscribers      Ros1Client, Ros1Server
@@ -19,11 +19,11 @@
 //! | `config`, `names` | environment and settings; what names mean |
 //! | `header`, `xmlrpc`, `splitter` | bytes of connections, without sockets |
 //! | `http`, `master`, `slave` | XML-RPC: calls, the master's API, ours |
-//! | `core`, `registrations`, `registrar` | the node; what the master should know, and that it does |
-//! | `tcpros` | connections: opened, accepted, refused |
+//! | `core`, `node`, `registrations`, `registrar` | what connections need; the endpoints; what the master should know, and that it does |
+//! | `tcpros`, `welcome` | connections: opened, accepted, refused; to whom one belongs that others open |
 //! | `whereabouts` | which machines the addresses of other nodes mean |
 //! | `listener_connections`, `listener` | a topic received |
-//! | `publication`, `kept`, `subscriber` | a topic sent, what is kept of it, one subscriber |
+//! | `publisher`, `publication`, `subscriber` | a topic sent, all publishers of it here, one subscriber |
 //! | `services`, `service_host`, `server`, `client` | services |
 //! | `parameters` | properties |
 //! | `conversion` | messages of any type as payloads |
@@ -44,12 +44,14 @@ mod listener_connections;
 mod marks;
 mod master;
 mod names;
+mod node;
 #[doc(hidden)]
 pub mod offline;
 mod parameters;
 mod presence;
 mod probe;
 mod publication;
+mod publisher;
 mod registrar;
 mod registrations;
 mod server;
@@ -59,6 +61,7 @@ mod slave;
 mod splitter;
 mod subscriber;
 mod tcpros;
+mod welcome;
 mod whereabouts;
 pub mod xmlrpc;
 
@@ -71,12 +74,13 @@ use wrapyfi_interfaces::parser::TypeName;
 use wrapyfi_interfaces::ros1::PairError;
 use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
 
-pub use config::{ConfigError, Ros1Config};
+pub use config::{ConfigError, NAME, Ros1Config};
 pub use master::MasterError;
 pub use names::{NameError, NodeName, check_name};
 
 use self::config::{NodeUri, Resolved};
 use self::core::Core;
+use self::node::Node;
 use self::tcpros::Port;
 use wrapyfi_data::types::ServiceKind;
 use wrapyfi_endpoint::restart::restarted;
@@ -85,9 +89,6 @@ use wrapyfi_endpoint::{
     Listener, Middleware, OpenError, OpenResult, Opened, Peers, Publisher, Role, Server,
     ServiceSpec, TopicSpec, Traits,
 };
-
-/// Name of this middleware in addresses.
-pub const NAME: &str = "ros";
 
 /// Names of the options of a topic that are read here: what a configuration may write.
 pub const OPTIONS: &[&str] = &[Peers::FROM, Peers::TO];
@@ -108,7 +109,7 @@ const GOODBYE: Duration = Duration::from_millis(1500);
 ///
 /// Dropping it tells the master, sends what is queued, and closes all connections, within two seconds.
 pub struct Ros1 {
-    core: Arc<Core>,
+    node: Arc<Node>,
     /// `None` once it is dropped.
     runtime: Option<Runtime>,
 }
@@ -165,42 +166,42 @@ impl Ros1 {
         let data = NodeUri { host: advertised, port: data_port };
         let master = master::Master::new(master, node.full(), &api.to_string(), whereabouts);
         let (handle, rules) = (runtime.handle().clone(), config.mapping_rules.clone());
-        let core = Core::new(node, master, api, data, handle, rules);
-        let (answers, accepting) = (Arc::downgrade(&core), Arc::downgrade(&core));
+        let node = Node::new(Core::new(node, master, api, data, handle, rules));
+        let (answers, accepting) = (Arc::downgrade(&node), Arc::downgrade(&node));
         runtime.spawn(restarted(
             "the XML-RPC port of this ROS 1 node".to_owned(),
             |_| {},
             move || {
-                let core = answers.clone();
-                let answer = move |call, peer| slave::answer(&core, call, peer);
+                let node = answers.clone();
+                let answer = move |call, peer| slave::answer(&node, call, peer);
                 http::serve(Arc::clone(&api_socket), Arc::new(answer))
             },
         ));
         runtime.spawn(restarted(
             "the TCPROS port of this ROS 1 node".to_owned(),
             |_| {},
-            move || tcpros::accept(Arc::clone(&data_socket), accepting.clone()),
+            move || welcome::accept(Arc::clone(&data_socket), accepting.clone()),
         ));
-        let (registering, told) = (Arc::clone(&core), Arc::clone(&core));
+        let (registering, told) = (Arc::clone(&node), Arc::clone(&node));
         runtime.spawn(restarted(
             "the registration of this ROS 1 node".to_owned(),
             move |what| told.set_fault(Some(what)),
             move || registrar::keep(Arc::clone(&registering)),
         ));
-        tracing::info!(node = core.name.full(), master = %core.master.uri, "ROS 1: node started");
-        Ok(Self { core, runtime: Some(runtime) })
+        tracing::info!(node = node.name.full(), master = %node.master.uri, "ROS 1: node started");
+        Ok(Self { node, runtime: Some(runtime) })
     }
 
     /// Absolute name of the node.
     #[must_use]
     pub fn node_name(&self) -> &str {
-        self.core.name.full()
+        self.node.name.full()
     }
 
     /// Address of the node's XML-RPC server, as the master tells others.
     #[must_use]
     pub fn api_uri(&self) -> String {
-        self.core.api.to_string()
+        self.node.api.to_string()
     }
 
     /// Nodes that the master has under the name of a topic or service, each with the host and port at which
@@ -209,8 +210,8 @@ impl Ros1 {
     /// # Errors
     /// When the master does not answer.
     pub fn registered(&self, name: &str) -> Result<Vec<Registered>, MasterError> {
-        let master = &self.core.master;
-        self.core.handle.block_on(async {
+        let master = &self.node.master;
+        self.node.handle.block_on(async {
             let state = master.system_state().await?;
             let mut found = Vec::new();
             for (role, owners) in [
@@ -242,11 +243,11 @@ impl Ros1 {
     /// # Errors
     /// When nobody has it, or a definition is there and cannot be used.
     pub fn type_named(&self, name: &TypeName) -> Result<ResolvedType, PairError> {
-        self.core.types().ros2_type_named(name)
+        self.node.types().ros2_type_named(name)
     }
 
     fn resolve(&self, name: &str) -> OpenResult<String> {
-        self.core
+        self.node
             .name
             .resolve(name)
             .map_err(|error| OpenError::invalid_name(NAME, name, error.reason))
@@ -260,28 +261,28 @@ impl Middleware for Ros1 {
 
     fn open_listener(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Listener> {
         let topic = self.resolve(&spec.topic)?;
-        Ok(match conversion::wanted(&self.core, spec.message_type) {
+        Ok(match conversion::wanted(&self.node, spec.message_type) {
             Some(wire_type) => {
-                let core = &self.core;
-                Box::new(listener::Ros1Listener::open(core, &topic, wire_type, spec, context)?)
+                let node = &self.node;
+                Box::new(listener::Ros1Listener::open(node, &topic, wire_type, spec, context)?)
             }
             None => {
                 Peers::none(&spec.options, NAME, &topic)?;
-                Box::new(parameters::ParameterListener::open(&self.core, &topic, spec, context))
+                Box::new(parameters::ParameterListener::open(&self.node, &topic, spec, context))
             }
         })
     }
 
     fn open_publisher(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Publisher> {
         let topic = self.resolve(&spec.topic)?;
-        Ok(match conversion::offered(&self.core, spec)? {
+        Ok(match conversion::offered(&self.node, spec)? {
             Some(offer) => {
-                let core = &self.core;
-                Box::new(publication::Ros1Publisher::open(core, &topic, offer, spec, context)?)
+                let node = &self.node;
+                Box::new(publisher::Ros1Publisher::open(node, &topic, offer, spec, context)?)
             }
             None => {
                 Peers::none(&spec.options, NAME, &topic)?;
-                Box::new(parameters::ParameterPublisher::open(&self.core, &topic, spec, context))
+                Box::new(parameters::ParameterPublisher::open(&self.node, &topic, spec, context))
             }
         })
     }
@@ -289,17 +290,17 @@ impl Middleware for Ros1 {
     fn open_client(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Client> {
         let service = self.resolve(&spec.service)?;
         Peers::none(&spec.options, NAME, &service)?;
-        Ok(Box::new(client::Ros1Client::open(&self.core, &service, spec, context)?))
+        Ok(Box::new(client::Ros1Client::open(&self.node, &service, spec, context)?))
     }
 
     fn open_server(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Server> {
         let service = self.resolve(&spec.service)?;
         Peers::none(&spec.options, NAME, &service)?;
-        Ok(Box::new(server::Ros1Server::open(&self.core, &service, spec, context)?))
+        Ok(Box::new(server::Ros1Server::open(&self.node, &service, spec, context)?))
     }
 
     fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
-        Ok(Box::new(discovery::Ros1Discovery::new(&self.core)))
+        Ok(Box::new(discovery::Ros1Discovery::new(&self.node)))
     }
 
     fn traits(&self) -> Traits {
@@ -314,38 +315,38 @@ impl Middleware for Ros1 {
     }
 
     fn learn_topic(&self, found: &Discovered, types: &mut TypeStore) -> LearnResult<Learned> {
-        learn::topic(&self.core, found, types)
+        learn::topic(&self.node.core, found, types)
     }
 
     fn learn_service(&self, found: &Discovered, types: &mut TypeStore) -> LearnResult<ServiceKind> {
-        learn::service(&self.core, found, types)
+        learn::service(&self.node.core, found, types)
     }
 
     fn ended(&self) -> Option<String> {
-        self.core.state().ended.clone()
+        self.node.state().ended.clone()
     }
 
     fn keeps_last(&self, found: &Discovered) -> Option<bool> {
-        learn::latches(&self.core, found)
+        learn::latches(&self.node.core, found)
     }
 
     fn waiting_for(&self) -> Option<String> {
-        self.core.fault()
+        self.node.fault()
     }
 }
 
 impl Drop for Ros1 {
     fn drop(&mut self) {
         let Some(runtime) = self.runtime.take() else { return };
-        let core = Arc::clone(&self.core);
-        core.end("this program has ended its ROS 1 node".to_owned());
+        let node = Arc::clone(&self.node);
+        node.end("this program has ended its ROS 1 node".to_owned());
         // A thread of its own: the owner's may belong to a runtime, which must not block.
         let end =
             std::thread::Builder::new().name("wrapyfi-ros1-end".to_owned()).spawn(move || {
                 runtime.block_on(async {
                     let goodbye = async {
-                        core.lingering.closed().await;
-                        registrar::leave(&core).await;
+                        node.lingering.closed().await;
+                        registrar::leave(&node).await;
                     };
                     if timeout(GOODBYE, goodbye).await.is_err() {
                         tracing::warn!("ROS 1: ended before the master and all subscribers knew");
@@ -362,8 +363,8 @@ impl Drop for Ros1 {
 impl std::fmt::Debug for Ros1 {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Ros1")
-            .field("node", &self.core.name.full())
-            .field("master", &self.core.master.uri.to_string())
+            .field("node", &self.node.name.full())
+            .field("master", &self.node.master.uri.to_string())
             .finish_non_exhaustive()
     }
 }

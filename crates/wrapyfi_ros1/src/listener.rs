@@ -7,9 +7,10 @@
 
 use std::sync::Arc;
 
-use super::core::Core;
+use super::config::NAME;
+use super::conversion;
 use super::listener_connections::{Arrival, ListenerConnections, Wanted};
-use super::{NAME, conversion};
+use super::node::Node;
 use wrapyfi_endpoint::codec::ros1::Ros1Type;
 use wrapyfi_endpoint::{
     Context, DropReason, ForwardingListener, Latched, Link, Listener, OpenResult, Origin, Peers,
@@ -18,7 +19,7 @@ use wrapyfi_endpoint::{
 
 /// Receives one topic.
 pub(super) struct Ros1Listener {
-    core: Arc<Core>,
+    node: Arc<Node>,
     topic: String,
     connections: Arc<ListenerConnections>,
     inbox: Receiver<Arrival>,
@@ -29,7 +30,7 @@ pub(super) struct Ros1Listener {
 
 impl Ros1Listener {
     pub(super) fn open(
-        core: &Arc<Core>,
+        node: &Arc<Node>,
         topic: &str,
         wire_type: Ros1Type,
         spec: &TopicSpec,
@@ -42,10 +43,10 @@ impl Ros1Listener {
         let peers = Peers::of(&spec.options, Peers::FROM, NAME, topic)?;
         let wanted =
             Wanted { wire_type, message_type: spec.message_type, limit, ignore_through, peers };
-        let connections = ListenerConnections::new(core, topic, wanted, sender);
-        core.listen(topic, &type_name, &connections);
+        let connections = ListenerConnections::new(&node.core, topic, wanted, sender);
+        node.listen(topic, &type_name, &connections);
         Ok(Self {
-            core: Arc::clone(core),
+            node: Arc::clone(node),
             topic: topic.to_owned(),
             connections,
             inbox: receiver,
@@ -79,7 +80,7 @@ impl Listener for Ros1Listener {
     fn link(&self) -> Link {
         let (peers, why) = self.connections.connected();
         let waiting_for = (peers == 0).then(|| {
-            self.core
+            self.node
                 .fault()
                 .or(why)
                 .unwrap_or_else(|| format!("a ROS 1 node that publishes {}", self.topic))
@@ -118,6 +119,6 @@ impl Drop for Ros1Listener {
     fn drop(&mut self) {
         let latched = self.latched.messages().len() as u64;
         self.connections.counters().dropped_many(DropReason::NoConsumer, latched);
-        self.core.unlisten(&self.topic, &self.connections);
+        self.node.unlisten(&self.topic, &self.connections);
     }
 }

@@ -23,7 +23,7 @@ use wrapyfi_interfaces::ros1::PairPlan;
 
 use super::config::NodeUri;
 use super::core::Core;
-use super::header::Header;
+use super::header::{Header, MARK};
 use super::probe::request_topic;
 use super::splitter::{self, Piece, Splitter};
 use super::subscriber::BusLink;
@@ -37,9 +37,6 @@ use wrapyfi_endpoint::{
     BridgeMark, Counters, DropReason, Mutex, PROGRESS, Peers as PeerList, Sender, Share,
     SourceDurability, Waits, Wake,
 };
-
-/// Field of a connection header: the mark of a bridge that publishes a topic by pattern.
-pub(super) const MARK: &str = "wrapyfi_bridge";
 
 /// Most publishers of one topic.
 const MAX_PUBLISHERS: usize = 256;

@@ -38,7 +38,7 @@ fn key(one: &Discovered) -> Key {
 type Nodes = BTreeMap<String, Node>;
 
 /// Topics that the master lists no more, and the publishers that still have them.
-type Orphans = BTreeMap<String, BTreeSet<NodeUri>>;
+pub(super) type Orphans = BTreeMap<String, BTreeSet<NodeUri>>;
 
 /// Answers of nodes about the topics and services that they have, kept because a restarted master
 /// forgets them.
@@ -85,8 +85,12 @@ struct Question {
 
 impl Presence {
     /// Endpoints that exist: those that the master lists, and those that it has dropped but whose
-    /// node still has them.
-    pub(super) fn sift(&mut self, core: &Arc<Core>, listed: Vec<Discovered>) -> Vec<Discovered> {
+    /// node still has them, with the publishers of the latter.
+    pub(super) fn sift(
+        &mut self,
+        core: &Arc<Core>,
+        listed: Vec<Discovered>,
+    ) -> (Vec<Discovered>, Orphans) {
         let now = Instant::now();
         let missing = self.missing(&listed, now);
         for Question { node, known, services } in self.due(&listed, &missing, now) {
@@ -97,9 +101,7 @@ impl Presence {
                 answered(&mut nodes.lock(), &node, uri, said, now);
             });
         }
-        let (all, orphans) = self.sorted(listed, missing);
-        core.set_orphans(orphans);
-        all
+        self.sorted(listed, missing)
     }
 
     /// Endpoints that were there before and are not listed any more.

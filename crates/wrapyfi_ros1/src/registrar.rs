@@ -11,10 +11,9 @@ use std::time::{Duration, Instant};
 
 use tokio::time::timeout;
 
-use super::core::Core;
 use super::master::MasterError;
+use super::node::Node;
 use super::registrations::{Key, Kind, Step};
-use super::whereabouts::meet_master;
 use super::xmlrpc::text;
 use wrapyfi_endpoint::backoff::Backoff;
 
@@ -22,79 +21,108 @@ use wrapyfi_endpoint::backoff::Backoff;
 const LOOK: Duration = Duration::from_secs(1);
 
 /// Registers what is wanted, for as long as the node lives.
-pub(super) async fn keep(core: Arc<Core>) {
-    meet_master(&core).await;
-    let mut backoff = Backoff::of_process(core.next_id());
+pub(super) async fn keep(node: Arc<Node>) {
+    meet_master(&node).await;
+    let mut backoff = Backoff::of_process(node.next_id());
     let mut pid = None;
     loop {
-        let wait = match round(&core, &mut pid).await {
+        let wait = match round(&node, &mut pid).await {
             Ok(()) => {
                 backoff.reset();
-                core.set_fault(None);
+                node.set_fault(None);
                 LOOK
             }
             Err(error) => {
-                core.set_fault(Some(core.away(&error)));
+                node.set_fault(Some(away(&node, &error)));
                 backoff.wait()
             }
         };
         // A time-out is the usual end: then the master is looked at.
-        _ = timeout(wait, core.work.notified()).await;
+        _ = timeout(wait, node.work.notified()).await;
+    }
+}
+
+/// Waits for the master, and learns what it calls its machine.
+async fn meet_master(node: &Arc<Node>) {
+    let mut backoff = Backoff::of_process(node.next_id());
+    loop {
+        match node.master.ask("getUri", []).await {
+            Ok(uri) => return node.master.whereabouts.note_master(&uri),
+            Err(error @ MasterError::Unreachable(_)) => {
+                node.set_fault(Some(away(&node, &error)));
+                backoff.pause().await;
+            }
+            // It lacks the method, and is one all the same.
+            Err(_) => return,
+        }
+    }
+}
+
+/// Reason why the master cannot be asked, and the likely remedy.
+fn away(node: &Node, error: &MasterError) -> String {
+    let awaited = error.awaited();
+    match node.master.whereabouts.afar {
+        Some(_) => format!(
+            "{awaited}; roscore has to run there, and a firewall may be between (port {} and those \
+             of its nodes)",
+            node.master.uri.port
+        ),
+        None => awaited,
     }
 }
 
 /// Looks at the master, and takes every step there is.
-async fn round(core: &Arc<Core>, pid: &mut Option<i32>) -> Result<(), MasterError> {
-    take_steps(core).await?;
-    let now = core.master.pid().await?;
+async fn round(node: &Arc<Node>, pid: &mut Option<i32>) -> Result<(), MasterError> {
+    take_steps(node).await?;
+    let now = node.master.pid().await?;
     let known = pid.replace(now);
-    let lost = known.is_some_and(|known| known != now) || is_unknown(core).await?;
+    let lost = known.is_some_and(|known| known != now) || is_unknown(node).await?;
     if lost {
         tracing::info!("ROS 1: the master has forgotten this node, which registers again");
-        core.state().registrations.forgotten();
-        take_steps(core).await?;
+        node.state().registrations.forgotten();
+        take_steps(node).await?;
     }
     Ok(())
 }
 
 /// True where the master should know this node and does not, or takes another for it.
-async fn is_unknown(core: &Arc<Core>) -> Result<bool, MasterError> {
-    if !core.state().registrations.expected() {
+async fn is_unknown(node: &Arc<Node>) -> Result<bool, MasterError> {
+    if !node.state().registrations.expected() {
         return Ok(false);
     }
-    let found = core.master.lookup_node(core.name.full()).await?;
+    let found = node.master.lookup_node(node.name.full()).await?;
     // Told as others' are.
-    Ok(found != Some(core.master.whereabouts.of(core.api.clone())))
+    Ok(found != Some(node.master.whereabouts.of(node.api.clone())))
 }
 
-async fn take_steps(core: &Arc<Core>) -> Result<(), MasterError> {
+async fn take_steps(node: &Arc<Node>) -> Result<(), MasterError> {
     loop {
-        let Some(step) = core.state().registrations.next() else { return Ok(()) };
-        match take(core, &step).await {
+        let Some(step) = node.state().registrations.next() else { return Ok(()) };
+        match take(node, &step).await {
             Ok(()) => {}
             Err(error @ MasterError::Unreachable(_)) => return Err(error),
             // Asking again would not help: it is as done as it will be.
             Err(error) => tracing::warn!(?step, "ROS 1: {error}"),
         }
-        core.state().registrations.taken(&step);
+        node.state().registrations.taken(&step);
     }
 }
 
-async fn take(core: &Arc<Core>, step: &Step) -> Result<(), MasterError> {
-    let master = &core.master;
+async fn take(node: &Arc<Node>, step: &Step) -> Result<(), MasterError> {
+    let master = &node.master;
     let own = text(&master.api);
     // The address of this node with another scheme.
-    let address = || core.tcpros.to_string().replacen("http", "rosrpc", 1);
+    let address = || node.tcpros.to_string().replacen("http", "rosrpc", 1);
     let address = || text(address().trim_end_matches('/'));
     let (method, params) = match step {
         Step::Enter(Key { kind, name }, type_name) => match kind {
             Kind::Publisher => ("registerPublisher", vec![text(name), text(type_name), own]),
             Kind::Subscriber => {
-                let since = core.updates(name);
+                let since = node.updates(name);
                 let method = "registerSubscriber";
                 let asked = [text(name), text(type_name), own];
                 let publishers: Vec<String> = master.ask_for(method, asked).await?;
-                core.set_publishers(name, &publishers, Some(since));
+                node.set_publishers(name, &publishers, Some(since));
                 return Ok(());
             }
             Kind::Service => ("registerService", vec![text(name), address(), own]),
@@ -104,7 +132,7 @@ async fn take(core: &Arc<Core>, step: &Step) -> Result<(), MasterError> {
                 // The master tells this node of changes from then on, and the value now: an empty struct where there
                 // is no such parameter.
                 let value = master.ask("subscribeParam", [own, text(name)]).await?;
-                super::parameters::arrived(core, name, &value, asked);
+                super::parameters::arrived(node, name, &value, asked);
                 return Ok(());
             }
         },
@@ -120,9 +148,9 @@ async fn take(core: &Arc<Core>, step: &Step) -> Result<(), MasterError> {
 }
 
 /// Tells the master that nothing is here any more. It may not answer.
-pub(super) async fn leave(core: &Arc<Core>) {
-    core.state().registrations.unwant_all();
-    if let Err(error) = take_steps(core).await {
+pub(super) async fn leave(node: &Arc<Node>) {
+    node.state().registrations.unwant_all();
+    if let Err(error) = take_steps(node).await {
         tracing::debug!("ROS 1: could not say goodbye: {error}");
     }
 }

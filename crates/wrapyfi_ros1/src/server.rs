@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use bytes::Bytes;
 
-use super::NAME;
-use super::core::{Core, Mark};
+use super::config::NAME;
+use super::node::{Mark, Node};
 use super::service_host::{Ask, HEAD, Reply, ServiceHost};
 use super::services::ServiceCodec;
 use wrapyfi_data::types::Payload;
@@ -16,7 +16,7 @@ use wrapyfi_endpoint::{Context, Link, OpenError, OpenResult, Request, Role, Serv
 
 /// Offers one service.
 pub(super) struct Ros1Server {
-    core: Arc<Core>,
+    node: Arc<Node>,
     service: String,
     /// Told to other bridges while the server lives.
     _mark: Option<Mark>,
@@ -26,24 +26,24 @@ pub(super) struct Ros1Server {
 
 impl Ros1Server {
     pub(super) fn open(
-        core: &Arc<Core>,
+        node: &Arc<Node>,
         service: &str,
         spec: &ServiceSpec,
         context: &Context,
     ) -> OpenResult<WireServer<Self>> {
-        let codec = ServiceCodec::new(core, spec)?;
+        let codec = ServiceCodec::new(node, spec)?;
         let requests = Arc::new(Requests::new(spec, context));
         let host = Arc::new(ServiceHost::new(service, &codec, Arc::clone(&requests)));
-        if !core.offer(service, &host) {
+        if !node.offer(service, &host) {
             return Err(OpenError::transport(
                 NAME,
                 &spec.service,
                 format!("this node offers {service} already; a name has one server"),
             ));
         }
-        let mark = core.mark(Role::Server, service, &spec.mark);
-        let (core, service) = (Arc::clone(core), service.to_owned());
-        Ok(WireServer::new(Self { core, service, _mark: mark, codec, host }, requests, spec))
+        let mark = node.mark(Role::Server, service, &spec.mark);
+        let (node, service) = (Arc::clone(node), service.to_owned());
+        Ok(WireServer::new(Self { node, service, _mark: mark, codec, host }, requests, spec))
     }
 }
 
@@ -79,7 +79,7 @@ impl ServerWire for Ros1Server {
     }
 
     fn link(&self) -> Link {
-        let fault = self.core.fault();
+        let fault = self.node.fault();
         Link { peers: Some(self.host.clients()), waiting_for: fault, keeps_last: false }
     }
 }
@@ -87,6 +87,6 @@ impl ServerWire for Ros1Server {
 impl Drop for Ros1Server {
     fn drop(&mut self) {
         self.host.close();
-        self.core.withdraw(&self.service);
+        self.node.withdraw(&self.service);
     }
 }

@@ -13,8 +13,8 @@
 use bytes::{BufMut as _, Bytes};
 use wrapyfi_interfaces::ros1::PairPlan;
 
-use super::NAME;
-use super::conversion::{from_ros1, to_ros1};
+use super::config::NAME;
+use super::conversion::{fitted, from_ros1, to_ros1};
 use super::core::Core;
 use wrapyfi_data::types::{DataType, MessageType, Payload, RosService, ServiceKind, Stamp};
 use wrapyfi_data::{DecodeError, EncodeError};
@@ -142,7 +142,7 @@ impl ServiceCodec {
             ));
         }
         let kind = message_type(spec.kind);
-        let payload = super::publication::fitted(payload, kind, spec.color_order, &spec.limits)?;
+        let payload = fitted(payload, kind, spec.color_order, &spec.limits)?;
         ros1::encode(&payload, kind, 0, &spec.limits, &spec.plugins)
     }
 

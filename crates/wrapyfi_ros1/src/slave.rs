@@ -8,32 +8,32 @@ use std::sync::{Arc, Weak};
 
 use dxr::TryFromValue;
 
-use super::core::Core;
+use super::node::Node;
 use super::subscriber::BusLink;
 use super::xmlrpc::{Reply, Value, XmlRpcCall, text, texts};
 
 /// Answer of the node `core` to a call of `peer`; `None` where there is no such method.
 pub(super) fn answer(
-    core: &Weak<Core>,
+    node: &Weak<Node>,
     XmlRpcCall { method, params }: XmlRpcCall,
     peer: SocketAddr,
 ) -> Option<Reply> {
-    let Some(core) = core.upgrade() else { return Some(Reply::error("the node has ended")) };
+    let Some(node) = node.upgrade() else { return Some(Reply::error("the node has ended")) };
     Some(match (method.as_str(), params.as_slice()) {
         ("publisherUpdate", [_caller, Value::String(topic), publishers]) => {
             match Vec::<String>::try_from_value(publishers) {
                 Ok(publishers) => {
-                    core.set_publishers(topic, &publishers, None);
+                    node.set_publishers(topic, &publishers, None);
                     Reply::success("", Value::Integer(0))
                 }
                 Err(_) => Reply::error("publishers must be a list of addresses"),
             }
         }
         ("requestTopic", [_caller, Value::String(topic), protocols]) => {
-            request_topic(&core, topic, protocols)
+            request_topic(&node, topic, protocols)
         }
         ("paramUpdate", [_caller, Value::String(key), _value]) => {
-            super::parameters::changed(&core, key);
+            super::parameters::changed(&node, key);
             Reply::success("", Value::Integer(0))
         }
         ("getPid", [_caller]) => {
@@ -41,12 +41,12 @@ pub(super) fn answer(
             let pid = i32::try_from(std::process::id()).unwrap_or(i32::MAX);
             Reply::success("", Value::Integer(pid))
         }
-        ("getMasterUri", [_caller]) => Reply::success("", text(core.master.uri.to_string())),
-        ("getName", [_caller]) => Reply::success("", text(core.name.full())),
-        ("getPublications", [_caller]) => Reply::success("publications", publications(&core)),
-        ("getSubscriptions", [_caller]) => Reply::success("subscriptions", subscriptions(&core)),
-        ("getBusInfo", [_caller]) => Reply::success("bus info", bus_info(&core)),
-        ("getBusStats", [_caller]) => Reply::success("bus stats", bus_stats(&core)),
+        ("getMasterUri", [_caller]) => Reply::success("", text(node.master.uri.to_string())),
+        ("getName", [_caller]) => Reply::success("", text(node.name.full())),
+        ("getPublications", [_caller]) => Reply::success("publications", publications(&node)),
+        ("getSubscriptions", [_caller]) => Reply::success("subscriptions", subscriptions(&node)),
+        ("getBusInfo", [_caller]) => Reply::success("bus info", bus_info(&node)),
+        ("getBusStats", [_caller]) => Reply::success("bus stats", bus_stats(&node)),
         ("shutdown", [Value::String(caller), words @ ..]) => {
             let words = match words {
                 [Value::String(words), ..] if !words.is_empty() => format!(": {words}"),
@@ -54,7 +54,7 @@ pub(super) fn answer(
             };
             let reason = format!("{caller} at {peer} told this node to shut down{words}");
             tracing::warn!("ROS 1: {reason}");
-            core.end(reason);
+            node.end(reason);
             Reply::success("shutdown", Value::Integer(0))
         }
         (known, _) if METHODS.contains(&known) => {
@@ -79,9 +79,9 @@ const METHODS: [&str; 11] = [
 ];
 
 /// Answers a subscriber with the host and port of our TCPROS server; refuses every other protocol.
-fn request_topic(core: &Arc<Core>, topic: &str, protocols: &Value) -> Reply {
-    if !core.state().topics.contains_key(topic) {
-        return Reply::error(format!("{} does not publish {topic}", core.name.full()));
+fn request_topic(node: &Arc<Node>, topic: &str, protocols: &Value) -> Reply {
+    if !node.state().topics.contains_key(topic) {
+        return Reply::error(format!("{} does not publish {topic}", node.name.full()));
     }
     let named = |protocol: &Value| match protocol {
         Value::Array(parts) => {
@@ -98,21 +98,21 @@ fn request_topic(core: &Arc<Core>, topic: &str, protocols: &Value) -> Reply {
         };
     }
     let way =
-        vec![text("TCPROS"), text(&core.tcpros.host), Value::Integer(i32::from(core.tcpros.port))];
+        vec![text("TCPROS"), text(&node.tcpros.host), Value::Integer(i32::from(node.tcpros.port))];
     Reply::success("ready on TCPROS", Value::Array(way))
 }
 
-fn publications(core: &Arc<Core>) -> Value {
-    let state = core.state();
+fn publications(node: &Arc<Node>) -> Value {
+    let state = node.state();
     let of = |(topic, all): (&String, &Vec<Arc<super::publication::Publication>>)| {
         all.first().map(|one| texts([topic.clone(), one.wire_type.name.clone()]))
     };
     Value::Array(state.topics.iter().filter_map(of).collect())
 }
 
-fn subscriptions(core: &Arc<Core>) -> Value {
-    let state = core.state();
-    let of = |(topic, one): (&String, &super::core::Subscription)| {
+fn subscriptions(node: &Arc<Node>) -> Value {
+    let state = node.state();
+    let of = |(topic, one): (&String, &super::node::Subscription)| {
         one.listeners
             .first()
             .map(|connections| texts([topic.clone(), connections.type_name().to_owned()]))
@@ -125,10 +125,10 @@ fn int(number: u64) -> Value {
 }
 
 /// `[id, other end, "o" or "i", "TCPROS", topic, connected, words]` for every connection.
-fn bus_info(core: &Arc<Core>) -> Value {
-    let state = core.state();
+fn bus_info(node: &Arc<Node>) -> Value {
+    let state = node.state();
     let entry = |link: BusLink, way: &str, topic: &str| {
-        let port = core.tcpros.port;
+        let port = node.tcpros.port;
         let words = match way {
             "o" => format!("TCPROS connection on port {port} to [{}]", link.address),
             _ => format!("TCPROS connection to [{}]", link.address),
@@ -150,8 +150,8 @@ fn bus_info(core: &Arc<Core>) -> Value {
 }
 
 /// `[publishers, subscribers, services]`, each with the connections of its topics.
-fn bus_stats(core: &Arc<Core>) -> Value {
-    let state = core.state();
+fn bus_stats(node: &Arc<Node>) -> Value {
+    let state = node.state();
     let publishers = state.topics.values().flatten().map(|publication| {
         let links = publication.links();
         let bytes = links.iter().fold(0_u64, |sum, link| sum.saturating_add(link.bytes));

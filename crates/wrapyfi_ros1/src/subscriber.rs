@@ -10,6 +10,7 @@
 
 use std::collections::VecDeque;
 use std::io::{self, IoSlice};
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Duration;
@@ -88,7 +89,7 @@ pub(super) struct BusLink {
 pub(super) struct Subscriber {
     id: u64,
     peer: String,
-    address: String,
+    address: SocketAddr,
     stream: TcpStream,
     queue: Mutex<Queue>,
     work: Notify,
@@ -112,7 +113,7 @@ struct Queue {
 }
 
 impl Subscriber {
-    pub(super) fn new(id: u64, peer: &str, address: String, stream: TcpStream) -> Self {
+    pub(super) fn new(id: u64, peer: &str, address: SocketAddr, stream: TcpStream) -> Self {
         liveness::set_writer(&stream);
         Self {
             id,
@@ -122,6 +123,16 @@ impl Subscriber {
             queue: Mutex::default(),
             work: Notify::new(),
         }
+    }
+
+    /// Name of the node at the other end.
+    pub(super) fn peer(&self) -> &str {
+        &self.peer
+    }
+
+    /// Address of its machine.
+    pub(super) fn host(&self) -> String {
+        self.address.ip().to_string()
     }
 
     /// Sends a message, now or when the subscriber has read; of more than `depth` the oldest goes.
@@ -158,12 +169,18 @@ impl Subscriber {
         self.work.notify_one();
     }
 
+    /// Has the connection end at once.
+    pub(super) fn cut(&self) {
+        self.queue.lock().broken = true;
+        self.work.notify_one();
+    }
+
     pub(super) fn link(&self) -> BusLink {
         let queue = self.queue.lock();
         BusLink {
             id: self.id,
             peer: self.peer.clone(),
-            address: self.address.clone(),
+            address: self.address.to_string(),
             connected: !queue.broken,
             messages: queue.messages,
             bytes: queue.bytes,
@@ -210,7 +227,7 @@ impl Subscriber {
                     Ok(is_under_way) => self.queue.lock().is_watched = is_under_way,
                     Err(error) => {
                         let Self { peer, address, .. } = self;
-                        tracing::info!(peer, address, "ROS 1: a subscriber is gone: {error}");
+                        tracing::info!(peer, %address, "ROS 1: a subscriber is gone: {error}");
                         return;
                     }
                 },

@@ -1,16 +1,10 @@
-//! TCPROS connections: how they are opened, and to whom an accepted one belongs.
-//!
-//! ```text
-//!   accept ─▶ header ─┬ service=/add ─▶ ServiceHost
-//!                     ├ topic=/scan  ─▶ Publication of that type
-//!                     └ neither      ─▶ error=…, closed
-//! ```
+//! TCPROS connections: how they are opened, accepted and refused.
 
 use std::collections::BTreeMap;
 use std::io;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::{Arc, Weak};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use socket2::{SockRef, TcpKeepalive};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
@@ -18,14 +12,13 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::timeout;
 
-use super::core::Core;
 use super::header::{Header, HeaderError, NODE};
+use wrapyfi_endpoint::Mutex;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::network::Hosts;
-use wrapyfi_endpoint::{Mutex, Throttle};
 
 /// Longest time until a connection stands, an unreachable host's included.
-const CONNECT: Duration = Duration::from_secs(5);
+pub(super) const CONNECT: Duration = Duration::from_secs(5);
 /// Most connections to one address that are being opened. Sockets of rospy hold five that wait to be accepted: the system
 /// drops one more, and tries it again after 1, 3 and 7 s.
 const OPENING_AT_ONCE: usize = 5;
@@ -124,7 +117,7 @@ pub(super) async fn greet(stream: &mut TcpStream, own: &Header) -> Result<Header
 }
 
 /// Reads a header.
-async fn hear(stream: &mut TcpStream) -> Result<Header, GreetingError> {
+pub(super) async fn hear(stream: &mut TcpStream) -> Result<Header, GreetingError> {
     let read = async {
         let mut size = [0; 4];
         stream.read_exact(&mut size).await?;
@@ -196,112 +189,6 @@ pub(super) async fn accepted(
                 tracing::warn!("ROS 1: no connection can be accepted: {error}");
                 backoff.pause().await;
             }
-        }
-    }
-}
-
-/// Lines of the log about connections that are refused: a flood of them is one line in [`Throttle::EVERY`] of each kind.
-#[derive(Default)]
-struct Refusals {
-    /// For no place, and for headers that are none.
-    connections: Mutex<Throttle>,
-    /// For definitions that do not fit.
-    subscribers: Mutex<Throttle>,
-}
-
-/// Logs a refusal, and the number of those that were not logged before it.
-fn tell(throttle: &Mutex<Throttle>, peer: SocketAddr, what: &str, why: &str) {
-    let Some(silent) = throttle.lock().pass(Instant::now()) else { return };
-    match silent {
-        0 => tracing::warn!(%peer, "ROS 1: refused a {what}: {why}"),
-        silent => tracing::warn!(%peer, "ROS 1: refused a {what}, and {silent} before it: {why}"),
-    }
-}
-
-/// Accepts connections until it is aborted. Those beyond the limit are refused at once.
-pub(super) async fn accept(port: Arc<Port>, core: Weak<Core>) {
-    let Port { listener, connections, places } = &*port;
-    let (mut backoff, refusals) = (accepting(), Arc::<Refusals>::default());
-    loop {
-        let (mut stream, peer) = accepted(listener, &mut backoff).await;
-        let (core, refusals) = (core.clone(), Arc::clone(&refusals));
-        match Arc::clone(places).try_acquire_owned() {
-            Ok(place) => {
-                tokio::spawn(async move { welcome(stream, peer, place, &core, &refusals).await });
-            }
-            Err(_) => {
-                let text = format!("{connections} connections are open, which is the limit");
-                tell(&refusals.connections, peer, "connection", &text);
-                // It fits into the socket's buffer: nobody is waited for.
-                tokio::spawn(async move { timeout(CONNECT, refuse(&mut stream, &text)).await });
-            }
-        }
-    }
-}
-
-async fn welcome(
-    mut stream: TcpStream,
-    peer: SocketAddr,
-    place: OwnedSemaphorePermit,
-    core: &Weak<Core>,
-    refusals: &Refusals,
-) {
-    if let Err(error) = prepare(&stream) {
-        tracing::debug!(%peer, "ROS 1: {error}");
-        return;
-    }
-    let header = match hear(&mut stream).await {
-        Ok(header) => header,
-        Err(error) => {
-            let text = error.to_string();
-            tell(&refusals.connections, peer, "connection", &text);
-            refuse(&mut stream, &text).await;
-            return;
-        }
-    };
-    let Some(core) = core.upgrade() else { return };
-    let mut accepted = Accepted { stream, header, peer, place };
-    if let Some(service) = accepted.header.get("service") {
-        let host = core.state().services.get(service).cloned();
-        match host {
-            Some(host) => return host.serve(accepted, &core).await,
-            None => {
-                let text = format!("{} does not offer service {service}", core.name.full());
-                return refuse(&mut accepted.stream, &text).await;
-            }
-        }
-    }
-    let Some(topic) = accepted.header.get("topic") else {
-        let text = "a connection header needs a topic or a service";
-        return refuse(&mut accepted.stream, text).await;
-    };
-    let all = core.state().topics.get(topic).cloned().unwrap_or_default();
-    let wanted = accepted.header.get("md5sum").unwrap_or_default();
-    let fitting = all.iter().find(|one| one.wire_type.fits(wanted));
-    match (fitting, all.first()) {
-        (Some(publication), _) => match publication.refusal(&accepted) {
-            None => publication.serve(accepted, &core).await,
-            Some(text) => {
-                tell(&refusals.subscribers, peer, "subscriber", &text);
-                refuse(&mut accepted.stream, &text).await;
-            }
-        },
-        (None, Some(other)) => {
-            let (other, wants) = (&other.wire_type, accepted.header.get("type").unwrap_or("*"));
-            let text = format!(
-                "{} wants topic {topic} to be {wants} [{wanted}], but {} publishes {} [{}]: have \
-                 both use the same definition",
-                accepted.caller(),
-                core.name.full(),
-                other.name,
-                other.md5,
-            );
-            tell(&refusals.subscribers, peer, "subscriber", &text);
-            refuse(&mut accepted.stream, &text).await;
-        }
-        (None, None) => {
-            let text = format!("{} does not publish {topic}", core.name.full());
-            refuse(&mut accepted.stream, &text).await;
         }
     }
 }

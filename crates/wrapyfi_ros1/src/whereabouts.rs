@@ -8,13 +8,10 @@
 //! often known to nobody else; but the master is on it, and where the master is we know.
 
 use std::net::IpAddr;
-use std::sync::{Arc, OnceLock};
+use std::sync::OnceLock;
 
 use super::config::NodeUri;
-use super::core::Core;
-use super::master::MasterError;
 use super::xmlrpc::Value;
-use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::network::Hosts;
 
 /// Addresses of machines that are known by name.
@@ -22,7 +19,7 @@ use wrapyfi_endpoint::network::Hosts;
 pub(super) struct Whereabouts {
     hosts: Hosts,
     /// Address of the master where it is on another machine.
-    afar: Option<IpAddr>,
+    pub(super) afar: Option<IpAddr>,
     /// Host name under which the master announces its own machine.
     master: OnceLock<String>,
 }
@@ -60,7 +57,7 @@ impl Whereabouts {
     }
 
     /// Takes note of what the master says its address is.
-    fn note_master(&self, uri: &Value) {
+    pub(super) fn note_master(&self, uri: &Value) {
         let Value::String(uri) = uri else { return };
         let Ok(NodeUri { host, .. }) = NodeUri::parse(uri) else { return };
         let is_name = host != "localhost" && host.parse::<IpAddr>().is_err();
@@ -68,37 +65,6 @@ impl Whereabouts {
             && self.master.set(host.clone()).is_ok()
         {
             tracing::debug!("ROS 1: {host} is the master's machine, {ip}");
-        }
-    }
-}
-
-/// Waits for the master, and learns what it calls its machine.
-pub(super) async fn meet_master(core: &Arc<Core>) {
-    let mut backoff = Backoff::of_process(core.next_id());
-    loop {
-        match core.master.ask("getUri", []).await {
-            Ok(uri) => return core.master.whereabouts.note_master(&uri),
-            Err(error @ MasterError::Unreachable(_)) => {
-                core.set_fault(Some(core.away(&error)));
-                backoff.pause().await;
-            }
-            // It lacks the method, and is one all the same.
-            Err(_) => return,
-        }
-    }
-}
-
-impl Core {
-    /// Reason why the master cannot be asked, and the likely remedy.
-    pub(super) fn away(&self, error: &MasterError) -> String {
-        let awaited = error.awaited();
-        match self.master.whereabouts.afar {
-            Some(_) => format!(
-                "{awaited}; roscore has to run there, and a firewall may be between (port {} and those \
-                 of its nodes)",
-                self.master.uri.port
-            ),
-            None => awaited,
         }
     }
 }

@@ -9,99 +9,27 @@
 //!
 //! The broker lives in a thread of its owner: it cannot outlive the process and keep the ports.
 
-use std::collections::BTreeMap;
 use std::io::ErrorKind;
 use std::net::IpAddr;
 use std::sync::Arc;
 use std::time::Instant;
 
-use serde::Serialize;
-
-use super::config::{ZeroMqConfig, resolve};
+use super::config::{self, BrokerConfig};
 use super::curve::Keys;
 use super::curve_config::{CurveConfig, CurveError};
+use super::error::BrokerError;
 use super::front::{Bounds, Front};
 use super::ledger::Ledger;
 use super::monitor::Monitor;
 use super::options::{self, StopSignal};
-use super::peer::Kind;
 use super::proxy::Proxy;
+use super::status::BrokerStatus;
 use super::supervisor::{Side, Supervised};
-use super::traffic::{TopicTraffic, Traffic};
+use super::traffic::Traffic;
 use super::turns::Runs;
-use wrapyfi_endpoint::network::{Insecure, ReachedByOthers};
+use super::zmtp::Kind;
+use wrapyfi_endpoint::network::Insecure;
 use wrapyfi_endpoint::{Mutex, Throttle};
-
-/// Settings of a [`Broker`]; the fields mean what they mean in [`ZeroMqConfig`].
-#[derive(Debug, Clone, PartialEq, Eq)]
-#[allow(missing_docs)]
-pub struct BrokerConfig {
-    pub ip: String,
-    /// 0 means any free port, here and in `sub_port`.
-    pub pub_port: u16,
-    pub sub_port: u16,
-    /// `None`: nobody is told who is subscribed.
-    pub monitor_topic: Option<String>,
-    pub hwm: u16,
-    pub max_frame_bytes: usize,
-    pub max_connections: usize,
-    pub insecure: Insecure,
-    pub curve: Option<CurveConfig>,
-}
-
-impl Default for BrokerConfig {
-    fn default() -> Self {
-        ZeroMqConfig::default().broker_config()
-    }
-}
-
-/// Error of starting a broker.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum BrokerError {
-    /// The host has no address.
-    #[error("the broker's {reason}")]
-    Host {
-        /// Reason why the name has no address.
-        reason: String,
-    },
-    /// Other machines could reach it.
-    #[error(transparent)]
-    NotLoopback(#[from] ReachedByOthers),
-    /// The keys of CURVE have a fault.
-    #[error(transparent)]
-    Curve(#[from] CurveError),
-    /// Somebody else has the port.
-    #[error("port {port} on {ip} is taken: stop what uses it, or choose another port")]
-    PortTaken {
-        /// Address asked for.
-        ip: IpAddr,
-        /// Port asked for.
-        port: u16,
-    },
-    /// The address belongs to another machine.
-    #[error("{ip} is not an address of this machine: run the broker there and only connect here")]
-    NotHere {
-        /// Address asked for.
-        ip: IpAddr,
-    },
-    /// Both sides on one port.
-    #[error("{} and {} are both {port}: give the two sides of the broker two ports", names.0, names.1)]
-    SamePort {
-        /// The port.
-        port: u16,
-        /// The two settings.
-        names: (&'static str, &'static str),
-    },
-    /// Anything else ZeroMQ or the system refused.
-    #[error("the ZeroMQ broker could not {action}: {reason}")]
-    Transport {
-        /// Action that failed.
-        action: String,
-        /// Message of the system.
-        reason: String,
-    },
-}
 
 /// A running broker. Dropping it ends it and frees its ports.
 #[derive(Debug)]
@@ -111,34 +39,6 @@ pub struct Broker {
     sub_port: u16,
     status: Arc<Mutex<BrokerStatus>>,
     _runs: Runs,
-}
-
-/// A broker at one moment.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
-pub struct BrokerStatus {
-    /// Messages passed on to listeners.
-    pub messages: u64,
-    /// Bytes passed on, all frames.
-    pub bytes: u64,
-    /// Messages dropped because they pretended to be the broker's counts.
-    pub forged: u64,
-    /// Frames from listeners dropped because they were no subscription.
-    pub ignored: u64,
-    /// Messages that listeners missed, by reason: one that two listeners miss counts twice.
-    pub missed: BTreeMap<&'static str, u64>,
-    /// Subscriptions and messages refused because the CURVE keys of their clients may not have the topic.
-    pub denied: u64,
-    /// Connections that were refused or ended, by reason: `too_many`, `oversize`, `over_budget`; with CURVE
-    /// `mechanism` (a client without it), `curve` (a wrong server key, a forged command), `unknown_key`.
-    pub cut: BTreeMap<&'static str, u64>,
-    /// Listeners by topic.
-    pub subscriptions: BTreeMap<String, u64>,
-    /// Traffic of each topic; as old as `subscriptions`.
-    pub topics: BTreeMap<String, TopicTraffic>,
-    /// Messages of topics that are not listed: beyond 4096 of them, or named by no text.
-    pub unlisted: u64,
-    /// Reason why the broker does not work now; it goes on trying.
-    pub failure: Option<String>,
 }
 
 impl Broker {
@@ -255,9 +155,9 @@ pub(super) fn loopback(
     insecure: Insecure,
     keys: Option<&Arc<Keys>>,
 ) -> Result<IpAddr, BrokerError> {
-    let ip = resolve(host)?;
+    let ip = config::resolve(host)?;
     if !keys.is_some_and(|keys| keys.has_list()) {
-        insecure.check(super::NAME, "a broker", ip)?;
+        insecure.check(config::NAME, "a broker", ip)?;
     }
     Ok(ip)
 }

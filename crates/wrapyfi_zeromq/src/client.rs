@@ -12,7 +12,8 @@ use bytes::Bytes;
 
 use super::envelope::{self, ServiceMessage};
 use super::service_connection::{Delivery, End, ServiceConnection, ServiceHandle, Unusable};
-use super::{Shared, deadline, transport};
+use super::shared::Shared;
+use super::{contexts, deadline};
 use wrapyfi_data::EncodeResult;
 use wrapyfi_data::types::{Payload, Stamp};
 use wrapyfi_endpoint::calls::{Calls, Stage};
@@ -45,7 +46,7 @@ impl ZeroMqClient {
         // Beyond this the broker would cut the connection.
         spec.limits.message_bytes = spec.limits.message_bytes.min(shared.max_frame_bytes);
         let handle = ServiceConnection::open(shared, endpoint, End::Client, &spec, context)
-            .map_err(|error| transport(&spec.service, error))?;
+            .map_err(|error| contexts::refused(&spec.service, error))?;
         let (service, pending) = (spec.service.clone(), spec.pending);
         Ok(WireClient::new(Self { spec, handle, number: 0 }, &service, pending, context))
     }

@@ -8,12 +8,16 @@
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 use std::path::PathBuf;
 
-use super::broker::{BrokerConfig, BrokerError};
 use super::curve_config::CurveConfig;
-use super::service_broker::ServiceBrokerConfig;
+use super::error::BrokerError;
+use super::options::FRAME_SLACK;
+use wrapyfi_endpoint::ServiceSpec;
 use wrapyfi_endpoint::network::{
     Hosts, Insecure, Place, ReachedByOthers, VariableError, Variables, is_of_this_machine, variable,
 };
+
+/// Name of this middleware in addresses.
+pub const NAME: &str = "zeromq";
 
 /// Permission for this process to run the broker.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -89,9 +93,6 @@ impl Default for ZeroMqConfig {
     }
 }
 
-/// Room above a message limit for topic and header frames.
-pub(super) const FRAME_SLACK: usize = 64 * 1024;
-
 impl ZeroMqConfig {
     /// The defaults, changed by the `WRAPYFI_ZEROMQ_*` variables, as Wrapyfi's publishers,
     /// listeners and servers read them: `…_REQ_PORT` is [`Self::rep_port`] and `…_REP_PORT` is
@@ -164,7 +165,7 @@ impl ZeroMqConfig {
         // A name that has no address yet is looked at when the broker starts.
         match self.hosts.or_same(&self.ip).parse::<IpAddr>() {
             Ok(ip) if is_ours && is_of_this_machine(ip) => {
-                self.insecure.check(super::NAME, "a broker", ip)
+                self.insecure.check(NAME, "a broker", ip)
             }
             _ => Ok(()),
         }
@@ -200,6 +201,56 @@ impl ZeroMqConfig {
             curve: self.curve.clone(),
         }
     }
+}
+
+/// Settings of a [`Broker`](super::Broker); the fields mean what they mean in [`ZeroMqConfig`].
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub struct BrokerConfig {
+    pub ip: String,
+    /// 0 means any free port, here and in `sub_port`.
+    pub pub_port: u16,
+    pub sub_port: u16,
+    /// `None`: nobody is told who is subscribed.
+    pub monitor_topic: Option<String>,
+    pub hwm: u16,
+    pub max_frame_bytes: usize,
+    pub max_connections: usize,
+    pub insecure: Insecure,
+    pub curve: Option<CurveConfig>,
+}
+
+impl Default for BrokerConfig {
+    fn default() -> Self {
+        ZeroMqConfig::default().broker_config()
+    }
+}
+
+/// Settings of a [`ServiceBroker`](super::ServiceBroker); the fields mean what they mean in [`ZeroMqConfig`].
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub struct ServiceBrokerConfig {
+    pub ip: String,
+    /// 0 means any free port, here and in `req_port`.
+    pub rep_port: u16,
+    pub req_port: u16,
+    /// Requests held while no server takes them; those beyond are answered with an error.
+    pub pending: usize,
+    pub max_frame_bytes: usize,
+    pub max_connections: usize,
+    pub insecure: Insecure,
+    pub curve: Option<CurveConfig>,
+}
+
+impl Default for ServiceBrokerConfig {
+    fn default() -> Self {
+        ZeroMqConfig::default().service_broker_config()
+    }
+}
+
+impl ServiceBrokerConfig {
+    /// Requests held unless said otherwise.
+    pub const PENDING: usize = ServiceSpec::PENDING;
 }
 
 /// First address of `host`, or the reason why there is none.

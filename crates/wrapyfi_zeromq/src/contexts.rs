@@ -5,7 +5,8 @@
 
 use std::fs::File;
 
-use wrapyfi_endpoint::Mutex;
+use super::config::NAME;
+use wrapyfi_endpoint::{Mutex, OpenError};
 
 /// Descriptors that must be free before a context is made: libzmq ends the process where its threads find none.
 const SPARE_FILES: usize = 16;
@@ -48,4 +49,9 @@ pub(super) fn reason(error: zmq::Error) -> String {
         }
         other => other.to_string(),
     }
+}
+
+/// Error of an endpoint of a topic or service `name` whose socket was refused.
+pub(super) fn refused(name: &str, error: zmq::Error) -> OpenError {
+    OpenError::transport(NAME, name, reason(error))
 }

@@ -6,7 +6,7 @@ use std::convert::Infallible;
 use std::sync::Arc;
 
 use super::curve_config::{CurveConfig, CurveError};
-use super::peer::Kind;
+use super::zmtp::{Kind, Opened, Step};
 
 pub(crate) const OVERHEAD: usize = 0;
 
@@ -65,16 +65,6 @@ impl Breach {
     pub(crate) fn told(&self) -> Option<&'static [u8]> {
         match self.0 {}
     }
-}
-
-pub(crate) enum Step {
-    Say(Vec<u8>),
-    Open(Option<Vec<u8>>, Vec<u8>),
-}
-
-pub(crate) struct Opened {
-    pub(crate) is_command: bool,
-    pub(crate) more: bool,
 }
 
 pub(crate) enum Curve {}

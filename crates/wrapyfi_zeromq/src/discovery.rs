@@ -17,14 +17,14 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use super::config::NAME;
 use super::frames::{Received, receive};
 use super::link::{self, BrokerLink, Watch};
-use super::traffic::{TRAFFIC_TOPIC, TopicTraffic, TrafficTable, guess};
-use super::{NAME, Shared, options};
+use super::options;
+use super::shared::Shared;
+use super::traffic::{ASKS_FOR_COUNTS, TRAFFIC_TOPIC, TopicTraffic, TrafficTable, guess};
 use wrapyfi_endpoint::{DiscoverError, Discovered, Discovery, Role, Traffic, Wake};
 
-/// Prefix of the subscription that makes Wrapyfi's broker tell its counts. Not listed.
-pub(super) const ASKS_FOR_COUNTS: &str = "WRAPYFI/LOOK/";
 /// Longest time that our broker may take to send its table, once it is reached.
 const OURS_ANSWERS_WITHIN: Duration = Duration::from_secs(1);
 /// Largest count or table that is read.

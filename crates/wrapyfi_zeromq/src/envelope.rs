@@ -4,12 +4,9 @@
 //!   │ routing id │ … │ mark │ "" │ body │
 //!     by a ROUTER      ours       the only frame behind the empty one
 //! ```
-//!
-use std::sync::Arc;
 
 use bytes::Bytes;
 
-use super::peer::Message;
 use mark::{Kind, Mark};
 use wrapyfi_endpoint::codec::requests::{self, mark};
 
@@ -66,12 +63,10 @@ impl ServiceMessage {
         }
     }
 
-    /// The message as it goes to a peer, behind the first `without` frames of its envelope.
-    pub(super) fn on_wire(&self, without: usize) -> Arc<Message> {
+    /// Frames as they go to a peer, behind the first `without` of the envelope.
+    pub(super) fn frames(&self, without: usize) -> Vec<Bytes> {
         let outside = self.envelope.iter().skip(without).cloned();
-        let frames = outside.chain([Bytes::new(), self.body.clone()]).collect();
-        // It counts where it waits.
-        Message::new(frames, Some((Bytes::new(), self.size())), None)
+        outside.chain([Bytes::new(), self.body.clone()]).collect()
     }
 
     /// Sends without waiting; false when there is no room for it, or nobody to take it.

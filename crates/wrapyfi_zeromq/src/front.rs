@@ -30,8 +30,11 @@ use mio::unix::SourceFd;
 use mio::{Events, Interest, Poll, Token};
 
 use super::curve::{Curve, Keys};
+use super::heard::Heard;
+use super::message::{Loss, Message};
 use super::options;
-use super::peer::{Heard, Kind, Loss, Message, Peer};
+use super::peer::Peer;
+use super::zmtp::Kind;
 use wrapyfi_endpoint::{DropReason, Throttle};
 
 /// The token of the port; peers are counted from 0.
@@ -157,11 +160,6 @@ impl Front {
         std::mem::take(&mut self.messages)
     }
 
-    /// Number of connections that were refused or ended, by reason.
-    pub(super) fn cuts(&self) -> impl Iterator<Item = (&'static str, u64)> {
-        self.cuts.iter().map(|(reason, count)| (*reason, *count))
-    }
-
     /// Number of subscriptions and messages that the keys of their clients may not have.
     pub(super) fn denied(&self) -> u64 {
         self.denied
@@ -233,8 +231,7 @@ impl Front {
         if to.is_empty() {
             return;
         }
-        let of = of.map(|size| (Bytes::copy_from_slice(&topic), size));
-        let message = Message::new(frames, of, None);
+        let message = self.message(frames, of.map(|size| (topic.clone(), size)));
         for id in to {
             let Some(peer) = self.peers.get_mut(&id) else { continue };
             // A subscription is the beginning of a topic, which may go on as one that is not allowed.
@@ -248,6 +245,17 @@ impl Front {
         }
     }
 
+    fn message(&self, frames: Vec<Bytes>, of: Option<(Bytes, usize)>) -> Arc<Message> {
+        Message::new(frames, self.keys.is_some(), of, None)
+    }
+
+    /// A subscription, or its end, as publishers hear it. It has a size, so that it counts where it waits.
+    fn word(&self, is_wanted: bool, topic: &[u8]) -> Arc<Message> {
+        let frame = [&[u8::from(is_wanted)][..], topic].concat();
+        let of = Some((Bytes::new(), frame.len()));
+        self.message(vec![frame.into()], of)
+    }
+
     /// Tells publishers that somebody wants a topic, or no more; as often as it was wanted before it is not.
     pub(super) fn want(&mut self, topic: &[u8], is_wanted: bool) {
         let times = self.wanted.entry(topic.to_vec()).or_default();
@@ -257,7 +265,7 @@ impl Front {
             (false, 0) => _ = self.wanted.remove(topic),
             _ => return,
         }
-        let message = word(is_wanted, topic);
+        let message = self.word(is_wanted, topic);
         let open = self.peers.iter().filter(|(_, peer)| peer.is_open()).map(|(id, _)| *id);
         for id in open.collect::<Vec<_>>() {
             self.tell(id, &message);
@@ -274,8 +282,14 @@ impl Front {
         }
     }
 
-    /// Sends a message to one peer; false when there is no room for it, and none when the peer is gone.
-    pub(super) fn send(&mut self, id: usize, message: &Arc<Message>) -> Option<bool> {
+    /// Sends frames of `size` bytes to one peer; false when there is no room for them, and none when the peer is gone.
+    pub(super) fn send(&mut self, id: usize, frames: Vec<Bytes>, size: usize) -> Option<bool> {
+        // They count where they wait.
+        let message = self.message(frames, Some((Bytes::new(), size)));
+        self.send_to(id, &message)
+    }
+
+    fn send_to(&mut self, id: usize, message: &Arc<Message>) -> Option<bool> {
         let peer = self.peers.get_mut(&id).filter(|peer| peer.is_open())?;
         if peer.queue(message, self.hwm).is_err() {
             return Some(false);
@@ -287,12 +301,13 @@ impl Front {
         Some(true)
     }
 
-    /// Sends a message to the peer whose turn it is; false when none has room.
-    pub(super) fn send_in_turn(&mut self, message: &Arc<Message>) -> bool {
+    /// Sends frames of `size` bytes to the peer whose turn it is; false when none has room.
+    pub(super) fn send_in_turn(&mut self, frames: Vec<Bytes>, size: usize) -> bool {
+        let message = self.message(frames, Some((Bytes::new(), size)));
         let after = self.peers.range(self.last.saturating_add(1)..);
         let ids = after.chain(self.peers.range(..=self.last)).map(|(id, _)| *id);
         for id in ids.collect::<Vec<_>>() {
-            if self.send(id, message) == Some(true) {
+            if self.send_to(id, &message) == Some(true) {
                 self.last = id;
                 return true;
             }
@@ -417,30 +432,34 @@ impl Front {
         let (mut heard, was_open, address) = (Vec::new(), peer.is_open(), peer.address);
         let read = peer.read(&mut self.scratch, &mut heard, to_the_end, now);
         if peer.is_open() && !was_open {
-            for message in self.wanted.keys().map(|topic| word(true, topic)).collect::<Vec<_>>() {
+            let words = self.wanted.keys().map(|topic| self.word(true, topic));
+            for message in words.collect::<Vec<_>>() {
                 self.tell(id, &message);
             }
         }
         self.dirty.insert(id);
         for one in heard {
-            match &one {
-                Heard::Message(_) => {}
-                Heard::Subscribed(topic) => {
+            match one {
+                Heard::Message(frames) => {
+                    self.messages.push((id, frames));
+                    continue;
+                }
+                Heard::Denied(topic) => {
+                    self.deny(id, &topic);
+                    continue;
+                }
+                Heard::Subscribed(ref topic) => {
                     let ids = self.index.entry(topic.clone()).or_default();
                     if ids.insert(id) && ids.len() == 1 {
                         *self.lengths.entry(topic.len()).or_default() += 1;
                     }
                 }
-                Heard::Unsubscribed(topic) => {
+                Heard::Unsubscribed(ref topic) => {
                     unlist(&mut self.index, &mut self.lengths, topic, id);
                 }
-                Heard::Ignored | Heard::Denied(_) => {}
+                Heard::Ignored => {}
             }
-            match one {
-                Heard::Message(frames) => self.messages.push((id, frames)),
-                Heard::Denied(topic) => self.deny(id, &topic),
-                change => self.heard.push(change),
-            }
+            self.heard.push(one);
         }
         match read {
             Ok(true) => _ = self.unread.insert(id),
@@ -488,19 +507,21 @@ impl Front {
     }
 }
 
+/// Number of connections that were refused or ended at these ports, by reason.
+pub(super) fn cuts(sides: [&Front; 2]) -> BTreeMap<&'static str, u64> {
+    let mut all = BTreeMap::new();
+    for (reason, count) in sides.into_iter().flat_map(|side| &side.cuts) {
+        *all.entry(*reason).or_default() += count;
+    }
+    all
+}
+
 /// Number of the first connection, another one in each broker: a reply to a client of a broker that has ended must
 /// find no other client.
 fn first_id() -> usize {
     let random = RandomState::new().hash_one(std::process::id());
     // Far below the token of the port.
     usize::try_from(random >> 8).unwrap_or(0) / 2
-}
-
-/// A subscription, or its end, as publishers hear it. It has a size, so that it counts where it waits.
-fn word(is_wanted: bool, topic: &[u8]) -> Arc<Message> {
-    let frame = [&[u8::from(is_wanted)][..], topic].concat();
-    let of = Some((Bytes::new(), frame.len()));
-    Message::new(vec![frame], of, None)
 }
 
 /// Takes a listener off the index.

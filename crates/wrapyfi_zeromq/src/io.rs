@@ -8,7 +8,8 @@
 //!   connection events ────────┘          └─▶ BrokerLink, wake
 //! ```
 //!
-//! Publishing itself happens on the caller's thread, as far as the connection takes it: see `PublisherConnection`.
+//! The thread knows each of these as an [`End`]. Publishing itself happens on the caller's thread, as far as the
+//! connection takes it: see `PublisherConnection`.
 //!
 //! A socket's descriptor says once that something happened. So an endpoint that is looked at is read until it has
 //! no more, or stays among those to be looked at without waiting. Only what moved is looked at: a thousand endpoints
@@ -27,17 +28,12 @@ use mio::{Events, Interest, Poll, Registry, Token, Waker};
 
 use super::link::{FAREWELL, Watch};
 use super::options;
-use super::publisher_connection::PublisherConnection;
-use super::reception::Reception;
-use super::service_connection::ServiceConnection;
 use wrapyfi_endpoint::Throttle;
 use wrapyfi_endpoint::backoff::{self, Backoff};
 
 /// Demand of an endpoint on the I/O thread.
 pub(super) enum Command {
-    Listen(Reception),
-    Publish(Arc<PublisherConnection>),
-    ServiceConnection(ServiceConnection),
+    Open(u64, Box<dyn End>),
     /// There is room in an inbox again, or something to send.
     Look(u64),
     Close(u64),
@@ -120,13 +116,39 @@ impl Drop for Io {
 }
 
 /// Sockets of one endpoint on the I/O thread.
-enum End {
-    Reception(Reception),
-    /// Connection of a publisher, which asks the system for its events by itself.
-    PublisherConnection(Arc<PublisherConnection>),
-    ServiceConnection(ServiceConnection),
-    /// Socket that is being closed.
-    Closing(u64, Watch),
+pub(super) trait End: Send {
+    /// Descriptors that say when something happened; none of an endpoint that asks the system by itself.
+    fn descriptors(&self) -> Vec<RawFd> {
+        Vec::new()
+    }
+
+    /// Handles what happened to the sockets, without waiting.
+    fn look(
+        &mut self,
+        now: Instant,
+        registry: &Registry,
+        faults: &mut Throttle,
+    ) -> zmq::Result<Look>;
+
+    /// Has the endpoint end: a look that follows tells when it is over.
+    fn close(&mut self, _now: Instant) {}
+
+    /// Closes the sockets of an endpoint that is over; the watch must be kept until it is over as well.
+    fn end(self: Box<Self>) -> Option<Watch> {
+        None
+    }
+}
+
+/// A socket that is being closed.
+impl End for Watch {
+    fn descriptors(&self) -> Vec<RawFd> {
+        self.fd().into_iter().collect()
+    }
+
+    fn look(&mut self, _: Instant, _: &Registry, _: &mut Throttle) -> zmq::Result<Look> {
+        self.take();
+        Ok(Look { over: self.over, ..Look::default() })
+    }
 }
 
 /// Result of one look at an endpoint.
@@ -144,7 +166,7 @@ struct Worker {
     handle: Arc<Handle>,
     commands: mpsc::Receiver<Command>,
     poll: Poll,
-    ends: BTreeMap<u64, End>,
+    ends: BTreeMap<u64, Box<dyn End>>,
     /// Endpoints to be looked at without waiting.
     ready: BTreeSet<u64>,
     /// Times at which endpoints must be looked at although nothing happens to them.
@@ -213,13 +235,7 @@ impl Worker {
     fn obey(&mut self) {
         while let Ok(command) = self.commands.try_recv() {
             match command {
-                Command::Listen(reception) => self.add(reception.id, End::Reception(reception)),
-                Command::Publish(connection) => {
-                    self.add(connection.id, End::PublisherConnection(connection));
-                }
-                Command::ServiceConnection(connection) => {
-                    self.add(connection.handle.id, End::ServiceConnection(connection));
-                }
+                Command::Open(id, end) => self.add(id, end),
                 Command::Look(id) => _ = self.ready.insert(id),
                 Command::Close(id) => self.close(id),
             }
@@ -227,27 +243,24 @@ impl Worker {
     }
 
     fn close(&mut self, id: u64) {
-        if let Some(end) = self.ends.remove(&id) {
-            self.watch(&end, false);
-            self.add(id, end.close(Instant::now()));
+        if let Some(end) = self.ends.get_mut(&id) {
+            end.close(Instant::now());
+            self.ready.insert(id);
         }
     }
 
-    fn add(&mut self, id: u64, end: End) {
+    fn add(&mut self, id: u64, end: Box<dyn End>) {
+        self.watch(id, &*end, true);
         self.ends.insert(id, end);
-        if let Some(end) = self.ends.get(&id) {
-            self.watch(end, true);
-        }
         self.ready.insert(id);
     }
 
     /// Asks the system to report events of an endpoint's sockets, or to stop that.
-    fn watch(&self, end: &End, on: bool) {
-        let (id, descriptors) = end.descriptors();
-        for fd in descriptors {
+    fn watch(&self, id: u64, end: &dyn End, on: bool) {
+        for fd in end.descriptors() {
             let registry = self.poll.registry();
             let result = match on {
-                true => registry.register(&mut SourceFd(&fd), id, Interest::READABLE),
+                true => registry.register(&mut SourceFd(&fd), token(id), Interest::READABLE),
                 false => registry.deregister(&mut SourceFd(&fd)),
             };
             if let Err(error) = result {
@@ -277,11 +290,11 @@ impl Worker {
             if look.over
                 && let Some(end) = self.ends.remove(&id)
             {
-                self.watch(&end, false);
+                self.watch(id, &*end, false);
                 // A time that has passed would be looked at again and again.
                 self.timed.remove(&id);
-                if let End::ServiceConnection(connection) = end {
-                    self.add(id, End::Closing(id, connection.end()));
+                if let Some(watch) = end.end() {
+                    self.add(id, Box::new(watch));
                 }
                 continue;
             }
@@ -321,100 +334,7 @@ impl Look {
     }
 }
 
-impl End {
-    /// The endpoint's descriptors, and what they say when something happened.
-    fn descriptors(&self) -> (Token, Vec<RawFd>) {
-        let (id, socket, watch) = match self {
-            Self::PublisherConnection(connection) => {
-                return (Token(index(connection.id)), Vec::new());
-            }
-            Self::Reception(reception) => {
-                (reception.id, reception.socket.get_fd().ok(), &reception.watch)
-            }
-            Self::ServiceConnection(connection) => {
-                (connection.handle.id, connection.socket.get_fd().ok(), &connection.watch)
-            }
-            Self::Closing(id, watch) => (*id, None, watch),
-        };
-        let descriptors = socket.into_iter().chain(watch.fd()).collect();
-        (Token(index(id)), descriptors)
-    }
-
-    fn look(
-        &mut self,
-        now: Instant,
-        registry: &Registry,
-        faults: &mut Throttle,
-    ) -> zmq::Result<Look> {
-        // Connecting again may take the signal of what waits to be read.
-        let mut look = Look { more: self.is_lost(now), ..Look::default() };
-        look.timeout = match self {
-            Self::Reception(reception) => {
-                if reception.watch.take() {
-                    reception.inbox.context().wake.ring();
-                }
-                let mut held = reception.retry(now);
-                if held.is_none() {
-                    look.more |= reception.read()?;
-                    let stopped = reception.held.is_some();
-                    // Room that was made before the listener could know that it is waited for.
-                    held = reception.retry(now);
-                    look.more |= stopped && held.is_none();
-                }
-                held.into_iter().chain(reception.revive(now)).min()
-            }
-            Self::PublisherConnection(connection) => {
-                return Ok(connection.look(now, registry, faults));
-            }
-            Self::ServiceConnection(connection) => {
-                if connection.watch.take() {
-                    connection.handle.context.wake.ring();
-                }
-                connection.write()?;
-                connection.read()?;
-                // Last: reading or writing may have taken the signal of what the other could not do before.
-                look.more |= connection.has_more()?;
-                let lingers = connection.lingers(now);
-                look.over = lingers == Some(Duration::ZERO);
-                connection.revive(now).into_iter().chain(lingers).min()
-            }
-            Self::Closing(_, watch) => {
-                watch.take();
-                look.over = watch.over;
-                None
-            }
-        };
-        Ok(look)
-    }
-
-    /// True when this look will connect the endpoint's socket again.
-    fn is_lost(&self, now: Instant) -> bool {
-        match self {
-            Self::PublisherConnection(_) => false,
-            Self::Reception(Reception { watch, .. })
-            | Self::ServiceConnection(ServiceConnection { watch, .. })
-            | Self::Closing(_, watch) => watch.time_left(now) == Some(Duration::ZERO),
-        }
-    }
-
-    /// Closes the endpoint; what is left of it must be kept until it is over.
-    fn close(self, now: Instant) -> Self {
-        match self {
-            Self::Reception(reception) => Self::Closing(reception.id, reception.close()),
-            Self::ServiceConnection(mut connection) => {
-                connection.close(now);
-                Self::ServiceConnection(connection)
-            }
-            Self::PublisherConnection(connection) => {
-                connection.close(now);
-                Self::PublisherConnection(connection)
-            }
-            closing @ Self::Closing(..) => closing,
-        }
-    }
-}
-
-/// Number of an endpoint as the system reports it.
-pub(super) fn index(id: u64) -> usize {
-    usize::try_from(id).unwrap_or(usize::MAX - 1)
+/// An endpoint as the system reports it.
+pub(super) fn token(id: u64) -> Token {
+    Token(usize::try_from(id).unwrap_or(usize::MAX - 1))
 }

@@ -12,7 +12,7 @@
 //!
 //! | module | one idea |
 //! | --- | --- |
-//! | `config` | settings and environment |
+//! | `config`, `error`, `status` | settings and environment, errors of the start, brokers at one moment |
 //! | `supervisor` | there is a broker: ours, or a foreign one until it dies |
 //! | `broker`, `proxy`, `turns`, `monitor`, `traffic` | the broker, its thread, its counts |
 //! | `front`, `assembly`, `ledger` | one of its sides, messages from their frames, whose messages it lost |
@@ -20,9 +20,9 @@
 //! | `port_check` | what has a port |
 //! | `service_broker`, `service_proxy` | the broker of requests and replies, its thread |
 //! | `io`, `reception`, `service_connection`, `link` | the thread that receives, the parts of one listener and of one service in it, connection state |
-//! | `listener`, `publisher`, `client`, `server` | the endpoints |
+//! | `listener`, `publisher`, `client`, `server`, `shared` | the endpoints, what they share |
 //! | `publisher_connection` | a publisher's connection to the broker |
-//! | `peer`, `zmtp` | one connection that is not libzmq's, the protocol there |
+//! | `peer`, `mechanism`, `message`, `heard`, `zmtp` | one connection that is not libzmq's: its security, what waits for it, what comes of it; the protocol there |
 //! | `curve`, `curve_config` | CURVE: keys, a connection with them; its settings |
 //! | `frames`, `envelope` | messages of several frames, what is around a request and a reply |
 //! | `own_messages` | our own messages are not received |
@@ -40,12 +40,16 @@ mod curve_config;
 mod deadline;
 mod discovery;
 mod envelope;
+mod error;
 mod frames;
 mod front;
+mod heard;
 mod io;
 mod ledger;
 mod link;
 mod listener;
+mod mechanism;
+mod message;
 mod monitor;
 #[doc(hidden)]
 pub mod offline;
@@ -61,28 +65,30 @@ mod server;
 mod service_broker;
 mod service_connection;
 mod service_proxy;
+mod shared;
+mod status;
 mod supervisor;
 mod traffic;
 mod turns;
 mod zmtp;
 
-use std::net::{IpAddr, SocketAddr};
+use std::net::SocketAddr;
 use std::sync::Arc;
 
-pub use broker::{Broker, BrokerConfig, BrokerError, BrokerStatus};
-pub use config::{BrokerMode, ZeroMqConfig};
+pub use broker::Broker;
+pub use config::{BrokerConfig, BrokerMode, NAME, ServiceBrokerConfig, ZeroMqConfig};
 pub use curve_config::{CurveClient, CurveConfig, CurveError};
+pub use error::{BrokerError, ZeroMqError};
 pub use port_check::Answer;
-pub use service_broker::{ServiceBroker, ServiceBrokerConfig, ServiceBrokerStatus};
+pub use service_broker::ServiceBroker;
+pub use status::{BrokerStatus, ServiceBrokerStatus};
 pub use traffic::TopicTraffic;
 
+use shared::Shared;
 use wrapyfi_endpoint::{
     Client, Context, DiscoverError, Discovery, Listener, Middleware, Mutex, OpenError, OpenResult,
     Opened, Publisher, Role, Server, ServiceSpec, TopicSpec,
 };
-
-/// Name of this middleware in addresses.
-pub const NAME: &str = "zeromq";
 
 /// Longest topic name: it is sent with every message.
 const MAX_TOPIC_BYTES: usize = 1024;
@@ -100,90 +106,6 @@ pub struct ZeroMq {
     config: ZeroMqConfig,
     /// Broker of requests and replies, from the first server on.
     services: Mutex<Option<supervisor::Supervisor<ServiceBroker>>>,
-}
-
-/// State that endpoints need while they are opened.
-struct Shared {
-    ip: IpAddr,
-    pub_endpoint: String,
-    /// Address of the broker for publishers.
-    sub_address: SocketAddr,
-    send_hwm: u16,
-    max_frame_bytes: usize,
-    own_messages: own_messages::OwnMessages,
-    ledger: Arc<ledger::Ledger>,
-    io: io::Io,
-    contexts: contexts::Contexts,
-    keys: Option<Arc<curve::Keys>>,
-}
-
-/// Error of starting ZeroMQ.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum ZeroMqError {
-    /// A port belongs to something that is no broker.
-    #[error(
-        "port {port} on {ip} is taken by {answer}; a broker would be {expected}: stop that \
-         program, or choose other ports ({settings})"
-    )]
-    PortTaken {
-        /// Address of the broker.
-        ip: IpAddr,
-        /// The port.
-        port: u16,
-        /// Socket type of a broker there.
-        expected: &'static str,
-        /// Program that answered on the port.
-        answer: Answer,
-        /// Names of the two ports in the settings.
-        settings: &'static str,
-    },
-    /// No broker runs, and ours cannot.
-    #[error(transparent)]
-    Broker(#[from] BrokerError),
-    /// Both ports are needed to connect to a broker elsewhere.
-    #[error("with a foreign broker {field} must be its port, not 0")]
-    NoPort {
-        /// Setting that is 0.
-        field: &'static str,
-    },
-    /// The monitor topic cannot be a topic.
-    #[error("monitor topic {topic:?} is not valid: {reason}")]
-    MonitorTopic {
-        /// Name as configured.
-        topic: String,
-        /// The rule it breaks.
-        reason: String,
-    },
-    /// libzmq or the system refused.
-    #[error("ZeroMQ could not start: {reason}")]
-    Transport {
-        /// Message of the system.
-        reason: String,
-    },
-}
-
-impl ZeroMqError {
-    /// True when no later try can succeed, because the settings are wrong.
-    #[must_use]
-    pub fn is_hopeless(&self) -> bool {
-        matches!(
-            self,
-            Self::NoPort { .. }
-                | Self::MonitorTopic { .. }
-                | Self::Broker(
-                    BrokerError::NotLoopback(_)
-                        | BrokerError::SamePort { .. }
-                        | BrokerError::Curve(_)
-                )
-        )
-    }
-}
-
-impl From<zmq::Error> for ZeroMqError {
-    fn from(error: zmq::Error) -> Self {
-        Self::Transport { reason: error.to_string() }
-    }
 }
 
 impl ZeroMq {
@@ -385,8 +307,4 @@ fn invalid(topic: &str, reason: String) -> OpenError {
 fn check_ports(ports: [(&'static str, u16); 2]) -> Result<(), ZeroMqError> {
     let unknown = ports.into_iter().find(|(_, port)| *port == 0);
     unknown.map_or(Ok(()), |(field, _)| Err(ZeroMqError::NoPort { field }))
-}
-
-fn transport(topic: &str, error: zmq::Error) -> OpenError {
-    OpenError::transport(NAME, topic, contexts::reason(error))
 }

@@ -7,7 +7,8 @@ use super::io::{Command, Handle};
 use super::link::{self, BrokerLink, Watch};
 use super::own_messages::Listening;
 use super::reception::{Arrival, Reception};
-use super::{Shared, options, transport};
+use super::shared::Shared;
+use super::{contexts, options};
 use wrapyfi_endpoint::codec::frames;
 use wrapyfi_endpoint::{
     Context, Link, Listener, OpenResult, Overflow, QueueSpec, Receiver, Sample, TakeError,
@@ -42,12 +43,11 @@ impl ZeroMqListener {
         let (socket, watch) = shared
             .contexts
             .open(|context| open_socket(context, shared, spec, &link))
-            .map_err(|e| transport(&spec.topic, e))?;
+            .map_err(|error| contexts::refused(&spec.topic, error))?;
         let id = shared.io.handle.next_id();
         let (sender, receiver) = inbox(spec.queue, context);
         let io = Arc::clone(&shared.io.handle);
         let reception = Reception {
-            id,
             socket,
             watch,
             topic: spec.topic.as_bytes().to_vec(),
@@ -56,8 +56,9 @@ impl ZeroMqListener {
             listening: Listening::new(shared.own_messages.of(&spec.topic)),
             room: Waker::from(Arc::new(Look(id, Arc::clone(&io)))),
             held: None,
+            is_closed: false,
         };
-        io.send(Command::Listen(reception));
+        io.send(Command::Open(id, Box::new(reception)));
         Ok(Self { id, spec: spec.clone(), inbox: receiver, link, io })
     }
 }

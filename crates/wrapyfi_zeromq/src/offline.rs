@@ -7,10 +7,11 @@ use std::time::Instant;
 use bytes::Bytes;
 
 pub use super::discovery::{read_counts, read_table};
+use super::heard::Heard;
 use super::monitor::Monitor;
-use super::peer::{Heard, Kind, Peer};
+use super::peer::Peer;
 use super::port_check::{self, Answer};
-use super::zmtp;
+use super::zmtp::{self, Kind};
 
 /// Answer of a port whose program says `bytes` and closes.
 #[must_use]

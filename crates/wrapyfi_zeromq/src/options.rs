@@ -6,9 +6,12 @@ use std::time::Duration;
 
 use socket2::{SockRef, TcpKeepalive};
 
-use super::config::FRAME_SLACK;
 use wrapyfi_endpoint::{Mutex, backoff};
 
+/// Room above a message limit for topic and header frames.
+pub(super) const FRAME_SLACK: usize = 64 * 1024;
+/// Messages that libzmq holds between a broker and a client or a server.
+pub(super) const SEND_HWM: u16 = 2;
 /// Time in which a closed socket may still send the messages that it holds.
 pub(super) const LINGER: Duration = Duration::from_millis(500);
 /// Time between two questions of libzmq whether a peer lives, and time that a peer has to answer: one that does not is

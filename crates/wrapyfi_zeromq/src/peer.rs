@@ -10,16 +10,17 @@ use std::collections::{BTreeSet, VecDeque};
 use std::io::{ErrorKind, IoSlice, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Instant;
 
 use bytes::Bytes;
 
-use super::assembly::{Assembly, TooLarge};
-use super::curve::{self, Curve, Grant, OVERHEAD, Step};
+use super::assembly::Assembly;
+use super::curve::{Curve, Grant, OVERHEAD};
+use super::heard::{End, Heard};
+use super::mechanism::{Mechanism, Secured};
+use super::message::{Content, Message};
 use super::options;
-use super::own_messages::Fingerprint;
-use super::zmtp::{self, Breach};
+use super::zmtp::{self, Breach, Kind, Step};
 use wrapyfi_endpoint::{DropReason, PROGRESS, Share};
 
 /// Subscriptions of one listener. What is beyond is ignored.
@@ -30,172 +31,14 @@ const MAX_FRAME_BYTES: usize = 64 * 1024 + OVERHEAD;
 const READS: usize = 16;
 /// Question whether a peer lives: the command, and no time to live.
 const PING: &[u8] = b"\x04PING\0\0";
-/// Bytes of memory that a connection with CURVE keeps for its next message.
-const KEPT: usize = 64 * 1024;
 /// Pieces given to one write.
 const SLICES: usize = 64;
-
-/// Socket type that our end of a connection has.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
-    /// Publishes, and hears subscriptions.
-    Xpub,
-    /// Subscribes, and hears messages.
-    Xsub,
-    /// Hears requests, and answers each where it came from.
-    Router,
-    /// Asks one after the other, and hears replies.
-    Dealer,
-}
-
-impl Kind {
-    fn name(self) -> &'static str {
-        match self {
-            Self::Xpub => "XPUB",
-            Self::Xsub => "XSUB",
-            Self::Router => "ROUTER",
-            Self::Dealer => "DEALER",
-        }
-    }
-
-    /// True where a socket of ours of this type may have that peer.
-    fn takes(self, theirs: &[u8]) -> bool {
-        match self {
-            Self::Xpub => matches!(theirs, b"SUB" | b"XSUB"),
-            Self::Xsub => matches!(theirs, b"PUB" | b"XPUB"),
-            Self::Router => matches!(theirs, b"REQ" | b"DEALER" | b"ROUTER"),
-            Self::Dealer => matches!(theirs, b"REP" | b"DEALER" | b"ROUTER"),
-        }
-    }
-}
-
-/// Cause of the end of a connection.
-#[derive(Debug, thiserror::Error)]
-pub(super) enum End {
-    #[error("it left")]
-    Left,
-    #[error(transparent)]
-    Breach(#[from] Breach),
-    #[error("it offers {theirs} where this side speaks {ours} (endpoints: zeromq: curve)")]
-    Mechanism { theirs: String, ours: &'static str },
-    #[error(transparent)]
-    Curve(#[from] curve::Breach),
-    #[error("it sends {0}")]
-    TooLarge(#[from] TooLarge),
-    #[error("too much waits in this process (limits: waiting_mib)")]
-    OverBudget,
-    #[error(transparent)]
-    Io(#[from] std::io::Error),
-}
-
-impl End {
-    /// Reason under which it is counted; none for what happens to every connection.
-    pub(super) fn reason(&self) -> Option<&'static str> {
-        match self {
-            Self::TooLarge(_) => Some(DropReason::Oversize.as_str()),
-            Self::OverBudget => Some(DropReason::OverBudget.as_str()),
-            Self::Mechanism { .. } => Some("mechanism"),
-            Self::Curve(breach) => Some(breach.reason()),
-            Self::Left | Self::Breach(_) | Self::Io(_) => None,
-        }
-    }
-}
-
-/// Something that a peer said.
-#[derive(Debug, PartialEq, Eq)]
-pub(super) enum Heard {
-    Subscribed(Vec<u8>),
-    Unsubscribed(Vec<u8>),
-    /// Something that is no subscription.
-    Ignored,
-    /// Subscription or message of a topic that the peer's key may not have.
-    Denied(Vec<u8>),
-    /// Frames of a message.
-    Message(Vec<Bytes>),
-}
-
-/// A message as it goes on the wire.
-#[derive(Debug)]
-pub(super) struct Message {
-    pub(super) parts: Vec<Bytes>,
-    pub(super) wire_bytes: usize,
-    /// Topic and size as its publisher counts it; none for what the broker says itself.
-    pub(super) of: Option<(Bytes, usize)>,
-    /// Fingerprint by which it is known again when it comes back, where somebody here listens.
-    pub(super) print: Option<Fingerprint>,
-    /// A listener missed it already: it is counted once.
-    missed: AtomicBool,
-}
-
-/// A message that a listener did not get.
-#[derive(Debug, Clone)]
-pub(super) struct Loss {
-    pub(super) reason: DropReason,
-    pub(super) listener: SocketAddr,
-    /// Topic and size, where no other listener missed it before.
-    pub(super) first: Option<(Bytes, usize)>,
-}
-
-impl Message {
-    /// A message of a publisher, with its topic and size.
-    pub(super) fn new<F: AsRef<[u8]> + Send + 'static>(
-        frames: Vec<F>,
-        of: Option<(Bytes, usize)>,
-        print: Option<Fingerprint>,
-    ) -> Arc<Self> {
-        let parts = zmtp::encode(frames);
-        let wire_bytes = parts.iter().map(Bytes::len).sum();
-        Arc::new(Self { parts, wire_bytes, of, print, missed: AtomicBool::new(false) })
-    }
-
-    pub(super) fn loss(&self, reason: DropReason, listener: SocketAddr) -> Loss {
-        let first = if self.missed.swap(true, Relaxed) { None } else { self.of.clone() };
-        Loss { reason, listener, first }
-    }
-}
-
-/// Something that the broker says itself.
-pub(super) fn control(bytes: Vec<u8>) -> Arc<Message> {
-    let (wire_bytes, parts) = (bytes.len(), vec![bytes.into()]);
-    Arc::new(Message { parts, wire_bytes, of: None, print: None, missed: AtomicBool::new(true) })
-}
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Stage {
     Greeting,
     Handshake,
     Open,
-}
-
-/// Security of a connection.
-enum Mechanism {
-    Null,
-    Curve(Box<Secured>),
-}
-
-/// State of a connection with CURVE.
-struct Secured {
-    curve: Curve,
-    /// Our first command, where we begin.
-    hello: Option<Vec<u8>>,
-    /// The message that has begun, of frames that were opened.
-    plain: Option<Assembly>,
-    /// Number of messages at the head of the outbox that are of the handshake, and go as they are.
-    clear: usize,
-    /// The first message of the outbox behind those, sealed when its turn comes: its number is that of its place.
-    sealed: Vec<u8>,
-}
-
-impl Secured {
-    fn seal(&mut self, message: &Message) -> Result<(), End> {
-        let wire = message.parts.concat();
-        let mut rest = &wire[..];
-        while let Some((frame, size)) = zmtp::split_frame(rest, usize::MAX)? {
-            self.curve.seal(frame.is_command, frame.more, frame.body, &mut self.sealed)?;
-            rest = rest.get(size..).unwrap_or_default();
-        }
-        Ok(())
-    }
 }
 
 /// One peer.
@@ -245,7 +88,7 @@ impl<S: Read + Write> Peer<S> {
             inside: false,
             topics: BTreeSet::new(),
             only: None,
-            outbox: VecDeque::from([control(zmtp::greeting(zmtp::NULL, false))]),
+            outbox: VecDeque::from([Message::clear(Mechanism::Null.greeting().0)]),
             waiting: 0,
             written: 0,
             written_bytes: 0,
@@ -271,25 +114,16 @@ impl<S: Read + Write> Peer<S> {
 
     /// The same, with CURVE; `hello` is our first command, where we begin.
     pub(super) fn secured(mut self, curve: Curve, hello: Option<Vec<u8>>) -> Self {
-        let mut greeting = zmtp::greeting(zmtp::CURVE, curve.is_server());
-        if curve.is_server() {
-            // libzmq leaves at another mechanism before it tells its own, and nobody would know why.
-            greeting.truncate(zmtp::VERSIONED);
-        }
-        self.outbox = VecDeque::from([control(greeting)]);
         let plain = self.assembly.take();
-        let sealed = |plain: &Assembly| Assembly::new(plain.limit().saturating_add(OVERHEAD));
-        self.assembly = plain.as_ref().map(sealed);
-        let secured = Secured { curve, hello, plain, clear: 1, sealed: Vec::new() };
-        Self { mechanism: Mechanism::Curve(Box::new(secured)), ..self }
+        self.assembly = plain.as_ref().map(Secured::around);
+        self.mechanism = Mechanism::curve(curve, hello, plain);
+        self.outbox = VecDeque::from([Message::clear(self.mechanism.greeting().0)]);
+        self
     }
 
     /// Permissions of the peer's key, where it has some.
     pub(super) fn grant(&self) -> Option<&Arc<Grant>> {
-        match &self.mechanism {
-            Mechanism::Null => None,
-            Mechanism::Curve(secured) => secured.curve.grant(),
-        }
+        self.mechanism.grant()
     }
 
     /// True for a topic that the peer may hear of.
@@ -299,10 +133,13 @@ impl<S: Read + Write> Peer<S> {
 
     /// Queues a command of the handshake.
     fn say(&mut self, command: &[u8]) {
-        if let Mechanism::Curve(secured) = &mut self.mechanism {
-            secured.clear += 1;
-        }
-        self.outbox.push_back(control(zmtp::command(command)));
+        self.outbox.push_back(Message::clear(zmtp::command(command)));
+    }
+
+    /// Queues a command on the connection that is open.
+    fn tell(&mut self, command: &[u8]) {
+        let is_sealed = self.mechanism.secured().is_some();
+        self.outbox.push_back(Message::command(command.to_vec(), is_sealed));
     }
 
     /// True when the handshake is over.
@@ -323,7 +160,7 @@ impl<S: Read + Write> Peer<S> {
             if hwm.is_some_and(|hwm| self.waiting >= hwm) {
                 return Err(DropReason::Stalled);
             }
-            if !self.share.take(message.wire_bytes) {
+            if !self.share.take(message.bytes) {
                 return Err(DropReason::OverBudget);
             }
             self.waiting += 1;
@@ -339,18 +176,11 @@ impl<S: Read + Write> Peer<S> {
         while let Some(first) = self.outbox.front()
             && !self.is_blocked
         {
-            let written = match &mut self.mechanism {
-                Mechanism::Curve(secured) if secured.clear == 0 => {
-                    if secured.sealed.is_empty() {
-                        secured.seal(first).map_err(std::io::Error::other)?;
-                    }
-                    self.stream.write(secured.sealed.get(self.written..).unwrap_or_default())
+            let written = match (&mut self.mechanism, &first.content) {
+                (Mechanism::Curve(secured), content @ Content::Plain { .. }) => {
+                    self.stream.write(secured.seal(content, self.written)?)
                 }
-                Mechanism::Curve(secured) => {
-                    let clear = secured.clear;
-                    self.write_clear(clear)
-                }
-                Mechanism::Null => self.write_clear(usize::MAX),
+                _ => self.write_clear(),
             };
             match written {
                 Ok(0) => return Err(ErrorKind::WriteZero.into()),
@@ -363,9 +193,9 @@ impl<S: Read + Write> Peer<S> {
                 Err(error) => return Err(error),
             }
             while let Some(first) = self.outbox.front() {
-                let bytes = match &self.mechanism {
-                    Mechanism::Curve(secured) if secured.clear == 0 => secured.sealed.len(),
-                    _ => first.wire_bytes,
+                let bytes = match (&self.mechanism, &first.content) {
+                    (Mechanism::Curve(secured), Content::Plain { .. }) => secured.sealed(),
+                    _ => first.bytes,
                 };
                 // What is not sealed yet is not written.
                 if self.written < bytes || self.written == 0 {
@@ -373,12 +203,10 @@ impl<S: Read + Write> Peer<S> {
                 }
                 self.written -= bytes;
                 if let Mechanism::Curve(secured) = &mut self.mechanism {
-                    secured.clear = secured.clear.saturating_sub(1);
-                    secured.sealed.clear();
-                    secured.sealed.shrink_to(KEPT);
+                    secured.written();
                 }
                 if first.of.is_some() {
-                    self.share.give(first.wire_bytes);
+                    self.share.give(first.bytes);
                     self.waiting -= 1;
                 }
                 self.outbox.pop_front();
@@ -387,11 +215,15 @@ impl<S: Read + Write> Peer<S> {
         Ok(())
     }
 
-    /// Writes the first messages of the outbox as they are.
-    fn write_clear(&mut self, messages: usize) -> std::io::Result<usize> {
+    /// Writes the first messages of the outbox, as far as they go as they are.
+    fn write_clear(&mut self) -> std::io::Result<usize> {
         let mut skip = self.written;
         let mut slices = Vec::with_capacity(SLICES);
-        for part in self.outbox.iter().take(messages).flat_map(|message| &message.parts) {
+        let encoded = self.outbox.iter().map_while(|message| match &message.content {
+            Content::Encoded(parts) => Some(parts),
+            Content::Plain { .. } => None,
+        });
+        for part in encoded.flatten() {
             match part.get(skip..) {
                 Some(rest) if !rest.is_empty() => {
                     slices.push(IoSlice::new(rest));
@@ -465,29 +297,14 @@ impl<S: Read + Write> Peer<S> {
             };
             let (theirs, has_heartbeats) = zmtp::read_greeting(greeting)?;
             self.inbox = rest.to_vec();
-            let (ours, hello) = match &mut self.mechanism {
-                Mechanism::Null => (zmtp::NULL, None),
-                Mechanism::Curve(secured) => {
-                    if secured.curve.is_server() {
-                        let rest = zmtp::greeting(zmtp::CURVE, true).split_off(zmtp::VERSIONED);
-                        secured.clear += 1;
-                        self.outbox.push_back(control(rest));
-                    }
-                    (zmtp::CURVE, secured.hello.take())
-                }
-            };
+            self.outbox.extend(self.mechanism.greeting().1.map(Message::clear));
+            let ours = self.mechanism.name();
             if theirs != ours {
                 return Err(End::Mechanism { theirs, ours });
             }
             self.has_heartbeats = has_heartbeats;
             self.stage = Stage::Handshake;
-            match hello {
-                Some(hello) => self.say(&hello),
-                None if ours == zmtp::NULL => {
-                    self.outbox.push_back(control(zmtp::ready(self.kind.name())));
-                }
-                None => {}
-            }
+            self.outbox.extend(self.mechanism.begin(self.kind.name()).map(Message::clear));
         }
         let inbox = std::mem::take(&mut self.inbox);
         let mut rest = &inbox[..];
@@ -521,34 +338,20 @@ impl<S: Read + Write> Peer<S> {
 
     /// Takes a command of the handshake.
     fn handshake(&mut self, body: &[u8]) -> Result<(), End> {
-        let theirs = match &mut self.mechanism {
-            Mechanism::Null => {
-                let (name, properties) = zmtp::short_text(body).ok_or(Breach)?;
-                if name != b"READY" {
-                    return Err(Breach.into());
-                }
-                properties.to_vec()
+        let theirs = match self.mechanism.handshake(body, self.kind.name()) {
+            Ok(Step::Say(command)) => {
+                self.say(&command);
+                return Ok(());
             }
-            Mechanism::Curve(secured) => {
-                let ours = zmtp::properties(self.kind.name());
-                match secured.curve.handshake(body, &ours) {
-                    Ok(Step::Say(command)) => {
-                        self.say(&command);
-                        return Ok(());
-                    }
-                    Ok(Step::Open(last, theirs)) => {
-                        if let Some(last) = last {
-                            self.say(&last);
-                        }
-                        theirs
-                    }
-                    Err(breach) => {
-                        if let Some(told) = breach.told() {
-                            self.say(told);
-                        }
-                        return Err(breach.into());
-                    }
+            Ok(Step::Open(last, theirs)) => {
+                last.iter().for_each(|last| self.say(last));
+                theirs
+            }
+            Err(end) => {
+                if let Some(told) = end.told() {
+                    self.say(told);
                 }
+                return Err(end);
             }
         };
         if !zmtp::socket_type(&theirs).is_some_and(|it| self.kind.takes(it)) {
@@ -557,7 +360,7 @@ impl<S: Read + Write> Peer<S> {
         self.stage = Stage::Open;
         if self.only.is_some() {
             // Each of two of ours asks only who is silent: nobody would know that the other answers.
-            self.outbox.push_back(control(zmtp::command(PING)));
+            self.tell(PING);
         }
         Ok(())
     }
@@ -578,7 +381,7 @@ impl<S: Read + Write> Peer<S> {
     /// Opens a frame that was sealed.
     fn open(&mut self, mut sealed: Vec<u8>, heard: &mut Vec<Heard>) -> Result<(), End> {
         let Mechanism::Curve(secured) = &mut self.mechanism else { return Ok(()) };
-        let opened = secured.curve.open(&mut sealed)?;
+        let opened = secured.open(&mut sealed)?;
         let Some(plain) = secured.plain.as_mut().filter(|_| !opened.is_command) else {
             let body = sealed.get(OVERHEAD..).unwrap_or_default();
             self.hear(opened.is_command, opened.more, body, heard);
@@ -590,7 +393,7 @@ impl<S: Read + Write> Peer<S> {
         let topic = message.first().cloned().unwrap_or_default();
         // Requests and replies have no topic; who may send them is decided by the handshake.
         let is_denied = self.kind == Kind::Xsub
-            && secured.curve.grant().is_some_and(|grant| !grant.may_publish(&topic));
+            && self.mechanism.grant().is_some_and(|grant| !grant.may_publish(&topic));
         heard.push(if is_denied { Heard::Denied(topic.into()) } else { Heard::Message(message) });
         Ok(())
     }
@@ -610,10 +413,7 @@ impl<S: Read + Write> Peer<S> {
 
     /// Messages that have begun, as they come and as they are opened.
     fn assemblies(&self) -> impl Iterator<Item = &Assembly> {
-        let plain = match &self.mechanism {
-            Mechanism::Null => None,
-            Mechanism::Curve(secured) => secured.plain.as_ref(),
-        };
+        let plain = self.mechanism.secured().and_then(|secured| secured.plain.as_ref());
         self.assembly.iter().chain(plain)
     }
 
@@ -627,7 +427,7 @@ impl<S: Read + Write> Peer<S> {
                 let pong =
                     [&b"\x04PONG"[..], context.get(..context.len().min(16)).unwrap_or_default()];
                 if self.outbox.len() <= self.waiting + 4 {
-                    self.outbox.push_back(control(zmtp::command(&pong.concat())));
+                    self.tell(&pong.concat());
                 }
             }
             Some((b"SUBSCRIBE", topic)) => self.subscribe(&[&[1][..], topic].concat(), heard),
@@ -679,7 +479,7 @@ impl<S: Read + Write> Peer<S> {
             _ if !self.outbox.is_empty() => self.asked_at = None,
             None => {
                 self.asked_at = Some(now);
-                self.outbox.push_back(control(zmtp::command(PING)));
+                self.tell(PING);
             }
             Some(at) if self.has_heartbeats => {
                 return now.saturating_duration_since(at) < options::HEARTBEAT_TIMEOUT;

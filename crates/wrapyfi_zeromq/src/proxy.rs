@@ -13,18 +13,18 @@
 //! A listener that reads more slowly than is published misses what exceeds its queue here, and nobody else is slowed
 //! down. Each message that it misses is counted, here and where it was published in this process.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 
-use super::broker::BrokerStatus;
-use super::front::Front;
+use super::front::{self, Front};
+use super::heard::Heard;
 use super::ledger::Ledger;
+use super::message::Loss;
 use super::monitor::Monitor;
 use super::options;
-use super::peer::{Heard, Loss};
+use super::status::BrokerStatus;
 use super::traffic::{TRAFFIC_TOPIC, Traffic, TrafficTable, guess};
 use super::turns::Turns;
 use wrapyfi_endpoint::{Mutex, Throttle};
@@ -121,10 +121,6 @@ impl Proxy {
                 self.ledger.undelivered(topic, reason, *bytes);
             }
         }
-        let mut cut = BTreeMap::new();
-        for (reason, count) in self.front.cuts().chain(self.back.cuts()) {
-            *cut.entry(reason).or_default() += count;
-        }
         let (counts, mut shown) = (&self.status, self.shown.lock());
         shown.messages = counts.messages;
         shown.bytes = counts.bytes;
@@ -132,7 +128,7 @@ impl Proxy {
         shown.ignored = counts.ignored;
         shown.denied = self.front.denied() + self.back.denied();
         shown.missed.clone_from(&counts.missed);
-        shown.cut = cut;
+        shown.cut = front::cuts([&self.front, &self.back]);
     }
 
     /// Publishes the table of topics to those who asked for it.

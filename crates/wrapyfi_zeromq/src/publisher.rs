@@ -6,9 +6,9 @@
 
 use std::sync::Arc;
 
-use super::Shared;
 use super::io::{Command, Handle};
 use super::publisher_connection::PublisherConnection;
+use super::shared::Shared;
 use wrapyfi_data::types::{Image, Payload, Pixels};
 use wrapyfi_endpoint::codec::frames;
 use wrapyfi_endpoint::{Context, DropReason, Link, PublishError, Publisher, TopicSpec};
@@ -31,7 +31,7 @@ impl ZeroMqPublisher {
         let io = Arc::clone(&shared.io.handle);
         let (hwm, own) = (shared.send_hwm, shared.own_messages.of(&spec.topic));
         let connection = PublisherConnection::new(shared, &spec.topic, own, context);
-        io.send(Command::Publish(Arc::clone(&connection)));
+        io.send(Command::Open(connection.id, Box::new(Arc::clone(&connection))));
         shared.ledger.enter(spec.topic.as_bytes(), &context.counters);
         Self { connection, spec, depth: usize::from(hwm), io, told_order: false }
     }

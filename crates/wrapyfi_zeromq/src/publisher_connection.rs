@@ -16,14 +16,17 @@ use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 use mio::unix::SourceFd;
-use mio::{Interest, Registry, Token};
+use mio::{Interest, Registry};
 
 use super::curve::{self, Curve, Keys};
-use super::io::{Command, Handle, Look, index};
+use super::heard;
+use super::io::{Command, End, Handle, Look, token};
 use super::link::{self, BrokerLink};
+use super::message::Message;
 use super::own_messages::OwnTopic;
-use super::peer::{End, Message, Peer};
-use super::{Shared, contexts, options};
+use super::peer::Peer;
+use super::shared::Shared;
+use super::{contexts, options};
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::{Context, DropReason, Mutex, PROGRESS, Throttle};
 
@@ -108,7 +111,9 @@ impl PublisherConnection {
     pub(super) fn send(&self, frames: Vec<Vec<u8>>, bytes: usize) -> Result<(), DropReason> {
         // Before it is sent: it may be back before we are.
         let print = self.own.remember(&frames, &self.context.clock);
-        let message = Message::new(frames, Some((self.topic.clone(), bytes)), print);
+        let frames = frames.into_iter().map(Bytes::from).collect();
+        let of = Some((self.topic.clone(), bytes));
+        let message = Message::new(frames, self.keys.is_some(), of, print);
         let queued = self.queue(&message);
         if queued.is_err() {
             self.forget(&message);
@@ -131,19 +136,6 @@ impl PublisherConnection {
             self.io.send(Command::Look(self.id));
         }
         Ok(())
-    }
-
-    /// Connects, hears, and writes what waits, on the I/O thread.
-    pub(super) fn look(&self, now: Instant, registry: &Registry, faults: &mut Throttle) -> Look {
-        let mut state = self.state.lock();
-        let before = (state.subscriptions(), self.link.state());
-        let look = self.step(&mut state, now, registry, faults);
-        let after = (state.subscriptions(), self.link.state());
-        drop(state);
-        if before != after {
-            self.context.wake.ring();
-        }
-        look
     }
 
     fn step(
@@ -212,7 +204,7 @@ impl PublisherConnection {
         let more = match (read, written) {
             (Ok(more), Ok(())) => more,
             (Err(why), _) => {
-                if matches!(why, End::Mechanism { .. }) {
+                if matches!(why, heard::End::Mechanism { .. }) {
                     self.link.note(link::SECURED);
                 }
                 return self.lose(state, now, &why);
@@ -274,9 +266,29 @@ impl PublisherConnection {
             self.own.forget(print);
         }
     }
+}
+
+impl End for Arc<PublisherConnection> {
+    /// Connects, hears, and writes what waits.
+    fn look(
+        &mut self,
+        now: Instant,
+        registry: &Registry,
+        faults: &mut Throttle,
+    ) -> zmq::Result<Look> {
+        let mut state = self.state.lock();
+        let before = (state.subscriptions(), self.link.state());
+        let look = self.step(&mut state, now, registry, faults);
+        let after = (state.subscriptions(), self.link.state());
+        drop(state);
+        if before != after {
+            self.context.wake.ring();
+        }
+        Ok(look)
+    }
 
     /// Has the connection closed once what waits is sent, or some time has passed.
-    pub(super) fn close(&self, now: Instant) {
+    fn close(&mut self, now: Instant) {
         self.link.note(link::ENDED);
         self.state.lock().closes.get_or_insert(now + options::LINGER);
     }
@@ -296,7 +308,7 @@ fn connect(broker: SocketAddr, id: u64, registry: &Registry) -> std::io::Result<
     let stream = TcpStream::from(mio::net::TcpStream::connect(broker)?);
     options::set_stream(&stream)?;
     let interest = Interest::READABLE | Interest::WRITABLE;
-    registry.register(&mut SourceFd(&stream.as_raw_fd()), Token(index(id)), interest)?;
+    registry.register(&mut SourceFd(&stream.as_raw_fd()), token(id), interest)?;
     Ok(stream)
 }
 

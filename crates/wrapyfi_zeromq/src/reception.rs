@@ -14,16 +14,19 @@
 //! `block` a message that finds no room is held here and the socket is left alone; libzmq's queue
 //! and then TCP hold what comes meanwhile, and after that the broker drops for this listener.
 
+use std::os::fd::RawFd;
 use std::task::Waker;
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
+use mio::Registry;
 
 use super::frames::{Received, receive};
+use super::io::{End, Look};
 use super::link::{self, Watch};
 use super::own_messages::Listening;
 use wrapyfi_data::types::Stamp;
-use wrapyfi_endpoint::{DropReason, Sender, Waits};
+use wrapyfi_endpoint::{DropReason, Sender, Throttle, Waits};
 
 /// Frames of the longest known message (three), with room for what may come.
 const MAX_FRAMES: usize = 16;
@@ -45,7 +48,6 @@ impl Waits for Arrival {
 }
 
 pub(super) struct Reception {
-    pub(super) id: u64,
     pub(super) socket: zmq::Socket,
     pub(super) watch: Watch,
     pub(super) topic: Vec<u8>,
@@ -55,19 +57,60 @@ pub(super) struct Reception {
     /// Has the I/O thread look at this listener when there is room.
     pub(super) room: Waker,
     pub(super) held: Option<(Arrival, Instant)>,
+    pub(super) is_closed: bool,
+}
+
+impl End for Reception {
+    fn descriptors(&self) -> Vec<RawFd> {
+        self.socket.get_fd().ok().into_iter().chain(self.watch.fd()).collect()
+    }
+
+    fn look(&mut self, now: Instant, _: &Registry, _: &mut Throttle) -> zmq::Result<Look> {
+        if self.is_closed {
+            return Ok(Look::over());
+        }
+        // Connecting again may take the signal of what waits to be read.
+        let mut more = self.watch.time_left(now) == Some(Duration::ZERO);
+        if self.watch.take() {
+            self.inbox.context().wake.ring();
+        }
+        let mut held = self.retry(now);
+        if held.is_none() {
+            more |= self.read()?;
+            let stopped = self.held.is_some();
+            // Room that was made before the listener could know that it is waited for.
+            held = self.retry(now);
+            more |= stopped && held.is_none();
+        }
+        let timeout = held.into_iter().chain(self.revive(now)).min();
+        Ok(Look { more, timeout, over: false })
+    }
+
+    fn close(&mut self, _now: Instant) {
+        self.is_closed = true;
+    }
+
+    fn end(self: Box<Self>) -> Option<Watch> {
+        self.watch.link.note(link::ENDED);
+        if self.held.is_some() {
+            self.inbox.counters().dropped(DropReason::Closed);
+        }
+        drop(self.socket);
+        Some(self.watch)
+    }
 }
 
 impl Reception {
     /// Connects again if libzmq has given up on the broker. The time until it may have is
     /// returned.
-    pub(super) fn revive(&mut self, now: Instant) -> Option<Duration> {
+    fn revive(&mut self, now: Instant) -> Option<Duration> {
         let (topic, context) = (String::from_utf8_lossy(&self.topic), self.inbox.context());
         self.watch.revive(&self.socket, &topic, self.limit, context, now)
     }
 
     /// Places a held message if there is room now, or gives it up at its deadline. The time that
     /// is left is returned.
-    pub(super) fn retry(&mut self, now: Instant) -> Option<Duration> {
+    fn retry(&mut self, now: Instant) -> Option<Duration> {
         let (arrival, deadline) = self.held.take()?;
         let arrival = self.inbox.offer(arrival, &self.room).err()?;
         if deadline > now {
@@ -78,18 +121,8 @@ impl Reception {
         None
     }
 
-    /// Closes the socket; the watch must be kept until it is over.
-    pub(super) fn close(self) -> Watch {
-        self.watch.link.note(link::ENDED);
-        if self.held.is_some() {
-            self.inbox.counters().dropped(DropReason::Closed);
-        }
-        drop(self.socket);
-        self.watch
-    }
-
     /// Reads what the socket has, one batch at most; true when there may be more.
-    pub(super) fn read(&mut self) -> zmq::Result<bool> {
+    fn read(&mut self) -> zmq::Result<bool> {
         for _ in 0..BATCH {
             if self.held.is_some() {
                 return Ok(false);

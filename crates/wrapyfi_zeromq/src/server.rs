@@ -9,9 +9,10 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use super::contexts;
 use super::envelope::{self, ServiceMessage};
 use super::service_connection::{Delivery, End, ServiceConnection, ServiceHandle};
-use super::{Shared, transport};
+use super::shared::Shared;
 use wrapyfi_data::types::Payload;
 use wrapyfi_data::{DecodeError, EncodeError};
 use wrapyfi_endpoint::calls::ends;
@@ -40,7 +41,7 @@ impl ZeroMqServer {
         let requests = Arc::new(Requests::new(&spec, context));
         let end = End::Server(Arc::clone(&requests));
         let handle = ServiceConnection::open(shared, endpoint, end, &spec, context)
-            .map_err(|error| transport(&spec.service, error))?;
+            .map_err(|error| contexts::refused(&spec.service, error))?;
         Ok(WireServer::new(Self { spec: spec.clone(), handle }, requests, &spec))
     }
 }

@@ -7,51 +7,20 @@
 //! No name of a service travels: one pair of ports is one service, and several servers on it are
 //! asked in turn.
 
-use std::collections::BTreeMap;
 use std::net::IpAddr;
 use std::sync::Arc;
 
-use serde::Serialize;
-
-use super::broker::{BrokerError, bind, failed_to, keys, loopback};
-use super::config::ZeroMqConfig;
-use super::curve_config::CurveConfig;
+use super::broker::{bind, failed_to, keys, loopback};
+use super::config::ServiceBrokerConfig;
+use super::error::BrokerError;
 use super::front::Bounds;
-use super::options::StopSignal;
-use super::peer::Kind;
-use super::service_connection::SEND_HWM;
+use super::options::{SEND_HWM, StopSignal};
 use super::service_proxy::ServiceProxy;
+use super::status::ServiceBrokerStatus;
 use super::supervisor::{Side, Supervised};
 use super::turns::Runs;
-use wrapyfi_endpoint::network::Insecure;
-use wrapyfi_endpoint::{Mutex, ServiceSpec};
-
-/// Settings of a [`ServiceBroker`]; the fields mean what they mean in [`ZeroMqConfig`].
-#[derive(Debug, Clone, PartialEq, Eq)]
-#[allow(missing_docs)]
-pub struct ServiceBrokerConfig {
-    pub ip: String,
-    /// 0 means any free port, here and in `req_port`.
-    pub rep_port: u16,
-    pub req_port: u16,
-    /// Requests held while no server takes them; those beyond are answered with an error.
-    pub pending: usize,
-    pub max_frame_bytes: usize,
-    pub max_connections: usize,
-    pub insecure: Insecure,
-    pub curve: Option<CurveConfig>,
-}
-
-impl Default for ServiceBrokerConfig {
-    fn default() -> Self {
-        ZeroMqConfig::default().service_broker_config()
-    }
-}
-
-impl ServiceBrokerConfig {
-    /// Requests held unless said otherwise.
-    pub const PENDING: usize = ServiceSpec::PENDING;
-}
+use super::zmtp::Kind;
+use wrapyfi_endpoint::Mutex;
 
 /// A running broker of requests and replies. Dropping it ends it and frees its ports.
 #[derive(Debug)]
@@ -61,32 +30,6 @@ pub struct ServiceBroker {
     req_port: u16,
     status: Arc<Mutex<ServiceBrokerStatus>>,
     _runs: Runs,
-}
-
-/// A broker of requests and replies at one moment.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
-pub struct ServiceBrokerStatus {
-    /// Requests passed on to servers.
-    pub requests: u64,
-    /// Replies passed on to clients.
-    pub replies: u64,
-    /// Bytes passed on both ways, all frames.
-    pub bytes: u64,
-    /// Requests that wait for a server now.
-    pub waiting: u64,
-    /// Requests answered with an error because too many waited.
-    pub overloaded: u64,
-    /// Requests dropped because their callers had given up.
-    pub expired: u64,
-    /// Messages dropped because they were no request or no reply.
-    pub malformed: u64,
-    /// Replies dropped because their clients were gone, or did not read.
-    pub unheard: u64,
-    /// Connections that were refused or ended, by reason: `too_many`, `oversize`, `over_budget`; with CURVE
-    /// `mechanism`, `curve`, `unknown_key`, `not_allowed` (to call or to serve).
-    pub cut: BTreeMap<&'static str, u64>,
-    /// Reason why the broker does not work now; it goes on trying.
-    pub failure: Option<String>,
 }
 
 impl ServiceBroker {

@@ -10,22 +10,23 @@
 //! that never comes blocks them for ever. On the wire it is the same, envelope for envelope.
 
 use std::collections::VecDeque;
+use std::os::fd::RawFd;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
+use mio::Registry;
 
 use super::envelope::{self, ServiceMessage};
 use super::frames::{Received, receive};
-use super::io::Handle;
+use super::io::{self, Command, Handle, Look};
 use super::link::{self, BrokerLink, Watch};
-use super::{Shared, options};
+use super::options::{self, SEND_HWM};
+use super::shared::Shared;
 use wrapyfi_data::DecodeError;
 use wrapyfi_endpoint::requests::Requests;
-use wrapyfi_endpoint::{Context, DropReason, Mutex, ServiceSpec, Share};
+use wrapyfi_endpoint::{Context, DropReason, Mutex, ServiceSpec, Share, Throttle};
 
-/// Messages that libzmq holds for the broker.
-pub(super) const SEND_HWM: u16 = 2;
 /// Messages read from one socket before the others have their turn.
 const BATCH: usize = 64;
 
@@ -120,7 +121,7 @@ impl ServiceHandle {
             return Err(message);
         }
         self.outgoing.lock().push_back(Waiting { message, until, sent_bytes });
-        self.io.send(super::io::Command::Look(self.id));
+        self.io.send(Command::Look(self.id));
         Ok(())
     }
 
@@ -138,18 +139,59 @@ impl ServiceHandle {
 
     /// Ends the connection.
     pub(super) fn close(&self) {
-        self.io.send(super::io::Command::Close(self.id));
+        self.io.send(Command::Close(self.id));
     }
 }
 
 /// The socket and what it feeds.
 pub(super) struct ServiceConnection {
-    pub(super) handle: Arc<ServiceHandle>,
-    pub(super) socket: zmq::Socket,
-    pub(super) watch: Watch,
+    handle: Arc<ServiceHandle>,
+    socket: zmq::Socket,
+    watch: Watch,
     message_bytes: usize,
     /// Instant until which replies are still sent, because the server is closed.
     closes: Option<Instant>,
+}
+
+impl io::End for ServiceConnection {
+    fn descriptors(&self) -> Vec<RawFd> {
+        self.socket.get_fd().ok().into_iter().chain(self.watch.fd()).collect()
+    }
+
+    fn look(&mut self, now: Instant, _: &Registry, _: &mut Throttle) -> zmq::Result<Look> {
+        // Connecting again may take the signal of what waits to be read.
+        let mut more = self.watch.time_left(now) == Some(Duration::ZERO);
+        if self.watch.take() {
+            self.handle.context.wake.ring();
+        }
+        self.write()?;
+        self.read()?;
+        // Last: reading or writing may have taken the signal of what the other could not do before.
+        more |= self.has_more()?;
+        let lingers = self.lingers(now);
+        let timeout = self.revive(now).into_iter().chain(lingers).min();
+        Ok(Look { more, timeout, over: lingers == Some(Duration::ZERO) })
+    }
+
+    /// Has the socket closed once what waits is sent, or some time has passed.
+    fn close(&mut self, now: Instant) {
+        self.closes.get_or_insert(now + options::LINGER);
+    }
+
+    /// Closes the socket, which still sends what was given to it.
+    fn end(self: Box<Self>) -> Option<Watch> {
+        // What the broker had no room for until now is lost with the socket.
+        for left in self.handle.outgoing.lock().drain(..) {
+            let [sending, _] = &self.handle.shares;
+            sending.give(self.handle.counted(&left.message));
+            if let Some(bytes) = left.sent_bytes {
+                self.handle.context.counters.undelivered(DropReason::Closed, bytes);
+            }
+        }
+        self.handle.link.note(link::ENDED);
+        drop(self.socket);
+        Some(self.watch)
+    }
 }
 
 impl ServiceConnection {
@@ -191,48 +233,27 @@ impl ServiceConnection {
         let message_bytes = spec.limits.message_bytes;
         let connection =
             Self { handle: Arc::clone(&handle), socket, watch, message_bytes, closes: None };
-        io.send(super::io::Command::ServiceConnection(connection));
+        io.send(Command::Open(handle.id, Box::new(connection)));
         Ok(handle)
     }
 
     /// Connects again if libzmq has given up on the broker. The time until it may have is returned.
-    pub(super) fn revive(&mut self, now: Instant) -> Option<Duration> {
+    fn revive(&mut self, now: Instant) -> Option<Duration> {
         let (handle, limit) = (&self.handle, self.message_bytes);
         self.watch.revive(&self.socket, &handle.service, limit, &handle.context, now)
     }
 
-    /// Has the socket closed once what waits is sent, or some time has passed.
-    pub(super) fn close(&mut self, now: Instant) {
-        self.closes.get_or_insert(now + options::LINGER);
-    }
-
     /// Time for which replies are still waited for to be sent; `None` while the connection is in use.
-    pub(super) fn lingers(&self, now: Instant) -> Option<Duration> {
+    fn lingers(&self, now: Instant) -> Option<Duration> {
         let left = self.closes?.saturating_duration_since(now);
         let sends = matches!(self.handle.end, End::Server(_)) && self.handle.link.is_up();
         let waits = sends && !self.handle.outgoing.lock().is_empty();
         Some(if waits { left } else { Duration::ZERO })
     }
 
-    /// Closes the socket, which still sends what was given to it; the watch must be kept until it
-    /// is over.
-    pub(super) fn end(self) -> Watch {
-        // What the broker had no room for until now is lost with the socket.
-        for left in self.handle.outgoing.lock().drain(..) {
-            let [sending, _] = &self.handle.shares;
-            sending.give(self.handle.counted(&left.message));
-            if let Some(bytes) = left.sent_bytes {
-                self.handle.context.counters.undelivered(DropReason::Closed, bytes);
-            }
-        }
-        self.handle.link.note(link::ENDED);
-        drop(self.socket);
-        self.watch
-    }
-
     /// Sends what waits and has room; a client does so while the broker is there, because libzmq takes requests for
     /// one that is not.
-    pub(super) fn write(&self) -> zmq::Result<()> {
+    fn write(&self) -> zmq::Result<()> {
         if !self.may_write() {
             return Ok(());
         }
@@ -255,14 +276,14 @@ impl ServiceConnection {
     }
 
     /// True when there is something to read, or room for what waits to be sent.
-    pub(super) fn has_more(&self) -> zmq::Result<bool> {
+    fn has_more(&self) -> zmq::Result<bool> {
         let events = self.socket.get_events()?;
         let waits = || self.may_write() && !self.handle.outgoing.lock().is_empty();
         Ok(events.contains(zmq::POLLIN) || (events.contains(zmq::POLLOUT) && waits()))
     }
 
     /// Reads what the socket has, one batch at most.
-    pub(super) fn read(&self) -> zmq::Result<()> {
+    fn read(&self) -> zmq::Result<()> {
         for _ in 0..BATCH {
             let Some(Received { frames, count, bytes }) = receive(&self.socket, envelope::KEPT)?
             else {

@@ -19,9 +19,9 @@ use bytes::Bytes;
 
 use super::deadline;
 use super::envelope::{self, ServiceMessage};
-use super::front::Front;
+use super::front::{self, Front};
 use super::options;
-use super::service_broker::ServiceBrokerStatus;
+use super::status::ServiceBrokerStatus;
 use super::turns::Turns;
 use wrapyfi_endpoint::{Mutex, PROGRESS, Share};
 
@@ -118,10 +118,7 @@ impl ServiceProxy {
     }
 
     fn show(&mut self) {
-        self.tally.cut.clear();
-        for (reason, count) in self.front.cuts().chain(self.back.cuts()) {
-            *self.tally.cut.entry(reason).or_default() += count;
-        }
+        self.tally.cut = front::cuts([&self.front, &self.back]);
         self.shown.lock().clone_from(&self.tally);
     }
 
@@ -275,7 +272,7 @@ impl ServiceProxy {
     fn send(&mut self, reply: &ServiceMessage, replies: u64) -> Sent {
         let client = reply.envelope.first().and_then(|client| client.first_chunk::<8>());
         let client = client.and_then(|client| usize::try_from(u64::from_be_bytes(*client)).ok());
-        match client.and_then(|client| self.front.send(client, &reply.on_wire(1))) {
+        match client.and_then(|client| self.front.send(client, reply.frames(1), reply.size())) {
             Some(true) => {
                 self.tally.replies += replies;
                 self.tally.bytes += reply.size() as u64 * replies;
@@ -339,7 +336,7 @@ impl Turns for ServiceProxy {
 
 /// Gives a request to the server whose turn it is; false when none has room.
 fn forward(message: &ServiceMessage, back: &mut Front, tally: &mut ServiceBrokerStatus) -> bool {
-    let sent = back.send_in_turn(&message.on_wire(0));
+    let sent = back.send_in_turn(message.frames(0), message.size());
     if sent {
         tally.requests += 1;
         tally.bytes += message.size() as u64;
@@ -350,7 +347,7 @@ fn forward(message: &ServiceMessage, back: &mut Front, tally: &mut ServiceBroker
 #[cfg(test)]
 mod tests {
     use super::super::front::Bounds;
-    use super::super::peer::Kind;
+    use super::super::zmtp::Kind;
     use super::*;
     use wrapyfi_endpoint::codec::requests::mark::{Content, Mark};
     use wrapyfi_endpoint::{Budget, Clock};

@@ -10,10 +10,9 @@ use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::ZeroMqError;
-use super::broker::BrokerError;
 use super::config::{BrokerMode, reachable};
 use super::curve::Keys;
+use super::error::{BrokerError, ZeroMqError};
 use super::link::{self, BrokerLink, Watch};
 use super::options::{self, StopSignal};
 use super::port_check::{Answer, ask_port};

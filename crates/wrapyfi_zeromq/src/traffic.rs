@@ -14,6 +14,8 @@ use serde::{Deserialize, Serialize};
 
 /// Topic on which the table is table. Nobody can publish to it through the broker.
 pub(super) const TRAFFIC_TOPIC: &str = "WRAPYFI/TRAFFIC";
+/// Prefix of the subscription that makes Wrapyfi's broker tell its counts. Not listed.
+pub(super) const ASKS_FOR_COUNTS: &str = "WRAPYFI/LOOK/";
 
 /// Topics kept. What comes on others is counted together.
 const MAX_TOPICS: usize = 4096;

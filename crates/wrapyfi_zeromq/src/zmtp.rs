@@ -45,6 +45,54 @@ pub(super) struct Frame<'a> {
 #[error("it does not speak ZMTP 3 as its side does")]
 pub(super) struct Breach;
 
+/// Socket type that our end of a connection has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Publishes, and hears subscriptions.
+    Xpub,
+    /// Subscribes, and hears messages.
+    Xsub,
+    /// Hears requests, and answers each where it came from.
+    Router,
+    /// Asks one after the other, and hears replies.
+    Dealer,
+}
+
+impl Kind {
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Xpub => "XPUB",
+            Self::Xsub => "XSUB",
+            Self::Router => "ROUTER",
+            Self::Dealer => "DEALER",
+        }
+    }
+
+    /// True where a socket of ours of this type may have that peer.
+    pub(super) fn takes(self, theirs: &[u8]) -> bool {
+        match self {
+            Self::Xpub => matches!(theirs, b"SUB" | b"XSUB"),
+            Self::Xsub => matches!(theirs, b"PUB" | b"XPUB"),
+            Self::Router => matches!(theirs, b"REQ" | b"DEALER" | b"ROUTER"),
+            Self::Dealer => matches!(theirs, b"REP" | b"DEALER" | b"ROUTER"),
+        }
+    }
+}
+
+/// Result of a command of the handshake.
+pub(super) enum Step {
+    /// The handshake goes on with this command.
+    Say(Vec<u8>),
+    /// It is over: the last command, where it is ours, and the properties of the peer.
+    Open(Option<Vec<u8>>, Vec<u8>),
+}
+
+/// A frame that was opened in place: its body begins behind what CURVE adds.
+pub(super) struct Opened {
+    pub(super) is_command: bool,
+    pub(super) more: bool,
+}
+
 /// Mechanism of a connection without security.
 pub(super) const NULL: &str = "NULL";
 /// Mechanism of one whose ends have keys.
@@ -156,17 +204,16 @@ pub(super) fn header(bytes: &[u8]) -> Option<Header> {
 }
 
 /// A message as its frames go on the wire: small ones one behind the other, large ones from where they lie.
-pub(super) fn encode<F: AsRef<[u8]> + Send + 'static>(frames: Vec<F>) -> Vec<Bytes> {
+pub(super) fn encode(frames: Vec<Bytes>) -> Vec<Bytes> {
     let (mut parts, mut head) = (Vec::new(), Vec::new());
     let count = frames.len();
-    for (index, frame) in frames.into_iter().enumerate() {
-        let body = frame.as_ref();
+    for (index, body) in frames.into_iter().enumerate() {
         put_header(false, index + 1 < count, body.len(), &mut head);
         if body.len() <= COPIED {
-            head.extend_from_slice(body);
+            head.extend_from_slice(&body);
         } else {
             parts.push(std::mem::take(&mut head).into());
-            parts.push(Bytes::from_owner(frame));
+            parts.push(body);
         }
     }
     if !head.is_empty() {
@@ -217,7 +264,7 @@ mod tests {
     #[test]
     fn messages_are_encoded_as_they_are_split() {
         let sizes = [0, 255, 256, COPIED, COPIED + 1, 3];
-        let parts = encode(sizes.iter().map(|&size| vec![7_u8; size]).collect());
+        let parts = encode(sizes.iter().map(|&size| vec![7_u8; size].into()).collect());
         assert_eq!(parts.len(), 3, "one is sent from where it lies");
         let bytes = parts.concat();
         let mut rest = &bytes[..];

@@ -18,20 +18,20 @@ use std::time::Instant;
 pub(super) use publisher::ParameterPublisher;
 pub(super) use watched::{ParameterListener, Watched};
 
-use super::core::Core;
+use super::node::Node;
 use super::xmlrpc;
 
 /// The namespace `key` has this value, as the master said when it was asked at `asked`.
-pub(super) fn arrived(core: &Core, key: &str, value: &xmlrpc::Value, asked: Instant) {
-    let watched = core.state().parameters.get(key).cloned().unwrap_or_default();
+pub(super) fn arrived(node: &Node, key: &str, value: &xmlrpc::Value, asked: Instant) {
+    let watched = node.state().parameters.get(key).cloned().unwrap_or_default();
     watched.iter().for_each(|one| one.give(value, asked));
 }
 
 /// Something changed at `key`: every namespace that it touches is asked for anew.
-pub(super) fn changed(core: &Core, key: &str) {
+pub(super) fn changed(node: &Node, key: &str) {
     let key = key.trim_end_matches('/');
     let within = |inner: &str, outer: &str| {
         inner.strip_prefix(outer).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
     };
-    core.rewatch(|watched| within(key, watched) || within(watched, key));
+    node.rewatch(|watched| within(key, watched) || within(watched, key));
 }

@@ -12,7 +12,7 @@ use tokio::sync::{Notify, watch};
 
 use super::values::{to_xml, under};
 use super::watched;
-use crate::core::Core;
+use crate::node::Node;
 use crate::xmlrpc::{self, text};
 use wrapyfi_data::codec::properties_to_set;
 use wrapyfi_data::types::Payload;
@@ -22,7 +22,7 @@ use wrapyfi_endpoint::{
 
 /// Sets one namespace.
 pub(crate) struct ParameterPublisher {
-    core: Arc<Core>,
+    node: Arc<Node>,
     key: String,
     max_bytes: usize,
     outbox: Arc<Outbox>,
@@ -50,20 +50,20 @@ impl Outbox {
 }
 
 impl ParameterPublisher {
-    pub(crate) fn open(core: &Arc<Core>, key: &str, spec: &TopicSpec, context: &Context) -> Self {
+    pub(crate) fn open(node: &Arc<Node>, key: &str, spec: &TopicSpec, context: &Context) -> Self {
         let outbox = Arc::<Outbox>::default();
-        core.handle.spawn(send(
-            Arc::downgrade(core),
+        node.handle.spawn(send(
+            Arc::downgrade(node),
             Arc::clone(&outbox),
             Arc::clone(&context.counters),
         ));
         let max_bytes = spec.limits.message_bytes;
-        Self { core: Arc::clone(core), key: key.to_owned(), max_bytes, outbox }
+        Self { node: Arc::clone(node), key: key.to_owned(), max_bytes, outbox }
     }
 }
 
 /// Tells the master what waits, in order.
-async fn send(core: Weak<Core>, outbox: Arc<Outbox>, counters: Arc<Counters>) {
+async fn send(node: Weak<Node>, outbox: Arc<Outbox>, counters: Arc<Counters>) {
     loop {
         let (next, closed) = {
             let mut queue = outbox.queue.lock();
@@ -80,16 +80,16 @@ async fn send(core: Weak<Core>, outbox: Arc<Outbox>, counters: Arc<Counters>) {
             outbox.work.notified().await;
             continue;
         };
-        let Some(core) = core.upgrade() else { return };
-        if !watched::setting(&core, &key, value.as_ref()) {
+        let Some(node) = node.upgrade() else { return };
+        if !watched::setting(&node, &key, value.as_ref()) {
             continue;
         }
         let (method, params) = match value {
             Some(value) => ("setParam", vec![text(&key), value]),
             None => ("deleteParam", vec![text(&key)]),
         };
-        let done = core.master.ask(method, params).await;
-        watched::was_set(&core, &key, done.is_ok());
+        let done = node.master.ask(method, params).await;
+        watched::was_set(&node, &key, done.is_ok());
         if let Err(error) = done {
             counters.dropped(DropReason::SendFailed);
             tracing::warn!(key, "ROS 1: a parameter was not set: {error}");
@@ -100,7 +100,7 @@ async fn send(core: Weak<Core>, outbox: Arc<Outbox>, counters: Arc<Counters>) {
 impl Publisher for ParameterPublisher {
     fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
         let (properties, size) = properties_to_set(payload, self.max_bytes)?;
-        if let Some(reason) = self.core.fault() {
+        if let Some(reason) = self.node.fault() {
             return Err(PublishError::Transport { topic: self.key.clone(), reason });
         }
         let mut queue = self.outbox.queue.lock();
@@ -112,7 +112,7 @@ impl Publisher for ParameterPublisher {
             queue.parameters.push_back((under(&self.key, name), to_xml(value)));
         }
         if queue.lingers.is_none() {
-            queue.lingers = Some(self.core.lingering.subscribe());
+            queue.lingers = Some(self.node.lingering.subscribe());
         }
         drop(queue);
         self.outbox.work.notify_one();
@@ -120,7 +120,7 @@ impl Publisher for ParameterPublisher {
     }
 
     fn link(&self) -> Link {
-        let fault = self.core.fault();
+        let fault = self.node.fault();
         Link { peers: Some(usize::from(fault.is_none())), waiting_for: fault, keeps_last: false }
     }
 }

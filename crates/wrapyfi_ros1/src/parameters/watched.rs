@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::values::{Flat, flatten, size, to_value, within};
-use crate::core::Core;
+use crate::node::Node;
 use crate::xmlrpc;
 use wrapyfi_data::DecodeError;
 use wrapyfi_data::types::{Map, ParameterValue, Properties, Value};
@@ -124,7 +124,7 @@ impl Watched {
 
 /// Notes that this node is about to set `path`, or to delete it; false where every listener here
 /// knows that it is so already.
-pub(super) fn setting(core: &Core, path: &str, value: Option<&xmlrpc::Value>) -> bool {
+pub(super) fn setting(node: &Node, path: &str, value: Option<&xmlrpc::Value>) -> bool {
     let one = |name: &str| {
         let value = value.cloned().map_or(Value::Null, to_value);
         let pair = (Value::from(name), value);
@@ -132,7 +132,7 @@ pub(super) fn setting(core: &Core, path: &str, value: Option<&xmlrpc::Value>) ->
         read.ok()?.get(name).cloned()
     };
     let mut needed = None;
-    for_each(core, path, |watched, name| {
+    for_each(node, path, |watched, name| {
         let Some(value) = one(name) else { return };
         let differs = watched.state.lock().parameters.setting(name, &value);
         needed = Some(needed.unwrap_or(false) | differs);
@@ -142,13 +142,13 @@ pub(super) fn setting(core: &Core, path: &str, value: Option<&xmlrpc::Value>) ->
 }
 
 /// The master has what this node has set, unless it refused.
-pub(super) fn was_set(core: &Core, path: &str, done: bool) {
-    for_each(core, path, |watched, name| watched.state.lock().parameters.was_set(name, done));
+pub(super) fn was_set(node: &Node, path: &str, done: bool) {
+    for_each(node, path, |watched, name| watched.state.lock().parameters.was_set(name, done));
 }
 
 /// Every listener here to whose namespace a parameter belongs, and its name there.
-fn for_each(core: &Core, path: &str, mut act: impl FnMut(&Watched, &str)) {
-    let all: Vec<Arc<Watched>> = core.state().parameters.values().flatten().cloned().collect();
+fn for_each(node: &Node, path: &str, mut act: impl FnMut(&Watched, &str)) {
+    let all: Vec<Arc<Watched>> = node.state().parameters.values().flatten().cloned().collect();
     for watched in all {
         if let Some(name) = within(&watched.key, path) {
             act(&watched, &name);
@@ -158,7 +158,7 @@ fn for_each(core: &Core, path: &str, mut act: impl FnMut(&Watched, &str)) {
 
 /// Listens to one namespace.
 pub(crate) struct ParameterListener {
-    core: Arc<Core>,
+    node: Arc<Node>,
     watched: Arc<Watched>,
     /// Something was told.
     told: bool,
@@ -167,14 +167,14 @@ pub(crate) struct ParameterListener {
 }
 
 impl ParameterListener {
-    pub(crate) fn open(core: &Arc<Core>, key: &str, _: &TopicSpec, context: &Context) -> Self {
+    pub(crate) fn open(node: &Arc<Node>, key: &str, _: &TopicSpec, context: &Context) -> Self {
         let watched = Arc::new(Watched {
             key: key.to_owned(),
             context: context.clone(),
             state: Mutex::default(),
         });
-        core.watch(key, &watched);
-        Self { core: Arc::clone(core), watched, told: false, whole: false }
+        node.watch(key, &watched);
+        Self { node: Arc::clone(node), watched, told: false, whole: false }
     }
 }
 
@@ -209,13 +209,13 @@ impl Listener for ParameterListener {
     }
 
     fn link(&self) -> Link {
-        Link { peers: None, waiting_for: self.core.fault(), keeps_last: false }
+        Link { peers: None, waiting_for: self.node.fault(), keeps_last: false }
     }
 }
 
 impl Drop for ParameterListener {
     fn drop(&mut self) {
-        self.core.unwatch(&self.watched.key, &self.watched);
+        self.node.unwatch(&self.watched.key, &self.watched);
     }
 }
 

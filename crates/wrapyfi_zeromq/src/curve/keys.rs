@@ -19,9 +19,8 @@ use zeroize::Zeroizing;
 
 use super::Breach;
 use crate::curve_config::{CurveClient, CurveConfig, CurveError};
-use crate::discovery::ASKS_FOR_COUNTS;
-use crate::peer::Kind;
-use crate::traffic::TRAFFIC_TOPIC;
+use crate::traffic::{ASKS_FOR_COUNTS, TRAFFIC_TOPIC};
+use crate::zmtp::Kind;
 use wrapyfi_endpoint::pattern::NamePattern;
 
 /// A key, secret or public.

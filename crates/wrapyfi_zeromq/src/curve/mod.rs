@@ -22,8 +22,7 @@ use zeroize::{Zeroize as _, Zeroizing};
 
 pub(crate) use keys::{Grant, Keys};
 
-use crate::peer::Kind;
-use crate::zmtp;
+use crate::zmtp::{self, Kind, Opened, Step};
 use keys::{Key, random};
 
 /// Bytes before the ciphertext: the command's name, a number and a seal.
@@ -70,20 +69,6 @@ impl Breach {
     pub(crate) fn told(&self) -> Option<&'static [u8]> {
         matches!(self, Self::Unknown(_) | Self::NotAllowed(..)).then_some(b"\x05ERROR\x03400")
     }
-}
-
-/// Result of a command of the handshake.
-pub(crate) enum Step {
-    /// The handshake goes on with this command.
-    Say(Vec<u8>),
-    /// It is over: the last command, where it is ours, and the properties of the peer.
-    Open(Option<Vec<u8>>, Vec<u8>),
-}
-
-/// A frame that was opened in place: its body begins behind [`OVERHEAD`].
-pub(crate) struct Opened {
-    pub(crate) is_command: bool,
-    pub(crate) more: bool,
 }
 
 enum Stage {

@@ -1,0 +1,124 @@
+//! Errors of starting ZeroMQ and its brokers.
+
+use std::net::IpAddr;
+
+use super::curve_config::CurveError;
+use super::port_check::Answer;
+use wrapyfi_endpoint::network::ReachedByOthers;
+
+/// Error of starting a broker.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum BrokerError {
+    /// The host has no address.
+    #[error("the broker's {reason}")]
+    Host {
+        /// Reason why the name has no address.
+        reason: String,
+    },
+    /// Other machines could reach it.
+    #[error(transparent)]
+    NotLoopback(#[from] ReachedByOthers),
+    /// The keys of CURVE have a fault.
+    #[error(transparent)]
+    Curve(#[from] CurveError),
+    /// Somebody else has the port.
+    #[error("port {port} on {ip} is taken: stop what uses it, or choose another port")]
+    PortTaken {
+        /// Address asked for.
+        ip: IpAddr,
+        /// Port asked for.
+        port: u16,
+    },
+    /// The address belongs to another machine.
+    #[error("{ip} is not an address of this machine: run the broker there and only connect here")]
+    NotHere {
+        /// Address asked for.
+        ip: IpAddr,
+    },
+    /// Both sides on one port.
+    #[error("{} and {} are both {port}: give the two sides of the broker two ports", names.0, names.1)]
+    SamePort {
+        /// The port.
+        port: u16,
+        /// The two settings.
+        names: (&'static str, &'static str),
+    },
+    /// Anything else ZeroMQ or the system refused.
+    #[error("the ZeroMQ broker could not {action}: {reason}")]
+    Transport {
+        /// Action that failed.
+        action: String,
+        /// Message of the system.
+        reason: String,
+    },
+}
+
+/// Error of starting ZeroMQ.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ZeroMqError {
+    /// A port belongs to something that is no broker.
+    #[error(
+        "port {port} on {ip} is taken by {answer}; a broker would be {expected}: stop that \
+         program, or choose other ports ({settings})"
+    )]
+    PortTaken {
+        /// Address of the broker.
+        ip: IpAddr,
+        /// The port.
+        port: u16,
+        /// Socket type of a broker there.
+        expected: &'static str,
+        /// Program that answered on the port.
+        answer: Answer,
+        /// Names of the two ports in the settings.
+        settings: &'static str,
+    },
+    /// No broker runs, and ours cannot.
+    #[error(transparent)]
+    Broker(#[from] BrokerError),
+    /// Both ports are needed to connect to a broker elsewhere.
+    #[error("with a foreign broker {field} must be its port, not 0")]
+    NoPort {
+        /// Setting that is 0.
+        field: &'static str,
+    },
+    /// The monitor topic cannot be a topic.
+    #[error("monitor topic {topic:?} is not valid: {reason}")]
+    MonitorTopic {
+        /// Name as configured.
+        topic: String,
+        /// The rule it breaks.
+        reason: String,
+    },
+    /// libzmq or the system refused.
+    #[error("ZeroMQ could not start: {reason}")]
+    Transport {
+        /// Message of the system.
+        reason: String,
+    },
+}
+
+impl ZeroMqError {
+    /// True when no later try can succeed, because the settings are wrong.
+    #[must_use]
+    pub fn is_hopeless(&self) -> bool {
+        matches!(
+            self,
+            Self::NoPort { .. }
+                | Self::MonitorTopic { .. }
+                | Self::Broker(
+                    BrokerError::NotLoopback(_)
+                        | BrokerError::SamePort { .. }
+                        | BrokerError::Curve(_)
+                )
+        )
+    }
+}
+
+impl From<zmq::Error> for ZeroMqError {
+    fn from(error: zmq::Error) -> Self {
+        Self::Transport { reason: error.to_string() }
+    }
+}

@@ -1,0 +1,58 @@
+//! What comes of a connection: words of the peer, and its end.
+
+use bytes::Bytes;
+
+use super::assembly::TooLarge;
+use super::curve;
+use super::zmtp::Breach;
+use wrapyfi_endpoint::DropReason;
+
+/// Cause of the end of a connection.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum End {
+    #[error("it left")]
+    Left,
+    #[error(transparent)]
+    Breach(#[from] Breach),
+    #[error("it offers {theirs} where this side speaks {ours} (endpoints: zeromq: curve)")]
+    Mechanism { theirs: String, ours: &'static str },
+    #[error(transparent)]
+    Curve(#[from] curve::Breach),
+    #[error("it sends {0}")]
+    TooLarge(#[from] TooLarge),
+    #[error("too much waits in this process (limits: waiting_mib)")]
+    OverBudget,
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+}
+
+impl End {
+    /// Reason under which it is counted; none for what happens to every connection.
+    pub(super) fn reason(&self) -> Option<&'static str> {
+        match self {
+            Self::TooLarge(_) => Some(DropReason::Oversize.as_str()),
+            Self::OverBudget => Some(DropReason::OverBudget.as_str()),
+            Self::Mechanism { .. } => Some("mechanism"),
+            Self::Curve(breach) => Some(breach.reason()),
+            Self::Left | Self::Breach(_) | Self::Io(_) => None,
+        }
+    }
+
+    /// Command that tells the peer, where it is told.
+    pub(super) fn told(&self) -> Option<&'static [u8]> {
+        if let Self::Curve(breach) = self { breach.told() } else { None }
+    }
+}
+
+/// Something that a peer said.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum Heard {
+    Subscribed(Vec<u8>),
+    Unsubscribed(Vec<u8>),
+    /// Something that is no subscription.
+    Ignored,
+    /// Subscription or message of a topic that the peer's key may not have.
+    Denied(Vec<u8>),
+    /// Frames of a message.
+    Message(Vec<Bytes>),
+}
