@@ -15,7 +15,7 @@ use super::ros1::Ros1Section;
 use super::ros2::Ros2Section;
 use super::yarp::YarpSection;
 use super::zeromq::ZeroMqSection;
-use crate::command::any;
+use crate::command::definitions;
 use crate::exit::Failure;
 use crate::files::read_file;
 use crate::own_address::OwnAddress;
@@ -228,12 +228,12 @@ fn read(
         .map_err(Failure::usage)?;
     let folders: Vec<_> =
         config.definitions.iter().map(|folder| beside.join(&folder.value)).collect();
-    let mut types = any::definitions(&folders)
+    let mut types = definitions::store(&folders)
         .map_err(|failure| Failure::Usage(format!("{name}: definitions {failure}")))?;
     for entry in &config.routes {
         let (at_both, at_source) = (&entry.value.message_type, &entry.value.from_type);
         for name in [at_both, at_source].into_iter().flatten() {
-            any::add_standard(&name.value, &folders, &mut types);
+            definitions::add_standard(&name.value, &folders, &mut types);
         }
     }
     learn(&mut config, &mut types)?;

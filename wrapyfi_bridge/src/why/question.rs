@@ -17,7 +17,7 @@ use wrapyfi_interfaces::store::TypeStore;
 
 use super::look::{Sight, Wanted, look};
 use super::{End, RouteFacts, Unheard, Way};
-use crate::command::any;
+use crate::command::definitions;
 use crate::exit::Failure;
 use crate::in_force::InForce;
 use crate::middlewares::{self, Endpoints, Loaded, Undefined};
@@ -54,7 +54,7 @@ impl Question {
                 let mut endpoints = Endpoints::default();
                 endpoints.reached_at(self.own);
                 let sight = Sight { endpoints: &endpoints, bridge: None };
-                Ok(of_address(&address, sight, any::definitions(&self.definitions)?))
+                Ok(of_address(&address, sight, definitions::store(&self.definitions)?))
             }
         }
     }
@@ -89,8 +89,8 @@ impl Question {
     }
 
     fn of_type(&self, name: &str) -> Result<Way, Failure> {
-        let mut types = any::definitions(&self.definitions)?;
-        any::add_standard(name, &self.definitions, &mut types);
+        let mut types = definitions::store(&self.definitions)?;
+        definitions::add_standard(name, &self.definitions, &mut types);
         let mut way = Way { title: name.to_owned(), ..Way::default() };
         if let Err(error) = types.resolve_name(name) {
             let undefined = Some((name.to_owned(), error.to_string()));
@@ -366,7 +366,7 @@ pub(crate) fn explain(
         sight: Sight { endpoints, bridge: Some(&registry) },
         status: &|| routes.status(),
     };
-    configured.way(name, any::definitions(definitions)?)
+    configured.way(name, definitions::store(definitions)?)
 }
 
 #[cfg(test)]
