@@ -88,7 +88,7 @@ fn learned(
 
 fn awaited(why: &LearnTopicError) -> String {
     match why {
-        LearnTopicError::Nobody => "a publisher".to_owned(),
+        LearnTopicError::Nobody => "somebody who announces the topic and its type".to_owned(),
         other => other.to_string(),
     }
 }
