@@ -10,13 +10,13 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-use wrapyfi_core::endpoint::{EndpointAddress, Role};
+use wrapyfi_core::endpoint::{CountersSnapshot, DropReason, EndpointAddress, Role};
 use wrapyfi_core::engine::{Applier, Kind, Plan, Route, RouteIndex, RouteStatus, Typing};
 use wrapyfi_core::types::MessageType;
 use wrapyfi_interfaces::store::TypeStore;
 
 use super::look::{Sight, Wanted, look};
-use super::{End, RouteFacts, Unheard, Way};
+use super::{End, Limited, RouteFacts, Unheard, Way};
 use crate::command::definitions;
 use crate::exit::Failure;
 use crate::in_force::InForce;
@@ -138,6 +138,7 @@ impl Configured<'_> {
                     name: route.name.clone(),
                     file: file.to_owned(),
                     left_out,
+                    node: node.name().fqn(),
                     ..RouteFacts::default()
                 };
                 facts.unheard = unheard(&index, &route, node);
@@ -216,6 +217,8 @@ impl Configured<'_> {
         if let (Some(before), Some(now)) = (before, &running) {
             let came = now.counters.received.saturating_sub(before.counters.received);
             (source.heard, source.silent) = (came, Some(begin.elapsed()));
+            facts.limited =
+                limited(route, &now.counters, came as f64 / begin.elapsed().as_secs_f64());
         }
         let destination = (!route.is_many()).then_some(destination);
         let title = match route.name == route.ends() {
@@ -293,6 +296,17 @@ fn circle(index: &RouteIndex<'_>, route: &Route) -> Vec<String> {
     let Some((circle, begin)) = found else { return Vec::new() };
     let ends = circle.ends.iter().cycle().skip(begin).take(circle.ends.len() + 1);
     ends.map(ToString::to_string).collect()
+}
+
+/// Limit of a route's rate where it has left messages out.
+fn limited(route: &Route, counters: &CountersSnapshot, came_hz: f64) -> Option<Limited> {
+    let max_rate_hz = route.policy.max_rate_hz?;
+    let dropped = counters.dropped_for(DropReason::RateLimit);
+    if dropped == 0 {
+        return None;
+    }
+    let dropped = dropped as f64 / counters.received.max(dropped) as f64;
+    Some(Limited { max_rate_hz, came_hz, dropped })
 }
 
 /// True where listening for a moment disturbs nobody: no port is opened, and nobody is told.
