@@ -55,12 +55,12 @@ fn learned(
     let deadline = args.timeout.map(|timeout| Instant::now() + timeout);
     let mut waiting = Waiting::new(&args.endpoint);
     let is_over = |why: &LearnTopicError| {
-        waiting.say(&awaited(why));
         // Publishers on ROS 1 and YARP show their definitions.
-        let is_final =
-            is_ros2 && matches!(why, LearnTopicError::Untold(LearnError::Undefined { .. }));
-        let is_late = deadline.is_some_and(|deadline| Instant::now() >= deadline);
-        is_final || is_late || shutdown.requested()
+        if is_ros2 && matches!(why, LearnTopicError::Untold(LearnError::Undefined { .. })) {
+            return true;
+        }
+        waiting.say(&awaited(why));
+        shutdown.requested() || deadline.is_some_and(|deadline| Instant::now() >= deadline)
     };
     match of_topic(middleware, topic, &mut types, is_over, Ok) {
         // As ROS 2 shows it: nobody has said what the text means.
@@ -74,8 +74,8 @@ fn learned(
             args.endpoint,
             MessageType::ALL.map(|known| known.to_string()).join(", ")
         ))),
-        Err(LearnTopicError::Untold(LearnError::Undefined { reason, .. })) if is_ros2 => {
-            Err(Failure::Usage(format!("{}: {reason} (--definitions DIR)", args.endpoint)))
+        Err(LearnTopicError::Untold(LearnError::Undefined { type_name, .. })) if is_ros2 => {
+            definitions::message_type(&type_name, &args.definitions).map(Some)
         }
         Err(LearnTopicError::Discover(error)) => Err(Failure::usage(error)),
         Err(other) => Err(Failure::TimedOut(format!(
