@@ -27,24 +27,19 @@ parser.add_argument("--count", type=int, default=1)
 args = parser.parse_args()
 watch_stdin()
 port = {side: os.environ[f"WRAPYFI_ZEROMQ_SOCKET_{side}_PORT"] for side in ("PUB", "SUB")}
-if args.role == "publish":
+if args.role in ("publish", "round"):
+    is_round = args.role == "round"
+    topics = [f"{args.topic}_{topic}" for topic in range(args.count)] if is_round else [args.topic]
     socket = zmq.Context().socket(zmq.PUB)
     socket.connect(f"tcp://127.0.0.1:{port['SUB']}")
     say("ready")
     number = 0
     while not leaving.wait(1 / args.rate):
         text = args.text.replace("{n}", str(number))
-        socket.send_multipart([args.topic.encode(), json.dumps(text).encode()])
-        say("message", value=text)
-        number += 1
-elif args.role == "round":
-    socket = zmq.Context().socket(zmq.PUB)
-    socket.connect(f"tcp://127.0.0.1:{port['SUB']}")
-    say("ready")
-    number = 0
-    while not leaving.wait(1 / args.rate):
-        for topic in range(args.count):
-            socket.send_multipart([f"{args.topic}_{topic}".encode(), json.dumps(str(number)).encode()])
+        for topic in topics:
+            socket.send_multipart([topic.encode(), json.dumps(text).encode()])
+        if not is_round:
+            say("message", value=text)
         number += 1
 elif args.role == "crowd":
     context, poller, heard = zmq.Context(), zmq.Poller(), {}

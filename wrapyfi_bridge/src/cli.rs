@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand};
 use wrapyfi_core::endpoint::EndpointAddress;
-use wrapyfi_core::types::MessageType;
+use wrapyfi_core::types::{MessageType, ServiceKind};
 
 use crate::middlewares::ServicePorts;
 use crate::options::EndpointOptions;
@@ -355,14 +355,8 @@ impl std::str::FromStr for ServiceName {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let known = [
-            ("NativeObject", "wrapyfi_msgs/srv/NativeObjectService"),
-            ("Image", "wrapyfi_msgs/srv/ImageService"),
-            ("CompressedImage", "wrapyfi_ros2_interfaces/srv/ROS2CompressedImageService"),
-            ("AudioChunk", "wrapyfi_msgs/srv/AudioService"),
-        ];
-        if let Some((_, name)) = known.iter().find(|(short, _)| *short == text) {
-            return Ok(Self((*name).to_owned()));
+        if let Ok(kind) = text.parse::<ServiceKind>() {
+            return Ok(Self(kind.ros_type().to_owned()));
         }
         let expected = "must be NativeObject, Image, CompressedImage, AudioChunk, or any ROS type";
         match text.split('/').collect::<Vec<_>>()[..] {

@@ -3,7 +3,7 @@
 //! | payload | `sha256` is of | also |
 //! | --- | --- | --- |
 //! | native object, properties | the text of `value` | `value` |
-//! | ROS message | its CDR bytes | `value`, its fields |
+//! | ROS message | its CDR bytes | `size`, `value`, its fields |
 //! | image, raw | the rows without padding, in the order received | `shape`, `encoding` |
 //! | image, compressed | the file | `format`, `size` |
 //! | sound | the samples | `shape`, `dtype`, `sample_rate` |
@@ -13,6 +13,7 @@ use sha2::{Digest, Sha256};
 use wrapyfi_core::types::{
     AudioChunk, Image, Payload, Pixels, RawPixels, RosMessage, SampleFormat, Stamp, Value,
 };
+use wrapyfi_interfaces::dynamic::DynamicMessage;
 
 use crate::canonical::canonical;
 use crate::words::words;
@@ -27,7 +28,10 @@ pub fn describe(payload: &Payload) -> String {
         Payload::Properties(properties) => {
             return with_value("Properties", Stamp::default(), &properties.to_value());
         }
-        Payload::RosMessage(message) => return describe_message(message),
+        Payload::RosMessage(message) => match message.fields(message.cdr.len()) {
+            Ok(fields) => return describe_message(message, &fields),
+            Err(error) => json!({"type": message.ros_type.name(), "malformed": error.to_string()}),
+        },
         Payload::Image(image) => describe_image(image),
         Payload::AudioChunk(chunk) => describe_audio(chunk),
     };
@@ -41,11 +45,16 @@ fn with_value(kind: &str, stamp: Stamp, value: &Value) -> String {
     format!(r#"{{"type":"{kind}","stamp":{stamp},"sha256":"{sha256}","value":{text}}}"#)
 }
 
-fn describe_message(message: &RosMessage) -> String {
-    let sha256 = digest(&message.cdr);
-    let (kind, value) = (message.ros_type.name(), fields(message));
-    let stamp = seconds(stamp(&value));
-    format!(r#"{{"type":"{kind}","stamp":{stamp},"sha256":"{sha256}","value":{value}}}"#)
+/// A ROS message with these fields as one JSON object.
+#[must_use]
+pub fn describe_message(message: &RosMessage, fields: &DynamicMessage) -> String {
+    let (sha256, size, kind) = (digest(&message.cdr), message.cdr.len(), message.ros_type.name());
+    let stamp = seconds(stamp(&fields.to_json()));
+    // The message itself keeps the order of its fields; a JSON value would sort them.
+    let value = serde_json::to_string(fields).unwrap_or_default();
+    format!(
+        r#"{{"type":"{kind}","stamp":{stamp},"size":{size},"sha256":"{sha256}","value":{value}}}"#
+    )
 }
 
 /// The fields as JSON, or as a JSON text why they cannot be read.

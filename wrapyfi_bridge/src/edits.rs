@@ -7,6 +7,7 @@
 
 use std::collections::BTreeMap;
 
+use wrapyfi_core::endpoint::EndpointAddress;
 use wrapyfi_core::engine::{Config, Plan, Route, RouteConfig, Spanned};
 
 use crate::exit::Failure;
@@ -80,6 +81,9 @@ impl Edits {
                     self.removed.insert(name.clone(), ends);
                 }
                 None if wanted == Some(name.as_str()) => {
+                    if let Some(text) = of_pattern(plan, &name) {
+                        return Err(Failure::Usage(text));
+                    }
                     let names: Vec<_> =
                         plan.routes.iter().map(|route| route.name.as_str()).collect();
                     let text = format!("no route is called {name}: there are {}", names.join(", "));
@@ -106,6 +110,22 @@ fn ends(entry: &RouteConfig) -> String {
     };
     let text = |end: &Option<Spanned<String>>| end.as_ref().map(|end| end.value.clone());
     format!("{} -> {}", text(from).unwrap_or_default(), text(to).unwrap_or_default())
+}
+
+/// Remedy for a route that a pattern of the plan makes, which is in no plan itself.
+fn of_pattern(plan: &Plan, name: &str) -> Option<String> {
+    let source: EndpointAddress = name.split(" -> ").next()?.parse().ok()?;
+    let is_source = |pattern: &&Route| {
+        pattern.is_many()
+            && pattern.from.middleware == source.middleware
+            && pattern.target(&source.name).is_some()
+    };
+    let pattern = plan.routes.iter().find(is_source)?;
+    Some(format!(
+        "{name} is made by the pattern {}: to leave {source} out, write `deny: [\"{}\"]` on it in the file; \
+         removing {} removes all that it makes",
+        pattern.name, source.name, pattern.name
+    ))
 }
 
 /// Place in the plan of the route with this name or these ends.
@@ -173,6 +193,21 @@ mod tests {
             let mut plan = load_text(&file, "file").unwrap();
             edits.leave_out(None, &mut plan).unwrap();
             assert_eq!(names(&plan), ["a"]);
+        }
+    }
+
+    #[test]
+    fn a_route_that_a_pattern_makes_is_left_out_by_its_deny() {
+        let file = "routes:\n- {name: all, from: 'ros:/(.*)', to: 'ros2:/$1'}\n";
+        for name in ["ros:/scan", "ros:/scan -> ros2:/scan"] {
+            let mut edits = Edits::default();
+            edits.remove(name);
+            let mut plan = load_text(file, "file").unwrap();
+            let error = edits.leave_out(Some(name), &mut plan).unwrap_err().to_string();
+            assert!(
+                error.contains("pattern all") && error.contains("deny: [\"/scan\"]"),
+                "{error}"
+            );
         }
     }
 

@@ -5,7 +5,8 @@ use std::io::Read as _;
 use std::path::Path;
 
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
-use wrapyfi_core::engine::MAX_CONFIG_BYTES;
+use serde_saphyr::Location;
+use wrapyfi_core::engine::{MAX_CONFIG_BYTES, Spanned};
 
 /// Raises the limit of open files to what the system allows this user.
 ///
@@ -29,4 +30,9 @@ pub fn read_file(file: &Path) -> std::io::Result<String> {
     let mut text = String::new();
     File::open(file)?.take(MAX_CONFIG_BYTES as u64 + 1).read_to_string(&mut text)?;
     Ok(text)
+}
+
+/// A setting that stands in no file.
+pub(crate) fn in_no_file<T>(value: T) -> Spanned<T> {
+    Spanned::new(value, Location::UNKNOWN, Location::UNKNOWN)
 }

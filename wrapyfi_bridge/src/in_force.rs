@@ -10,6 +10,7 @@ use wrapyfi_core::node::parameters::ParameterStore;
 use wrapyfi_core::types::MessageType;
 
 use crate::exit::Failure;
+use crate::files::in_no_file;
 use crate::middlewares::{Endpoints, Loaded, show_endpoints, take_parameters};
 use crate::node::Node;
 use crate::overrides;
@@ -73,7 +74,7 @@ pub fn change_endpoints(
 ) -> Result<(), Failure> {
     if options.lives_with == Some(ros1::NAME) {
         // One name on both sides, unless the file says another.
-        endpoints.ros.node.get_or_insert_with(|| node.name().fqn());
+        endpoints.ros.node.get_or_insert_with(|| in_no_file(node.name().fqn()));
     }
     take_parameters(endpoints, parameters)?;
     endpoints.reached_at(options.own);

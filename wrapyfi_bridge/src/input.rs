@@ -2,7 +2,7 @@
 //!
 //! | file | becomes |
 //! | --- | --- |
-//! | `.json` | native object, or properties |
+//! | `.json` | native object, properties, or the fields of a ROS message |
 //! | `.npy` | array: a native object, or the pixels of an image |
 //! | `.png` | image, decoded |
 //! | `.jpg`, `.jpeg` | image, compressed as it is |
@@ -18,8 +18,8 @@ use wrapyfi_core::Limits;
 use wrapyfi_core::codec::{self, npy::NpyArray};
 use wrapyfi_core::endpoint::TopicSpec;
 use wrapyfi_core::types::{
-    AudioChunk, CompressedFormat, DataType, Encoding, Image, Payload, Pixels, Properties,
-    RawPixels, SampleFormat, Stamp, Value,
+    AudioChunk, CompressedFormat, DataType, Encoding, Image, MessageType, Payload, Pixels,
+    Properties, RawPixels, RosMessage, SampleFormat, Stamp, Value,
 };
 
 /// The payload that `text`, JSON in Wrapyfi's dialect, describes.
@@ -32,12 +32,18 @@ pub fn from_json(text: &str, spec: &TopicSpec) -> anyhow::Result<Payload> {
     match (spec.message_type.data_type(), value) {
         (DataType::NativeObject, value) => Ok(Payload::from(value)),
         (DataType::Properties, value) => Ok(Properties::from_value(&value)?.into()),
-        (DataType::RosMessage, value) => {
-            let (to, order) = (spec.message_type, spec.color_order);
-            Ok(codec::convert_payload(value.into(), to, order, &spec.limits, Stamp::now)?)
-        }
+        (DataType::RosMessage, value) => ros_message(&value, spec),
         (kind, _) => bail!("--value gives a native object, not {kind}: give --file"),
     }
+}
+
+/// The ROS message whose fields `value` has.
+fn ros_message(value: &Value, spec: &TopicSpec) -> anyhow::Result<Payload> {
+    let MessageType::Ros(to) = spec.message_type else {
+        bail!("{} is no ROS message", spec.message_type);
+    };
+    let message = RosMessage::from_value(to, value, spec.limits.message_bytes);
+    Ok(message.with_context(|| format!("the value is no {to}"))?.into())
 }
 
 /// The payload that the file at `path` holds.
@@ -56,6 +62,9 @@ pub fn from_file(path: &Path, spec: &TopicSpec) -> anyhow::Result<Payload> {
         ("json", DataType::Properties) => {
             let value = codec::json::decode(&read(path, &spec.limits)?, &spec.limits)?;
             Properties::from_value(&value)?.into()
+        }
+        ("json", DataType::RosMessage) => {
+            ros_message(&codec::json::decode(&read(path, &spec.limits)?, &spec.limits)?, spec)?
         }
         ("npy", DataType::NativeObject) => Payload::from(array(path, spec)?),
         ("npy", DataType::Image) => {

@@ -12,7 +12,7 @@ use wrapyfi_core::middleware::ros2::graph::{
 use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneGraph};
 use wrapyfi_core::node::NodeName;
 
-use super::{Incoming, Outgoing, Place};
+use super::end::{Incoming, Outgoing, Place};
 use crate::clock;
 use crate::payload::{Kind, Maker, Numbered, number_in_cdr};
 

@@ -7,14 +7,14 @@
 //! | `wrapyfi` | publisher and listener of our library over ZeroMQ, coding included |
 
 mod dds;
+mod end;
 mod wrapyfi;
 pub(crate) mod zmq;
 
-use std::time::Duration;
-
 use anyhow::Result;
 
-use crate::payload::{Kind, Maker};
+pub(crate) use self::end::{Incoming, Outgoing, Place};
+use crate::payload::Maker;
 
 /// Kind of a wire.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -25,40 +25,6 @@ pub(crate) enum Wire {
     Dds,
     /// Our library on ZeroMQ.
     Wrapyfi,
-}
-
-/// Address of a wire, and the messages on it.
-#[derive(Debug, Clone, clap::Args)]
-pub(crate) struct Place {
-    /// Payload of the messages.
-    #[arg(long)]
-    pub(crate) payload: Kind,
-    /// Topic.
-    #[arg(long)]
-    pub(crate) topic: String,
-    /// Port of the broker for listeners.
-    #[arg(long, default_value_t = 0)]
-    pub(crate) pub_port: u16,
-    /// Port of the broker for publishers.
-    #[arg(long, default_value_t = 0)]
-    pub(crate) sub_port: u16,
-    /// DDS domain.
-    #[arg(long, default_value_t = 0)]
-    pub(crate) domain: u32,
-}
-
-/// The sending end.
-pub(crate) trait Outgoing {
-    /// Gets message `seq` ready, outside of what is measured.
-    fn prepare(&mut self, seq: u32) -> Result<()>;
-    /// Sends what was prepared.
-    fn send(&mut self) -> Result<()>;
-}
-
-/// The receiving end.
-pub(crate) trait Incoming {
-    /// Number of the next message and the time when it was there; `None` after `patience`.
-    fn next(&mut self, patience: Duration) -> Result<Option<(u32, u64)>>;
 }
 
 /// Opens the sending end.

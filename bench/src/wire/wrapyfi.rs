@@ -7,7 +7,7 @@ use wrapyfi_core::endpoint::{Context, Listener, Middleware as _, PublishError, P
 use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMq, ZeroMqConfig};
 use wrapyfi_core::types::Payload;
 
-use super::{Incoming, Outgoing, Place};
+use super::end::{Incoming, Outgoing, Place};
 use crate::clock;
 use crate::payload::{Kind, Maker, compress, decompress, number_in_payload};
 

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use anyhow::Result;
 
-use super::{Incoming, Outgoing, Place};
+use super::end::{Incoming, Outgoing, Place};
 use crate::clock;
 use crate::payload::{Kind, Maker, Numbered, number_in_frames};
 

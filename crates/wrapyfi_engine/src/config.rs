@@ -177,7 +177,11 @@ impl<E: DeserializeOwned + Default> Config<E> {
         if text.len() > MAX_CONFIG_BYTES {
             return Err(ConfigError::too_large(file, text.len(), MAX_CONFIG_BYTES));
         }
-        serde_saphyr::from_str(text).map_err(|error| ConfigError::from_yaml(file, text, &error))
+        let read = serde_saphyr::from_str(text);
+        read.map_err(|first| {
+            let again = |text: &str| serde_saphyr::from_str::<Self>(text).err();
+            ConfigError::from_yaml(file, text, &first).with_more(text, again)
+        })
     }
 }
 
@@ -303,6 +307,40 @@ mod tests {
             .unwrap_err()
             .to_string();
         assert!(text.contains("sensor_data"), "{text}");
+    }
+
+    #[test]
+    fn a_value_of_another_kind_is_told_what_to_write() {
+        for (text, words) in [
+            (
+                "page: 8642\nroutes: []\n",
+                "bridge.yaml:1:7: expected keys with values; write for example `page: { port: 8642 }`",
+            ),
+            ("routes:\n- overflow: block\n", "`overflow: { block_ms: 100 }`"),
+            (
+                "routes:\n- { timeout_ms: 5s }\n",
+                "expected a whole number; write for example `timeout_ms: 5000`",
+            ),
+            ("routes:\n- { lazy: ja }\n", "expected true or false; write for example `lazy: true`"),
+            ("routes:\n- { allow: /a }\n", "expected a list; write for example `allow: "),
+        ] {
+            let told = parse(text).unwrap_err().to_string();
+            assert!(told.contains(words), "{told}");
+        }
+    }
+
+    #[test]
+    fn all_entries_that_cannot_be_read_are_told_at_once() {
+        let text = "page: 8642\nroutes:\n  - { from: 'a:/x', queue_depth: many, typ: Text }\n  - from: 'a:/x'\n    timeout_ms: 5s\n    overflow: block\n    to: 'b:/x'\n  - { from: 'a:/x', lazy: ja }\n";
+        let lines = |text: &str| -> Vec<u64> {
+            let problems = parse(text).unwrap_err().problems;
+            problems.iter().filter_map(|problem| Some(problem.position?.0)).collect()
+        };
+        assert_eq!(lines(text), [1, 3, 3, 5, 6, 8]);
+        // Nothing is told of what only follows from a fault.
+        assert_eq!(lines("page:\n  prot: 1\nroutes: []\n"), [2]);
+        assert_eq!(lines("routes:\n- typ: Text\n- { lazy: ja }\n"), [2]);
+        assert_eq!(lines("page: 8642\n"), [1]);
     }
 
     #[test]

@@ -3,13 +3,15 @@
 use std::time::{Duration, Instant};
 
 use wrapyfi_core::endpoint::{
-    Context, EndpointAddress, LearnError, Overflow, Qos, QueueSpec, TopicSpec,
+    Context, DropReason, EndpointAddress, LearnError, Learned, Middleware, Overflow, Qos,
+    QueueSpec, TopicSpec,
 };
 use wrapyfi_core::types::{Map, MessageType, Payload};
 
-use super::any;
+use super::strangers::Strangers;
+use super::{definitions, yaml};
 use crate::cli::{EchoArgs, TypeName};
-use crate::describe::{describe, summary};
+use crate::describe::{describe, describe_message, summary};
 use crate::exit::Failure;
 use crate::middlewares::{LearnTopicError, Middlewares, Role, of_topic};
 use crate::output;
@@ -22,61 +24,71 @@ use crate::shutdown::Shutdown;
 pub fn run(args: &EchoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     // Before anything starts.
     let options = args.options.of(&args.endpoint.middleware)?;
-    let start = || Middlewares::for_endpoint(&args.endpoint, Role::Listener, args.options.own);
-    match (&args.message_type, args.endpoint.middleware.as_str()) {
-        (Some(TypeName::Known(message_type)), _) => {
-            known(args, (*message_type, options), Qos::default(), &start()?, shutdown)
-        }
-        (named, "ros2") => any::echo::run(args, named.as_ref(), options, shutdown),
-        (Some(TypeName::Ros(name)), _) => {
-            let message_type = any::message_type(name, &args.definitions)?;
-            known(args, (message_type, options), Qos::default(), &start()?, shutdown)
-        }
-        (None, _) => {
-            let middlewares = start()?;
-            let message_type = learned(args, &options, &middlewares, shutdown)?;
-            known(args, (message_type, options), Qos::default(), &middlewares, shutdown)
-        }
-    }
+    let named = match &args.message_type {
+        Some(TypeName::Known(message_type)) => Some(*message_type),
+        Some(TypeName::Ros(name)) => Some(definitions::message_type(name, &args.definitions)?),
+        None => None,
+    };
+    let middlewares = Middlewares::for_endpoint(&args.endpoint, Role::Listener, args.options.own)?;
+    let middleware =
+        middlewares.registry().get(&args.endpoint.middleware).map_err(Failure::usage)?;
+    let message_type = match named {
+        Some(message_type) => message_type,
+        None => match learned(args, &options, middleware.as_ref(), shutdown)? {
+            Some(message_type) => message_type,
+            None => return Ok(()),
+        },
+    };
+    print_all(args, (message_type, options), middleware.as_ref(), shutdown)
 }
 
-/// The type that the topic's publishers tell, or those who listen there.
+/// The type that the topic's publishers tell, or those who listen there; `None` when asked to end.
 fn learned(
     args: &EchoArgs,
     options: &Map,
-    middlewares: &Middlewares,
+    middleware: &dyn Middleware,
     shutdown: &Shutdown,
-) -> Result<MessageType, Failure> {
-    let EndpointAddress { middleware, name } = &args.endpoint;
-    let known = middlewares.registry().get(middleware).map_err(Failure::usage)?;
-    let mut types = any::definitions(&args.definitions)
-        .map_err(|failure| Failure::Usage(format!("--definitions {failure}")))?;
+) -> Result<Option<MessageType>, Failure> {
+    let EndpointAddress { middleware: name, name: topic } = &args.endpoint;
+    let is_ros2 = name == "ros2";
+    let mut types = definitions::of_command(&args.definitions)?;
     let deadline = args.timeout.map(|timeout| Instant::now() + timeout);
     let mut waiting = Waiting::new(&args.endpoint);
     let is_over = |why: &LearnTopicError| {
+        // Publishers on ROS 1 and YARP show their definitions.
+        if is_ros2 && matches!(why, LearnTopicError::Untold(LearnError::Undefined { .. })) {
+            return true;
+        }
         waiting.say(&awaited(why));
         shutdown.requested() || deadline.is_some_and(|deadline| Instant::now() >= deadline)
     };
-    of_topic(known.as_ref(), name, &mut types, is_over, Ok)
-        .map(|learned| known.received_as(learned.message_type(false), options))
-        .map_err(|error| match error {
-            LearnTopicError::Untold(LearnError::Untold { .. }) => Failure::Usage(format!(
-                "--type is needed for {}, whose type {middleware} does not tell: {}",
-                args.endpoint,
-                MessageType::ALL.map(|known| known.to_string()).join(", ")
-            )),
-            LearnTopicError::Discover(error) => Failure::usage(error),
-            other => Failure::TimedOut(format!(
-                "{}: still waiting for {}",
-                args.endpoint,
-                awaited(&other)
-            )),
-        })
+    match of_topic(middleware, topic, &mut types, is_over, Ok) {
+        // As ROS 2 shows it: nobody has said what the text means.
+        Ok(Learned::Ros(text)) if is_ros2 && text.name() == MessageType::Text.ros_type() => {
+            Ok(Some(MessageType::Ros(text)))
+        }
+        Ok(learned) => Ok(Some(middleware.received_as(learned.message_type(false), options))),
+        Err(_) if shutdown.requested() => Ok(None),
+        Err(LearnTopicError::Untold(LearnError::Untold { .. })) => Err(Failure::Usage(format!(
+            "--type is needed for {}, whose type {name} does not tell: {}",
+            args.endpoint,
+            MessageType::ALL.map(|known| known.to_string()).join(", ")
+        ))),
+        Err(LearnTopicError::Untold(LearnError::Undefined { type_name, .. })) if is_ros2 => {
+            definitions::message_type(&type_name, &args.definitions).map(Some)
+        }
+        Err(LearnTopicError::Discover(error)) => Err(Failure::usage(error)),
+        Err(other) => Err(Failure::TimedOut(format!(
+            "{}: still waiting for {}; give --type, or see `wrapyfi list {name}`",
+            args.endpoint,
+            awaited(&other)
+        ))),
+    }
 }
 
 fn awaited(why: &LearnTopicError) -> String {
     match why {
-        LearnTopicError::Nobody => "a publisher".to_owned(),
+        LearnTopicError::Nobody => "somebody who announces the topic and its type".to_owned(),
         other => other.to_string(),
     }
 }
@@ -107,26 +119,24 @@ impl<'a> Waiting<'a> {
     }
 }
 
-/// Prints the messages of a type that routes carry, with the options of their endpoint. Without `--qos` the publishers' quality of
-/// service is followed, beginning with `start`.
-pub(super) fn known(
+/// Prints the messages of a topic. Without `--qos` the publishers' quality of service is followed.
+fn print_all(
     args: &EchoArgs,
     (message_type, options): (MessageType, Map),
-    start: Qos,
-    middlewares: &Middlewares,
+    middleware: &dyn Middleware,
     shutdown: &Shutdown,
 ) -> Result<(), Failure> {
     let context = Context::default();
     let spec = TopicSpec {
-        qos: args.qos.map_or(start, Qos::from),
+        qos: args.qos.map_or_else(Qos::default, Qos::from),
         match_peers: args.qos.is_none(),
         queue: QueueSpec { depth: 100, overflow: Overflow::DropOldest },
         options,
         ..TopicSpec::new(&args.endpoint.name, message_type)
     };
-    let middleware =
-        middlewares.registry().get(&args.endpoint.middleware).map_err(Failure::usage)?;
     let mut listener = middleware.open_listener(&spec, &context).map_err(Failure::usage)?;
+    let mut strangers =
+        Strangers::new(middleware, &args.endpoint.name, message_type).of_other_names();
     let (mut printed, mut waiting) = (0, Waiting::new(&args.endpoint));
     let mut deadline = args.timeout.map(|timeout| Instant::now() + timeout);
     while !shutdown.requested() && args.count.is_none_or(|count| printed < count) {
@@ -140,13 +150,20 @@ pub(super) fn known(
                         tracing::warn!("{}: an object stays unread: {reason}", args.endpoint);
                     }
                 }
-                let line =
-                    if args.json { describe(&sample.payload) } else { summary(&sample.payload) };
-                output::line(&line.to_string())?;
-                printed += 1;
-                deadline = args.timeout.map(|timeout| Instant::now() + timeout);
+                match shown(&sample.payload, args.json) {
+                    Ok(line) => {
+                        output::line(&line)?;
+                        printed += 1;
+                        deadline = args.timeout.map(|timeout| Instant::now() + timeout);
+                    }
+                    Err(error) => {
+                        context.counters.dropped(DropReason::Malformed);
+                        tracing::warn!("{}: dropped a message: {error}", args.endpoint);
+                    }
+                }
             }
             Ok(None) => {
+                strangers.look();
                 if let Some(at) = deadline
                     && Instant::now() >= at
                 {
@@ -165,6 +182,17 @@ pub(super) fn known(
     }
     report_drops(&context);
     Ok(())
+}
+
+/// A message for people, or as JSON for programs.
+fn shown(payload: &Payload, as_json: bool) -> anyhow::Result<String> {
+    match payload {
+        Payload::RosMessage(message) => {
+            let fields = message.fields(message.cdr.len())?;
+            if as_json { Ok(describe_message(message, &fields)) } else { yaml::text(&fields) }
+        }
+        other => Ok(if as_json { describe(other) } else { summary(other) }),
+    }
 }
 
 fn timed_out(

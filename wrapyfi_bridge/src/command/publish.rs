@@ -7,7 +7,8 @@ use wrapyfi_core::endpoint::{Context, PublishError, Publisher, TopicSpec};
 use wrapyfi_core::middleware::ros2::ServiceOptions;
 use wrapyfi_core::types::{MessageType, Payload};
 
-use super::any;
+use super::definitions;
+use super::strangers::Strangers;
 use crate::cli::{PubArgs, TypeName};
 use crate::exit::Failure;
 use crate::middlewares::{Middlewares, Role};
@@ -21,10 +22,9 @@ use crate::{describe, input};
 pub fn run(args: &PubArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let args = &with_defaults(args);
     let options = args.options.of(&args.endpoint.middleware)?;
-    let message_type = match (&args.message_type, args.endpoint.middleware.as_str()) {
-        (TypeName::Known(message_type), _) => *message_type,
-        (TypeName::Ros(name), "ros2") => return any::publish::run(args, name, shutdown),
-        (TypeName::Ros(name), _) => any::message_type(name, &args.definitions)?,
+    let message_type = match &args.message_type {
+        TypeName::Known(message_type) => *message_type,
+        TypeName::Ros(name) => definitions::message_type(name, &args.definitions)?,
     };
     let spec = TopicSpec {
         qos: args.qos.into(),
@@ -42,10 +42,11 @@ pub fn run(args: &PubArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let middleware =
         middlewares.registry().get(&args.endpoint.middleware).map_err(Failure::usage)?;
     let mut publisher = middleware.open_publisher(&spec, &context).map_err(Failure::usage)?;
-    if !wait_for_listener(args, publisher.as_ref(), &context, shutdown)? {
+    let mut strangers = Strangers::new(middleware.as_ref(), &args.endpoint.name, message_type);
+    if !wait_for_listener(args, publisher.as_ref(), &mut strangers, &context, shutdown)? {
         return Ok(());
     }
-    let sent = publish(args, publisher.as_mut(), &context, &mut payload, shutdown)?;
+    let sent = publish(args, publisher.as_mut(), &mut strangers, &context, &mut payload, shutdown)?;
     tracing::info!("published {sent} to {}: {}", args.endpoint, describe::summary(&payload));
     drop(publisher); // hands over what is queued before the transport goes
     Ok(())
@@ -66,6 +67,7 @@ fn with_defaults(args: &PubArgs) -> PubArgs {
 fn wait_for_listener(
     args: &PubArgs,
     publisher: &dyn Publisher,
+    strangers: &mut Strangers,
     context: &Context,
     shutdown: &Shutdown,
 ) -> Result<bool, Failure> {
@@ -76,6 +78,7 @@ fn wait_for_listener(
         if link.waiting_for.is_none() && (link.keeps_last || link.peers != Some(0)) {
             return Ok(true);
         }
+        strangers.look();
         let what = link.waiting_for.unwrap_or_else(|| format!("a listener on {}", args.endpoint));
         if deadline.is_some_and(|at| Instant::now() >= at) {
             return Err(Failure::TimedOut(format!("time-out while waiting for {what}")));
@@ -92,11 +95,14 @@ fn wait_for_listener(
 fn publish(
     args: &PubArgs,
     publisher: &mut dyn Publisher,
+    strangers: &mut Strangers,
     context: &Context,
     payload: &mut Payload,
     shutdown: &Shutdown,
 ) -> Result<u64, Failure> {
     let interval = Duration::from_secs_f64(1.0 / args.rate);
+    // Peers that are matched now were discovered before.
+    strangers.look_now();
     let start = Instant::now();
     let (mut sent, mut turns, mut is_told) = (0, 0_u64, false);
     while args.count.is_none_or(|count| sent < count) && !shutdown.requested() {
@@ -128,6 +134,7 @@ fn publish(
         // From the start on, so that the rate does not drift with the cost of a send.
         let due = start + interval.mul_f64(turns as f64);
         while Instant::now() < due && !shutdown.requested() {
+            strangers.look();
             let rest = due.saturating_duration_since(Instant::now());
             context.wake.wait(rest.min(super::WAIT_SLICE));
         }

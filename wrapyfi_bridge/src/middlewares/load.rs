@@ -15,7 +15,7 @@ use super::ros1::Ros1Section;
 use super::ros2::Ros2Section;
 use super::yarp::YarpSection;
 use super::zeromq::ZeroMqSection;
-use crate::command::any;
+use crate::command::definitions;
 use crate::exit::Failure;
 use crate::files::read_file;
 use crate::own_address::OwnAddress;
@@ -52,11 +52,9 @@ impl Endpoints {
     }
 
     /// Checks what the middlewares check of their settings when they start, as far as it asks nobody.
-    pub(super) fn check(&self) -> Result<(), Problem> {
-        self.yarp.check()?;
-        self.zeromq.check()?;
-        self.ros2.check()?;
-        self.ros.check()
+    pub(super) fn check(&self) -> impl Iterator<Item = Problem> {
+        let checked = [self.yarp.check(), self.zeromq.check(), self.ros2.check(), self.ros.check()];
+        checked.into_iter().filter_map(Result::err)
     }
 
     /// Checks that nothing would listen where other machines reach it without permission. Parameters and arguments
@@ -218,22 +216,18 @@ fn read(
 ) -> Result<Loaded, Failure> {
     let mut config: Config<Endpoints> = Config::from_yaml(&text, name).map_err(Failure::usage)?;
     config.routes.extend_from_slice(added);
-    let waiting_bytes = hosts(&config)
-        .and_then(|hosts| {
-            config.endpoints.hosts = hosts;
-            check(&mut config.endpoints, beside)?;
-            waiting_bytes(&config)
-        })
-        .map_err(|problem| ConfigError { file: name.to_owned(), problems: vec![problem] })
-        .map_err(Failure::usage)?;
+    let waiting_bytes = check(&mut config, beside).map_err(|mut problems| {
+        problems.sort_by_key(|problem| problem.position);
+        Failure::usage(ConfigError { file: name.to_owned(), problems })
+    })?;
     let folders: Vec<_> =
         config.definitions.iter().map(|folder| beside.join(&folder.value)).collect();
-    let mut types = any::definitions(&folders)
+    let mut types = definitions::store(&folders)
         .map_err(|failure| Failure::Usage(format!("{name}: definitions {failure}")))?;
     for entry in &config.routes {
         let (at_both, at_source) = (&entry.value.message_type, &entry.value.from_type);
         for name in [at_both, at_source].into_iter().flatten() {
-            any::add_standard(&name.value, &folders, &mut types);
+            definitions::add_standard(&name.value, &folders, &mut types);
         }
     }
     learn(&mut config, &mut types)?;
@@ -270,11 +264,23 @@ fn hosts(config: &Config<Endpoints>) -> Result<Hosts, Problem> {
     config.hosts.iter().map(address).collect()
 }
 
-/// Finds what can be found wrong before anything is started, and reads what the sections name.
-fn check(endpoints: &mut Endpoints, beside: &Path) -> Result<(), Problem> {
-    endpoints.check()?;
-    endpoints.zeromq.find_keys(beside);
-    endpoints.ros.read_rules(beside)
+/// Finds what can be found wrong before anything is started, and reads what the sections name. Bytes that may wait in
+/// the queues of this process.
+fn check(config: &mut Config<Endpoints>, beside: &Path) -> Result<usize, Vec<Problem>> {
+    let mut problems = Vec::new();
+    match hosts(config) {
+        Ok(hosts) => config.endpoints.hosts = hosts,
+        Err(problem) => problems.push(problem),
+    }
+    problems.extend(config.endpoints.check());
+    config.endpoints.zeromq.find_keys(beside);
+    problems.extend(config.endpoints.ros.read_rules(beside).err());
+    match waiting_bytes(config) {
+        Ok(bytes) if problems.is_empty() => return Ok(bytes),
+        Ok(_) => {}
+        Err(problem) => problems.push(problem),
+    }
+    Err(problems)
 }
 
 /// Services that cannot be found by name are refused before anything starts.
@@ -365,6 +371,9 @@ mod tests {
             ("ros: { master_uri: 'localhost:11311' }", "master_uri"),
             ("ros: { master_uri: 'https://localhost:11311' }", "http://host:11311"),
             ("ros2: { domain_id: 300 }", "domains are 0 to 232"),
+            ("zeromq: { rep_port: 5558, req_port: 5558 }", "rep_port and req_port are both 5558"),
+            ("ros: { node: 1x }", "node: wrapyfi_bridge"),
+            ("ros: { namespace: 'a b' }", "namespace: /robot"),
             ("zeromq: { pub_port: 5555, sub_port: 5555 }", "both 5555"),
             ("zeromq: { ip: '10.0.0.5:5555' }", "write ports as pub_port"),
         ] {

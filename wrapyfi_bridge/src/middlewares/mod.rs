@@ -57,6 +57,7 @@ pub use self::start::Role;
 pub use self::yarp::{DialectWord, YarpSection};
 pub use self::zeromq::{BrokerWord, ServicePorts, ZeroMqSection};
 use crate::exit::Failure;
+use crate::files::in_no_file;
 use crate::logging;
 use crate::node::Node;
 use crate::own_address::OwnAddress;
@@ -224,7 +225,8 @@ impl Middlewares {
         }
         let mut endpoints = Endpoints::default();
         endpoints.reached_at(own);
-        (endpoints.zeromq.rep_port, endpoints.zeromq.req_port) = (ports.rep_port, ports.req_port);
+        endpoints.zeromq.rep_port = ports.rep_port.map(in_no_file);
+        endpoints.zeromq.req_port = ports.req_port.map(in_no_file);
         let Endpoints { zeromq, yarp, ros, hosts, .. } = &endpoints;
         let largest = Limits::default().message_bytes;
         let one = match address.middleware.as_str() {

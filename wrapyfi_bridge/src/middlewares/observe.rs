@@ -8,7 +8,6 @@
 
 use std::sync::Arc;
 
-use serde_saphyr::{Location, Spanned};
 use wrapyfi_core::Limits;
 use wrapyfi_core::endpoint::Middleware;
 use wrapyfi_core::middleware::ros1::{self, Ros1};
@@ -26,6 +25,7 @@ use super::ros2::Ros2Section;
 use super::start::{Role, start};
 use super::yarp::YarpSection;
 use crate::exit::Failure;
+use crate::files::in_no_file;
 use crate::node::Node;
 
 /// Server without which nothing of a middleware is found.
@@ -156,7 +156,7 @@ pub fn observer(endpoints: &Endpoints, middleware: &str) -> Result<Observer, Fai
 /// As [`observer`].
 pub fn ros2_elsewhere(section: &Ros2Section, domain_id: u32, wide: bool) -> Result<Ros2, Failure> {
     let node = Node::hidden().map_err(Failure::usage)?;
-    let domain_id = Spanned::new(domain_id, Location::UNKNOWN, Location::UNKNOWN);
+    let domain_id = in_no_file(domain_id);
     let section = Ros2Section { domain_id: Some(domain_id), ..section.clone() };
     let mut settings = section.settings(&node, Limits::default().message_bytes)?;
     if wide {

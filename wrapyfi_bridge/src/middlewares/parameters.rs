@@ -3,13 +3,14 @@
 //! They go before those of the file, and have its names. All that are not at their default are declared, so that others
 //! can read what is in force.
 
-use serde_saphyr::{Location, Spanned};
+use serde_saphyr::Spanned;
 use wrapyfi_core::network::Place;
 use wrapyfi_core::node::ParameterValue;
 use wrapyfi_core::node::parameters::{ParameterDescriptor, ParameterStore};
 
 use super::load::Endpoints;
 use crate::exit::Failure;
+use crate::files::in_no_file;
 
 /// Prefix of the parameters' names.
 const PREFIX: &str = "endpoints.";
@@ -27,8 +28,8 @@ const SETTINGS: [(&str, Setting); 14] = [
     ("endpoints.ros.hostname", Setting::Text(|it| &mut it.ros.hostname)),
     ("endpoints.ros.insecure", Setting::Switch(|it| &mut it.ros.insecure.0.is_allowed)),
     ("endpoints.ros.master_uri", Setting::Placed(|it| &mut it.ros.master_uri)),
-    ("endpoints.ros.namespace", Setting::Text(|it| &mut it.ros.namespace)),
-    ("endpoints.ros.node", Setting::Text(|it| &mut it.ros.node)),
+    ("endpoints.ros.namespace", Setting::Placed(|it| &mut it.ros.namespace)),
+    ("endpoints.ros.node", Setting::Placed(|it| &mut it.ros.node)),
     ("endpoints.yarp.embedded", Setting::Switch(|it| &mut it.yarp.embedded)),
     ("endpoints.yarp.insecure", Setting::Switch(|it| &mut it.yarp.insecure.0.is_allowed)),
     ("endpoints.yarp.ip", Setting::Placed(|it| &mut it.yarp.ip)),
@@ -54,15 +55,11 @@ impl Setting {
                 return Ok(());
             }
             (Self::Placed(place), ParameterValue::String(text)) => {
-                // It stands in no file.
-                let text = Spanned::new(text, Location::UNKNOWN, Location::UNKNOWN);
-                *place(endpoints) = Some(text);
+                *place(endpoints) = Some(in_no_file(text));
                 return Ok(());
             }
             (Self::Port(place), ParameterValue::Integer(port @ 1..=65535)) => {
-                let port = u16::try_from(port).ok();
-                *place(endpoints) =
-                    port.map(|port| Spanned::new(port, Location::UNKNOWN, Location::UNKNOWN));
+                *place(endpoints) = u16::try_from(port).ok().map(in_no_file);
                 return Ok(());
             }
             (Self::Switch(place), ParameterValue::Bool(is_on)) => {
@@ -132,9 +129,10 @@ pub(crate) fn take_parameters(
         *word = before;
         word.said(Place::Parameter, is_given(address), is_allowed);
     }
-    endpoints
-        .check()
-        .map_err(|problem| Failure::Usage(format!("parameters {PREFIX}…: {}", problem.message)))
+    match endpoints.check().next() {
+        None => Ok(()),
+        Some(problem) => Err(Failure::Usage(format!("parameters {PREFIX}…: {}", problem.message))),
+    }
 }
 
 /// Has the parameters say what `endpoints` are, those that were declared and those that were not.
@@ -189,7 +187,7 @@ mod tests {
         let given = ("endpoints.yarp.namespace".to_owned(), ParameterValue::from("/lab"));
         let mut store = ParameterStore::new(&name, [given].into()).unwrap();
         let mut endpoints = Endpoints::default();
-        endpoints.zeromq.pub_port = Some(Spanned::new(7000, Location::UNKNOWN, Location::UNKNOWN));
+        endpoints.zeromq.pub_port = Some(in_no_file(7000));
         endpoints.yarp.embedded = true;
         endpoints.yarp.namespace = Some("/of_the_file".to_owned());
         take_parameters(&mut endpoints, &mut store).unwrap();
@@ -204,7 +202,7 @@ mod tests {
         assert!(store.describe("endpoints.yarp.embedded").unwrap().read_only);
         assert!(store.set("endpoints.zeromq.pub_port", 1).is_err());
         // As after another file was read.
-        endpoints.zeromq.pub_port = Some(Spanned::new(7001, Location::UNKNOWN, Location::UNKNOWN));
+        endpoints.zeromq.pub_port = Some(in_no_file(7001));
         endpoints.yarp.embedded = false;
         show_endpoints(&endpoints, &mut store);
         let told = ["yarp.namespace /lab", "zeromq.pub_port 7001"];

@@ -30,8 +30,8 @@ pub(super) const AVAILABLE: Available<'static> = Available {
 pub struct Ros1Section {
     pub master_uri: Option<Spanned<String>>,
     pub hostname: Option<String>,
-    pub namespace: Option<String>,
-    pub node: Option<String>,
+    pub namespace: Option<Spanned<String>>,
+    pub node: Option<Spanned<String>>,
     pub remap: BTreeMap<String, String>,
     pub mapping_rules: Vec<Spanned<String>>,
     pub insecure: Word,
@@ -65,8 +65,25 @@ impl Ros1Section {
         Ok(())
     }
 
-    /// Checks the address of the master as the node does at its start, which asks the net as well.
+    /// Checks the node's name and the address of the master as the node does at its start, which asks the net as
+    /// well.
     pub(super) fn check(&self) -> Result<(), Problem> {
+        for (key, written, example) in
+            [("namespace", &self.namespace, "/robot"), ("node", &self.node, "wrapyfi_bridge")]
+        {
+            let Some(written) = written else { continue };
+            let name = &written.value;
+            let checked = match key {
+                "node" => ros1::NodeName::new(name, "/"),
+                _ => ros1::NodeName::new("node", name),
+            };
+            if let Err(error) = checked {
+                let text = format!(
+                    "{key} {name:?} cannot be: {error}; write for example {key}: {example}"
+                );
+                return Err(Problem::at(written.referenced, text));
+            }
+        }
         let Some(written) = &self.master_uri else { return Ok(()) };
         let config = Ros1Config { master_uri: written.value.clone(), ..Ros1Config::default() };
         config.master().map(drop).map_err(|error| {
@@ -101,8 +118,8 @@ impl Ros1Section {
         insecure.say(&mut config.insecure, hostname.is_some());
         config.hostname = hostname.or(config.hostname);
         config.hosts = hosts.clone();
-        config.namespace = namespace.unwrap_or(config.namespace);
-        config.node = node.or(config.node);
+        config.namespace = namespace.map_or(config.namespace, |namespace| namespace.value);
+        config.node = node.map_or(config.node, |node| Some(node.value));
         config.remaps = remap.into_iter().collect();
         config.mapping_rules = rules;
         Ok(config)

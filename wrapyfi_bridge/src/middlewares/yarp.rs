@@ -3,7 +3,6 @@
 use std::net::IpAddr;
 
 use serde::Deserialize;
-use serde_saphyr::Location;
 use wrapyfi_core::engine::{Available, Problem, Spanned};
 pub(super) use wrapyfi_core::middleware::yarp::NAME;
 use wrapyfi_core::middleware::yarp::{self, Convention, Dialect, NameServerConf, Yarp, YarpConfig};
@@ -13,6 +12,7 @@ use wrapyfi_core::types::MessageType;
 use super::start::start;
 use super::word::Word;
 use crate::exit::Failure;
+use crate::files::in_no_file;
 use crate::logging;
 
 /// The middleware as routes and commands address it, with its rules for topics.
@@ -105,7 +105,7 @@ impl YarpSection {
 
     /// Says at which address ports are reached, in no file.
     pub fn say_ip(&mut self, ip: String) {
-        self.ip = Some(Spanned::new(ip, Location::UNKNOWN, Location::UNKNOWN));
+        self.ip = Some(in_no_file(ip));
     }
 
     /// All settings.

@@ -32,8 +32,8 @@ pub struct ZeroMqSection {
     pub ip: Option<Spanned<String>>,
     pub pub_port: Option<Spanned<u16>>,
     pub sub_port: Option<Spanned<u16>>,
-    pub rep_port: Option<u16>,
-    pub req_port: Option<u16>,
+    pub rep_port: Option<Spanned<u16>>,
+    pub req_port: Option<Spanned<u16>>,
     pub broker: Option<BrokerWord>,
     pub monitor_topic: Option<String>,
     pub send_hwm: Option<u16>,
@@ -160,28 +160,51 @@ impl ZeroMqSection {
             );
             return Err(Problem::at(ip.referenced, text));
         }
-        let Some(written) = self.sub_port.as_ref().or(self.pub_port.as_ref()) else {
-            return Ok(());
-        };
         let config = ZeroMqConfig::from_env();
         let mut config =
             config.map_err(|wrong| Problem { position: None, message: wrong.to_string() })?;
         self.say_ports(&mut config);
-        if config.pub_port == config.sub_port && config.pub_port != 0 {
-            let text = format!(
-                "pub_port and sub_port are both {}: give the two sides of the broker two ports",
-                config.pub_port
-            );
-            return Err(Problem::at(written.referenced, text));
+        let written = |one: &Option<Spanned<u16>>, other: &Option<Spanned<u16>>| {
+            other.as_ref().or(one.as_ref()).map(|port| port.referenced)
+        };
+        let pairs = [
+            (
+                ["pub_port", "sub_port"],
+                [config.pub_port, config.sub_port],
+                written(&self.pub_port, &self.sub_port),
+            ),
+            (
+                ["rep_port", "req_port"],
+                [config.rep_port, config.req_port],
+                written(&self.rep_port, &self.req_port),
+            ),
+        ];
+        for ([one, other], [port, same], written) in pairs {
+            if let Some(written) = written
+                && port == same
+                && port != 0
+            {
+                let text = format!(
+                    "{one} and {other} are both {port}: give the two sides of the broker two ports, such as \
+                     {other}: {}",
+                    port.checked_add(1).unwrap_or(port - 1)
+                );
+                return Err(Problem::at(written, text));
+            }
         }
         Ok(())
     }
 
-    /// Writes the ports of messages into `config`.
+    /// Writes the ports into `config`.
     fn say_ports(&self, config: &mut ZeroMqConfig) {
-        let port = |written: &Option<Spanned<u16>>| written.as_ref().map(|it| it.value);
-        config.pub_port = port(&self.pub_port).unwrap_or(config.pub_port);
-        config.sub_port = port(&self.sub_port).unwrap_or(config.sub_port);
+        for (port, written) in [
+            (&mut config.pub_port, &self.pub_port),
+            (&mut config.sub_port, &self.sub_port),
+            (&mut config.rep_port, &self.rep_port),
+            (&mut config.req_port, &self.req_port),
+        ] {
+            *port = written.as_ref().map_or(*port, |written| written.value);
+        }
     }
 
     /// Writes into `config` who runs the broker, its address, and who may reach it.
@@ -222,8 +245,6 @@ impl ZeroMqSection {
             config.monitor_topic.clone_from(topic);
         }
         self.say_ports(&mut config);
-        config.rep_port = self.rep_port.unwrap_or(config.rep_port);
-        config.req_port = self.req_port.unwrap_or(config.req_port);
         config.send_hwm = self.send_hwm.unwrap_or(config.send_hwm);
         if let Some(most) = self.max_connections {
             config.max_connections = usize::from(most.get());

@@ -10,6 +10,7 @@
 //!   diagnostics   statuses -> DiagnosticArray
 //!   lifecycle     the services of a managed node, and ~/transition_event
 //!   info          a status -> RouteInfo, a verdict -> Explain_Response, and back
+//!   namesakes     other bridges of the same node name
 //! ```
 //!
 //! No bridge by pattern carries these endpoints anywhere: their mark says that they have been everywhere, and
@@ -19,6 +20,7 @@ pub mod client;
 pub mod diagnostics;
 pub mod info;
 pub mod lifecycle;
+mod namesakes;
 
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, Sender, SyncSender, TrySendError, channel, sync_channel};
@@ -44,6 +46,7 @@ use wrapyfi_retry::contained;
 use wrapyfi_retry::thread::restarted;
 
 use self::diagnostics::Diagnostics;
+use self::namesakes::Namesakes;
 use crate::exit::Failure;
 use crate::in_force::InForce;
 use crate::lifecycle::{Lifecycle, State};
@@ -103,6 +106,7 @@ impl OnGraph {
         let status = advertise.open::<BridgeStatus>("~/status", latched);
         let list = offer::<ListRoutes_Response>(&parts.node, &registry, &context, "list_routes");
         let explain = offer::<Explain_Response>(&parts.node, &registry, &context, "explain");
+        let namesakes = Namesakes::new(&parts.node, &registry);
         drop(registry);
         let (ask, asked) = sync_channel(MAX_WAITING);
         let (tell, told) = channel();
@@ -117,8 +121,18 @@ impl OnGraph {
             answer_all(&parts, &asked, &tell, &wake);
         });
         started.context("cannot answer ~/explain")?;
-        let work =
-            Work { routes, handle, lifecycle, diagnostics, status, list, explain, ask, told };
+        let work = Work {
+            routes,
+            handle,
+            lifecycle,
+            diagnostics,
+            status,
+            list,
+            explain,
+            namesakes,
+            ask,
+            told,
+        };
         let (leave, wake) = (Arc::clone(&stop), context.wake.clone());
         let thread = std::thread::Builder::new().name("on-graph".to_owned());
         let started = thread.spawn(move || {
@@ -183,6 +197,7 @@ struct Work {
     status: Option<Topic>,
     list: Option<Offered>,
     explain: Option<Offered>,
+    namesakes: Option<Namesakes>,
     /// Questions for the thread that answers them, and its answers.
     ask: SyncSender<(RequestId, String)>,
     told: Receiver<(RequestId, Explain_Response)>,
@@ -190,6 +205,9 @@ struct Work {
 
 impl Work {
     fn publish(&mut self) {
+        if let Some(namesakes) = &mut self.namesakes {
+            namesakes.look(Instant::now());
+        }
         let (routes, now) = (self.routes.status(), self.handle.now());
         if let Some(status) = &mut self.status {
             let stamp = Time { sec: now.sec, nanosec: now.nanosec };

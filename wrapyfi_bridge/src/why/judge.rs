@@ -14,7 +14,9 @@ use super::drops::{is_harmless, meaning, mends};
 use super::names::nearest;
 use super::reach::{opened, reachable};
 use super::words::{between, example, is_same_type, nobody, owner, people, provider, types_differ};
-use super::{Cause, Elsewhere, End, Finding, Graph, Registered, RouteFacts, Step, Verdict, Way};
+use super::{
+    Cause, Elsewhere, End, Finding, Graph, Limited, Registered, RouteFacts, Step, Verdict, Way,
+};
 
 /// Steps of a walk: what is in place, until something is not.
 struct Walk<'w> {
@@ -95,9 +97,11 @@ impl Walk<'_> {
                     self.quality(destination, taker)?;
                     self.state()?;
                     self.messages(source)?;
+                    self.rate()?;
                 } else {
                     self.state()?;
                 }
+                self.namesakes([source, destination])?;
             }
         }
         Ok(())
@@ -453,6 +457,49 @@ impl Walk<'_> {
             }
             _ => Ok(()),
         }
+    }
+
+    /// Limit of the rate, where it leaves out most of the messages.
+    fn rate(&mut self) -> Step {
+        /// Share of messages from which on a limit is taken for a mistake.
+        const MOST: f64 = 0.9;
+        let Some(route) = &self.way.route else { return Ok(()) };
+        let Some(Limited { max_rate_hz, came_hz, dropped }) = route.limited else { return Ok(()) };
+        let what = format!(
+            "max_rate_hz is {max_rate_hz}, and {came_hz:.1} messages a second come: {:.0} % of all were left out",
+            100.0 * dropped
+        );
+        if dropped < MOST {
+            self.pass(what);
+            return Ok(());
+        }
+        let remedy = format!(
+            "write `max_rate_hz: {:.0}` or more on the route in {}, or leave it out",
+            came_hz.max(max_rate_hz).ceil(),
+            route.file
+        );
+        Err(Finding::new(Cause::RateLimit, what, "the route", remedy))
+    }
+
+    /// Other bridges whose node has the same name.
+    fn namesakes(&self, ends: [&End; 2]) -> Step {
+        let Some(RouteFacts { node, .. }) = &self.way.route else { return Ok(()) };
+        // Each bridge publishes its status once; one that looks does not see its own.
+        let status = format!("{node}/status");
+        let is_status = |one: &&Discovered| one.name == status && one.role == Role::Publisher;
+        let bridges = |end: &End| end.found.iter().filter(is_status).count();
+        let of_ros2 = ends.into_iter().filter(|end| end.address.middleware == "ros2");
+        let others = of_ros2.map(bridges).max().unwrap_or(0);
+        let others = others.saturating_sub(usize::from(self.way.running.is_none()));
+        if others == 0 {
+            return Ok(());
+        }
+        Err(Finding::new(
+            Cause::SameNode,
+            super::same_node(node),
+            "whoever starts the bridges",
+            super::OTHER_NODE,
+        ))
     }
 
     /// Messages that come.

@@ -421,3 +421,36 @@ fn two_programs_at_one_topic_are_compared_with_each_other() {
     let alone = judge(&way(&|it| it.found = vec![publisher("/in")]));
     assert_eq!(alone.finding.unwrap().cause, Cause::NobodyListens);
 }
+
+#[test]
+fn a_limit_that_leaves_out_most_messages_is_named_with_both_rates() {
+    let limited = |dropped| {
+        let way = of_route(|it| {
+            it.limited = Some(Limited { max_rate_hz: 1.0, came_hz: 49.6, dropped });
+        });
+        judge(&way)
+    };
+    let found = limited(0.98).finding.unwrap();
+    assert_eq!(found.cause, Cause::RateLimit);
+    for words in ["max_rate_hz is 1", "49.6 messages a second", "98 %"] {
+        assert!(found.what.contains(words), "{found:?}");
+    }
+    assert!(found.remedy.contains("max_rate_hz: 50"), "{found:?}");
+    let halved = limited(0.5);
+    assert_eq!(halved.finding, None);
+    assert!(halved.passed.iter().any(|step| step.contains("max_rate_hz is 1")), "{halved}");
+}
+
+#[test]
+fn two_bridges_of_one_node_name_are_named() {
+    let with = |bridges: usize| {
+        let status = || Discovered::new("/wrapyfi_bridge/status", Role::Publisher);
+        let mut way = of_source(|it| it.found.extend((0..bridges).map(|_| status())));
+        way.route.as_mut().unwrap().node = "/wrapyfi_bridge".to_owned();
+        judge(&way).finding
+    };
+    assert_eq!((with(0), with(1)), (None, None), "a command sees the one bridge that there is");
+    let found = with(2).unwrap();
+    assert_eq!(found.cause, Cause::SameNode);
+    assert!(found.what.contains("/wrapyfi_bridge") && found.remedy.contains("__node:="));
+}

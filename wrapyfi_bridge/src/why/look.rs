@@ -33,6 +33,9 @@ const LOOK: Duration = Duration::from_millis(20);
 /// Time after which a name that nobody has in the own domain of ROS 2 is looked for in others, too: some nodes answer a
 /// new one after a second.
 const HERE_AT_FIRST: Duration = Duration::from_millis(200);
+/// Time for which the names of nodes are waited for: some tell theirs a second after their endpoints. What is left
+/// of two seconds is for listening.
+const NAMED_WITHIN: Duration = Duration::from_millis(1300);
 /// Time for which messages are listened for.
 const LISTEN: Duration = Duration::from_millis(600);
 /// Most addresses of one name that are connected to.
@@ -63,6 +66,11 @@ impl Wanted {
     /// True where somebody has the name in the role.
     fn is_there(&self, end: &End) -> bool {
         end.found.iter().any(|one| self.is_met(one))
+    }
+
+    /// True where a node has the name in the role, and its own name has not come.
+    fn is_unnamed(&self, end: &End) -> bool {
+        end.found.iter().any(|one| self.is_met(one) && one.node.is_none())
     }
 
     /// True for an endpoint that has the name in the role.
@@ -140,7 +148,8 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
     let is_sought = middleware == "ros2" && wanted.role != Role::Client;
     let mut seen = watch(&mut end, &mut side, |end, told| {
         let is_late = is_sought && begin.elapsed() >= HERE_AT_FIRST && !wanted.is_there(end);
-        told || is_late || Instant::now() >= deadline
+        let is_named = !is_sought || begin.elapsed() >= NAMED_WITHIN || !wanted.is_unnamed(end);
+        (told && is_named) || is_late || Instant::now() >= deadline
     });
     if let (Some(graph), Ok(())) = (end.graph.clone(), &seen)
         && is_sought
@@ -158,7 +167,8 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
                 seen = watch(&mut end, side, |end, told| {
                     let is_met = wanted.is_there(end);
                     is_there.fetch_or(is_met, Relaxed);
-                    Instant::now() >= own_until || (is_met && told)
+                    let is_named = begin.elapsed() >= NAMED_WITHIN || !wanted.is_unnamed(end);
+                    Instant::now() >= own_until || (is_met && told && is_named)
                 });
             }
             let mut wide = Vec::new();

@@ -77,6 +77,21 @@ pub struct RouteFacts {
     pub limit: Option<(usize, usize)>,
     /// Route of the same bridge that publishes where this one listens, and does not hear.
     pub unheard: Option<Unheard>,
+    /// Full name of the bridge's node on ROS 2.
+    pub node: String,
+    /// Limit of the rate, and the messages that it has left out.
+    pub limited: Option<Limited>,
+}
+
+/// Limit of a route's rate, and what it does.
+#[derive(Debug, Clone, Copy)]
+pub struct Limited {
+    /// Setting `max_rate_hz`.
+    pub max_rate_hz: f64,
+    /// Messages a second that came in while somebody looked.
+    pub came_hz: f64,
+    /// Share of all messages since the start that the limit has left out, from 0 to 1.
+    pub dropped: f64,
 }
 
 /// A route of the same bridge that this one does not hear.
@@ -221,6 +236,18 @@ pub struct Finding {
     pub remedy: String,
 }
 
+/// Remedy for bridges whose nodes have the same name.
+pub(crate) const OTHER_NODE: &str =
+    "start one of them with another name: wrapyfi bridge … --ros-args -r __node:=OTHER";
+
+/// Fault of two bridges with the same node, in words.
+pub(crate) fn same_node(node: &str) -> String {
+    format!(
+        "another bridge has the node name {node}, too: whoever asks one of them, for its parameters or by \
+         a service, hears the other"
+    )
+}
+
 /// Step along the way: nothing where all is in place.
 type Step = Result<(), Finding>;
 
@@ -259,6 +286,8 @@ pub enum Cause {
     NobodyListens,
     State,
     Drops,
+    RateLimit,
+    SameNode,
     Idle,
     /// A word of a bridge elsewhere that is not known here.
     #[serde(skip_deserializing)]

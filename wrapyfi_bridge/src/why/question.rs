@@ -10,14 +10,14 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-use wrapyfi_core::endpoint::{EndpointAddress, Role};
+use wrapyfi_core::endpoint::{CountersSnapshot, DropReason, EndpointAddress, Role};
 use wrapyfi_core::engine::{Applier, Kind, Plan, Route, RouteIndex, RouteStatus, Typing};
 use wrapyfi_core::types::MessageType;
 use wrapyfi_interfaces::store::TypeStore;
 
 use super::look::{Sight, Wanted, look};
-use super::{End, RouteFacts, Unheard, Way};
-use crate::command::any;
+use super::{End, Limited, RouteFacts, Unheard, Way};
+use crate::command::definitions;
 use crate::exit::Failure;
 use crate::in_force::InForce;
 use crate::middlewares::{self, Endpoints, Loaded, Undefined};
@@ -54,7 +54,7 @@ impl Question {
                 let mut endpoints = Endpoints::default();
                 endpoints.reached_at(self.own);
                 let sight = Sight { endpoints: &endpoints, bridge: None };
-                Ok(of_address(&address, sight, any::definitions(&self.definitions)?))
+                Ok(of_address(&address, sight, definitions::store(&self.definitions)?))
             }
         }
     }
@@ -89,8 +89,8 @@ impl Question {
     }
 
     fn of_type(&self, name: &str) -> Result<Way, Failure> {
-        let mut types = any::definitions(&self.definitions)?;
-        any::add_standard(name, &self.definitions, &mut types);
+        let mut types = definitions::store(&self.definitions)?;
+        definitions::add_standard(name, &self.definitions, &mut types);
         let mut way = Way { title: name.to_owned(), ..Way::default() };
         if let Err(error) = types.resolve_name(name) {
             let undefined = Some((name.to_owned(), error.to_string()));
@@ -138,6 +138,7 @@ impl Configured<'_> {
                     name: route.name.clone(),
                     file: file.to_owned(),
                     left_out,
+                    node: node.name().fqn(),
                     ..RouteFacts::default()
                 };
                 facts.unheard = unheard(&index, &route, node);
@@ -216,6 +217,8 @@ impl Configured<'_> {
         if let (Some(before), Some(now)) = (before, &running) {
             let came = now.counters.received.saturating_sub(before.counters.received);
             (source.heard, source.silent) = (came, Some(begin.elapsed()));
+            facts.limited =
+                limited(route, &now.counters, came as f64 / begin.elapsed().as_secs_f64());
         }
         let destination = (!route.is_many()).then_some(destination);
         let title = match route.name == route.ends() {
@@ -295,6 +298,17 @@ fn circle(index: &RouteIndex<'_>, route: &Route) -> Vec<String> {
     ends.map(ToString::to_string).collect()
 }
 
+/// Limit of a route's rate where it has left messages out.
+fn limited(route: &Route, counters: &CountersSnapshot, came_hz: f64) -> Option<Limited> {
+    let max_rate_hz = route.policy.max_rate_hz?;
+    let dropped = counters.dropped_for(DropReason::RateLimit);
+    if dropped == 0 {
+        return None;
+    }
+    let dropped = dropped as f64 / counters.received.max(dropped) as f64;
+    Some(Limited { max_rate_hz, came_hz, dropped })
+}
+
 /// True where listening for a moment disturbs nobody: no port is opened, and nobody is told.
 fn listens_on(middleware: &str) -> bool {
     middleware == "ros2" || middleware == "zeromq"
@@ -366,7 +380,7 @@ pub(crate) fn explain(
         sight: Sight { endpoints, bridge: Some(&registry) },
         status: &|| routes.status(),
     };
-    configured.way(name, any::definitions(definitions)?)
+    configured.way(name, definitions::store(definitions)?)
 }
 
 #[cfg(test)]

@@ -55,7 +55,7 @@ pub(super) fn example(end: &End, role: Role) -> String {
 pub(super) fn owner(one: &Discovered) -> String {
     match &one.node {
         Some(node) => node.clone(),
-        None => format!("an unnamed {}", one.role),
+        None => format!("a {} whose node has not told its name", one.role),
     }
 }
 

@@ -5,8 +5,7 @@
 //!   Picture (Pillow) ─────────────────────────────▶ Image, as it is; CMYK as rgb8
 //! ```
 
-use super::jpeg::convert;
-use super::{DecodeError, DecodeResult, EncodeError};
+use super::{DecodeError, DecodeResult, EncodeError, jpeg};
 use crate::Limits;
 use crate::types::{Dtype, Encoding, Image, MessageType, Pixels, RawPixels, Stamp, Tensor, Value};
 
@@ -68,7 +67,7 @@ impl Image {
     /// # Errors
     /// When its file is broken, or its pixels would exceed `message_bytes`.
     pub fn to_value(&self, color_order: Encoding, limits: &Limits) -> Result<Value, EncodeError> {
-        match convert(self.clone(), MessageType::Image, color_order, limits)?.pixels {
+        match jpeg::convert(self.clone(), MessageType::Image, color_order, limits)?.pixels {
             Pixels::Raw(raw) => array(raw, color_order).map(Value::Tensor),
             Pixels::Compressed { format, .. } => {
                 Err(EncodeError::mismatch("pixels", format!("a {format} image")))

@@ -105,6 +105,13 @@ pub fn fields_of_call(
             kind: format!("argument of {} where {ros_type} has {at} fields", value.kind()),
             remedy: "leave it out",
         })?;
+        if kwargs.get(name).is_some() {
+            return Err(RosValueError::Kind {
+                path: name.to_owned(),
+                kind: "second value".to_owned(),
+                remedy: "give it in order or by name",
+            });
+        }
         pairs.push((Value::from(name), value.clone()));
     }
     pairs.extend(kwargs.iter().map(|(name, value)| (name.clone(), value.clone())));

@@ -1,110 +1,120 @@
-//! `wrapyfi call`; here `ros2:/service`.
+//! `wrapyfi call`.
 
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
 use wrapyfi_core::Limits;
-use wrapyfi_core::endpoint::{CallError, Middleware as _, Role, Wake};
-use wrapyfi_core::middleware::ros2::{AnyClient, Ros2, ServiceOptions, returned};
-use wrapyfi_core::types::{RosService, ServiceKind};
-use wrapyfi_interfaces::dynamic::DynamicMessage;
+use wrapyfi_core::endpoint::{
+    Call, CallError, Context, Middleware, Role as EndpointRole, ServiceSpec,
+};
+use wrapyfi_core::middleware::yarp;
+use wrapyfi_core::types::{Map, Payload, ServiceKind, Value, fields_of_call};
 
-use super::native::{self, Arguments, Convention};
-use super::{function, shown};
-use crate::cli::CallArgs;
-use crate::command::{WAIT_SLICE, any};
-use crate::describe::summary;
+use super::{kind, shown, value, wait};
+use crate::canonical::canonical;
+use crate::cli::{CallArgs, ServiceName};
+use crate::describe::{describe, summary};
 use crate::exit::Failure;
-use crate::middlewares::Middlewares;
+use crate::middlewares::{Middlewares, Role};
 use crate::output;
 use crate::shutdown::Shutdown;
 
 /// Calls once and prints the reply.
 ///
 /// # Errors
-/// Exit code 3 when there was no reply in time, 2 when type, service or request is wrong.
+/// Exit code 3 when there was no reply in time, 2 when type, service or request is wrong, 1 when the
+/// server answered with an error.
 pub fn run(args: &CallArgs, shutdown: &Shutdown) -> Result<(), Failure> {
-    let options = args.options.of(&args.endpoint.middleware)?;
-    if args.endpoint.middleware != "ros2" {
-        return function::call(args, options, shutdown);
-    }
-    if args.ports.any() {
-        let text = format!("{}: --rep-port and --req-port are for zeromq", args.endpoint);
-        return Err(Failure::Usage(text));
-    }
+    let mut options = args.options.of(&args.endpoint.middleware)?;
     let begin = Instant::now();
-    let ros2 = Middlewares::ros2_of_command()?;
-    let name = match &args.service_type {
-        Some(name) => name.0.clone(),
-        None => match announced(args, &ros2, shutdown)? {
-            Some(name) => name,
+    let named = match &args.service_type {
+        Some(name) => Some(kind(name, &args.endpoint, &args.definitions)?),
+        None if args.endpoint.middleware == "ros2" => None,
+        None => Some(ServiceKind::NativeObject),
+    };
+    let request = request(args)?;
+    if let Some(kind) = named {
+        check(&request, kind)?;
+    }
+    if args.endpoint.middleware == yarp::NAME && options.get("bottle").is_none() {
+        // A robot's port reads bottles, a function of Wrapyfi JSON; the name server tells them apart.
+        options.insert("bottle", "auto");
+    }
+    let (own, ports) = (args.options.own, &args.ports);
+    let middlewares = Middlewares::for_service(&args.endpoint, Role::Client, ports, own)?;
+    let middleware =
+        middlewares.registry().get(&args.endpoint.middleware).map_err(Failure::usage)?;
+    let context = Context::default();
+    let kind = match named {
+        Some(kind) => kind,
+        None => match announced(args, middleware.as_ref(), &context, shutdown)? {
+            Some(name) => {
+                let kind = kind(&ServiceName(name), &args.endpoint, &args.definitions)?;
+                check(&request, kind)?;
+                kind
+            }
             None => return Ok(()),
         },
     };
-    let resolved = any::resolve(&name, &args.definitions)?;
-    let service = RosService::new(&resolved).map_err(Failure::usage)?;
-    let wake = Wake::new();
+    let spec = ServiceSpec { options, ..ServiceSpec::new(&args.endpoint.name, kind) };
+    let mut client = middleware.open_client(&spec, &context).map_err(Failure::usage)?;
     let left = args.timeout.saturating_sub(begin.elapsed());
-    let options = ServiceOptions { timeout: left, ..ServiceOptions::default() };
-    let mut client = AnyClient::open(&ros2, &args.endpoint.name, service, &options, &wake)
-        .map_err(Failure::usage)?;
-    let request = request(args, &name, &client)?;
-    let ticket = client.call(&request).map_err(Failure::usage)?;
+    let ticket = client.send(&request.into(), left).map_err(Failure::usage)?;
     while !shutdown.requested() {
-        let Some((ended, result)) = client.poll() else {
-            wake.wait(wait(&client));
+        let Some(result) = client.take_only(ticket) else {
+            wait(&context.wake, client.deadline());
             continue;
         };
-        debug_assert_eq!(ended, ticket);
-        let reply = result.map_err(|error| failed(error, args.timeout))?;
-        return output::line(&told(args, &name, &reply)?);
+        let text = match &result.map_err(|error| failed(error, args.timeout))?.payload {
+            Payload::RosMessage(message) => shown(message, args.json)?,
+            payload if args.json => describe(payload),
+            payload => summary(payload),
+        };
+        return output::line(&text);
     }
     Err(anyhow!("{}: interrupted before there was a reply", args.endpoint).into())
 }
 
-/// A reply as it is printed: what a function returned in the words of `echo`, any other as a message.
-fn told(args: &CallArgs, name: &str, reply: &DynamicMessage) -> Result<String, Failure> {
-    let kind = match name.parse::<ServiceKind>() {
-        Ok(kind) if !args.json => kind,
-        _ => return shown(reply, args.json),
-    };
-    let returned = returned(kind, reply).with_context(|| format!("{}", args.endpoint))?;
-    let service = || args.endpoint.name.clone();
-    returned.map(|payload| summary(&payload)).map_err(|reason| {
-        let refused = CallError::Refused { service: service(), reason };
-        Failure::Failed(anyhow::Error::new(refused))
-    })
-}
-
 /// The request that the command line gives: fields, or what a function is called with.
-fn request(args: &CallArgs, name: &str, client: &AnyClient) -> Result<DynamicMessage, Failure> {
-    let mut request = client.request();
-    let value = args.value.as_deref().map(|text| native::json("--value", text)).transpose()?;
-    let given = match (value, Convention::of(name)) {
-        (Some(value), Some(convention)) if !native::is_fields(&value, &request) => {
-            let one = Arguments { args: vec![value], ..Arguments::default() };
-            return convention.fill(&mut request, one).map(|()| request);
-        }
-        (Some(value), _) => value,
-        (None, convention) => {
-            let arguments = Arguments::read(args.args.as_deref(), args.kwargs.as_deref())?;
-            match convention {
-                Some(convention) => {
-                    return convention.fill(&mut request, arguments).map(|()| request);
-                }
-                None => arguments.fields(&request)?,
-            }
-        }
-    };
-    client
-        .request_plan()
-        .from_json(&given, Limits::default().message_bytes)
-        .map_err(|error| Failure::Usage(format!("the value is no request of {name}: {error}")))
+fn request(args: &CallArgs) -> Result<Call, Failure> {
+    match &args.value {
+        Some(text) => Ok(Call { args: vec![value("--value", text)?], kwargs: Map::new() }),
+        None => Ok(Call {
+            args: arguments("--args", args.args.as_deref())?,
+            kwargs: keywords("--kwargs", args.kwargs.as_deref())?,
+        }),
+    }
 }
 
-fn wait(client: &AnyClient) -> Duration {
-    let until = client.deadline().map(|at| at.saturating_duration_since(Instant::now()));
-    until.unwrap_or(WAIT_SLICE).min(WAIT_SLICE)
+/// Refuses what is no request of a service that is no function of Wrapyfi.
+fn check(Call { args, kwargs }: &Call, kind: ServiceKind) -> Result<(), Failure> {
+    let ServiceKind::Ros(service) = kind else { return Ok(()) };
+    let limit = Limits::default().message_bytes;
+    fields_of_call(service.request(), args, kwargs, limit)
+        .map(drop)
+        .map_err(|error| Failure::Usage(format!("the value is no request of {kind}: {error}")))
+}
+
+/// Positional arguments: a JSON list in Wrapyfi's dialect.
+fn arguments(option: &str, text: Option<&str>) -> Result<Vec<Value>, Failure> {
+    match value(option, text.unwrap_or("[]"))? {
+        Value::List(args) | Value::Tuple(args) => Ok(args),
+        other => Err(Failure::Usage(format!(
+            "{option} is {}; it must be a JSON list",
+            canonical(&other)
+        ))),
+    }
+}
+
+/// Keyword arguments: a JSON object in Wrapyfi's dialect.
+fn keywords(option: &str, text: Option<&str>) -> Result<Map, Failure> {
+    match value(option, text.unwrap_or("{}"))? {
+        Value::Map(kwargs) => Ok(kwargs),
+        other => Err(Failure::Usage(format!(
+            "{option} is {}; it must be a JSON object",
+            canonical(&other)
+        ))),
+    }
 }
 
 /// The failure of a call for which the user gave `timeout`; discovery had its part of it before.
@@ -119,16 +129,20 @@ fn failed(error: CallError, timeout: Duration) -> Failure {
 }
 
 /// Waits until somebody offers the service: its type. `None` when asked to end.
-fn announced(args: &CallArgs, ros2: &Ros2, shutdown: &Shutdown) -> Result<Option<String>, Failure> {
-    let name = ros2.resolve(&args.endpoint.name).map_err(Failure::usage)?;
-    let mut discovery = ros2.discover().context("ros2")?;
+fn announced(
+    args: &CallArgs,
+    middleware: &dyn Middleware,
+    context: &Context,
+    shutdown: &Shutdown,
+) -> Result<Option<String>, Failure> {
+    let name = format!("/{}", args.endpoint.name.trim_start_matches('/'));
+    let mut discovery = middleware.discover().context("ros2")?;
     let deadline = Instant::now() + args.timeout;
-    let wake = Wake::new();
     while !shutdown.requested() {
         let found = discovery.endpoints().context("ros2")?;
         let mut types: Vec<_> = found
             .into_iter()
-            .filter(|endpoint| endpoint.name == name && endpoint.role == Role::Server)
+            .filter(|endpoint| endpoint.name == name && endpoint.role == EndpointRole::Server)
             .filter_map(|endpoint| endpoint.type_name)
             .collect();
         types.sort();
@@ -151,14 +165,64 @@ fn announced(args: &CallArgs, ros2: &Ros2, shutdown: &Shutdown) -> Result<Option
                 args.endpoint
             )));
         }
-        wake.wait(WAIT_SLICE);
+        wait(&context.wake, Some(deadline));
     }
     Ok(None)
 }
 
 #[cfg(test)]
 mod tests {
+    use wrapyfi_core::types::RosService;
+    use wrapyfi_interfaces::store::TypeStore;
+
     use super::*;
+
+    #[test]
+    fn wrong_arguments_are_named() {
+        for (args, words) in
+            [("{}", "--args is {}; it must be a JSON list"), ("[", "--args: malformed JSON")]
+        {
+            let error = arguments("--args", Some(args)).unwrap_err().to_string();
+            assert!(error.starts_with(words), "{error}");
+        }
+        let error = keywords("--kwargs", Some("[]")).unwrap_err().to_string();
+        assert_eq!(error, "--kwargs is []; it must be a JSON object");
+        assert_eq!(arguments("--args", None).unwrap(), []);
+        assert!(keywords("--kwargs", None).unwrap().is_empty());
+    }
+
+    #[test]
+    fn arguments_are_fields_in_order_by_name_or_all_in_one() {
+        let checked = |name: &str, args, kwargs| {
+            let resolved = TypeStore::generated().resolve_name(name).unwrap();
+            let kind = ServiceKind::Ros(RosService::new(&resolved).unwrap());
+            let call = Call {
+                args: arguments("--args", args).unwrap(),
+                kwargs: keywords("--kwargs", kwargs).unwrap(),
+            };
+            check(&call, kind).map_err(|failure| failure.to_string())
+        };
+        let set = "std_srvs/srv/SetBool";
+        for (args, kwargs) in [
+            (Some("[true]"), None),
+            (Some(r#"[{"data": true}]"#), None),
+            (None, Some(r#"{"data": true}"#)),
+            (None, None),
+        ] {
+            assert_eq!(checked(set, args, kwargs), Ok(()), "{args:?} {kwargs:?}");
+        }
+        let list = "rcl_interfaces/srv/ListParameters";
+        assert_eq!(checked(list, Some(r#"[["a"]]"#), Some(r#"{"depth": 1}"#)), Ok(()));
+        for (args, kwargs, words) in [
+            ("[true, 2]", None, "has 1 fields"),
+            ("[true]", Some(r#"{"data": true}"#), "data: a second value"),
+            (r#"[{"dat": true}]"#, None, "did you mean \"data\"?"),
+        ] {
+            let error = checked(set, Some(args), kwargs).unwrap_err();
+            assert!(error.contains("is no request of std_srvs/srv/SetBool"), "{error}");
+            assert!(error.contains(words), "{error}");
+        }
+    }
 
     #[test]
     fn the_time_that_the_user_gave_is_told() {

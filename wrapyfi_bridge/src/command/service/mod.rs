@@ -1,37 +1,60 @@
-//! `call` and `serve`: requests and replies.
+//! `call` and `serve`: requests and replies of any middleware.
 //!
 //! ```text
-//!   ros2:                 any service whose definition is found, as messages
-//!     --value, --args, --kwargs ─▶ request ─▶ AnyClient ══▶ AnyServer ─▶ --echo, --value, --file ─▶ reply
-//!   ros:, yarp:, zeromq:  functions of Wrapyfi and, but for zeromq, any service
-//!     --value, --args, --kwargs ─▶ Client ══▶ Server ─▶ --echo, --value, --file ─▶ reply
+//!   function of Wrapyfi   --args, --kwargs ─▶ Call of values ───┐
+//!   any other service     --value, --args, --kwargs ─▶ fields ──┴─▶ Client ══▶ Server
+//!                                                                               │
+//!   printed ◀─ Payload ◀─ Client ◀══ Server ◀─ --echo, --value, --file ─────────┘
 //! ```
 
-use wrapyfi_core::endpoint::EndpointAddress;
-use wrapyfi_interfaces::dynamic::DynamicMessage;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
 
-use super::any::yaml;
+use bytes::Bytes;
+use wrapyfi_core::Limits;
+use wrapyfi_core::codec::json;
+use wrapyfi_core::endpoint::{EndpointAddress, Wake};
+use wrapyfi_core::types::{RosMessage, ServiceKind, Value};
+
+use super::{WAIT_SLICE, definitions, yaml};
+use crate::cli::ServiceName;
 use crate::exit::Failure;
 
 pub mod call;
-mod function;
-mod native;
 pub mod serve;
 
-/// The failure of a server that is given no type where services have one.
-fn no_type(endpoint: &EndpointAddress) -> Failure {
-    Failure::Usage(format!(
-        "{endpoint}: --type is needed: NativeObject, Image, CompressedImage, AudioChunk, or any type as \
-         package/srv/Name"
-    ))
+/// Kind of the service: a function of Wrapyfi, or on all middlewares but ZeroMQ any service.
+fn kind(
+    name: &ServiceName,
+    endpoint: &EndpointAddress,
+    folders: &[PathBuf],
+) -> Result<ServiceKind, Failure> {
+    if endpoint.middleware == "zeromq" {
+        return name.0.parse().map_err(Failure::usage);
+    }
+    ServiceKind::resolve(&name.0, &mut definitions::of_command(folders)?)
+        .map_err(|error| Failure::Usage(format!("{error} (--definitions DIR)")))
 }
 
-/// A request or a reply as `--json` shows it, or as `ros2 topic echo` would.
-fn shown(message: &DynamicMessage, as_json: bool) -> Result<String, Failure> {
+/// The JSON of an option, in Wrapyfi's dialect.
+fn value(option: &str, text: &str) -> Result<Value, Failure> {
+    json::decode(&Bytes::copy_from_slice(text.as_bytes()), &Limits::default())
+        .map_err(|error| Failure::Usage(format!("{option}: {error}")))
+}
+
+/// A request or a reply of ROS as `--json` shows it, or as `ros2 topic echo` would.
+fn shown(message: &RosMessage, as_json: bool) -> anyhow::Result<String> {
+    let fields = message.fields(message.cdr.len())?;
     if !as_json {
-        return Ok(yaml::text(message)?);
+        return yaml::text(&fields);
     }
     // The message itself keeps the order of its fields; a JSON value would sort them.
-    let value = serde_json::to_string(message).map_err(anyhow::Error::new)?;
-    Ok(format!("{{\"type\":\"{}\",\"value\":{value}}}", message.type_name()))
+    let value = serde_json::to_string(&fields)?;
+    Ok(format!("{{\"type\":\"{}\",\"value\":{value}}}", fields.type_name()))
+}
+
+/// Waits for the bell, and no longer than until `deadline`.
+fn wait(wake: &Wake, deadline: Option<Instant>) {
+    let left = deadline.map(|at| at.saturating_duration_since(Instant::now()));
+    wake.wait(left.unwrap_or(Duration::MAX).min(WAIT_SLICE));
 }

@@ -5,8 +5,8 @@ use std::cell::Cell;
 use bytes::Bytes;
 
 use super::super::{DecodeError, Path};
-use super::text::{self, RawString, Text};
-use super::{TAG, number};
+use super::number;
+use super::text::{self, RawString, TAG, Text};
 use crate::Limits;
 use crate::plugin::Plugins;
 use crate::types::{Map, Tensor, Value};

@@ -3,8 +3,9 @@
 use std::borrow::Cow;
 
 use super::super::{EncodeError, Path};
-use super::number::{big_integer, write_float};
-use super::{MAX_DIGITS, TAG, base64, neutral, text};
+use super::number::{MAX_DIGITS, big_integer, write_float};
+use super::text::TAG;
+use super::{base64, neutral, text};
 use crate::codec::npy;
 use crate::plugin::{Part, Plugins};
 use crate::types::{Map, Tensor, Value};

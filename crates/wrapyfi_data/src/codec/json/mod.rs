@@ -27,15 +27,11 @@ pub(crate) use text::{RawString, Text};
 
 use bytes::Bytes;
 
+use self::text::TAG;
 use super::{DecodeError, DecodeResult, EncodeResult};
 use crate::Limits;
 use crate::plugin::Plugins;
 use crate::types::{Tensor, Value};
-
-/// The member that makes an object a tagged value.
-const TAG: &str = "__wrapyfi__";
-/// Digits of the longest integer, Python's own limit on both sides.
-const MAX_DIGITS: usize = 4300;
 
 /// Reads a native object. Arrays share no bytes with `text`; objects of unknown plug-ins do.
 ///

@@ -2,8 +2,10 @@
 
 use num_bigint::BigInt;
 
-use super::MAX_DIGITS;
 use crate::types::Value;
+
+/// Digits of the longest integer, Python's own limit on both sides.
+pub(super) const MAX_DIGITS: usize = 4300;
 
 /// Reads a number in front of text; also returns the number of bytes that it takes.
 pub(super) fn read(text: &[u8]) -> Result<(Value, usize), String> {

@@ -14,7 +14,7 @@ use memchr::memchr;
 
 use super::super::Path;
 use super::decode::{Decoder, Result, Tagged};
-use super::text::Text;
+use super::text::{TAG, Text};
 use super::{base64, neutral};
 use crate::codec::npy::{self, NpyArray};
 use crate::plugin::{Body, Element, Unpacking};
@@ -23,7 +23,7 @@ use crate::types::{Value, unique_members};
 impl Decoder<'_> {
     /// Reads the member `__wrapyfi__` of the object at `path`, `depth` containers deep.
     pub(super) fn tag(&mut self, path: &Path<'_>, depth: usize) -> Result<Tagged> {
-        let member = Path::Key(path, super::TAG);
+        let member = Path::Key(path, TAG);
         let start = self.at;
         match self.peek() {
             Some(b'[') => self.at += 1,

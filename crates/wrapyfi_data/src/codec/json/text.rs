@@ -2,6 +2,9 @@
 
 use memchr::{memchr, memchr2};
 
+/// The member that makes an object a tagged value.
+pub(super) const TAG: &str = "__wrapyfi__";
+
 /// A string as it stands between its quotes, valid as far as finding its end told.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct RawString<'a> {

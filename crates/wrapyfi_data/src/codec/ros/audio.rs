@@ -8,7 +8,7 @@ use wrapyfi_interfaces::cdr::CdrParts;
 use wrapyfi_interfaces::wrapyfi_msgs::msg;
 use wrapyfi_interfaces::wrapyfi_ros2_interfaces::msg::ROS2AudioMessage;
 
-use super::{FORMAT, countable, header, little_endian, malformed, misfit, quote, stamp};
+use super::part::{FORMAT, countable, header, little_endian, malformed, misfit, quote, stamp};
 use crate::codec::{DecodeResult, EncodeError, EncodeResult};
 use crate::types::{AudioChunk, SampleFormat};
 

@@ -4,7 +4,9 @@ use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::cdr::CdrParts;
 use wrapyfi_interfaces::sensor_msgs::msg;
 
-use super::{FORMAT, countable, describe_pixels, header, little_endian, misfit, quote, stamp};
+use super::part::{
+    FORMAT, countable, describe_pixels, header, little_endian, misfit, quote, stamp,
+};
 use crate::codec::{DecodeError, EncodeError};
 use crate::types::{CompressedFormat, Encoding, Image, Pixels, RawPixels};
 

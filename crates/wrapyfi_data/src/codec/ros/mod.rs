@@ -15,25 +15,24 @@
 pub(super) mod audio;
 pub(super) mod image;
 mod native;
+mod part;
 mod text;
 
 use bytes::Bytes;
 use wrapyfi_interfaces::Message;
-use wrapyfi_interfaces::builtin_interfaces::msg::Time;
-use wrapyfi_interfaces::cdr::{CdrError, CdrParts};
+use wrapyfi_interfaces::cdr::CdrParts;
 use wrapyfi_interfaces::rcl_interfaces::msg::Parameter;
 use wrapyfi_interfaces::sensor_msgs::msg::{CompressedImage, Image};
-use wrapyfi_interfaces::std_msgs::msg::{Header, String as Text};
+use wrapyfi_interfaces::std_msgs::msg::String as Text;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::{AudioChunk, NativeObject};
 use wrapyfi_interfaces::wrapyfi_ros2_interfaces::msg::ROS2AudioMessage;
 
+use self::part::describe_pixels;
+pub use self::part::fault;
 use super::{DecodeError, DecodeResult, EncodeError, EncodeResult};
 use crate::Limits;
 use crate::plugin::Plugins;
-use crate::types::{MessageType, Payload, Pixels, RosMessage, ShapeError, Stamp, swap_byte_order};
-
-/// Name of the format in errors.
-const FORMAT: &str = "CDR";
+use crate::types::{MessageType, Payload, RosMessage};
 
 /// Writes `payload` as a message of type `message_type`.
 ///
@@ -149,47 +148,6 @@ fn read<M: Message>(cdr: &Bytes, limits: &Limits) -> DecodeResult<M> {
     M::decode(cdr, limits.message_bytes).map_err(|error| fault(&error))
 }
 
-/// Converts a fault in the bytes of a message to an error of codecs.
-#[must_use]
-pub fn fault(error: &CdrError) -> DecodeError {
-    match *error {
-        CdrError::TooLarge { actual, limit } => DecodeError::too_large(actual, limit),
-        _ => malformed(error.path(), error.to_string()),
-    }
-}
-
-/// A fault at `path` of the message, empty for the whole of it.
-fn malformed(path: &str, reason: String) -> DecodeError {
-    let path = if path.is_empty() { "$".to_owned() } else { format!("$.{path}") };
-    DecodeError::Malformed { format: FORMAT, path, reason }
-}
-
-/// The bytes of a message do not fit the fields that describe them.
-fn misfit(error: &ShapeError) -> DecodeError {
-    malformed("data", error.to_string())
-}
-
-fn header(stamp: Stamp, frame_id: &str) -> Header {
-    Header { stamp: Time { sec: stamp.sec, nanosec: stamp.nanosec }, frame_id: frame_id.to_owned() }
-}
-
-fn stamp(header: &Header) -> Stamp {
-    Stamp { sec: header.stamp.sec, nanosec: header.stamp.nanosec }
-}
-
-/// Checks that CDR can count a field of `size` bytes.
-fn countable(field: &str, size: usize) -> EncodeResult<()> {
-    if u32::try_from(size).is_ok() {
-        return Ok(());
-    }
-    Err(EncodeError::Unrepresentable {
-        format: FORMAT,
-        what: format!("{size} bytes in one field"),
-        path: format!("$.{field}"),
-        remedy: format!("send at most {} bytes at once", u32::MAX),
-    })
-}
-
 /// Words for a payload's kind, for mismatches.
 pub(super) fn describe(payload: &Payload) -> String {
     match payload {
@@ -199,30 +157,6 @@ pub(super) fn describe(payload: &Payload) -> String {
         Payload::Properties(properties) => format!("{} properties", properties.len()),
         Payload::RosMessage(message) => format!("a {}", message.ros_type),
     }
-}
-
-fn describe_pixels(pixels: &Pixels) -> String {
-    match pixels {
-        Pixels::Raw(raw) => format!("a raw {} image", raw.encoding),
-        Pixels::Compressed { format, .. } => format!("a {format} image"),
-    }
-}
-
-/// Text of a message for an error: short, and quoted.
-pub(super) fn quote(text: &str) -> String {
-    const SHOWN: usize = 40;
-    match text.char_indices().nth(SHOWN) {
-        None => format!("{text:?}"),
-        Some((end, _)) => format!("{:?}…", text.get(..end).unwrap_or_default()),
-    }
-}
-
-/// A little-endian copy of big-endian values of `width` bytes in rows of `step` bytes. Padding at
-/// the end of a row has no meaning and may change.
-fn little_endian(data: &[u8], width: usize, step: usize) -> Bytes {
-    let mut data = data.to_vec();
-    data.chunks_mut(step.max(1)).for_each(|row| swap_byte_order(row, width));
-    Bytes::from(data)
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::cdr::{CdrError, CdrParts, CdrReader, CdrWriter};
 use wrapyfi_interfaces::wrapyfi_msgs::msg;
 
-use super::{FORMAT, countable, fault, header, malformed, quote, stamp};
+use super::part::{FORMAT, countable, fault, header, malformed, quote, stamp};
 use crate::Limits;
 use crate::codec::{DecodeResult, EncodeError, json};
 use crate::plugin::Plugins;

@@ -6,7 +6,7 @@ use wrapyfi_interfaces::wrapyfi_msgs::msg;
 
 use super::tests::{recorded, unhex};
 use super::*;
-use crate::types::{Map, NativeObject, Tensor, Value};
+use crate::types::{Map, NativeObject, Stamp, Tensor, Value};
 
 fn limits() -> Limits {
     Limits::default()

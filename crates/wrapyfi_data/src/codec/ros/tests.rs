@@ -8,8 +8,8 @@ use wrapyfi_interfaces::sensor_msgs::msg;
 
 use super::*;
 use crate::types::{
-    AudioChunk as Sound, CompressedFormat, Encoding, Image as Picture, RawPixels, SampleFormat,
-    Value,
+    AudioChunk as Sound, CompressedFormat, Encoding, Image as Picture, Pixels, RawPixels,
+    SampleFormat, Stamp, Value,
 };
 
 pub(super) fn recorded() -> Vec<Json> {

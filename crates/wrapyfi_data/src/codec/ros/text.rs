@@ -4,7 +4,7 @@ use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::cdr::CdrParts;
 use wrapyfi_interfaces::std_msgs::msg::String as Text;
 
-use super::countable;
+use super::part::countable;
 use crate::codec::{DecodeError, EncodeError};
 use crate::types::Value;
 

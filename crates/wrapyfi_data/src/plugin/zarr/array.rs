@@ -10,10 +10,10 @@ use bytes::Bytes;
 use serde_json::json;
 
 use super::chunk::{Compressor, Fault, unknown};
-use super::{PluginError, Store, malformed};
+use super::store::{Store, malformed};
 use crate::Limits;
 use crate::codec::{json, npy};
-use crate::plugin::Plugins;
+use crate::plugin::{PluginError, Plugins};
 use crate::types::{Dtype, NumpyArray, Tensor, Value, element_count, swap_byte_order};
 
 /// Most bytes of a `.zarray`: it has a handful of members.

@@ -4,7 +4,9 @@ use std::io::Read;
 
 use bytes::Bytes;
 
-use super::{PluginError, blosc, malformed};
+use super::blosc;
+use super::store::malformed;
+use crate::plugin::PluginError;
 use crate::types::Value;
 
 /// The compressor that `.zarray` names.

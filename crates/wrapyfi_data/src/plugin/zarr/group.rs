@@ -2,7 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use super::{Files, KEY, PluginError, Store, array, malformed};
+use super::store::{Store, malformed};
+use super::{Files, KEY, array};
+use crate::plugin::PluginError;
 use crate::types::{PluginObject, Value};
 
 /// A zarr group with everything in it. It is the only object of [`crate::plugin`] that is a

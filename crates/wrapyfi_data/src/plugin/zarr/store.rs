@@ -1,0 +1,43 @@
+//! The folder of an array or a group, which a zip holds.
+
+use crate::codec::archive::Archive;
+use crate::codec::json;
+use crate::plugin::{PluginError, Plugins, Unpacking};
+use crate::types::Value;
+
+pub(super) fn malformed(reason: String) -> PluginError {
+    PluginError::malformed(0, reason)
+}
+
+/// The folder that the zip holds.
+pub(super) struct Store<'a> {
+    pub(super) archive: Archive,
+    pub(super) context: &'a Unpacking<'a>,
+}
+
+impl Store<'_> {
+    /// The content of a file, inflated where it must be.
+    pub(super) fn read(&self, name: &str) -> Result<Option<bytes::Bytes>, PluginError> {
+        let Some(member) = self.archive.member(name) else { return Ok(None) };
+        let fault = |reason| malformed(format!("zip member {name:?}: {reason}"));
+        if let Some(content) = self.archive.stored(member).map_err(fault)? {
+            return Ok(Some(content));
+        }
+        self.context.unpack(format!("zip member {name:?}"), member.size as u64)?;
+        self.archive.inflate(member).map(Some).map_err(fault)
+    }
+
+    /// `.zattrs` of the folder `path` as JSON text; `None` where there is none or it says nothing.
+    pub(super) fn attributes(&self, path: &str) -> Result<Option<String>, PluginError> {
+        let name = format!("{path}.zattrs");
+        let Some(file) = self.read(&name)? else { return Ok(None) };
+        let limits = self.context.limits_within(file.len());
+        let attributes = json::decode_with(&file, &limits, &Plugins::none())
+            .map_err(|error| malformed(format!("{name}: {error}")))?;
+        match (attributes, std::str::from_utf8(&file)) {
+            (Value::Map(attributes), _) if attributes.is_empty() => Ok(None),
+            (Value::Map(_), Ok(text)) => Ok(Some(text.to_owned())),
+            (other, _) => Err(malformed(format!("{name} is a {}, no dict", other.kind()))),
+        }
+    }
+}
