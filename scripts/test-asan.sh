@@ -23,4 +23,5 @@ export ASAN_OPTIONS="${ASAN_OPTIONS:-detect_leaks=0:detect_stack_use_after_retur
 build=(cargo --quiet test --locked --package wrapyfi_ros2 --lib --target "$host")
 "${build[@]}" --no-run
 # A process each would be slower, and hide what one test leaves for the next.
-scripts/lo-namespace.sh "${build[@]}" -- "$@"
+# One test reads how much memory the process holds: the sanitizer holds back what is freed, to find who still uses it.
+scripts/lo-namespace.sh "${build[@]}" -- --skip what_cyclone_lent_goes_back_where_a_callback_panics "$@"

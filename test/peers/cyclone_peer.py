@@ -21,7 +21,7 @@ import time
 import traceback
 
 parser = argparse.ArgumentParser()
-parser.add_argument("role", choices=["subscribe", "publish", "graph"])
+parser.add_argument("role", choices=["subscribe", "publish", "crowd", "graph"])
 parser.add_argument("--topic")
 parser.add_argument("--type")
 parser.add_argument("--count", type=int, default=0, help="0: until stdin closes")
@@ -370,6 +370,20 @@ def publish(participant):
     leaving.wait()
 
 
+def crowd(participant):
+    """A writer of texts on each of the topics TOPIC_0, TOPIC_1, ..., as many as --count says."""
+    kind = struct(args.type)
+    writers = [DataWriter(participant, Topic(participant, f"rt{args.topic}_{number}", kind), qos=qos())
+               for number in range(args.count)]
+    say("ready", role="crowd")
+    round = 0
+    while not leaving.is_set():
+        for writer in writers:
+            writer.write(kind(data=str(round)))
+        round += 1
+        leaving.wait(1.0 / args.rate)
+
+
 def times(found):
     """Deadline, lifespan, liveliness and lease of an endpoint; times that are infinite or absent as None."""
     def ms(policy, field):
@@ -416,7 +430,7 @@ if __name__ == "__main__":
     watch_stdin()
     try:
         domain = DomainParticipant(int(os.environ.get("ROS_DOMAIN_ID", "0")))
-        {"subscribe": subscribe, "publish": publish, "graph": graph}[args.role](domain)
+        {"subscribe": subscribe, "publish": publish, "crowd": crowd, "graph": graph}[args.role](domain)
     except Exception:  # the test reads the reason on stderr
         traceback.print_exc()
         leave(1)

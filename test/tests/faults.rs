@@ -24,6 +24,13 @@ fn numbers(output: &Output) -> Vec<u64> {
     output.objects().filter_map(|message| text(&message)).collect()
 }
 
+/// Number of messages that each route of a bridge has received, by its last status.
+fn received_by_route(output: &Output) -> Option<Vec<u64>> {
+    let last = output.objects().next_back()?;
+    let routes = last["routes"].as_array()?;
+    routes.iter().map(|route| route["counters"]["received"].as_u64()).collect()
+}
+
 /// Waits until a listener has heard `count` numbers more than now, in order and each once.
 fn hears_more(listener: &Process, count: usize) -> Result<Vec<u64>> {
     let before = listener.wait_until("what it heard", |output| Some(numbers(output).len()))?;
@@ -157,26 +164,49 @@ fn a_hundred_routes_and_a_hundred_sockets_come_back_to_a_broker_at_once() -> Res
         let talker = env.peer("zmq_numbers.py", &args)?;
         talker.event("ready")?;
         for _life in 0..3 {
-            let received = |output: &Output| {
-                let last = output.objects().next_back()?;
-                let routes = last["routes"].as_array()?;
-                routes.iter().map(|route| route["counters"]["received"].as_u64()).collect()
-            };
             // Number of messages of the socket that has heard the fewest.
             let least = |output: &Output| output.objects().next_back()?["least"].as_u64();
-            let before: Vec<u64> = bridge.wait_until("its status", received)?;
+            let before = bridge.wait_until("its status", received_by_route)?;
             let heard = crowd.wait_until("what it heard", least)?;
             crowd.wait_until("news on every socket", |output| {
                 least(output).filter(|least| *least > heard)
             })?;
             bridge.wait_until("news on every route", |output| {
-                let now: Vec<u64> = received(output)?;
+                let now = received_by_route(output)?;
                 now.iter().zip(&before).all(|(now, before)| now > before).then_some(())
             })?;
             broker.kill()?;
             drop(broker);
             broker = env.broker()?;
         }
+        Ok(())
+    })
+}
+
+#[test]
+fn a_hundred_topics_of_ros_2_come_back_at_once() -> Result {
+    run("a_hundred_topics_of_ros_2_come_back_at_once", NEEDS, |env| {
+        const COUNT: usize = 100;
+        let topic = env.topic("x");
+        let routes = (0..COUNT).map(|number| {
+            let name = format!("{topic}_{number}");
+            Route::new(&ros2(&name), &zeromq(&name), "Text").with("lazy", "false")
+        });
+        let bridge = env.bridge(&routes.fold(env.embedded(), Config::route))?;
+        let args = format!("crowd --topic {topic} --type {TYPE} --count {COUNT} --rate 5");
+        let mut files = Vec::new();
+        for _life in 0..3 {
+            let before = bridge.wait_until("its status", received_by_route)?;
+            let mut crowd = env.peer("cyclone_peer.py", &args)?;
+            bridge.wait_until("news on every route", |output| {
+                let now = received_by_route(output)?;
+                now.iter().zip(&before).all(|(now, before)| now > before).then_some(())
+            })?;
+            files.push(std::fs::read_dir(format!("/proc/{}/fd", bridge.id()))?.count());
+            crowd.kill()?;
+        }
+        // Peers of DDS share the sockets of a process: none of them takes a file.
+        ensure!(files.iter().max() == files.iter().min(), "open files in each life: {files:?}");
         Ok(())
     })
 }

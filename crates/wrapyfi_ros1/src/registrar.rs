@@ -49,7 +49,7 @@ async fn meet_master(node: &Arc<Node>) {
         match node.master.ask("getUri", []).await {
             Ok(uri) => return node.master.whereabouts.note_master(&uri),
             Err(error @ MasterError::Unreachable(_)) => {
-                node.set_fault(Some(away(&node, &error)));
+                node.set_fault(Some(away(node, &error)));
                 backoff.pause().await;
             }
             // It lacks the method, and is one all the same.
