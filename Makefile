@@ -130,8 +130,8 @@ fuzz: export SECONDS_EACH ?= 60
 fuzz: | target/COLCON_IGNORE
 	@fuzz/run.sh
 
-# Most end-to-end tests wait for their peers most of the time: with a test for each core, half of it idles.
-TEST_THREADS := $(shell echo $$((2 * $$(nproc))))
+# Most end-to-end tests wait for their peers most of the time: with two tests for each core, a part of it idles.
+TEST_THREADS := $(shell echo $$((3 * $$(nproc))))
 
 # Compiled outside: the namespace has no network, should Cargo still have to fetch something.
 # The programs too, because the end-to-end tests start them; all in one command, because the programs alone

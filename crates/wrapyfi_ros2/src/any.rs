@@ -13,8 +13,8 @@ use bytes::Bytes;
 use wrapyfi_interfaces::dynamic::{DynamicMessage, PlanError, TypePlan, ValueError};
 use wrapyfi_interfaces::store::ResolvedType;
 
-use super::Ros2;
 use super::graph::{CdrReader, CdrWriter, GraphError, Notify, TopicDescription};
+use super::ros2::Ros2;
 use wrapyfi_endpoint::{OpenError, Qos, Wake};
 
 /// Error of sending or receiving a message of a type known at run time.

@@ -7,9 +7,9 @@
 
 use std::sync::Arc;
 
-use super::NAME;
 use super::graph::{DiscoveredEndpoint, Graph, GraphError, NodeWatch};
 use super::names::{self, RosName};
+use super::ros2::NAME;
 use wrapyfi_endpoint::{DiscoverError, Discovered, Discovery, Role};
 
 /// Looks at one graph.

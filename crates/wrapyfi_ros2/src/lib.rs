@@ -78,6 +78,7 @@ mod rmw_endpoints;
 mod rmw_graph;
 #[cfg(feature = "rmw")]
 mod rmw_paired;
+mod ros2;
 #[cfg(feature = "fastdds-services")]
 mod rust_services;
 mod service;
@@ -86,8 +87,6 @@ mod services;
 mod vendor;
 #[cfg(test)]
 mod wire_tests;
-
-use std::sync::Arc;
 
 pub use adapter::{JoinError, Joined, join};
 pub use any::{AnyError, AnyListener, AnyMessage, AnyPublisher};
@@ -104,94 +103,21 @@ pub use parameters::{
 };
 #[cfg(feature = "rmw")]
 pub use rmw_graph::RmwGraph;
+pub use ros2::Ros2;
 #[cfg(feature = "fastdds-services")]
 pub use rust_services::{RustServices, RustServicesError, ServiceEndpoints};
 pub use service::{AnyClient, AnyRequest, AnyServer, ServiceOptions, returned};
 
-use diagnosis::Names;
-use graph::{Graph, GraphError, TopicDescription};
+use graph::GraphError;
 use listener::Ros2Listener;
 use parameters::{PropertiesListener, PropertiesPublisher};
 use publisher::Ros2Publisher;
+use ros2::NAME;
 use wrapyfi_data::types::MessageType;
-use wrapyfi_endpoint::codec::ros;
 use wrapyfi_endpoint::{
-    Client, Context, DiscoverError, Discovery, Listener, Middleware, OpenError, OpenResult, Opened,
-    Publisher, Server, ServiceSpec, TopicSpec, Traits,
+    Client, Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Opened, Publisher,
+    Server, ServiceSpec, TopicSpec, Traits,
 };
-use wrapyfi_node::NodeName;
-
-/// Name of this middleware in addresses.
-const NAME: &str = "ros2";
-
-type Remap = Arc<dyn Fn(&str) -> Result<String, String> + Send + Sync>;
-
-/// The middleware `ros2`: topics of one node, and with [`MessageType::Properties`] the parameters of
-/// others. Copies are the same node.
-#[derive(Clone)]
-pub struct Ros2 {
-    graph: Arc<dyn Graph>,
-    names: Arc<Names>,
-    remap: Remap,
-    carried_by: Option<Arc<str>>,
-}
-
-impl Ros2 {
-    /// Topics of the node behind `graph`. `remap` is given every topic as an absolute name and
-    /// returns the one to use: the node's remapping rules, or the name as it is. Its error is
-    /// shown as the reason why the name is invalid.
-    #[must_use]
-    pub fn new(
-        graph: Arc<dyn Graph>,
-        remap: impl Fn(&str) -> Result<String, String> + Send + Sync + 'static,
-    ) -> Self {
-        Self { names: Names::new(&graph), graph, remap: Arc::new(remap), carried_by: None }
-    }
-
-    /// The middleware of a node that has joined its graph: [`Ros2::new`] that can tell what carries it.
-    #[must_use]
-    pub fn joined(
-        joined: Joined,
-        remap: impl Fn(&str) -> Result<String, String> + Send + Sync + 'static,
-    ) -> Self {
-        Self { carried_by: Some(joined.carried_by.into()), ..Self::new(joined.graph, remap) }
-    }
-
-    /// Name of what carries the graph, and why it was chosen; `None` where nothing was chosen.
-    #[must_use]
-    pub fn carried_by(&self) -> Option<&str> {
-        self.carried_by.as_deref()
-    }
-
-    /// The graph underneath.
-    #[must_use]
-    pub fn graph(&self) -> &Arc<dyn Graph> {
-        &self.graph
-    }
-
-    /// The absolute name under which the node uses `topic`: expanded and remapped.
-    ///
-    /// # Errors
-    /// When a rule for names is broken.
-    pub fn resolve(&self, topic: &str) -> OpenResult<String> {
-        let invalid = |reason: String| OpenError::invalid_name(NAME, topic, reason);
-        let expanded =
-            self.graph.node().expand(topic).map_err(|error| invalid(error.to_string()))?;
-        let name = (self.remap)(&expanded).map_err(invalid)?;
-        NodeName::check_topic(&name).map_err(|error| invalid(error.to_string()))?;
-        Ok(name)
-    }
-
-    fn describe(&self, spec: &TopicSpec) -> OpenResult<TopicDescription> {
-        Ok(TopicDescription {
-            name: self.resolve(&spec.topic)?,
-            type_name: spec.message_type.ros_type().to_owned(),
-            type_hash: Some(ros::type_hash(spec.message_type).to_owned()),
-            qos: spec.pinned.apply(spec.qos),
-            max_bytes: spec.limits.message_bytes,
-        })
-    }
-}
 
 impl Middleware for Ros2 {
     fn name(&self) -> &str {
@@ -253,12 +179,6 @@ fn unopened(spec: &TopicSpec, error: ParameterClientError) -> OpenError {
         ParameterClientError::Name { reason, .. } => OpenError::invalid_name(NAME, &topic, reason),
         other => OpenError::transport(NAME, &topic, other.to_string()),
     }
-}
-
-/// Error for a service that cannot be opened.
-fn no_service(spec: &ServiceSpec, error: &dyn std::error::Error) -> OpenError {
-    let (topic, reason) = (spec.service.clone(), error.to_string());
-    OpenError::transport(NAME, &topic, reason)
 }
 
 fn transport(spec: &TopicSpec, error: &GraphError) -> OpenError {

@@ -43,15 +43,14 @@ mod settings;
 mod stopped_tests;
 mod watch;
 
-use std::sync::{Arc, Weak};
+use std::sync::Arc;
 
 pub use announce::ServiceEndpoints;
 pub use settings::RustServicesError;
 
-use self::changes::Changes;
 use self::client::Client;
 use self::end::End;
-use self::participant::{Participant, Topics};
+use self::participant::{Participant, Shared, Topics};
 use self::server::Server;
 use self::settings::Settings;
 use super::config::CycloneConfig;
@@ -68,12 +67,6 @@ use wrapyfi_node::NodeName;
 /// takes a few hundred milliseconds.
 #[derive(Clone)]
 pub struct RustServices(Arc<Shared>);
-
-struct Shared {
-    settings: Settings,
-    participant: Mutex<Weak<Participant>>,
-    changes: Arc<Changes>,
-}
 
 impl RustServices {
     /// Services of the node that `config` describes: on its domain, within its discovery range, on
@@ -120,7 +113,7 @@ impl RustServices {
     pub fn client(&self, service: &ServiceDescription, on_event: Notify) -> Created<dyn CdrClient> {
         let (requests, replies) = dds_names(service)?;
         let topics = Topics { written: requests, read: replies, service: service.clone() };
-        Ok(Box::new(Client::new(End::open(self, "creating a client", topics, on_event)?)))
+        Ok(Box::new(Client::new(End::open(&self.0, "creating a client", topics, on_event)?)))
     }
 
     /// Creates a server and announces it. `on_event` is called as for [`RustServices::client`].
@@ -130,22 +123,11 @@ impl RustServices {
     pub fn server(&self, service: &ServiceDescription, on_event: Notify) -> Created<dyn CdrServer> {
         let (requests, replies) = dds_names(service)?;
         let topics = Topics { written: replies, read: requests, service: service.clone() };
-        Ok(Box::new(Server::new(End::open(self, "creating a server", topics, on_event)?)))
+        Ok(Box::new(Server::new(End::open(&self.0, "creating a server", topics, on_event)?)))
     }
 
     fn existing(&self) -> Option<Arc<Participant>> {
         self.0.participant.lock().upgrade()
-    }
-
-    /// The participant, created where there is none, and where the one there was has ended.
-    fn participant(&self) -> GraphResult<Arc<Participant>> {
-        let mut known = self.0.participant.lock();
-        if let Some(participant) = known.upgrade().filter(|it| !it.has_ended()) {
-            return Ok(participant);
-        }
-        let participant = Participant::new(&self.0.settings, &self.0.changes)?;
-        *known = Arc::downgrade(&participant);
-        Ok(participant)
     }
 }
 

@@ -11,9 +11,10 @@ use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_interfaces::{Message, Service};
 
 use super::{ParameterClientError, ParameterResult};
+use crate::ServiceOptions;
 use crate::graph::Peers;
+use crate::ros2::{Ros2, no_service};
 use crate::service::Ros2Client;
-use crate::{Ros2, ServiceOptions, no_service};
 use wrapyfi_data::types::{Payload, RosMessage, RosService, ServiceKind};
 use wrapyfi_endpoint::wire_client::WireClient;
 use wrapyfi_endpoint::{

@@ -12,8 +12,9 @@ use super::asker::Asker;
 use super::{
     CHUNK, MAX_NAMES, ParameterClientError, ParameterResult, RefusedParameter, node_name, options,
 };
+use crate::ServiceOptions;
 use crate::graph::Peers;
-use crate::{Ros2, ServiceOptions};
+use crate::ros2::Ros2;
 use wrapyfi_data::types::{ParameterType, ParameterValue, Properties};
 use wrapyfi_endpoint::Wake;
 use wrapyfi_node::parameters::{Parameter, ParameterService};

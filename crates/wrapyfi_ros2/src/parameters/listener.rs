@@ -4,8 +4,9 @@
 use std::time::Instant;
 
 use super::{ParameterClientError, ParameterResult, RemoteParameters};
+use crate::ServiceOptions;
 use crate::graph::{Peers, ServiceMapping};
-use crate::{Ros2, ServiceOptions};
+use crate::ros2::Ros2;
 use wrapyfi_endpoint::{Context, DropReason, Link, Listener, Review, Sample, TakeError, TopicSpec};
 
 /// Listens to the parameters of one node.

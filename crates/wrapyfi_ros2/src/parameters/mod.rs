@@ -21,7 +21,8 @@ pub(super) use listener::PropertiesListener;
 pub(super) use publisher::PropertiesPublisher;
 pub use remote::RemoteParameters;
 
-use super::{Ros2, ServiceOptions};
+use super::ServiceOptions;
+use super::ros2::Ros2;
 use wrapyfi_node::NodeName;
 use wrapyfi_node::parameters::ParameterService;
 

@@ -2,8 +2,9 @@
 
 use super::listener::link;
 use super::{ParameterClient, ParameterClientError, ParameterResult};
+use crate::ServiceOptions;
 use crate::graph::{Peers, ServiceMapping};
-use crate::{Ros2, ServiceOptions};
+use crate::ros2::Ros2;
 use wrapyfi_data::Limits;
 use wrapyfi_data::codec::properties_to_set;
 use wrapyfi_data::types::Payload;

@@ -7,15 +7,14 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::RustServices;
 use super::pair::Pair;
-use super::participant::{Opened, Topics};
+use super::participant::{Opened, Shared, Topics};
 use crate::graph::{GraphResult, Notify};
 use wrapyfi_endpoint::backoff::Backoff;
 
 /// Endpoints of a client or server, and what it takes to open them anew.
 pub(super) struct End {
-    services: RustServices,
+    shared: Arc<Shared>,
     operation: &'static str,
     topics: Topics,
     notify: Notify,
@@ -27,15 +26,15 @@ pub(super) struct End {
 impl End {
     /// Creates the endpoints and announces them.
     pub(super) fn open(
-        services: &RustServices,
+        shared: &Arc<Shared>,
         operation: &'static str,
         topics: Topics,
         notify: Notify,
     ) -> GraphResult<Self> {
-        let opened = services.participant()?.open(operation, &topics, Arc::clone(&notify))?;
+        let opened = shared.participant()?.open(operation, &topics, Arc::clone(&notify))?;
         let backoff = Backoff::new(u64::from(std::process::id()));
-        let services = services.clone();
-        Ok(Self { services, operation, topics, notify, opened, backoff, not_before: None })
+        let shared = Arc::clone(shared);
+        Ok(Self { shared, operation, topics, notify, opened, backoff, not_before: None })
     }
 
     /// The endpoints.
@@ -52,7 +51,7 @@ impl End {
         }
         self.not_before = Some(now + self.backoff.wait());
         let notify = Arc::clone(&self.notify);
-        self.opened = self.services.participant()?.open(self.operation, &self.topics, notify)?;
+        self.opened = self.shared.participant()?.open(self.operation, &self.topics, notify)?;
         Ok(true)
     }
 }

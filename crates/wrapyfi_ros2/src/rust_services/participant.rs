@@ -5,7 +5,7 @@
 //!                           ends: thread, empty announcement, RustDDS's own threads, goodbye
 //! ```
 
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 
 use rustdds::dds::CreateError;
 use rustdds::policy::{Durability, History, Reliability, ResourceLimits};
@@ -36,6 +36,26 @@ pub(super) struct Participant {
     dds: DomainParticipant,
     /// Last: what RustDDS still said would make it be there again.
     _goodbye: Goodbye,
+}
+
+/// What the services of one node share: its settings, its participant while there is one, and who hears of changes.
+pub(super) struct Shared {
+    pub(super) settings: Settings,
+    pub(super) participant: Mutex<Weak<Participant>>,
+    pub(super) changes: Arc<Changes>,
+}
+
+impl Shared {
+    /// The participant, created where there is none, and where the one there was has ended.
+    pub(super) fn participant(&self) -> GraphResult<Arc<Participant>> {
+        let mut known = self.participant.lock();
+        if let Some(participant) = known.upgrade().filter(|it| !it.has_ended()) {
+            return Ok(participant);
+        }
+        let participant = Participant::new(&self.settings, &self.changes)?;
+        *known = Arc::downgrade(&participant);
+        Ok(participant)
+    }
 }
 
 /// Names and quality of service of the two topics of a service.

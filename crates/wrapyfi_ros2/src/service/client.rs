@@ -16,7 +16,7 @@ use super::LOOK_AGAIN;
 use super::codec::ServiceCodec;
 use crate::any::ringing;
 use crate::graph::{CdrClient, GraphError, Peers, ServiceMapping};
-use crate::{Ros2, no_service};
+use crate::ros2::{Ros2, no_service};
 use wrapyfi_data::EncodeError;
 use wrapyfi_endpoint::calls::{Calls, Stage};
 use wrapyfi_endpoint::wire_client::{ClientWire, WireClient};

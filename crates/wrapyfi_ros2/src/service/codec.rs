@@ -16,7 +16,8 @@ use wrapyfi_interfaces::dynamic::{DynamicMessage, DynamicValue, TypePlan, ValueE
 use wrapyfi_interfaces::store::TypeStore;
 
 use crate::graph::ServiceDescription;
-use crate::{no_service, payload};
+use crate::payload;
+use crate::ros2::no_service;
 use wrapyfi_data::types::{
     DataType, MessageType, Payload, RosMessage, RosService, RosType, ServiceKind, value_of,
 };

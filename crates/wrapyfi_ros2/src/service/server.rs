@@ -17,7 +17,7 @@ use super::codec::ServiceCodec;
 use super::replies::{Replies, Reply, Unsent};
 use crate::any::ringing;
 use crate::graph::{GraphError, Peers, RequestId};
-use crate::{Ros2, no_service};
+use crate::ros2::{Ros2, no_service};
 use wrapyfi_data::types::Payload;
 use wrapyfi_data::{DecodeError, EncodeError};
 use wrapyfi_endpoint::calls::ends;
