@@ -1,5 +1,4 @@
-# make demo    the main job on a bare machine: ZeroMQ in, ROS 2 out, a live table
-# make build   all programs, optimised, in target/release
+# make demo    all programs, and the main job on a bare machine: ZeroMQ in, ROS 2 out, a live table
 # make check   for daily work: format, lints, tests without real peers
 # make test    everything: format, lints, tests against real peers, documentation, colcon
 # make nightly what takes hours: fuzz targets, more seeds, every feature alone, the release build, the oldest Rust,
@@ -20,7 +19,7 @@ SHELL := /bin/bash
 MAKEFLAGS += --no-print-directory
 # One after the other: every step uses all cores, and each one fails with its own message.
 .NOTPARALLEL:
-.PHONY: demo build check test nightly soak test-churn bench doc fmt lint fuzz setup-build setup-test setup-frameworks test-fmt test-rust
+.PHONY: demo check test nightly soak test-churn bench doc fmt lint fuzz setup-build setup-test setup-frameworks test-fmt test-rust
 .PHONY: test-asan test-frameworks test-python test-colcon test-rmw test-release test-seeds test-features test-oldest test-semver deny sbom
 
 DEMO_ARGS ?= --seconds 20
@@ -32,11 +31,8 @@ export PYTHON3 ?= /usr/bin/python3
 CARGO := cargo --quiet
 
 demo: setup-build
-	cargo build --profile demo --locked --package wrapyfi_bridge
-	@$(CARGO) run --profile demo --locked --package wrapyfi_bridge --bin wrapyfi -- demo $(DEMO_ARGS)
-
-build: setup-build
 	cargo build --release --locked --package wrapyfi_bridge
+	@$(CARGO) run --release --locked --package wrapyfi_bridge --bin wrapyfi -- demo $(DEMO_ARGS)
 
 # The same selection of the workspace as everywhere, so that nothing is compiled twice.
 check: test-fmt lint
