@@ -17,7 +17,7 @@ use serde::{Deserialize, Deserializer};
 pub use serde_saphyr::Spanned;
 
 use super::config_devices::DevicesConfig;
-use super::config_error::ConfigError;
+use super::config_error::{ConfigError, example};
 use super::config_qos::QosConfig;
 use super::config_words::word_or_map;
 use super::stamping::StampSource;
@@ -174,13 +174,26 @@ impl<E: DeserializeOwned + Default> Config<E> {
     /// When the file is wrong; the error names file, line and column, the fault, and the nearest
     /// spelling of an unknown key.
     pub fn from_yaml(text: &str, file: &str) -> Result<Self, ConfigError> {
+        Self::from_yaml_with(text, file, |_| None)
+    }
+
+    /// As [`Config::from_yaml`]; `endpoint_example` is an example of what to write for a key of the endpoints, for errors.
+    ///
+    /// # Errors
+    /// As [`Config::from_yaml`].
+    pub fn from_yaml_with(
+        text: &str,
+        file: &str,
+        endpoint_example: impl Fn(&str) -> Option<&'static str>,
+    ) -> Result<Self, ConfigError> {
         if text.len() > MAX_CONFIG_BYTES {
             return Err(ConfigError::too_large(file, text.len(), MAX_CONFIG_BYTES));
         }
         let read = serde_saphyr::from_str(text);
         read.map_err(|first| {
             let again = |text: &str| serde_saphyr::from_str::<Self>(text).err();
-            ConfigError::from_yaml(file, text, &first).with_more(text, again)
+            let examples = |key: &str| example(key).or_else(|| endpoint_example(key));
+            ConfigError::all(file, text, &first, again, &examples)
         })
     }
 }

@@ -22,6 +22,9 @@ pub struct Problem {
     pub message: String,
 }
 
+/// Example of a value by its key.
+pub(super) type Examples<'a> = &'a dyn Fn(&str) -> Option<&'static str>;
+
 impl fmt::Display for ConfigError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (index, problem) in self.problems.iter().enumerate() {
@@ -59,6 +62,16 @@ impl ConfigError {
 
     /// The parser's error in a user's words: keys instead of fields, with a suggestion.
     pub fn from_yaml(file: &str, text: &str, error: &serde_saphyr::Error) -> Self {
+        Self::with_examples(file, text, error, &|_| None)
+    }
+
+    /// As [`ConfigError::from_yaml`], with an example of what to write where the value of a key is of another kind.
+    fn with_examples(
+        file: &str,
+        text: &str,
+        error: &serde_saphyr::Error,
+        examples: Examples<'_>,
+    ) -> Self {
         use serde_saphyr::Error;
         let error = error.without_snippet();
         let position = error.location().map(|at| (at.line(), at.column()));
@@ -86,7 +99,10 @@ impl ConfigError {
             .and_then(|position| line_of(text, position))
             .map(|line| format!(", in `{}`", line.trim().chars().take(80).collect::<String>()))
             .unwrap_or_default();
-        let example = key.filter(|_| is_of_key).and_then(example).unwrap_or_default();
+        let example = key.filter(|_| is_of_key).and_then(|key| Some((key, examples(key)?)));
+        let example = example
+            .map(|(key, value)| format!("; write for example `{key}: {value}`"))
+            .unwrap_or_default();
         let message = format!("{message}{example}{line}");
         Self { file: file.to_owned(), problems: vec![Problem { position, message }] }
     }
@@ -96,22 +112,24 @@ impl ConfigError {
     /// Most faults that are told at once.
     const MOST: usize = 20;
 
-    /// Faults behind the first one, which ended the reading: each is found by reading again without the entries that
-    /// were wrong.
-    #[must_use]
-    pub fn with_more(
-        mut self,
+    /// All faults that ended the reading of a text: those behind the first are found by reading `again` without the
+    /// entries that were wrong.
+    pub(super) fn all(
+        file: &str,
         text: &str,
+        first: &serde_saphyr::Error,
         again: impl Fn(&str) -> Option<serde_saphyr::Error>,
+        examples: Examples<'_>,
     ) -> Self {
+        let mut all = Self::with_examples(file, text, first, examples);
         let mut rest = text.to_owned();
-        while self.problems.len() < Self::MOST {
-            let last = self.problems.last().and_then(|problem| problem.position);
+        while all.problems.len() < Self::MOST {
+            let last = all.problems.last().and_then(|problem| problem.position);
             let Some(entry) = last.and_then(|position| Entry::at(&rest, position)) else { break };
             let (start, Some(length)) = (entry.start, entry.length) else { break };
             rest.replace_range(start..start + length, &" ".repeat(length));
             let Some(error) = again(&rest) else { break };
-            let more = Self::from_yaml(&self.file, text, &error).problems;
+            let more = Self::with_examples(file, text, &error, examples).problems;
             // What is told about a place before, or about none, is the consequence of what was left out.
             let is_there = |problem: &Problem| {
                 problem.position > last
@@ -120,9 +138,9 @@ impl ConfigError {
             if !more.iter().all(is_there) {
                 break;
             }
-            self.problems.extend(more);
+            all.problems.extend(more);
         }
-        self
+        all
     }
 }
 
@@ -185,20 +203,14 @@ fn length(before: &str, entry: &str, next: &str) -> Option<usize> {
     is_plain.then_some(end)
 }
 
-/// Example of a value that the key may have.
-fn example(key: &str) -> Option<String> {
-    let value = match key {
+/// Example of a value that a key of routes, limits or the whole file may have.
+pub(super) fn example(key: &str) -> Option<&'static str> {
+    Some(match key {
         "page" => "{ port: 8642 }",
         "limits" => "{ waiting_mib: 1024 }",
         "defaults" => "{ queue_depth: 10 }",
         "hosts" => "{ robot-base: 192.168.1.7 }",
-        "endpoints" => "{ zeromq: { broker: foreign } }",
-        "zeromq" => "{ broker: foreign }",
-        "ros2" => "{ domain_id: 0 }",
-        "ros" => "{ master_uri: \"http://localhost:11311\" }",
-        "yarp" => "{ name_server: \"127.0.0.1:10000\" }",
         "definitions" => "[interfaces]",
-        "routes" => "[{ from: \"zeromq:/a\", to: \"ros2:/a\", type: Text }]",
         "allow" | "deny" => "[\"/camera/.*\"]",
         "options" => "{ carrier: udp }",
         "overflow" => "{ block_ms: 100 }",
@@ -210,13 +222,10 @@ fn example(key: &str) -> Option<String> {
         "max_rate_hz" => "30",
         "max_message_mib" => "64",
         "max_routes" => "1000",
-        "domain_id" => "0",
         "port" => "8642",
-        _ if key.ends_with("_port") => "5555",
-        "lazy" | "merge" | "loop_guard" | "default_deny" | "insecure" | "embedded" => "true",
+        "lazy" | "merge" | "loop_guard" | "default_deny" => "true",
         _ => return None,
-    };
-    Some(format!("; write for example `{key}: {value}`"))
+    })
 }
 
 /// The parser's first line without its position, and without Rust's names for numbers.

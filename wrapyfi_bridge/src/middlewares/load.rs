@@ -214,7 +214,8 @@ fn read(
     added: &[Spanned<RouteConfig>],
     learn: impl FnOnce(&mut Config<Endpoints>, &mut TypeStore) -> Result<(), Failure>,
 ) -> Result<Loaded, Failure> {
-    let mut config: Config<Endpoints> = Config::from_yaml(&text, name).map_err(Failure::usage)?;
+    let mut config: Config<Endpoints> =
+        Config::from_yaml_with(&text, name, example).map_err(Failure::usage)?;
     config.routes.extend_from_slice(added);
     let waiting_bytes = check(&mut config, beside).map_err(|mut problems| {
         problems.sort_by_key(|problem| problem.position);
@@ -243,6 +244,22 @@ fn read(
 }
 
 /// Bytes that may wait in the queues of this process.
+/// Example of a value that a key of the endpoints, or a list of routes between them, may have.
+fn example(key: &str) -> Option<&'static str> {
+    Some(match key {
+        "endpoints" => "{ zeromq: { broker: foreign } }",
+        "zeromq" => "{ broker: foreign }",
+        "ros2" => "{ domain_id: 0 }",
+        "ros" => "{ master_uri: \"http://localhost:11311\" }",
+        "yarp" => "{ name_server: \"127.0.0.1:10000\" }",
+        "routes" => "[{ from: \"zeromq:/a\", to: \"ros2:/a\", type: Text }]",
+        "domain_id" => "0",
+        _ if key.ends_with("_port") => "5555",
+        "insecure" | "embedded" => "true",
+        _ => return None,
+    })
+}
+
 fn waiting_bytes(config: &Config<Endpoints>) -> Result<usize, Problem> {
     let Some(mib) = &config.limits.waiting_mib else { return Ok(Limits::WAITING_BYTES) };
     mib.value.checked_mul(Limits::MIB).filter(|bytes| *bytes > 0).ok_or_else(|| {
@@ -322,6 +339,20 @@ mod tests {
         let path = folder.join(name);
         std::fs::write(&path, text).unwrap();
         path
+    }
+
+    #[test]
+    fn a_setting_of_another_kind_is_told_what_to_write() {
+        for (text, words) in [
+            ("endpoints: 5\n", "`endpoints: { zeromq: { broker: foreign } }`"),
+            ("endpoints: { zeromq: { pub_port: many } }\n", "`pub_port: 5555`"),
+            ("endpoints: { ros2: { domain_id: seven } }\n", "`domain_id: 0`"),
+            ("routes: 5\n", "`routes: [{ from: \"zeromq:/a\", to: \"ros2:/a\", type: Text }]`"),
+            ("page: 8642\n", "`page: { port: 8642 }`"),
+        ] {
+            let told = load_text(text, "file").unwrap_err().to_string();
+            assert!(told.contains("write for example") && told.contains(words), "{told}");
+        }
     }
 
     #[test]

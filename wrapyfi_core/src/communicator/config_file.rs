@@ -176,6 +176,9 @@ mod tests {
     #[test]
     fn faults_have_their_line() {
         let error = |text| Configuration::from_yaml(text, "x.yml").unwrap_err().to_string();
+        // A method may have the name of a setting of a bridge.
+        let text = error("A:\n  timeout_ms: lissten\n  depth: 5\n");
+        assert!(!text.contains("write for example"), "{text}");
         let text = error("A:\n  one: publish\n  two: lissten\n");
         assert!(text.starts_with("x.yml:3:"), "{text}");
         assert!(text.contains("did you mean `listen`?"), "{text}");
