@@ -6,7 +6,7 @@
 //! ```
 
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, MutexGuard};
 
 use super::config::CycloneConfig;
 use super::cyclone::{self, EndpointQos, Entity, Events, RawReader, RawWriter, ReturnCode};
@@ -25,7 +25,7 @@ use super::owners::Owners;
 use super::pacing::{MAX_BLOCKING, Pacing};
 use super::peer_index::PeerIndex;
 use super::services::Services;
-use wrapyfi_endpoint::{BridgeMark, History, Qos, Reliability};
+use wrapyfi_endpoint::{BridgeMark, History, Mutex, Qos, Reliability};
 use wrapyfi_node::NodeName;
 
 /// Error of creating a node on CycloneDDS.
@@ -260,14 +260,14 @@ impl Graph for CycloneGraph {
 
 impl Announcing for Node {
     fn info(&self) -> MutexGuard<'_, DiscoveryInfo> {
-        self.info.lock().unwrap_or_else(PoisonError::into_inner)
+        self.info.lock()
     }
 }
 
 impl Node {
     /// Index of the endpoints that discovery has found, by topic; started by the first call.
     fn peer_index(&self) -> Result<Arc<PeerIndex>, ReturnCode> {
-        let mut peers = self.peers.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut peers = self.peers.lock();
         if let Some(index) = &*peers {
             return Ok(Arc::clone(index));
         }
@@ -280,7 +280,7 @@ impl Node {
 impl Drop for Node {
     fn drop(&mut self) {
         self.info().retire();
-        if let Some(index) = self.peers.get_mut().unwrap_or_else(PoisonError::into_inner) {
+        if let Some(index) = self.peers.get_mut() {
             index.close();
         }
     }
