@@ -56,7 +56,12 @@ fn bell(wake: &Wake) -> Notify {
 fn setting(node: &str, test: u32) -> (CycloneConfig, ServiceDescription) {
     let domain_id = 81 + std::process::id() % 10 * 2 + test;
     let config = CycloneConfig::loopback(NodeName::new(node, "/").unwrap(), domain_id);
-    let service = ServiceDescription {
+    (config, adder())
+}
+
+/// A service whose name no other run has.
+pub(super) fn adder() -> ServiceDescription {
+    ServiceDescription {
         name: format!("/add_{}", std::process::id()),
         type_name: "example_interfaces/srv/AddTwoInts".into(),
         type_hash: None,
@@ -64,8 +69,7 @@ fn setting(node: &str, test: u32) -> (CycloneConfig, ServiceDescription) {
         response_hash: None,
         depth: 10,
         max_bytes: 1000,
-    };
-    (config, service)
+    }
 }
 
 #[test]

@@ -5,13 +5,14 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::RustServices;
+use super::foreign_tests::adder;
 use crate::config::CycloneConfig;
-use crate::graph::{CdrClient, CdrServer, Peers, ServiceDescription};
+use crate::graph::{CdrClient, CdrServer, Peers};
 use wrapyfi_node::NodeName;
 
 const TIMEOUT: Duration = Duration::from_secs(30);
 
-/// Time until a call is answered; requests are sent again and again, as some are lost.
+/// Waits until a call is answered; requests are sent again and again, as some are lost.
 fn answered(client: &mut dyn CdrClient, server: &mut dyn CdrServer) {
     let deadline = Instant::now() + TIMEOUT;
     let mut sent = Vec::new();
@@ -42,15 +43,7 @@ fn services_answer_again_after_the_process_was_stopped() {
         let node = NodeName::new(node, "/").unwrap();
         RustServices::new(&CycloneConfig::loopback(node, domain_id)).unwrap()
     };
-    let service = ServiceDescription {
-        name: format!("/add_{}", std::process::id()),
-        type_name: "example_interfaces/srv/AddTwoInts".into(),
-        type_hash: None,
-        request_hash: None,
-        response_hash: None,
-        depth: 10,
-        max_bytes: 1000,
-    };
+    let service = adder();
     let (ours, theirs) = (services("ours"), services("theirs"));
     let mut server = ours.server(&service, Arc::new(|| {})).unwrap();
     let mut client = theirs.client(&service, Arc::new(|| {})).unwrap();
