@@ -19,12 +19,10 @@ pub use serde_saphyr::Spanned;
 use super::config_devices::DevicesConfig;
 use super::config_error::{ConfigError, example};
 use super::config_qos::QosConfig;
+use super::config_reading::Reading;
 use super::config_words::word_or_map;
 use super::stamping::StampSource;
 use wrapyfi_endpoint::Overflow;
-
-/// Largest configuration file, in bytes.
-pub const MAX_CONFIG_BYTES: usize = 1 << 20;
 
 /// Largest number of entries in `routes`. An entry of two bytes takes some thousand in memory.
 pub const MAX_ROUTES: usize = 10_000;
@@ -174,27 +172,22 @@ impl<E: DeserializeOwned + Default> Config<E> {
     /// When the file is wrong; the error names file, line and column, the fault, and the nearest
     /// spelling of an unknown key.
     pub fn from_yaml(text: &str, file: &str) -> Result<Self, ConfigError> {
-        Self::from_yaml_with(text, file, |_| None)
+        Self::read(text, |_| None).whole(file)
     }
 
-    /// As [`Config::from_yaml`]; `endpoint_example` is an example of what to write for a key of the endpoints, for errors.
-    ///
-    /// # Errors
-    /// As [`Config::from_yaml`].
-    pub fn from_yaml_with(
+    /// Reads a configuration as far as it can be read: entries that are wrong are left out, with the whole route that
+    /// they belong to. `endpoint_example` is an example of what to write for a key of the endpoints, for errors.
+    pub fn read(
         text: &str,
-        file: &str,
         endpoint_example: impl Fn(&str) -> Option<&'static str>,
-    ) -> Result<Self, ConfigError> {
-        if text.len() > MAX_CONFIG_BYTES {
-            return Err(ConfigError::too_large(file, text.len(), MAX_CONFIG_BYTES));
+    ) -> Reading<Self> {
+        let examples = |key: &str| example(key).or_else(|| endpoint_example(key));
+        let mut reading = Reading::<Self>::new(text, &examples);
+        if let Some(config) = &mut reading.value {
+            let place = |route: &Spanned<_>| (route.referenced.line(), route.referenced.column());
+            config.routes.retain(|route| !reading.wrong_items.contains(&place(route)));
         }
-        let read = serde_saphyr::from_str(text);
-        read.map_err(|first| {
-            let again = |text: &str| serde_saphyr::from_str::<Self>(text).err();
-            let examples = |key: &str| example(key).or_else(|| endpoint_example(key));
-            ConfigError::all(file, text, &first, again, &examples)
-        })
+        reading
     }
 }
 
@@ -258,6 +251,7 @@ impl<'de> Deserialize<'de> for OverflowConfig {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::MAX_CONFIG_BYTES;
     use wrapyfi_endpoint::{Durability, History, QosPreset};
 
     #[derive(Debug, Default, Deserialize)]
@@ -352,7 +346,7 @@ mod tests {
         assert_eq!(lines(text), [1, 3, 3, 5, 6, 8]);
         // Nothing is told of what only follows from a fault.
         assert_eq!(lines("page:\n  prot: 1\nroutes: []\n"), [2]);
-        assert_eq!(lines("routes:\n- typ: Text\n- { lazy: ja }\n"), [2]);
+        assert_eq!(lines("routes:\n- typ: Text\n- { lazy: ja }\n"), [2, 3]);
         assert_eq!(lines("page: 8642\n"), [1]);
     }
 

@@ -4,6 +4,9 @@ use std::fmt;
 
 use wrapyfi_data::did_you_mean;
 
+/// Largest configuration file, in bytes.
+pub const MAX_CONFIG_BYTES: usize = 1 << 20;
+
 /// All faults of a configuration, in the order of their lines. The file is refused as a whole.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ConfigError {
@@ -23,7 +26,7 @@ pub struct Problem {
 }
 
 /// Example of a value by its key.
-pub(super) type Examples<'a> = &'a dyn Fn(&str) -> Option<&'static str>;
+pub type Examples<'a> = &'a dyn Fn(&str) -> Option<&'static str>;
 
 impl fmt::Display for ConfigError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -50,32 +53,26 @@ impl Problem {
     pub fn at(location: serde_saphyr::Location, message: String) -> Self {
         Self { position: Some((location.line(), location.column())), message }
     }
-}
 
-impl ConfigError {
-    /// Error of a file that is longer than the limit, in bytes.
+    /// Fault of a configuration that is longer than [`MAX_CONFIG_BYTES`].
     #[must_use]
-    pub fn too_large(file: &str, actual: usize, limit: usize) -> Self {
-        let message = format!("configuration is {actual} bytes long, the limit is {limit}");
-        Self { file: file.to_owned(), problems: vec![Problem { position: None, message }] }
+    pub fn too_large(bytes: usize) -> Self {
+        let message =
+            format!("configuration is {bytes} bytes long, the limit is {MAX_CONFIG_BYTES}");
+        Self { position: None, message }
     }
 
-    /// The parser's error in a user's words: keys instead of fields, with a suggestion.
-    pub fn from_yaml(file: &str, text: &str, error: &serde_saphyr::Error) -> Self {
-        Self::with_examples(file, text, error, &|_| None)
-    }
-
-    /// As [`ConfigError::from_yaml`], with an example of what to write where the value of a key is of another kind.
-    fn with_examples(
-        file: &str,
+    /// The parser's error in a user's words: keys instead of fields, with a suggestion, and with an example of what to
+    /// write where the value of `key` is of another kind.
+    pub(super) fn read(
         text: &str,
         error: &serde_saphyr::Error,
+        key: Option<&str>,
         examples: Examples<'_>,
     ) -> Self {
         use serde_saphyr::Error;
         let error = error.without_snippet();
         let position = error.location().map(|at| (at.line(), at.column()));
-        let key = position.and_then(|position| Entry::at(text, position)).map(|entry| entry.key);
         let is_of_key =
             !matches!(error, Error::SerdeUnknownField { .. } | Error::SerdeMissingField { .. });
         let message = match error {
@@ -88,6 +85,9 @@ impl ConfigError {
                 format!("unknown value `{variant}`; {hint}values here: {}", expected.join(", "))
             }
             Error::SerdeMissingField { field, .. } => format!("key `{field}` is missing"),
+            Error::DuplicateMappingKey { key: Some(key), .. } => {
+                format!("key `{key}` is given twice: leave one of them out")
+            }
             Error::SerdeInvalidType { unexpected, expected, .. }
             | Error::SerdeInvalidValue { unexpected, expected, .. } => {
                 format!("found {unexpected}, expected {expected}")
@@ -96,111 +96,15 @@ impl ConfigError {
         };
         // The text of the line helps more than its number.
         let line = position
-            .and_then(|position| line_of(text, position))
+            .and_then(|(line, _)| text.lines().nth(usize::try_from(line).ok()?.checked_sub(1)?))
             .map(|line| format!(", in `{}`", line.trim().chars().take(80).collect::<String>()))
             .unwrap_or_default();
-        let example = key.filter(|_| is_of_key).and_then(|key| Some((key, examples(key)?)));
-        let example = example
-            .map(|(key, value)| format!("; write for example `{key}: {value}`"))
+        let example = key
+            .filter(|_| is_of_key)
+            .and_then(|key| Some(format!("; write for example `{key}: {}`", examples(key)?)))
             .unwrap_or_default();
-        let message = format!("{message}{example}{line}");
-        Self { file: file.to_owned(), problems: vec![Problem { position, message }] }
+        Self { position, message: format!("{message}{example}{line}") }
     }
-}
-
-impl ConfigError {
-    /// Most faults that are told at once.
-    const MOST: usize = 20;
-
-    /// All faults that ended the reading of a text: those behind the first are found by reading `again` without the
-    /// entries that were wrong.
-    pub(super) fn all(
-        file: &str,
-        text: &str,
-        first: &serde_saphyr::Error,
-        again: impl Fn(&str) -> Option<serde_saphyr::Error>,
-        examples: Examples<'_>,
-    ) -> Self {
-        let mut all = Self::with_examples(file, text, first, examples);
-        let mut rest = text.to_owned();
-        while all.problems.len() < Self::MOST {
-            let last = all.problems.last().and_then(|problem| problem.position);
-            let Some(entry) = last.and_then(|position| Entry::at(&rest, position)) else { break };
-            let (start, Some(length)) = (entry.start, entry.length) else { break };
-            rest.replace_range(start..start + length, &" ".repeat(length));
-            let Some(error) = again(&rest) else { break };
-            let more = Self::with_examples(file, text, &error, examples).problems;
-            // What is told about a place before, or about none, is the consequence of what was left out.
-            let is_there = |problem: &Problem| {
-                problem.position > last
-                    && problem.position.is_some_and(|at| line_of(&rest, at).is_some())
-            };
-            if !more.iter().all(is_there) {
-                break;
-            }
-            all.problems.extend(more);
-        }
-        all
-    }
-}
-
-/// The line at a position.
-fn line_of(text: &str, (line, _): (u64, u64)) -> Option<&str> {
-    text.lines().nth(usize::try_from(line).ok()?.checked_sub(1)?)
-}
-
-/// An entry `key: value`.
-struct Entry<'t> {
-    key: &'t str,
-    /// Byte of the file at which it begins.
-    start: usize,
-    /// Number of its bytes, in braces with the comma behind it; `None` where it has more lines or its end is not plain.
-    length: Option<usize>,
-}
-
-impl<'t> Entry<'t> {
-    /// The entry that has its key or its value at a line and column.
-    fn at(text: &'t str, (line, column): (u64, u64)) -> Option<Self> {
-        let (line, column) = (usize::try_from(line).ok()?, usize::try_from(column).ok()?);
-        let above = text.split_inclusive('\n').take(line.checked_sub(1)?);
-        let start: usize = above.map(str::len).sum();
-        let mut lines = text.get(start..)?.lines();
-        let line = lines.next()?;
-        let at = line.char_indices().nth(column.checked_sub(1)?).map_or(line.len(), |(at, _)| at);
-        let before = line.get(..at)?.trim_end();
-        let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
-        let begin = match before.strip_suffix(':') {
-            Some(key) => key.trim_end_matches(is_word).len(),
-            None => at,
-        };
-        let entry = line.get(begin..)?;
-        let (key, value) = entry.split_once(':')?;
-        let is_key = !key.is_empty() && key.chars().all(is_word);
-        if !is_key || !(value.is_empty() || value.starts_with(' ')) {
-            return None;
-        }
-        let next = lines.find(|line| !line.trim().is_empty()).unwrap_or_default();
-        let length = length(line.get(..begin)?, entry, next);
-        Some(Self { key, start: start + begin, length })
-    }
-}
-
-/// Length of an entry with the line before it and the next line that is not empty.
-fn length(before: &str, entry: &str, next: &str) -> Option<usize> {
-    let end = if before.trim_end().ends_with(['{', ',']) {
-        let end = entry.find([',', '}'])?;
-        end + usize::from(entry.get(end..)?.starts_with(','))
-    } else {
-        let indent = next.len() - next.trim_start().len();
-        let is_first_of_many = before.trim_end().ends_with('-');
-        if indent > before.len() || (is_first_of_many && indent != before.len()) {
-            return None;
-        }
-        entry.len()
-    };
-    // A list or a text in quotes may have a comma or a line break inside.
-    let is_plain = !entry.get(..end)?.contains(['[', '{', '"', '\'', '|', '>']);
-    is_plain.then_some(end)
 }
 
 /// Example of a value that a key of routes, limits or the whole file may have.

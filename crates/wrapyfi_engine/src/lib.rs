@@ -43,6 +43,7 @@ mod config;
 mod config_devices;
 mod config_error;
 mod config_qos;
+mod config_reading;
 mod config_words;
 mod discovered_graph;
 mod driver;
@@ -76,12 +77,12 @@ mod work;
 
 pub use circle::Circle;
 pub use config::{
-    Config, Defaults, MAX_CONFIG_BYTES, MAX_ROUTES, OverflowConfig, PageConfig, ProcessLimits,
-    RouteConfig, Spanned,
+    Config, Defaults, MAX_ROUTES, OverflowConfig, PageConfig, ProcessLimits, RouteConfig, Spanned,
 };
 pub use config_devices::{DeviceWord, DevicesConfig};
-pub use config_error::{ConfigError, Problem};
+pub use config_error::{ConfigError, Examples, MAX_CONFIG_BYTES, Problem};
 pub use config_qos::{QosConfig, QosOverride};
+pub use config_reading::Reading;
 pub use driver::Driver;
 pub use engine::Engine;
 pub use left_out::LeftOut;

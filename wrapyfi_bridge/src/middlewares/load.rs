@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 use wrapyfi_core::Limits;
-use wrapyfi_core::engine::{Config, ConfigError, Kind, Plan, Problem, Route, RouteConfig, Spanned};
+use wrapyfi_core::engine::{
+    Config, ConfigError, Kind, Plan, Problem, Reading, Route, RouteConfig, Spanned,
+};
 use wrapyfi_core::network::{Hosts, Place};
 use wrapyfi_core::types::{MessageType, ServiceKind};
 use wrapyfi_interfaces::store::TypeStore;
@@ -214,26 +216,43 @@ fn read(
     added: &[Spanned<RouteConfig>],
     learn: impl FnOnce(&mut Config<Endpoints>, &mut TypeStore) -> Result<(), Failure>,
 ) -> Result<Loaded, Failure> {
-    let mut config: Config<Endpoints> =
-        Config::from_yaml_with(&text, name, example).map_err(Failure::usage)?;
-    config.routes.extend_from_slice(added);
-    let waiting_bytes = check(&mut config, beside).map_err(|mut problems| {
+    let Reading { value, mut problems, .. } = Config::<Endpoints>::read(&text, example);
+    let refused = |mut problems: Vec<Problem>| {
         problems.sort_by_key(|problem| problem.position);
         Failure::usage(ConfigError { file: name.to_owned(), problems })
-    })?;
+    };
+    let Some(mut config) = value else { return Err(refused(problems)) };
+    config.routes.extend_from_slice(added);
+    let waiting_bytes = check(&mut config, beside, &mut problems);
     let folders: Vec<_> =
         config.definitions.iter().map(|folder| beside.join(&folder.value)).collect();
-    let mut types = definitions::store(&folders)
-        .map_err(|failure| Failure::Usage(format!("{name}: definitions {failure}")))?;
+    let mut types = match definitions::store(&folders) {
+        Ok(types) => types,
+        Err(failure) => {
+            problems.push(Problem { position: None, message: format!("definitions {failure}") });
+            return Err(refused(problems));
+        }
+    };
     for entry in &config.routes {
         let (at_both, at_source) = (&entry.value.message_type, &entry.value.from_type);
         for name in [at_both, at_source].into_iter().flatten() {
             definitions::add_standard(&name.value, &folders, &mut types);
         }
     }
-    learn(&mut config, &mut types)?;
-    let plan = Plan::new(&config, &super::available::available(), &mut types, name)
-        .map_err(Failure::usage)?;
+    let is_readable = problems.is_empty();
+    if is_readable {
+        learn(&mut config, &mut types)?;
+    }
+    let plan = match Plan::new(&config, &super::available::available(), &mut types, name) {
+        Ok(plan) if is_readable => plan,
+        Ok(_) => return Err(refused(problems)),
+        Err(error) => {
+            // Routes that could not be read are left out: that none remains is no fault of its own.
+            let own = error.problems.into_iter();
+            problems.extend(own.filter(|it| is_readable || it.position.is_some()));
+            return Err(refused(problems));
+        }
+    };
     check_services(&plan).map_err(|fault| Failure::Usage(format!("{name}: {fault}")))?;
     // A plan that is valid has a route for each entry.
     let lines = config.routes.iter().map(|entry| entry.referenced.line()).collect();
@@ -243,7 +262,6 @@ fn read(
     Ok(Loaded { endpoints, plan, types, waiting_bytes, definitions, page_port, lines, text, file })
 }
 
-/// Bytes that may wait in the queues of this process.
 /// Example of a value that a key of the endpoints, or a list of routes between them, may have.
 fn example(key: &str) -> Option<&'static str> {
     Some(match key {
@@ -260,6 +278,7 @@ fn example(key: &str) -> Option<&'static str> {
     })
 }
 
+/// Bytes that may wait in the queues of this process.
 fn waiting_bytes(config: &Config<Endpoints>) -> Result<usize, Problem> {
     let Some(mib) = &config.limits.waiting_mib else { return Ok(Limits::WAITING_BYTES) };
     mib.value.checked_mul(Limits::MIB).filter(|bytes| *bytes > 0).ok_or_else(|| {
@@ -283,8 +302,7 @@ fn hosts(config: &Config<Endpoints>) -> Result<Hosts, Problem> {
 
 /// Finds what can be found wrong before anything is started, and reads what the sections name. Bytes that may wait in
 /// the queues of this process.
-fn check(config: &mut Config<Endpoints>, beside: &Path) -> Result<usize, Vec<Problem>> {
-    let mut problems = Vec::new();
+fn check(config: &mut Config<Endpoints>, beside: &Path, problems: &mut Vec<Problem>) -> usize {
     match hosts(config) {
         Ok(hosts) => config.endpoints.hosts = hosts,
         Err(problem) => problems.push(problem),
@@ -292,12 +310,10 @@ fn check(config: &mut Config<Endpoints>, beside: &Path) -> Result<usize, Vec<Pro
     problems.extend(config.endpoints.check());
     config.endpoints.zeromq.find_keys(beside);
     problems.extend(config.endpoints.ros.read_rules(beside).err());
-    match waiting_bytes(config) {
-        Ok(bytes) if problems.is_empty() => return Ok(bytes),
-        Ok(_) => {}
-        Err(problem) => problems.push(problem),
-    }
-    Err(problems)
+    waiting_bytes(config).unwrap_or_else(|problem| {
+        problems.push(problem);
+        Limits::WAITING_BYTES
+    })
 }
 
 /// Services that cannot be found by name are refused before anything starts.
@@ -353,6 +369,14 @@ mod tests {
             let told = load_text(text, "file").unwrap_err().to_string();
             assert!(told.contains("write for example") && told.contains(words), "{told}");
         }
+    }
+
+    #[test]
+    fn all_faults_of_a_file_are_told_at_once() {
+        let text = "endpoints:\n  ros2: { domain_id: 500 }\n  zeromq: { pub_port: x, rep_port: 5, req_port: 5 }\ndefaults: { devices: 5 }\nroutes:\n- { from: 'zeromq:/a', to: 'ros2:/a', type: Text, overflow: { block_ms: 5s } }\n- { from: 'zeromq:/b', to: 'ros2:/b', type: Imag }\n- { form: 'zeromq:/c', to: 'ros2:/c', type: Image }\n- { from: 'zermoq:/d', to: 'ros2:/d', type: Image }\n";
+        let told = load_text(text, "file").unwrap_err().to_string();
+        let lines: Vec<_> = told.lines().filter_map(|line| line.split(':').nth(1)).collect();
+        assert_eq!(lines, ["2", "3", "3", "4", "6", "7", "8", "9"], "{told}");
     }
 
     #[test]

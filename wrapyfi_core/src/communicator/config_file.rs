@@ -14,7 +14,7 @@ use serde::de::{self, Deserialize, Deserializer, SeqAccess, Visitor};
 
 use super::config::{Configuration, Entry};
 use super::mode::{Mode, Modes};
-use crate::engine::{ConfigError, MAX_CONFIG_BYTES, Problem, Spanned};
+use crate::engine::{ConfigError, MAX_CONFIG_BYTES, Problem, Reading, Spanned};
 
 type File = BTreeMap<String, Option<BTreeMap<String, Spanned<Written>>>>;
 
@@ -33,11 +33,7 @@ impl Configuration {
     /// # Errors
     /// When an entry is wrong; the error names its line. `file` is the name of the file in errors.
     pub fn from_yaml(text: &str, file: &str) -> Result<Self, ConfigError> {
-        if text.len() > MAX_CONFIG_BYTES {
-            return Err(ConfigError::too_large(file, text.len(), MAX_CONFIG_BYTES));
-        }
-        let read: Option<File> = serde_saphyr::from_str(text)
-            .map_err(|error| ConfigError::from_yaml(file, text, &error))?;
+        let read = Reading::<Option<File>>::new(text, &|_| None).whole(file)?;
         let classes = read.unwrap_or_default().into_iter().map(|(class, methods)| {
             let entries = methods.unwrap_or_default().into_iter().map(|(method, modes)| Entry {
                 method,
@@ -61,7 +57,7 @@ impl Configuration {
             let size = std::fs::metadata(&file).map_err(|error| unreadable(&file, &error))?.len();
             let size = usize::try_from(size).unwrap_or(usize::MAX);
             if size > MAX_CONFIG_BYTES {
-                return Err(ConfigError::too_large(&name, size, MAX_CONFIG_BYTES));
+                return Err(ConfigError { file: name, problems: vec![Problem::too_large(size)] });
             }
             let text = std::fs::read_to_string(&file).map_err(|error| unreadable(&file, &error))?;
             whole.extend(Self::from_yaml(&text, &name)?);
