@@ -1,14 +1,13 @@
 //! Endpoints that every node has beside its topics, seen by another node over loopback.
 
 use serde_json::{Value, json};
-use wrapyfi_core::endpoint::{Durability, History, Qos, Reliability, Wake};
-use wrapyfi_core::middleware::ros2::AnyPublisher;
+use wrapyfi_core::endpoint::{Context, Durability, History, Middleware, Qos, Reliability, Wake};
 use wrapyfi_core::middleware::ros2::graph::{
     Graph, Peers, ServiceDescription, TopicDescription, WriterTraits, wait_until,
 };
 use wrapyfi_core::node::parameters::{Parameter, ParameterDescriptor};
 use wrapyfi_core::node::{LogLevel, LogLine};
-use wrapyfi_core::types::Stamp;
+use wrapyfi_core::types::{MessageType, RosMessage, Stamp};
 use wrapyfi_interfaces::store::TypeStore;
 
 use crate::node_common::{
@@ -98,7 +97,7 @@ fn changes_of_parameters_are_published() {
         events.take().unwrap().is_some()
     }));
     handle.parameters(|store| store.declare(ParameterDescriptor::new("late"), 1.5)).unwrap();
-    let event = std::iter::repeat_with(|| next(&mut events, &wake))
+    let event = std::iter::repeat_with(|| next(&mut *events, &wake))
         .find(|event| event["new_parameters"][0]["name"] == "late")
         .unwrap();
     assert_eq!(event["node"], "/robot/camera");
@@ -113,7 +112,7 @@ fn changes_of_parameters_are_published() {
     for (name, field, value) in
         [("rate", "integer_value", json!(7)), ("lens.label", "string_value", json!("up"))]
     {
-        let event = next(&mut events, &wake);
+        let event = next(&mut *events, &wake);
         let [one] = &event["changed_parameters"].as_array().unwrap()[..] else { panic!("{event}") };
         assert_eq!((&one["name"], &one["value"][field]), (&json!(name), &value));
     }
@@ -176,7 +175,7 @@ fn the_log_reaches_who_comes_late() {
     let qos = Qos { durability, history, ..Qos::default() };
     let (mut log, wake) = asking.listen("/rosout", "rcl_interfaces/msg/Log", qos);
     for (level, n) in [20, 30, 40].into_iter().zip(0..) {
-        let mut line = next(&mut log, &wake);
+        let mut line = next(&mut *log, &wake);
         assert!(line["stamp"].take()["sec"].as_i64().unwrap() > LONG_AGO.into());
         let expected = json!({
             "stamp": null, "level": level, "name": "robot.camera", "msg": format!("line {n}"),
@@ -191,27 +190,27 @@ fn the_log_reaches_who_comes_late() {
 fn simulated_time_is_followed_while_it_is_asked_for() {
     let (offering, mut asking) = pair();
     let handle = offering.node.handle();
-    let kind = asking.resolved("rosgraph_msgs/msg/Clock");
     let qos = Qos { reliability: Reliability::BestEffort, ..Qos::default() };
-    let wake = Wake::new();
-    let mut clock =
-        AnyPublisher::open(&asking.ros2, "/clock", &kind, qos, MAX_BYTES, &wake).unwrap();
+    let spec = asking.topic("/clock", "rosgraph_msgs/msg/Clock", qos);
+    let MessageType::Ros(kind) = spec.message_type else { panic!("{spec:?}") };
+    let mut clock = asking.ros2.open_publisher(&spec, &Context::default()).unwrap();
     for round in 0..2 {
         assert!(handle.now().sec > LONG_AGO);
         assert_eq!(asking.set(&[boolean("use_sim_time", true)]), json!([ok()]));
         assert!(handle.now().sec < LONG_AGO, "the system's time is left with the reply");
         for sec in [5, 6, 2].map(|sec| 100 * round + sec) {
             let message = json!({"clock": {"sec": sec, "nanosec": 7}});
-            let message = clock.plan().from_json(&message, MAX_BYTES).unwrap();
+            let message = kind.plan().from_json(&message, MAX_BYTES).unwrap();
+            let message = RosMessage::from_fields(kind, &message).unwrap().into();
             until("the clock is followed", || {
                 clock.publish(&message).unwrap();
                 handle.now() == Stamp { sec, nanosec: 7 }
             });
         }
-        assert_eq!(clock.listeners(), 1);
+        assert_eq!(clock.link().peers, Some(1));
         assert_eq!(asking.set(&[boolean("use_sim_time", false)]), json!([ok()]));
         assert!(handle.now().sec > LONG_AGO, "the system's time is back with the reply");
-        until("nobody listens to the clock", || clock.listeners() == 0);
+        until("nobody listens to the clock", || clock.link().peers == Some(0));
     }
 }
 

@@ -5,15 +5,16 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use wrapyfi_core::endpoint::{CallError, DropReason, Qos, ServeError, Wake};
+use wrapyfi_core::Limits;
+use wrapyfi_core::endpoint::{
+    CallError, Client, Context, DropReason, IncomingRequest, Middleware, Qos, Request, ServeError,
+    Server, ServiceSpec, Wake,
+};
 use wrapyfi_core::middleware::ros2::graph::{
     CdrClient, Graph, Peers, ServiceDescription, TopicDescription, WriterTraits, wait_until,
 };
-use wrapyfi_core::middleware::ros2::{
-    AnyClient, AnyServer, CycloneConfig, CycloneGraph, Ros2, ServiceOptions,
-};
-use wrapyfi_core::types::RosService;
-use wrapyfi_interfaces::dynamic::DynamicMessage;
+use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneGraph, Ros2};
+use wrapyfi_core::types::{Payload, RosMessage, RosService, RosType, ServiceKind};
 use wrapyfi_interfaces::parser::{Dialect, TypeName};
 use wrapyfi_interfaces::store::TypeStore;
 
@@ -35,27 +36,49 @@ fn ros2(config: &CycloneConfig) -> Ros2 {
     Ros2::new(Arc::new(CycloneGraph::new(config).unwrap()), |name| Ok(name.to_owned()))
 }
 
-fn client(ros2: &Ros2, name: &str, timeout: Duration) -> AnyClient {
-    let options = ServiceOptions { timeout, ..ServiceOptions::default() };
-    AnyClient::open(ros2, name, service(ADD), &options, &Wake::new()).unwrap()
+const MAX_BYTES: usize = 1 << 20;
+
+fn spec(name: &str, definition: (&str, &str)) -> ServiceSpec {
+    ServiceSpec::new(name, ServiceKind::Ros(service(definition)))
 }
 
-fn request(client: &AnyClient, a: i64, b: i64) -> DynamicMessage {
-    let mut request = client.request();
-    request.set("a", a).unwrap();
-    request.set("b", b).unwrap();
-    request
+fn client(ros2: &Ros2, name: &str) -> (Box<dyn Client>, Context) {
+    let context = Context::default();
+    (ros2.open_client(&spec(name, ADD), &context).unwrap(), context)
 }
 
-fn integer(message: &DynamicMessage, name: &str) -> i64 {
-    message.get(name).unwrap().as_integer().unwrap().try_into().unwrap()
+fn server(ros2: &Ros2, spec: &ServiceSpec) -> (Box<dyn Server>, Context) {
+    let context = Context::default();
+    (ros2.open_server(spec, &context).unwrap(), context)
 }
 
-fn answer(server: &mut AnyServer, request: &wrapyfi_core::middleware::ros2::AnyRequest) {
-    let mut reply = server.response();
-    let sum = integer(&request.fields, "a") + integer(&request.fields, "b");
-    reply.set("sum", sum).unwrap();
-    server.reply(request.id, &reply).unwrap();
+fn message<const N: usize>(ros_type: RosType, fields: [(&str, i64); N]) -> RosMessage {
+    let mut message = ros_type.plan().default_message();
+    for (name, value) in fields {
+        message.set(name, value).unwrap();
+    }
+    RosMessage::from_fields(ros_type, &message).unwrap()
+}
+
+fn request(a: i64, b: i64) -> Request {
+    Request::Message(message(service(ADD).request(), [("a", a), ("b", b)]))
+}
+
+fn integer(message: &RosMessage, name: &str) -> i64 {
+    let fields = message.fields(MAX_BYTES).unwrap();
+    fields.get(name).unwrap().as_integer().unwrap().try_into().unwrap()
+}
+
+fn sum(payload: &Payload) -> i64 {
+    let Payload::RosMessage(reply) = payload else { panic!("{payload:?}") };
+    integer(reply, "sum")
+}
+
+fn answer(server: &mut dyn Server, asked: &IncomingRequest) {
+    let Request::Message(request) = &asked.request else { panic!("{asked:?}") };
+    let sum = integer(request, "a") + integer(request, "b");
+    let reply = message(service(ADD).response(), [("sum", sum)]);
+    server.reply(asked.id, Ok(reply.into())).unwrap();
 }
 
 /// A server of `add` in a thread of its own.
@@ -66,15 +89,13 @@ struct Adder {
 
 impl Adder {
     fn start(ros2: &Ros2, name: &str) -> Self {
-        let wake = Wake::new();
-        let options = ServiceOptions::default();
-        let mut server = AnyServer::open(ros2, name, service(ADD), &options, &wake).unwrap();
+        let (mut server, Context { wake, .. }) = server(ros2, &spec(name, ADD));
         let leave = Arc::new(AtomicBool::new(false));
         let told = Arc::clone(&leave);
         let thread = std::thread::spawn(move || {
             while !told.load(Relaxed) {
                 while let Some(request) = server.take().unwrap() {
-                    answer(&mut server, &request);
+                    answer(&mut *server, &request);
                 }
                 let now = std::time::Instant::now();
                 let until = server.deadline().map(|at| at.saturating_duration_since(now));
@@ -92,6 +113,11 @@ impl Drop for Adder {
     }
 }
 
+/// Replies that came after the time of their calls.
+fn late(context: &Context) -> u64 {
+    context.counters.snapshot().dropped_for(DropReason::Late)
+}
+
 #[test]
 fn the_first_call_is_answered_whoever_came_first() {
     let near = ros2(&near_config("near"));
@@ -99,22 +125,22 @@ fn the_first_call_is_answered_whoever_came_first() {
         let far = ros2(&far_config("far"));
         // A call may also go to a server that is about to end: each start has its own name.
         let name = format!("add_{start}");
-        let mut early = client(&near, &name, TIMEOUT);
-        let wait = early.call(&request(&early, start, 1)).unwrap();
+        let (mut early, _) = client(&near, &name);
+        let wait = early.send(&request(start, 1), TIMEOUT).unwrap();
         let server = Adder::start(&far, &name);
         // Begun when the server was not there.
         let reply = loop {
-            if let Some((ticket, result)) = early.poll() {
+            if let Some((ticket, result)) = early.take() {
                 assert_eq!(ticket, wait);
                 break result.unwrap();
             }
             std::thread::yield_now();
         };
-        assert_eq!(integer(&reply, "sum"), start + 1);
+        assert_eq!(sum(&reply.payload), start + 1);
         // Begun at once by a client that has discovered nothing yet.
-        let mut late = client(&near, &name, TIMEOUT);
-        let reply = late.call_and_wait(&request(&late, start, 2)).unwrap();
-        assert_eq!(integer(&reply, "sum"), start + 2);
+        let (mut late, _) = client(&near, &name);
+        let reply = late.call(&request(start, 2), TIMEOUT).unwrap();
+        assert_eq!(sum(&reply.payload), start + 2);
         drop(server);
     }
 }
@@ -123,46 +149,45 @@ fn the_first_call_is_answered_whoever_came_first() {
 fn replies_go_to_the_client_that_asked() {
     let (near, far) = (ros2(&near_config("near")), ros2(&far_config("far")));
     let _server = Adder::start(&far, "add");
-    let mut clients: Vec<_> = (0..3).map(|_| client(&near, "add", TIMEOUT)).collect();
+    let mut clients: Vec<_> = (0..3).map(|_| client(&near, "add")).collect();
     // Also within one node.
-    clients.push(client(&far, "add", TIMEOUT));
+    clients.push(client(&far, "add"));
     for round in 0..20 {
         let tickets: Vec<_> = clients
             .iter_mut()
             .zip(0..)
-            .map(|(client, n)| client.call(&request(client, 100 * n, round)).unwrap())
+            .map(|((client, _), n)| client.send(&request(100 * n, round), TIMEOUT).unwrap())
             .collect();
-        for ((client, n), ticket) in clients.iter_mut().zip(0..).zip(tickets) {
+        for (((client, _), n), ticket) in clients.iter_mut().zip(0..).zip(tickets) {
             let mut got = None;
             assert!(wait_until(&Wake::new(), TIMEOUT, || {
-                got = client.poll();
+                got = client.take();
                 got.is_some()
             }));
             let (answered, reply) = got.unwrap();
-            assert_eq!((answered, integer(&reply.unwrap(), "sum")), (ticket, 100 * n + round));
+            assert_eq!((answered, sum(&reply.unwrap().payload)), (ticket, 100 * n + round));
         }
     }
-    assert!(clients.iter().all(|client| client.late() == 0));
+    assert!(clients.iter().all(|(_, context)| late(context) == 0));
 }
 
 #[test]
 fn what_keeps_a_call_waiting_is_said() {
     let (near, far) = (ros2(&near_config("near")), ros2(&far_config("far")));
-    let mut lonely = client(&near, "add", Duration::from_millis(50));
-    let error = lonely.call_and_wait(&request(&lonely, 1, 2)).unwrap_err();
+    let (mut lonely, context) = client(&near, "add");
+    let soon = Duration::from_millis(50);
+    let error = lonely.call(&request(1, 2), soon).unwrap_err();
     assert_eq!(
         error.to_string(),
         "\"/robot/add\" was not answered within 50 ms: no node offers it"
     );
 
-    let wake = Wake::new();
-    let options = ServiceOptions::default();
-    let mut slow = AnyServer::open(&far, "add", service(ADD), &options, &wake).unwrap();
-    assert!(wait_until(&wake, TIMEOUT, || lonely.servers() == Peers::Ready(1)));
+    let (mut slow, Context { wake, .. }) = server(&far, &spec("add", ADD));
+    assert!(wait_until(&wake, TIMEOUT, || lonely.link().peers == Some(1)));
     // On a busy machine the first ones may not even be sent in time.
     let not_answered = |error: &CallError| error.to_string().ends_with("has not answered");
     assert!(wait_until(&wake, TIMEOUT, || {
-        let error = lonely.call_and_wait(&request(&lonely, 1, 2)).unwrap_err();
+        let error = lonely.call(&request(1, 2), soon).unwrap_err();
         not_answered(&error)
     }));
     let mut taken = None;
@@ -170,39 +195,38 @@ fn what_keeps_a_call_waiting_is_said() {
         taken = slow.take().unwrap();
         taken.is_some()
     }));
-    answer(&mut slow, &taken.unwrap());
+    answer(&mut *slow, &taken.unwrap());
     assert!(wait_until(&wake, TIMEOUT, || {
         slow.flush();
-        lonely.poll().is_none() && lonely.late() == 1
+        lonely.take().is_none() && late(&context) == 1
     }));
 
     drop(slow);
-    assert!(wait_until(&wake, TIMEOUT, || lonely.servers() == Peers::None));
+    assert!(wait_until(&wake, TIMEOUT, || lonely.link().peers == Some(0)));
 }
 
 #[test]
 fn too_many_calls_and_requests_are_refused_by_name() {
     let (near, far) = (ros2(&near_config("near")), ros2(&far_config("far")));
-    let options = ServiceOptions { pending: 1, ..ServiceOptions::default() };
-    let wake = Wake::new();
-    let mut server = AnyServer::open(&far, "set", service(SET_BOOL), &options, &wake).unwrap();
-    let open = || AnyClient::open(&near, "set", service(SET_BOOL), &options, &Wake::new()).unwrap();
+    let spec = ServiceSpec { pending: 1, ..spec("set", SET_BOOL) };
+    let (mut server, Context { wake, counters, .. }) = server(&far, &spec);
+    let open = || near.open_client(&spec, &Context::default()).unwrap();
     let (mut first, mut second) = (open(), open());
-    let request = first.request();
-    first.call(&request).unwrap();
-    let error = first.call(&request).unwrap_err();
+    let request = Request::Message(message(service(SET_BOOL).request(), []));
+    first.send(&request, TIMEOUT).unwrap();
+    let error = first.send(&request, TIMEOUT).unwrap_err();
     assert_eq!(error, CallError::TooMany { service: "/robot/set".into(), limit: 1 });
 
     let mut taken = None;
     assert!(wait_until(&wake, TIMEOUT, || {
-        first.poll();
+        first.take();
         taken = server.take().unwrap();
         taken.is_some()
     }));
-    let ticket = second.call(&request).unwrap();
+    let ticket = second.send(&request, TIMEOUT).unwrap();
     let mut refused = None;
     assert!(wait_until(&wake, TIMEOUT, || {
-        assert_eq!(second.poll(), None);
+        assert_eq!(second.take(), None);
         refused = server.take().err();
         refused.is_some()
     }));
@@ -211,16 +235,17 @@ fn too_many_calls_and_requests_are_refused_by_name() {
     let mut told = None;
     assert!(wait_until(&wake, TIMEOUT, || {
         drop(server.take());
-        told = second.poll();
+        told = second.take();
         told.is_some()
     }));
-    let (ended, reply) = told.unwrap();
-    let reply = reply.unwrap();
+    let (ended, reply) = told.clone().unwrap();
     assert_eq!(ended, ticket);
-    assert_eq!(reply.get("message").unwrap().as_str().unwrap(), overloaded.to_string());
-    assert_eq!(server.counters().drops, [(DropReason::Overloaded, 1)]);
-    let again = server.reply(taken.unwrap().id, &server.response());
-    assert_eq!(again, Ok(()));
+    let CallError::Refused { reason, .. } = reply.unwrap_err() else { panic!("{told:?}") };
+    assert_eq!(reason, overloaded.to_string());
+    assert_eq!(counters.snapshot().drops, [(DropReason::Overloaded, 1)]);
+    let empty = message(service(SET_BOOL).response(), []);
+    let again = server.reply(taken.unwrap().id, Ok(empty.into()));
+    assert!(again.is_ok(), "{again:?}");
 }
 
 /// Half a server says nothing more by itself: its other half would ring.
@@ -228,7 +253,7 @@ fn too_many_calls_and_requests_are_refused_by_name() {
 fn nobody_polls_for_the_other_half() {
     let graph = CycloneGraph::new(&near_config("near")).unwrap();
     let far = ros2(&far_config("far"));
-    let mut half = client(&far, "add", TIMEOUT);
+    let (mut half, _) = client(&far, "add");
     let topic = TopicDescription {
         name: "rq/robot/addRequest".into(),
         type_name: "example_interfaces::srv::dds_::AddTwoInts_Request_".into(),
@@ -237,12 +262,14 @@ fn nobody_polls_for_the_other_half() {
         max_bytes: 64,
     };
     let _reader = graph.subscribe_dds(&topic, bell(&Wake::new())).unwrap();
-    assert!(wait_until(&Wake::new(), TIMEOUT, || half.servers() == Peers::Half));
+    assert!(wait_until(&Wake::new(), TIMEOUT, || {
+        half.link().waiting_for.is_some_and(|why| why.ends_with("found by half"))
+    }));
     let begun = std::time::Instant::now();
-    half.call(&request(&half, 1, 2)).unwrap();
+    half.send(&request(1, 2), TIMEOUT).unwrap();
     // Once the reader has confirmed that it hears.
     assert!(wait_until(&Wake::new(), TIMEOUT, || {
-        assert!(half.poll().is_none());
+        assert!(half.take().is_none());
         half.deadline().unwrap() >= begun + TIMEOUT
     }));
 }
@@ -265,9 +292,9 @@ fn raw_client(graph: &CycloneGraph, name: &str, max_bytes: usize) -> Box<dyn Cdr
 fn requests_of_a_wrong_size_never_reach_the_user() {
     let graph = CycloneGraph::new(&near_config("near")).unwrap();
     let far = ros2(&far_config("far"));
-    let wake = Wake::new();
-    let options = ServiceOptions { max_bytes: 64, ..ServiceOptions::default() };
-    let mut server = AnyServer::open(&far, "add", service(ADD), &options, &wake).unwrap();
+    let limits = Limits { message_bytes: 64, ..Limits::default() };
+    let spec = ServiceSpec { limits, ..spec("add", ADD) };
+    let (mut server, Context { wake, counters, .. }) = server(&far, &spec);
     let mut raw = raw_client(&graph, "/robot/add", 1 << 20);
     assert!(wait_until(&wake, TIMEOUT, || raw.servers() == Peers::Ready(1)));
     let mut refused = |parts: &[&[u8]]| {
@@ -300,16 +327,14 @@ fn requests_of_a_wrong_size_never_reach_the_user() {
     let error = refused(&[&[0, 1, 0, 0], &[0; 65]]);
     assert!(matches!(error, ServeError::Request { reason: DropReason::Oversize, .. }), "{error}");
     let counted = [DropReason::Malformed, DropReason::Oversize];
-    assert_eq!(counted.map(|reason| server.counters().dropped_for(reason)), [4, 1]);
+    assert_eq!(counted.map(|reason| counters.snapshot().dropped_for(reason)), [4, 1]);
 }
 
 #[test]
 fn what_has_no_identity_is_counted() {
     let graph = CycloneGraph::new(&near_config("near")).unwrap();
     let far = ros2(&far_config("far"));
-    let wake = Wake::new();
-    let options = ServiceOptions::default();
-    let mut server = AnyServer::open(&far, "add", service(ADD), &options, &wake).unwrap();
+    let (mut server, Context { wake, counters, .. }) = server(&far, &spec("add", ADD));
     // The same DDS topic and type, reached as a topic.
     let topic = TopicDescription {
         name: "rq/robot/addRequest".into(),
@@ -329,17 +354,15 @@ fn what_has_no_identity_is_counted() {
     let text = error.unwrap().to_string();
     let words = "request of 12 bytes on \"/robot/add\" has no identity of at least 20 bytes";
     assert!(text.ends_with(words), "{text}");
-    assert_eq!(server.counters().dropped_for(DropReason::Malformed), 1);
-    assert_eq!(server.clients(), Peers::Half);
+    assert_eq!(counters.snapshot().dropped_for(DropReason::Malformed), 1);
+    assert_eq!(server.link().peers, Some(0));
 }
 
 #[test]
 fn both_halves_are_in_the_graph_with_their_hashes() {
     let graph = CycloneGraph::new(&near_config("near")).unwrap();
     let far = ros2(&far_config("far"));
-    let options = ServiceOptions::default();
-    let wake = Wake::new();
-    let _server = AnyServer::open(&far, "add", service(ADD), &options, &wake).unwrap();
+    let (_server, Context { wake, .. }) = server(&far, &spec("add", ADD));
     let mut nodes = graph.nodes().unwrap();
     let mut found = Vec::new();
     assert!(wait_until(&wake, TIMEOUT, || {

@@ -134,16 +134,6 @@ impl<W: ServerWire> WireServer<W> {
         self.refuse(asked.ask, why);
     }
 
-    /// Refuses a request that its user cannot read; it is counted as malformed.
-    pub fn refuse_malformed(&mut self, id: RequestId, fault: &DecodeError) -> ServeError {
-        let (service, reason) = (self.service.clone(), DropReason::from(fault));
-        let error = ServeError::Request { service, fault: fault.to_string(), reason };
-        if let Some(Open { asked, .. }) = self.open.remove(&id) {
-            self.refuse_taken(asked, reason, &error.to_string());
-        }
-        error
-    }
-
     fn end_expired(&mut self) {
         let now = self.clock().now();
         let over = self.open.iter().filter(|(_, open)| open.until <= now);

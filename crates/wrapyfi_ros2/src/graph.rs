@@ -236,6 +236,12 @@ pub fn wait_until(wake: &Wake, timeout: Duration, mut condition: impl FnMut() ->
 /// Called from a DDS thread. It must not block, and must not drop the endpoint it was given to.
 pub type Notify = Arc<dyn Fn() + Send + Sync>;
 
+/// A notification that rings `wake`.
+pub(crate) fn ringing(wake: &Wake) -> Notify {
+    let wake = wake.clone();
+    Arc::new(move || wake.ring())
+}
+
 /// Writes serialised messages to one topic.
 pub trait CdrWriter: Send {
     /// Writes one message, given in pieces that are concatenated: 4-byte encapsulation header

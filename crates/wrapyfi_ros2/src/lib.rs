@@ -1,7 +1,7 @@
 //! ROS 2 topics over CycloneDDS.
 //!
 //! ```text
-//!   Ros2 (Middleware) ─ names ─ listener (receive_path), publisher: payload <-> CDR; any: any type <-> CDR
+//!   Ros2 (Middleware) ─ names ─ listener (receive_path), publisher: payload <-> CDR
 //!     │
 //!     │                 origins: writers of publishers that keep their last message
 //!     │                 parameters: those of other nodes
@@ -38,10 +38,32 @@
 //! let listener = ros2.open_listener(&chatter, &Context::default())?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
+//!
+//! A service of any ROS type is called with the fields of its definition:
+//!
+//! ```no_run
+//! use std::time::Duration;
+//! use wrapyfi_data::types::{Payload, RosMessage, RosService, ServiceKind};
+//! use wrapyfi_endpoint::{Context, Middleware, Request, ServiceSpec};
+//! # fn example(ros2: &wrapyfi_ros2::Ros2, resolved: &wrapyfi_interfaces::store::ResolvedType)
+//! # -> Result<(), Box<dyn std::error::Error>> {
+//! let add = RosService::new(resolved)?; // example_interfaces/srv/AddTwoInts
+//! let spec = ServiceSpec::new("add", ServiceKind::Ros(add));
+//! let mut client = ros2.open_client(&spec, &Context::default())?;
+//! let mut request = add.request().plan().default_message();
+//! request.set("a", 2_i64)?;
+//! request.set("b", 3_i64)?;
+//! let request = Request::Message(RosMessage::from_fields(add.request(), &request)?);
+//! if let Payload::RosMessage(reply) = client.call(&request, Duration::from_secs(5))?.payload {
+//!     let fields = reply.fields(1 << 20)?;
+//!     assert_eq!(fields.get("sum").and_then(|sum| sum.as_integer()), Some(5));
+//! }
+//! # Ok(())
+//! # }
+//! ```
 
 mod adapter;
 mod announcement;
-mod any;
 mod config;
 mod conventions;
 mod cyclone;
@@ -89,7 +111,6 @@ mod vendor;
 mod wire_tests;
 
 pub use adapter::{JoinError, Joined, join};
-pub use any::{AnyError, AnyListener, AnyMessage, AnyPublisher};
 pub use config::CycloneConfig;
 pub use conventions::follow_conventions;
 pub use cyclone_graph::{CycloneError, CycloneGraph};
@@ -106,7 +127,7 @@ pub use rmw_graph::RmwGraph;
 pub use ros2::Ros2;
 #[cfg(feature = "fastdds-services")]
 pub use rust_services::{RustServices, RustServicesError, ServiceEndpoints};
-pub use service::{AnyClient, AnyRequest, AnyServer, ServiceOptions, returned};
+pub use service::{ServiceOptions, returned};
 
 use graph::GraphError;
 use listener::Ros2Listener;

@@ -12,11 +12,10 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::any::ringing;
 use super::diagnosis::Names;
 use super::follow::Follower;
 use super::graph::{
-    DiscoveredEndpoint, Graph, GraphResult, Notify, ServiceMapping, TopicDescription,
+    DiscoveredEndpoint, Graph, GraphResult, Notify, ServiceMapping, TopicDescription, ringing,
 };
 use super::matching::CALM;
 use super::receive_path::{Arrived, ReceivePath};

@@ -22,8 +22,9 @@ use wrapyfi_interfaces::type_description_interfaces::srv::GetTypeDescription;
 use wrapyfi_interfaces::{Message, Service, ServiceHashes};
 
 use self::work::{Answers, Served, Work};
-use super::any::ringing;
-use super::graph::{Graph, GraphError, GraphResult, Notify, ServiceDescription, TopicDescription};
+use super::graph::{
+    Graph, GraphError, GraphResult, Notify, ServiceDescription, TopicDescription, ringing,
+};
 use super::node_handle::{NodeHandle, Shared};
 use wrapyfi_endpoint::{Durability, History, Qos, Reliability};
 use wrapyfi_node::logger_services::{LoggerService, Loggers};

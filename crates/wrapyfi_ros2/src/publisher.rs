@@ -20,12 +20,11 @@ use std::time::{Duration, Instant};
 
 use wrapyfi_interfaces::cdr::CdrParts;
 
-use super::any::ringing;
 use super::diagnosis::Names;
 use super::follow::{EventLog, Follower};
 use super::graph::{
     CdrWriter, DiscoveredEndpoint, Graph, GraphError, GraphResult, Notify, Replay,
-    TopicDescription, WriterTraits,
+    TopicDescription, WriterTraits, ringing,
 };
 use super::matching::CALM;
 use super::origins::{MAX_ORIGINS, Origins};

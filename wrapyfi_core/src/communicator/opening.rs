@@ -315,7 +315,7 @@ impl Opening<'_> {
                     DataType::Image => ServiceKind::Image,
                     DataType::Properties | DataType::RosMessage => {
                         let wanted = "NativeObject, Image or AudioChunk in modes request and reply \
-                                      (services of any ROS type are AnyClient and AnyServer)";
+                                      (a service of a ROS type is opened by `open_client` and `open_server` of a middleware)";
                         return Err(OptionError::new("data type", data_type, wanted));
                     }
                 },

@@ -1,20 +1,20 @@
 //! A node with parameters and everything else that nodes have, and another that asks it.
 //!
 //! ```text
-//!   Offering { NodeEndpoints } ◀── loopback, a domain of the test ──▶ Asking { AnyClient, … }
+//!   Offering { NodeEndpoints } ◀── loopback, a domain of the test ──▶ Asking { clients, listeners }
 //! ```
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use serde_json::{Value, json};
-use wrapyfi_core::endpoint::{Qos, Wake};
-use wrapyfi_core::middleware::ros2::graph::{DiscoveredEndpoint, Graph, wait_until};
-use wrapyfi_core::middleware::ros2::{
-    AnyClient, AnyListener, CycloneConfig, CycloneGraph, NodeEndpoints, Ros2, ServiceOptions,
+use wrapyfi_core::endpoint::{
+    Context, Listener, Middleware, Qos, Request, ServiceSpec, TopicSpec, Wake,
 };
+use wrapyfi_core::middleware::ros2::graph::{DiscoveredEndpoint, Graph, wait_until};
+use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneGraph, NodeEndpoints, Ros2};
 use wrapyfi_core::node::parameters::{ParameterDescriptor, ParameterStore};
-use wrapyfi_core::types::RosService;
+use wrapyfi_core::types::{MessageType, Payload, RosMessage, RosService, RosType, ServiceKind};
 use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
 
 use crate::ros2_common::{TIMEOUT, far_config, near_config};
@@ -68,11 +68,12 @@ impl Asking {
     /// The reply of one of the node's services.
     pub fn ask(&mut self, service: &str, type_name: &str, request: &Value) -> Value {
         let kind = RosService::new(&self.resolved(type_name)).unwrap();
-        let options = ServiceOptions { timeout: TIMEOUT, ..ServiceOptions::default() };
         let name = format!("{}/{service}", self.asked);
-        let mut client = AnyClient::open(&self.ros2, &name, kind, &options, &Wake::new()).unwrap();
-        let request = client.request_plan().from_json(request, MAX_BYTES).unwrap();
-        client.call_and_wait(&request).unwrap().to_json()
+        let spec = ServiceSpec::new(&name, ServiceKind::Ros(kind));
+        let mut client = self.ros2.open_client(&spec, &Context::default()).unwrap();
+        let request = kind.request().plan().from_json(request, MAX_BYTES).unwrap();
+        let request = RosMessage::from_fields(kind.request(), &request).unwrap();
+        fields(client.call(&Request::Message(request), TIMEOUT).unwrap().payload)
     }
 
     pub fn list(&mut self, prefixes: &[&str], depth: u64) -> Value {
@@ -91,11 +92,16 @@ impl Asking {
         self.ask("set_parameters", "rcl_interfaces/srv/SetParameters", &request)["results"].take()
     }
 
-    pub fn listen(&mut self, topic: &str, type_name: &str, qos: Qos) -> (AnyListener, Wake) {
-        let wake = Wake::new();
-        let kind = self.resolved(type_name);
-        let listener = AnyListener::open(&self.ros2, topic, &kind, qos, MAX_BYTES, &wake).unwrap();
-        (listener, wake)
+    /// What opens an end of a topic of a ROS type.
+    pub fn topic(&mut self, topic: &str, type_name: &str, qos: Qos) -> TopicSpec {
+        let ros_type = RosType::new(&self.resolved(type_name)).unwrap();
+        TopicSpec { qos, ..TopicSpec::new(topic, MessageType::Ros(ros_type)) }
+    }
+
+    pub fn listen(&mut self, topic: &str, type_name: &str, qos: Qos) -> (Box<dyn Listener>, Wake) {
+        let context = Context::default();
+        let spec = self.topic(topic, type_name, qos);
+        (self.ros2.open_listener(&spec, &context).unwrap(), context.wake)
     }
 
     /// Endpoints of the other participant, without that of `ros_discovery_info`.
@@ -115,13 +121,19 @@ pub fn pair() -> (Offering, Asking) {
     (offering, asking)
 }
 
-pub fn next(listener: &mut AnyListener, wake: &Wake) -> Value {
+/// The fields of a message of a ROS type.
+pub fn fields(payload: Payload) -> Value {
+    let Payload::RosMessage(message) = payload else { panic!("{payload:?}") };
+    message.fields(MAX_BYTES).unwrap().to_json()
+}
+
+pub fn next(listener: &mut dyn Listener, wake: &Wake) -> Value {
     let mut taken = None;
     assert!(wait_until(wake, TIMEOUT, || {
         taken = listener.take().unwrap();
         taken.is_some()
     }));
-    taken.unwrap().fields.to_json()
+    fields(taken.unwrap().payload)
 }
 
 pub fn until(what: &str, condition: impl FnMut() -> bool) {

@@ -19,8 +19,7 @@ use wrapyfi_interfaces::type_description_interfaces::srv::GetTypeDescription;
 use wrapyfi_interfaces::{Message as _, Service as _};
 
 use super::{MAX_BYTES, topic_of_clock};
-use crate::any::ringing;
-use crate::graph::{CdrReader, CdrServer, CdrWriter, Graph, GraphError};
+use crate::graph::{CdrReader, CdrServer, CdrWriter, Graph, GraphError, ringing};
 use crate::node_handle::{Shared, in_node_thread};
 use crate::service::replies::{Replies, Reply};
 use wrapyfi_endpoint::Throttle;

@@ -14,8 +14,7 @@ use bytes::Bytes;
 
 use super::LOOK_AGAIN;
 use super::codec::ServiceCodec;
-use crate::any::ringing;
-use crate::graph::{CdrClient, GraphError, Peers, ServiceMapping};
+use crate::graph::{CdrClient, GraphError, Peers, ServiceMapping, ringing};
 use crate::ros2::{Ros2, no_service};
 use wrapyfi_data::EncodeError;
 use wrapyfi_endpoint::calls::{Calls, Stage};

@@ -1,14 +1,12 @@
 //! Services, called and served: bytes below, what users hold above.
 //!
 //! ```text
-//!   AnyClient  (named fields)   ┐                                     ┌  AnyServer  (named fields)
-//!   Client     (functions, any) ┴▶ Ros2Client ═══ DDS ═══▶ Ros2Server ┴▶ Server     (functions, any)
-//!                                  ServiceCodec: how requests and replies are written
+//!   Client ─▶ Ros2Client ═══ DDS ═══▶ Ros2Server ─▶ Server
+//!             ServiceCodec: how requests and replies are written
 //! ```
 //!
 //! Time-outs, late replies, and how many may be under way at once are [`wrapyfi_endpoint`]'s.
 
-mod any;
 mod client;
 mod codec;
 pub(super) mod replies;
@@ -16,7 +14,6 @@ mod server;
 
 use std::time::Duration;
 
-pub use any::{AnyClient, AnyRequest, AnyServer};
 pub(super) use client::Ros2Client;
 pub use codec::returned;
 pub(super) use server::Ros2Server;
@@ -24,7 +21,7 @@ pub(super) use server::Ros2Server;
 use super::graph::GraphError;
 use wrapyfi_data::Limits;
 use wrapyfi_data::types::{RosService, ServiceKind};
-use wrapyfi_endpoint::{BridgeMark, DropReason, ServiceSpec};
+use wrapyfi_endpoint::{DropReason, ServiceSpec};
 
 /// Shortest time to the next look at things that nobody is notified of: see
 /// [`CdrClient::look_again`](super::graph::CdrClient::look_again).
@@ -41,8 +38,6 @@ pub struct ServiceOptions {
     pub depth: u32,
     /// Largest request or reply in bytes.
     pub max_bytes: usize,
-    /// Mark that a server announces: a bridge made it by pattern.
-    pub mark: Option<BridgeMark>,
 }
 
 impl Default for ServiceOptions {
@@ -52,7 +47,6 @@ impl Default for ServiceOptions {
             pending: 64,
             depth: 10,
             max_bytes: Limits::default().message_bytes,
-            mark: None,
         }
     }
 }
@@ -63,7 +57,6 @@ impl ServiceOptions {
             timeout: self.timeout,
             pending: self.pending,
             limits: Limits { message_bytes: self.max_bytes, ..Limits::default() },
-            mark: self.mark.clone(),
             ..ServiceSpec::new(name, ServiceKind::Ros(service))
         }
     }

@@ -15,8 +15,7 @@ use bytes::Bytes;
 
 use super::codec::ServiceCodec;
 use super::replies::{Replies, Reply, Unsent};
-use crate::any::ringing;
-use crate::graph::{GraphError, Peers, RequestId};
+use crate::graph::{GraphError, Peers, RequestId, ringing};
 use crate::ros2::{Ros2, no_service};
 use wrapyfi_data::types::Payload;
 use wrapyfi_data::{DecodeError, EncodeError};
@@ -64,11 +63,6 @@ impl Ros2Server {
         let requests = Arc::new(Requests::new(&spec, context));
         let wire = Self { replies, codec, context: context.clone(), unheard: 0 };
         Ok(WireServer::new(wire, requests, &spec))
-    }
-
-    /// Clients there are now.
-    pub(super) fn clients(&self) -> Peers {
-        self.replies.clients()
     }
 
     /// Counts what was lost since the last look.
