@@ -1,7 +1,7 @@
 //! Seeds of simulations: `WRAPYFI_SEEDS=100000` runs more of them, `WRAPYFI_SEED=7` one.
 
 /// Seeds of a run.
-const SEEDS: u64 = 10_000;
+const SEEDS: u64 = 2_000;
 
 /// splitmix64: the numbers that a seed stands for.
 pub struct Dice(pub u64);
