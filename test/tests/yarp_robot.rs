@@ -83,6 +83,51 @@ fn ports_have_the_types_of_what_they_send() -> Result {
     })
 }
 
+/// A port that sent bottles comes back with pictures, while whoever wants its bottles is still there: the route has
+/// the pictures' type, and names the listener.
+#[test]
+fn an_old_listener_does_not_make_the_type_of_a_port() -> Result {
+    run("an_old_listener_does_not_make_the_type_of_a_port", NEEDS, |env| {
+        const OBJECT: &str = "wrapyfi_msgs/msg/NativeObject";
+        let _names = env.yarpserver()?;
+        let (one, all) = (env.topic("one"), env.topic("all/x"));
+        let file = picture(env)?;
+        let config = env
+            .foreign()
+            .endpoint(&format!("  yarp: {{ name_server: \"127.0.0.1:{}\" }}\n", env.yarp_port()))
+            .route(Route::untyped(&yarp(&one), &ros2(&one)))
+            .route(Route::untyped(&yarp(&env.topic("all/(.*)")), &ros2(&env.topic("all/$1"))));
+        let bridge = env.bridge(&config)?;
+        let mut old = Vec::new();
+        for name in [&one, &all] {
+            let said = ["--type", "NativeObject", "--value", "\"hello icub\""];
+            let mut bottles = port(env, name, &said)?;
+            let listener = env.dds_subscriber(name, OBJECT, "")?;
+            listener.messages(1).map_err(|error| error.context(bridge.tail()))?;
+            old.push(listener);
+            bottles.terminate()?;
+            bottles.exits_with(0)?;
+        }
+        // The route of the pattern ends with its port.
+        until_route(&bridge, &format!("{} -> {}", yarp(&all), ros2(&all)), |it| it.is_none())?;
+        for name in [&one, &all] {
+            let _pictures = port(env, name, &["--type", "Image", "--file", &file])?;
+            until_typed(&bridge, name, "sensor_msgs/msg/Image", &format!("wants {OBJECT}"))?;
+            let file = env.path("bridge.yaml").display().to_string();
+            for way in [["--config", &file], ["--node", "/wrapyfi_bridge"]] {
+                let mut why = env.wrapyfi([&["why", &ros2(name)], &way[..]].concat())?;
+                why.exit_code()?;
+                // Of a pattern it tells of the names that match.
+                let is_told = why.stdout().contains(OBJECT) || *name == all;
+                anyhow::ensure!(is_told, "{way:?} {}", why.tail());
+            }
+            let eye = env.dds_subscriber(name, "sensor_msgs/msg/Image", "--count 1")?;
+            eye.messages(1).map_err(|error| error.context(bridge.tail()))?;
+        }
+        Ok(())
+    })
+}
+
 /// YARP's own camera and control board, at YARP's name server.
 #[test]
 fn a_real_camera_and_real_encoders_are_in_ros_2() -> Result {

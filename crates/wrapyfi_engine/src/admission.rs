@@ -93,59 +93,52 @@ impl Reconciler {
         })
     }
 
-    /// Makes the route of a candidate, or says why there is none.
-    pub(super) fn make(&mut self, spec: &Route, candidate: &Candidate) -> Result<Route, Refusal> {
+    /// Reason, other than its type, that a candidate has no route.
+    pub(super) fn hindrance(&self, spec: &Route, candidate: &Candidate) -> Option<String> {
         let Candidate { from, to, .. } = candidate;
         let role = spec.role();
-        if spec.is_many() {
-            if let Some(rival) = self.rival(spec, candidate) {
-                return Err(waiting(rival));
-            }
-            if let Some(other) = self.taken(role, to) {
-                return Err(waiting(format!("the name {to}, to which {other} goes")));
-            }
-            if self.is_on_both_sides(role, from, to) {
-                return Err(waiting(format!(
-                    "a decision: {from} and {to} both have publishers, and {} does not tell which \
-                     are bridges'; write a route for it",
-                    self.without_marks(from, to)
-                )));
-            }
+        if !spec.is_many() {
+            return None;
         }
-        let sources: Vec<Discovered> = self.sources(role, from, &to.middleware).cloned().collect();
+        if let Some(rival) = self.rival(spec, candidate) {
+            return Some(rival);
+        }
+        if let Some(other) = self.taken(role, to) {
+            return Some(format!("the name {to}, to which {other} goes"));
+        }
+        self.is_on_both_sides(role, from, to).then(|| {
+            format!(
+                "a decision: {from} and {to} both have publishers, and {} does not tell which are \
+                 bridges'; write a route for it",
+                self.without_marks(from, to)
+            )
+        })
+    }
+
+    /// Makes the route of a candidate, or says why there is none.
+    pub(super) fn make(
+        &mut self,
+        spec: &Route,
+        candidate: &mut Candidate,
+    ) -> Result<Route, Refusal> {
+        if let Some(why) = self.hindrance(spec, candidate) {
+            return Err(waiting(why));
+        }
+        let kind = self.kind(spec, candidate)?;
+        let Candidate { from, to, .. } = &*candidate;
+        let role = spec.role();
         let mark = spec.is_many().then(|| {
-            let marks = sources.iter().filter_map(|one| one.mark.as_ref());
+            let sources = self.sources(role, from, &to.middleware);
+            let marks = sources.filter_map(|one| one.mark.as_ref());
             BridgeMark::of(self.number, marks, &from.middleware)
         });
-        let name = if spec.is_many() { candidate.name(role) } else { spec.name.clone() };
-        let (from, to) = (from.clone(), to.clone());
-        let mut route =
-            Route { name, mark, from, to, names: None, typing: Typing::Given, ..spec.clone() };
-        let (from, to) = (&route.from, &route.to);
-        route.kind = match (spec.typing, spec.kind) {
-            (Typing::Given, given) => given,
-            (typing, Kind::Topic(types)) => {
-                let otherwise = (typing == Typing::LearnedIfTold).then_some(types.to);
-                let learned = match candidate.wished {
-                    Some(wished) => wished,
-                    None => {
-                        let learned = self.learn_topic(&sources, from, to, otherwise)?;
-                        let source = self.graph.get(&from.middleware);
-                        let source = source.and_then(|side| side.middleware.as_ref());
-                        let options = &spec.policy.options;
-                        source.map_or(learned, |it| it.received_as(learned, options))
-                    }
-                };
-                Kind::Topic(learned.into())
-            }
-            (typing, Kind::Service(kind)) => {
-                let otherwise = (typing == Typing::LearnedIfTold).then_some(kind);
-                Kind::Service(self.learn_service(&sources, from, otherwise)?)
-            }
-        };
+        let has_qos = || self.sources(role, from, &to.middleware).any(|one| one.qos.is_some());
         let keeps = role == Role::Publisher
-            && (spec.policy.lazy || sources.iter().any(|one| one.qos.is_some()))
+            && (spec.policy.lazy || has_qos())
             && self.keeps_last(spec, candidate);
+        let name = if spec.is_many() { candidate.name(role) } else { spec.name.clone() };
+        let (from, to, typing) = (from.clone(), to.clone(), Typing::Given);
+        let mut route = Route { name, mark, from, to, names: None, kind, typing, ..spec.clone() };
         if let QosConfig::Match(qos) = &mut route.policy.qos
             && keeps
         {
@@ -153,6 +146,41 @@ impl Reconciler {
             qos.durability = Durability::TransientLocal;
         }
         Ok(route)
+    }
+
+    /// Messages or requests of a candidate, with the type that its source shows or, where that shows none, another
+    /// one. Notes what the source shows; asking it is the first step to a route.
+    pub(super) fn kind(
+        &mut self,
+        spec: &Route,
+        candidate: &mut Candidate,
+    ) -> Result<Kind, Refusal> {
+        if spec.typing == Typing::Given {
+            return Ok(spec.kind);
+        }
+        let Candidate { from, to, wished, .. } = &*candidate;
+        let is_otherwise = spec.typing == Typing::LearnedIfTold;
+        let sources: Vec<_> = self.sources(spec.role(), from, &to.middleware).cloned().collect();
+        match spec.kind {
+            Kind::Topic(types) => {
+                if let Some(wished) = *wished {
+                    return Ok(Kind::Topic(wished.into()));
+                }
+                let (from, to) = (from.clone(), to.clone());
+                let otherwise = is_otherwise.then_some(types.to);
+                let (learned, is_shown) = self.learn_topic(&sources, &from, &to, otherwise)?;
+                let source = self.graph.get(&from.middleware);
+                let source = source.and_then(|side| side.middleware.as_ref());
+                let options = &spec.policy.options;
+                let learned = source.map_or(learned, |it| it.received_as(learned, options));
+                candidate.shown = is_shown.then(|| learned.label());
+                Ok(Kind::Topic(learned.into()))
+            }
+            Kind::Service(kind) => {
+                let otherwise = is_otherwise.then_some(kind);
+                Ok(Kind::Service(self.learn_service(&sources, &from.clone(), otherwise)?))
+            }
+        }
     }
 
     /// True when a publisher of the source is known to keep its last message. Every publisher is
@@ -173,16 +201,16 @@ impl Reconciler {
     }
 
     /// Type that all publishers of the source have now, and the one that the route learned: from those before, or from
-    /// listeners where it was made ahead of its publishers. Of a source whose messages show the type, another one is
-    /// news only once it has shown the first: until then the route may have what its listeners want. Those of ROS are
-    /// read as objects, too.
+    /// listeners where it was made ahead of what its source shows. Messages of a source whose messages show the type may
+    /// be read as what its listeners want; another type is news there once the source has shown the first, or where
+    /// they cannot. Those of ROS are read as objects, too.
     pub(super) fn other_type(
         &mut self,
         spec: &Route,
         candidate: &mut Candidate,
     ) -> Option<(&'static str, &'static str)> {
         let carried = candidate.carried.filter(|_| spec.typing != Typing::Given)?;
-        let Candidate { from, to, wished: None, .. } = &*candidate else { return None };
+        let Candidate { from, to, .. } = &*candidate;
         let between_ros = self.are_both_ros(from, to);
         let source = self.graph.get(&from.middleware)?;
         let untyped = source.traits().untyped;
@@ -198,15 +226,18 @@ impl Reconciler {
             }
         }
         let told = other?;
-        if untyped {
-            let before = candidate.shown.replace(told.label());
-            let is_object = carried.data_type() == DataType::NativeObject
-                && told.data_type() == DataType::RosMessage;
+        let before = candidate.shown.replace(told.label());
+        if told.label() == carried.label() {
+            return None;
+        }
+        if untyped && may_be_read_as(told.data_type(), carried.data_type()) {
+            let is_object = carried.data_type() == DataType::NativeObject;
             if is_object || before.is_none_or(|before| before == told.label()) {
                 return None;
             }
         }
-        (told.label() != carried.label()).then_some((told.label(), carried.label()))
+        candidate.wished = None;
+        Some((told.label(), carried.label()))
     }
 
     /// Listeners at the destination that want another type than the route's, and a type for them.
@@ -229,7 +260,8 @@ impl Reconciler {
                 served = true;
                 continue;
             }
-            if untyped && !is_given && may_be_read_as(carried, wanted) {
+            let fits = || may_be_read_as(carried.data_type(), wanted.data_type());
+            if untyped && !is_given && fits() {
                 misfits.instead = misfits.instead.or(Some(wanted));
             }
             let who = listener.node.as_deref().unwrap_or("a listener");
@@ -267,13 +299,15 @@ impl Reconciler {
         if tells { &to.middleware } else { &from.middleware }
     }
 
+    /// Type of a topic, and whether its source shows it: neither what the source is about to tell nor a type that it
+    /// announces without a definition gives way to another one that listeners want.
     fn learn_topic(
         &mut self,
         sources: &[Discovered],
         from: &EndpointAddress,
         to: &EndpointAddress,
         otherwise: Option<MessageType>,
-    ) -> Result<MessageType, Refusal> {
+    ) -> Result<(MessageType, bool), Refusal> {
         let between_ros = self.are_both_ros(from, to);
         let (Some(source), Some(target)) =
             (self.graph.get(&from.middleware), self.graph.get(&to.middleware))
@@ -282,30 +316,37 @@ impl Reconciler {
         };
         let listeners = target.endpoints(Role::Listener, &to.name);
         let mut why = None;
-        for (side, endpoints) in [(source, sources), (target, listeners)] {
+        for (side, at, endpoints) in [(source, from, sources), (target, to, listeners)] {
             let Some(middleware) = &side.middleware else { continue };
+            let announced = match &why {
+                Some(LearnError::Asked { .. }) => break,
+                Some(LearnError::Undefined { type_name, .. }) => Some(type_name.clone()),
+                _ => None,
+            };
             let mut told: BTreeMap<&str, MessageType> = BTreeMap::new();
             for one in endpoints {
                 match middleware.learn_topic(one, &mut self.types) {
                     Ok(learned) => {
                         let learned = learned.message_type(between_ros);
-                        told.insert(learned.label(), learned);
+                        if announced.as_ref().is_none_or(|name| name == learned.ros_type()) {
+                            told.insert(learned.label(), learned);
+                        }
                     }
                     Err(error) => why = why.or(Some(error)),
                 }
             }
             if told.len() > 1 {
                 let names: Vec<&str> = told.into_keys().collect();
-                let text = format!("{} has several types: {}; give `type`", from, names.join(", "));
+                let text = format!("{at} has several types: {}; give `type`", names.join(", "));
                 return Err((RouteState::Error(text), RETRY));
             }
             if let Some((_, learned)) = told.pop_first() {
-                return Ok(learned);
+                return Ok((learned, at == from));
             }
         }
         match (otherwise, why) {
             (Some(known), None | Some(LearnError::Untold { .. })) if !sources.is_empty() => {
-                Ok(known)
+                Ok((known, false))
             }
             (_, Some(error)) => Err(refused(&error)),
             (_, None) => Err(waiting(format!("a publisher on {from}, which tells the type"))),
@@ -341,9 +382,9 @@ pub(super) struct Misfits {
 }
 
 /// True when messages without a type that look like `looks` may also be read as `wanted`.
-fn may_be_read_as(looks: MessageType, wanted: MessageType) -> bool {
+#[must_use]
+pub fn may_be_read_as(looks: DataType, wanted: DataType) -> bool {
     let fields = [DataType::NativeObject, DataType::RosMessage];
-    let (looks, wanted) = (looks.data_type(), wanted.data_type());
     looks == wanted || (fields.contains(&looks) && fields.contains(&wanted))
 }
 

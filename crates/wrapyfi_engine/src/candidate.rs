@@ -27,7 +27,7 @@ pub(super) struct Candidate {
     pub(super) is_ahead: bool,
     /// Type that its route carries.
     pub(super) carried: Option<MessageType>,
-    /// Type that the messages of its source have shown, where nothing else tells it.
+    /// Type that its source has shown last.
     pub(super) shown: Option<&'static str>,
     /// Type that its listeners want, where it differs from the learned one and can be made of it.
     pub(super) wished: Option<MessageType>,

@@ -75,6 +75,7 @@ mod tripwire;
 mod unheard;
 mod work;
 
+pub use admission::may_be_read_as;
 pub use circle::Circle;
 pub use config::{
     Config, Defaults, MAX_ROUTES, OverflowConfig, PageConfig, ProcessLimits, RouteConfig, Spanned,

@@ -460,9 +460,9 @@ impl Reconciler {
             return (false, None);
         }
         if !candidate.is_due(now, SETTLE) || !self.are_settled(&spec, now) {
-            if candidate.state == State::New {
+            if candidate.state == State::New && self.hindrance(&spec, candidate).is_none() {
                 // Asks for the type now, so that it is known when the candidate is due.
-                _ = self.make(&spec, candidate);
+                _ = self.kind(&spec, candidate);
             }
             return (true, None);
         }
@@ -519,24 +519,23 @@ impl Reconciler {
             candidate.state = State::New;
             return Err(format!("its publishers have the type {told} now, not {carried}"));
         }
-        if !spec.is_many() {
-            return Ok(None);
-        }
-        if candidate.is_gone(now, GONE_AFTER) {
-            return Err(match candidate.is_ahead {
-                true => "nobody waits for it any more".to_owned(),
-                false => "its source is gone".to_owned(),
-            });
-        }
-        if let Some(rival) = self.rival(spec, candidate) {
-            if !candidate.yields(now, self.number) {
-                return Ok(candidate.misfits.clone());
+        if spec.is_many() {
+            if candidate.is_gone(now, GONE_AFTER) {
+                return Err(match candidate.is_ahead {
+                    true => "nobody waits for it any more".to_owned(),
+                    false => "its source is gone".to_owned(),
+                });
             }
-            candidate.state = State::New;
-            candidate.waits(spec.role(), RouteState::Waiting(rival.clone()), true);
-            return Err(rival);
+            if let Some(rival) = self.rival(spec, candidate) {
+                if !candidate.yields(now, self.number) {
+                    return Ok(candidate.misfits.clone());
+                }
+                candidate.state = State::New;
+                candidate.waits(spec.role(), RouteState::Waiting(rival.clone()), true);
+                return Err(rival);
+            }
+            candidate.has_no_rival();
         }
-        candidate.has_no_rival();
         let misfits = self.misfits(spec, candidate);
         if let Some(instead) = misfits.instead {
             candidate.state = State::New;

@@ -6,7 +6,10 @@ use super::super::{Available, Config, Engine, PatternCounts, Plan, RouteStatus};
 use super::*;
 use wrapyfi_data::types::{MessageType, Payload, ServiceKind, Value};
 use wrapyfi_endpoint::memory::Memory;
-use wrapyfi_endpoint::{Context, Listener, Middleware as _, Publisher, ServiceSpec, TopicSpec};
+use wrapyfi_endpoint::{
+    Context, DiscoverError, Discovered, Discovery, LearnError, LearnResult, Learned, Listener,
+    Middleware, Opened, Publisher, ServiceSpec, TopicSpec, Traits, topic_of_name,
+};
 
 #[derive(Debug, Default, serde::Deserialize)]
 struct NoEndpoints {}
@@ -21,7 +24,7 @@ struct Bench {
     now: Instant,
 }
 
-fn engine(a: &Arc<Memory>, b: &Arc<Memory>, routes: &[&str]) -> Engine {
+fn engine(a: &Arc<impl Middleware + 'static>, b: &Arc<Memory>, routes: &[&str]) -> Engine {
     let mut registry = Registry::new();
     registry.register(Arc::clone(a) as _);
     registry.register(Arc::clone(b) as _);
@@ -295,6 +298,75 @@ fn a_source_that_comes_back_with_another_type_gets_another_route() {
         let _after = publisher(&bench.a, "/x", MessageType::AudioChunk);
         bench.run(2 * SECOND);
         assert!(label(&bench).is_some_and(|it| it.ends_with("AudioChunk")), "{written}");
+    }
+}
+
+/// A bus whose publishers are asked for their types, as ports of YARP.
+struct Asked {
+    bus: Arc<Memory>,
+    answer: std::sync::Mutex<LearnResult<&'static str>>,
+}
+
+impl Middleware for Asked {
+    fn name(&self) -> &str {
+        self.bus.name()
+    }
+
+    fn open_listener(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Listener> {
+        self.bus.open_listener(spec, context)
+    }
+
+    fn open_publisher(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Publisher> {
+        self.bus.open_publisher(spec, context)
+    }
+
+    fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
+        self.bus.discover()
+    }
+
+    fn traits(&self) -> Traits {
+        Traits { untyped: true, ..self.bus.traits() }
+    }
+
+    fn learn_topic(&self, found: &Discovered, types: &mut TypeStore) -> LearnResult<Learned> {
+        let told = self.answer.lock().unwrap().clone()?.to_owned();
+        topic_of_name("a", &Discovered { type_name: Some(told), ..found.clone() }, types)
+    }
+}
+
+/// What listeners want holds only until the source has shown a type that cannot be read so.
+#[test]
+fn what_a_source_shows_goes_before_what_listeners_want() {
+    const OBJECT: &str = "wrapyfi_msgs/msg/NativeObject";
+    let name = "/x".to_owned();
+    let asked = LearnError::Asked { name: name.clone() };
+    let silent = LearnError::Silent { name, reason: "it has sent nothing yet".to_owned() };
+    for written in [ALL, "from: 'a:/x', to: 'b:/from_a/x'"] {
+        let bus = Arc::new(Memory::new("a"));
+        let answer = std::sync::Mutex::new(Err(asked.clone()));
+        let (a, b) =
+            (Arc::new(Asked { bus: Arc::clone(&bus), answer }), Arc::new(Memory::new("b")));
+        let (mut engine, mut now) = (engine(&a, &b, &[written]), Instant::now());
+        let mut after = |answer: LearnResult<&'static str>| {
+            *a.answer.lock().unwrap() = answer;
+            (0..30).for_each(|_| {
+                now += 100 * MS;
+                engine.step(now);
+            });
+            let status = engine.status();
+            let found = status.into_iter().find(|it| it.name == "a:/x -> b:/from_a/x").unwrap();
+            (found.message_type, found.state.to_string())
+        };
+        let _old = listener(&b, "/from_a/x");
+        let source = publisher(&bus, "/x", MessageType::Image);
+        let (_, state) = after(Err(asked.clone()));
+        assert_eq!(state, "waiting for a:/x to tell its type".replace("a:", ""), "{written}");
+        assert_eq!(after(Err(silent.clone())).0, OBJECT, "{written}");
+        // Bottles of YARP are read as what has fields; pictures are none of them.
+        assert_eq!(after(Ok("std_msgs/msg/Float64MultiArray")).0, OBJECT, "{written}");
+        assert_eq!(after(Ok("Image")).0, "sensor_msgs/msg/Image", "{written}");
+        assert_eq!(after(Ok("NativeObject")).0, OBJECT, "{written}");
+        drop(source);
     }
 }
 

@@ -352,7 +352,11 @@ impl Relay {
         if let Some(stopped @ RouteState::Error(_)) = loops {
             return stopped;
         }
-        let (source, sink) = (listener.link(), publisher.link());
+        let (source, mut sink) = (listener.link(), publisher.link());
+        if self.misfits.is_some() && sink.peers == Some(0) {
+            // The names of those who are there say more.
+            sink.waiting_for = None;
+        }
         if let Some(what) = source.waiting_for.or(sink.waiting_for) {
             return RouteState::Waiting(what);
         }

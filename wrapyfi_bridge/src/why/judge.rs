@@ -269,8 +269,12 @@ impl Walk<'_> {
         );
         let file =
             self.way.route.as_ref().map_or(String::new(), |route| format!(" in {}", route.file));
-        let remedy =
-            format!("write `type: {theirs}` on the route{file}, or make it {wanted} there");
+        let remedy = match end.learned {
+            Some(_) => {
+                format!("make it {wanted} there: that is what the source of the route sends")
+            }
+            None => format!("write `type: {theirs}` on the route{file}, or make it {wanted} there"),
+        };
         Err(Finding::new(Cause::Type, what, "the route, or that program", remedy))
     }
 

@@ -359,12 +359,12 @@ fn mapping(end: &mut End, ros2: &dyn graph::Graph) {
     }
 }
 
-/// Definition of the type that is announced.
+/// Type that is announced or shown, and its definition.
 fn learn(end: &mut End, middleware: &dyn Middleware, wanted: &Wanted, types: &mut TypeStore) {
     let Some(one) = end.of(wanted.role).next().cloned() else { return };
     let mut learn = || match wanted.is_service {
-        true => middleware.learn_service(&one, types).map(drop),
-        false => middleware.learn_topic(&one, types).map(drop),
+        true => middleware.learn_service(&one, types).map(|_| None),
+        false => middleware.learn_topic(&one, types).map(|told| Some(told.message_type(false))),
     };
     let begin = Instant::now();
     let mut learned = learn();
@@ -372,8 +372,12 @@ fn learn(end: &mut End, middleware: &dyn Middleware, wanted: &Wanted, types: &mu
         std::thread::sleep(LOOK);
         learned = learn();
     }
-    if let Err(LearnError::Undefined { type_name, reason }) = learned {
-        end.undefined = Some((type_name, reason));
+    match learned {
+        Ok(learned) => end.learned = learned,
+        Err(LearnError::Undefined { type_name, reason }) => {
+            end.undefined = Some((type_name, reason));
+        }
+        Err(_) => {}
     }
 }
 

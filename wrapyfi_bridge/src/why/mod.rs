@@ -35,6 +35,7 @@ use serde::{Deserialize, Serialize};
 use wrapyfi_core::endpoint::{Discovered, EndpointAddress, Qos, Role};
 use wrapyfi_core::engine::{LeftOut, RouteStatus};
 use wrapyfi_core::middleware::ros2::graph::ServiceMapping;
+use wrapyfi_core::types::MessageType;
 
 use self::door::Knock;
 
@@ -112,6 +113,8 @@ pub struct End {
     pub address: EndpointAddress,
     /// Type that the route has here, as the middleware names it.
     pub type_name: Option<String>,
+    /// Type that the source of a route without a type of its own announces, or shows by its messages.
+    pub learned: Option<MessageType>,
     /// Quality of service that the route lays down; `None` where it follows its peers.
     pub qos: Option<Qos>,
     /// Servers that have to answer first, and whether they did.
@@ -147,6 +150,7 @@ impl End {
         Self {
             address,
             type_name: None,
+            learned: None,
             qos: None,
             doors: Vec::new(),
             away: None,

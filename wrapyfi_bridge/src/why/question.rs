@@ -10,9 +10,12 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-use wrapyfi_core::endpoint::{CountersSnapshot, DropReason, EndpointAddress, Role};
-use wrapyfi_core::engine::{Applier, Kind, Plan, Route, RouteIndex, RouteStatus, Typing};
-use wrapyfi_core::types::MessageType;
+use wrapyfi_core::endpoint::{CountersSnapshot, Discovered, DropReason, EndpointAddress, Role};
+use wrapyfi_core::engine::{
+    Applier, Kind, Plan, Route, RouteIndex, RouteStatus, Typing, may_be_read_as,
+};
+use wrapyfi_core::middleware::yarp;
+use wrapyfi_core::types::{DataType, MessageType};
 use wrapyfi_interfaces::store::TypeStore;
 
 use super::look::{Sight, Wanted, look};
@@ -210,7 +213,8 @@ impl Configured<'_> {
             facts.limit = Some((names.max_routes, matching.len()));
         }
         source.type_name = type_at(route, &route.from);
-        destination.type_name = type_at(route, &route.to);
+        destination.type_name = type_at(route, &route.to).or_else(|| shown(&source, &destination));
+        destination.learned = source.learned;
         source.qos = qos_at(route, &route.from);
         destination.qos = qos_at(route, &route.to);
         let running = status();
@@ -319,7 +323,7 @@ fn type_at(route: &Route, end: &EndpointAddress) -> Option<String> {
     if route.typing != Typing::Given || route.is_many() {
         return None;
     }
-    let is_ros = matches!(end.middleware.as_str(), "ros" | "ros2");
+    let is_ros = is_ros(end);
     match route.kind {
         Kind::Service(kind) => is_ros.then(|| kind.ros_type().to_owned()),
         Kind::Topic(types) => {
@@ -335,6 +339,24 @@ fn type_at(route: &Route, end: &EndpointAddress) -> Option<String> {
             }
         }
     }
+}
+
+/// Type that a route in ROS gets from its source; none where that has no types, and a listener wants what its messages
+/// may be read as.
+fn shown(source: &End, destination: &End) -> Option<String> {
+    let learned = source.learned.filter(|_| is_ros(&destination.address))?;
+    let is_wanted = |one: &Discovered| {
+        let known = one.type_name.as_ref()?.parse::<MessageType>();
+        let wanted = known.map_or(DataType::RosMessage, MessageType::data_type);
+        Some(may_be_read_as(learned.data_type(), wanted))
+    };
+    let is_untyped = source.address.middleware == yarp::NAME;
+    let fits = destination.of(Role::Listener).any(|one| is_wanted(one) == Some(true));
+    (!is_untyped || !fits).then(|| learned.ros_type().to_owned())
+}
+
+fn is_ros(end: &EndpointAddress) -> bool {
+    matches!(end.middleware.as_str(), "ros" | "ros2")
 }
 
 /// Quality of service that a route lays down at an end.
