@@ -57,7 +57,7 @@ fn at(test: &str, names: Names, body: impl FnOnce(&TestEnv) -> Result) -> Result
 }
 
 /// YARP's name server on this test's port.
-fn yarps_server(env: &TestEnv) -> Result<Process> {
+pub(crate) fn yarps_server(env: &TestEnv) -> Result<Process> {
     let port = env.yarp_port().to_string();
     let args = ["--write", "--ip", "127.0.0.1", "--socket", &port];
     let server = env.yarp_tool("yarpserver", &args)?.pillar();

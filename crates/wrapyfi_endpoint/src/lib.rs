@@ -202,6 +202,12 @@ pub trait Middleware: Send + Sync {
         Some(found.qos.is_some_and(|qos| qos.durability != AnnouncedDurability::Volatile))
     }
 
+    /// Makes sure that whoever is found under this name is there: it is in the way of a route. Returns at once; who is
+    /// gone is not found any more.
+    fn doubt(&self, name: &str) {
+        _ = name;
+    }
+
     /// Reason that nothing of this middleware can work at the moment, for instance a master that
     /// does not answer; `None` where no fault is known.
     fn waiting_for(&self) -> Option<String> {

@@ -122,6 +122,10 @@ impl Reconciler {
         candidate: &mut Candidate,
     ) -> Result<Route, Refusal> {
         if let Some(why) = self.hindrance(spec, candidate) {
+            let target = self.graph.get(&candidate.to.middleware);
+            if let Some(target) = target.and_then(|side| side.middleware.as_ref()) {
+                target.doubt(&candidate.to.name);
+            }
             return Err(waiting(why));
         }
         let kind = self.kind(spec, candidate)?;

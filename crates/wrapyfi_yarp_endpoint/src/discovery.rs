@@ -25,6 +25,7 @@ use super::directory::Entry;
 use super::intrinsics;
 use super::role::{role, topic_of};
 use super::shared::Shared;
+use super::survey::Silence;
 use super::types::FILES;
 use wrapyfi_endpoint::{DiscoverError, Discovered, Discovery, NameFilter, Role};
 
@@ -102,7 +103,7 @@ impl Discovery for YarpDiscovery {
         ask(&shared, &ports);
         let mut found: BTreeMap<(&str, Role), Discovered> = BTreeMap::new();
         self.complete = was_asked && shared.survey.is_over(&ports);
-        for (port, entry) in &ports {
+        for (port, entry) in ports.iter().filter(|(port, _)| !shared.survey.is_gone(port)) {
             let told = shared.survey.answer_of(port);
             let (name, role) = role(port, told.as_deref());
             let one = found
@@ -154,21 +155,26 @@ fn ask(shared: &Arc<Shared>, ports: &BTreeMap<String, Entry>) {
         let tasks = Arc::clone(&shared);
         tasks.tasks.spawn_aside(async move {
             let Ok(_permit) = room.acquire_owned().await else { return };
-            let asked = interview(&shared, &name, whole);
-            let told = match tokio::time::timeout(PATIENCE, asked).await {
-                Ok(Ok(told)) => Some(told),
-                Ok(Err(error)) => {
-                    tracing::debug!(port = name, %error, "does not say what it is");
-                    None
-                }
-                Err(_elapsed) => {
-                    tracing::debug!(port = name, "did not say within {PATIENCE:?} what it is");
-                    None
-                }
-            };
+            let told = interview(&shared, &name, whole).await;
             shared.survey.enter(&name, entry.number, told, Instant::now());
         });
     }
+}
+
+/// Watches a port that is in the way of a route: when its program is killed, nobody else tells. Returns at once.
+pub(super) fn doubt(shared: &Arc<Shared>, name: &str) {
+    let Some(Entry { number, .. }) = shared.directory.entry(name) else { return };
+    if !shared.survey.begins_watch(name, number) {
+        return;
+    }
+    let (tasks, shared, name) = (Arc::clone(shared), Arc::clone(shared), name.to_owned());
+    tasks.tasks.spawn_aside(async move {
+        if let Some(contact) = shared.located(&name).await.and_then(|entry| entry.contact) {
+            _ = shared.network.until_closed(&contact).await;
+        }
+        let is_refused = interview(&shared, &name, false).await == Err(Silence::Refused);
+        shared.survey.ends_watch(&name, number, is_refused, Instant::now());
+    });
 }
 
 /// True when the name of a port tells that it sends, and which type.
@@ -178,14 +184,29 @@ fn is_told_by_name(shared: &Shared, name: &str, entry: &Entry) -> bool {
 }
 
 /// Asks a port about itself; about its connections alone unless `whole`.
-async fn interview(shared: &Shared, name: &str, whole: bool) -> Result<Inspection, AdminError> {
-    match shared.located(name).await {
-        None => Err(AdminError::Unknown(name.to_owned())),
-        // A server of files over HTTP may understand nothing else.
-        Some(entry) if entry.has_files => {
-            let modes = Some(Modes { input: false, output: true, rpc: false });
-            Ok(Inspection { modes, type_name: Some(FILES.into()), ..Inspection::default() })
+async fn interview(shared: &Shared, name: &str, whole: bool) -> Result<Inspection, Silence> {
+    let asked = async {
+        match shared.located(name).await {
+            None => Err(AdminError::Unknown(name.to_owned())),
+            // A server of files over HTTP may understand nothing else.
+            Some(entry) if entry.has_files => {
+                let modes = Some(Modes { input: false, output: true, rpc: false });
+                Ok(Inspection { modes, type_name: Some(FILES.into()), ..Inspection::default() })
+            }
+            Some(entry) => shared.network.inspect(name, entry.contact.as_deref(), whole).await,
         }
-        Some(entry) => shared.network.inspect(name, entry.contact.as_deref(), whole).await,
+    };
+    match tokio::time::timeout(PATIENCE, asked).await {
+        Ok(Ok(told)) => Ok(told),
+        Ok(Err(error)) => {
+            tracing::debug!(port = name, %error, "does not say what it is");
+            let is_elsewhere = shared.is_afar && shared.is_on_loopback(name);
+            let is_refused = error.is_refused() && !is_elsewhere;
+            Err(if is_refused { Silence::Refused } else { Silence::NoAnswer })
+        }
+        Err(_elapsed) => {
+            tracing::debug!(port = name, "did not say within {PATIENCE:?} what it is");
+            Err(Silence::NoAnswer)
+        }
     }
 }

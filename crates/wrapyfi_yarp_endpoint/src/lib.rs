@@ -303,6 +303,10 @@ impl Middleware for Yarp {
         }
     }
 
+    fn doubt(&self, name: &str) {
+        discovery::doubt(&self.shared, name);
+    }
+
     fn waiting_for(&self) -> Option<String> {
         self.shared.directory.waiting_for()
     }

@@ -1,10 +1,15 @@
 //! Opens a port, however long its name is taken or the name server is away.
 
+use std::time::Duration;
+
 use wrapyfi_yarp::port::OpenError;
 
 use super::link_state::LinkState;
 use super::shared::Shared;
 use wrapyfi_endpoint::backoff::Backoff;
+
+/// Pause before a port's name is tried again whose program has closed its connection.
+const ENDED: Duration = Duration::from_millis(50);
 
 /// Opens a port with `open`, again and again until it succeeds; `link_state` is told why not yet.
 /// `name` is what it depends on.
@@ -17,19 +22,34 @@ pub(super) async fn until_open<P, F: Future<Output = Result<P, OpenError>>>(
     let bell = shared.directory.watch(name);
     let mut backoff = Backoff::of_name(name);
     loop {
+        let mut taken = None;
         let say = |what| link_state.waiting(what);
         match shared.directory.answers("to register a port of ours", open(), say).await {
             Ok(port) => return port,
-            Err(OpenError::Taken(name)) => link_state.waiting(format!(
-                "the name {name}, which another program's port has: end that one, or set option \
-                 port"
-            )),
+            Err(OpenError::Taken(name)) => {
+                link_state.waiting(format!(
+                    "the name {name}, which another program's port has: end that one, or set \
+                     option port"
+                ));
+                taken = shared.located(&name).await.and_then(|entry| entry.contact);
+            }
             Err(error) => {
                 let away = shared.directory.waiting_for();
                 link_state.waiting(away.unwrap_or_else(|| error.to_string()));
             }
         }
-        tokio::select! { () = bell.notified() => {}, () = backoff.pause() => {} }
+        // A name server does not tell that the program of a port was killed.
+        let ended = async {
+            match &taken {
+                Some(contact) if shared.network.until_closed(contact).await.is_ok() => {}
+                _ => std::future::pending().await,
+            }
+        };
+        tokio::select! {
+            () = bell.notified() => {}
+            () = backoff.pause() => {}
+            () = ended => tokio::time::sleep(ENDED).await,
+        }
     }
 }
 

@@ -83,13 +83,19 @@ impl Shared {
         if !self.is_afar {
             return "";
         }
-        let contact = self.located(name).await.and_then(|entry| entry.contact);
-        let at = contact.and_then(|contact| contact.parse::<SocketAddr>().ok());
-        if at.is_some_and(|at| at.ip().is_loopback()) {
+        _ = self.located(name).await;
+        if self.is_on_loopback(name) {
             "; it is registered at an address of its own machine alone: set YARP_IP there"
         } else {
             ""
         }
+    }
+
+    /// True for a port that is known to be registered at an address of its own machine alone.
+    pub(super) fn is_on_loopback(&self, name: &str) -> bool {
+        let contact = self.directory.entry(name).and_then(|entry| entry.contact);
+        let at = contact.and_then(|contact| contact.parse::<SocketAddr>().ok());
+        at.is_some_and(|at| at.ip().is_loopback())
     }
 
     /// The network in which an endpoint with these options opens its port.

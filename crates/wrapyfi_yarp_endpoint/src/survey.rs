@@ -5,10 +5,11 @@
 //!        ▲                                │ told: never again until the name server enters it anew
 //!        └────── Answers ◀────────────────┴ silent: again after 1 s, 2 s, … 5 min
 //!   connected with us as what it is not ─▶ once more
+//!   in the way of a route ─▶ one connection that stays; when it ends, once more: refused ─▶ gone
 //! ```
 //!
 //! All who look share the answers. A port is asked only when somebody wants to know, and never in
-//! turns.
+//! turns. A name server keeps the ports of programs that were killed.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -40,22 +41,37 @@ pub(super) struct Survey {
 }
 
 /// Answer of one port.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 struct Answer {
     /// The port that it is of.
     number: u64,
     state: State,
+    told: Option<Arc<Inspection>>,
+    /// True where nobody is at the port's address any more.
+    is_gone: bool,
+    /// True while a connection tells when the port ends.
+    is_watched: bool,
     failures: u32,
 }
 
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Copy, Default)]
 enum State {
-    /// Question under way, with the answer before.
-    Asked(Option<Arc<Inspection>>),
-    Told(Arc<Inspection>),
+    /// Question under way.
+    #[default]
+    Asked,
+    Told,
     /// Answer that the port's connections contradict.
-    Stale(Arc<Inspection>),
+    Stale,
     Silent(Instant),
+}
+
+/// Why a port does not answer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Silence {
+    /// Nobody is at its address.
+    Refused,
+    /// It may be there: a machine or network that is away proves nothing.
+    NoAnswer,
 }
 
 impl Default for Survey {
@@ -78,8 +94,8 @@ impl Answer {
     fn is_due(&self, number: u64, now: Instant) -> bool {
         match self.state {
             _ if self.number != number => true,
-            State::Asked(_) | State::Told(_) => false,
-            State::Stale(_) => true,
+            State::Asked | State::Told => false,
+            State::Stale => true,
             State::Silent(at) => now.saturating_duration_since(at) >= pause(self.failures),
         }
     }
@@ -91,18 +107,39 @@ impl Survey {
         self.changes.load(Ordering::Acquire)
     }
 
-    /// Answer of a port, if it has given one.
+    /// Last answer of a port, if it has given one.
     pub(super) fn answer_of(&self, name: &str) -> Option<Arc<Inspection>> {
-        match &self.answers.lock().get(name)?.state {
-            State::Told(told) | State::Stale(told) => Some(Arc::clone(told)),
-            State::Asked(before) => before.clone(),
-            State::Silent(_) => None,
-        }
+        self.answers.lock().get(name)?.told.clone()
     }
 
     /// True while the answer of a port is awaited.
     pub(super) fn is_being_asked(&self, name: &str) -> bool {
-        self.answers.lock().get(name).is_some_and(|answer| matches!(answer.state, State::Asked(_)))
+        self.answers.lock().get(name).is_some_and(|answer| matches!(answer.state, State::Asked))
+    }
+
+    /// True for a port that is registered, and nobody is at its address.
+    pub(super) fn is_gone(&self, name: &str) -> bool {
+        self.answers.lock().get(name).is_some_and(|answer| answer.is_gone)
+    }
+
+    /// True where a port has to be watched that was not.
+    pub(super) fn begins_watch(&self, name: &str, number: u64) -> bool {
+        let mut answers = self.answers.lock();
+        let answer = answers.get_mut(name).filter(|answer| answer.number == number);
+        answer.is_some_and(|answer| !std::mem::replace(&mut answer.is_watched, true))
+    }
+
+    /// Notes that the connection has ended that told when a port ends, and whether nobody is there.
+    pub(super) fn ends_watch(&self, name: &str, number: u64, is_refused: bool, now: Instant) {
+        let mut answers = self.answers.lock();
+        if let Some(answer) = answers.get_mut(name).filter(|answer| answer.number == number) {
+            answer.is_watched = false;
+            if is_refused {
+                (answer.is_gone, answer.state) = (true, State::Silent(now));
+                answer.failures = answer.failures.saturating_add(1);
+                self.changes.fetch_add(1, Ordering::Release);
+            }
+        }
     }
 
     /// Has a port asked again that is connected with `own`, a port of ours, and was taken for something
@@ -110,11 +147,11 @@ impl Survey {
     pub(super) fn met(&self, name: &str, own: &str, sends: bool) {
         let mut answers = self.answers.lock();
         let Some(answer) = answers.get_mut(name) else { return };
-        let State::Told(told) = &answer.state else { return };
+        let (State::Told, Some(told)) = (answer.state, &answer.told) else { return };
         let is_sender = matches!(role(name, Some(told)).1, Role::Publisher | Role::Client);
         let known = if sends { &told.outputs } else { &told.inputs };
         if is_sender != sends && !known.iter().any(|one| one == own) {
-            answer.state = State::Stale(Arc::clone(told));
+            answer.state = State::Stale;
         }
     }
 
@@ -122,7 +159,7 @@ impl Survey {
     pub(super) fn is_over(&self, ports: &BTreeMap<String, Entry>) -> bool {
         let answers = self.answers.lock();
         ports.keys().all(|name| {
-            answers.get(name).is_some_and(|answer| !matches!(answer.state, State::Asked(_)))
+            answers.get(name).is_some_and(|answer| !matches!(answer.state, State::Asked))
         })
     }
 
@@ -142,33 +179,42 @@ impl Survey {
             |name: &str, number| answers.get(name).is_none_or(|answer| answer.is_due(number, now));
         let due = ports.iter().filter(|(name, entry)| is_due(name, entry.number));
         let due: Vec<_> = due.map(|(name, entry)| (name.clone(), entry.clone())).collect();
-        for (name, entry) in &due {
-            let number = entry.number;
-            let before = answers.get(name).filter(|answer| answer.number == number);
-            let failures = before.map_or(0, |answer| answer.failures);
-            let told = before.and_then(|answer| match &answer.state {
-                State::Stale(told) => Some(Arc::clone(told)),
-                _ => None,
-            });
-            answers.insert(name.clone(), Answer { number, state: State::Asked(told), failures });
+        for (name, Entry { number, .. }) in &due {
+            let answer = answers.entry(name.clone()).or_default();
+            if answer.number != *number {
+                *answer = Answer { number: *number, ..Answer::default() };
+            }
+            answer.state = State::Asked;
         }
         due
     }
 
-    /// Enters the answer of a port, or that it gave none.
-    pub(super) fn enter(&self, name: &str, number: u64, told: Option<Inspection>, now: Instant) {
+    /// Enters the answer of a port, or that it gave none. Programs of YARP are registered before they listen: one that
+    /// has never answered is gone when it refuses twice.
+    pub(super) fn enter(
+        &self,
+        name: &str,
+        number: u64,
+        told: Result<Inspection, Silence>,
+        now: Instant,
+    ) {
         let mut answers = self.answers.lock();
         // Another port may have the name by now, or nobody.
         let Some(answer) = answers.get_mut(name).filter(|answer| answer.number == number) else {
             return;
         };
-        answer.state = match told {
-            Some(told) => State::Told(Arc::new(told)),
-            None => {
-                answer.failures = answer.failures.saturating_add(1);
-                State::Silent(now)
+        match told {
+            Ok(told) => {
+                (answer.state, answer.is_gone) = (State::Told, false);
+                answer.told = Some(Arc::new(told));
             }
-        };
+            Err(silence) => {
+                answer.state = State::Silent(now);
+                answer.failures = answer.failures.saturating_add(1);
+                let has_begun = answer.told.is_some() || answer.failures > 1;
+                answer.is_gone |= silence == Silence::Refused && has_begun;
+            }
+        }
         self.changes.fetch_add(1, Ordering::Release);
     }
 }
@@ -188,7 +234,7 @@ mod tests {
         assert!(!survey.is_over(&ports(1)));
         let mut pauses = Vec::new();
         for _ in 0..11 {
-            survey.enter("/a", 1, None, now);
+            survey.enter("/a", 1, Err(Silence::NoAnswer), now);
             assert!(survey.is_over(&ports(1)));
             let mut pause = Duration::ZERO;
             while survey.due(&ports(1), now + pause).is_empty() {
@@ -198,15 +244,47 @@ mod tests {
             pauses.push(pause.as_secs());
         }
         assert_eq!(pauses, [1, 2, 4, 8, 16, 32, 64, 128, 256, 300, 300]);
-        survey.enter("/a", 1, Some(Inspection::default()), now);
+        survey.enter("/a", 1, Ok(Inspection::default()), now);
         let later = now + Duration::from_secs(1_000_000);
         assert!(survey.due(&ports(1), later).is_empty(), "it has said it");
         assert!(survey.answer_of("/a").is_some());
         assert_eq!(survey.due(&ports(2), now).len(), 1, "another port of that name");
-        survey.enter("/a", 1, Some(Inspection::default()), now);
+        survey.enter("/a", 1, Ok(Inspection::default()), now);
         assert!(survey.answer_of("/a").is_none(), "the answer of the one before");
         survey.forget(|_| false);
         assert_eq!(survey.due(&ports(2), now).len(), 1);
+    }
+
+    #[test]
+    fn a_port_is_gone_where_its_address_refuses_and_not_where_it_is_silent() {
+        let (survey, now) = (Survey::default(), Instant::now());
+        let later = now + Duration::from_secs(2);
+        let said = |silence, now| {
+            survey.enter("/a", 1, Err(silence), now);
+            survey.is_gone("/a")
+        };
+        assert!(!survey.begins_watch("/a", 1), "nobody has asked it");
+        survey.due(&ports(1), now);
+        assert!(!said(Silence::Refused, now), "it may be about to listen");
+        assert_eq!(survey.due(&ports(1), later).len(), 1);
+        assert!(!survey.is_gone("/a") && said(Silence::Refused, later));
+        let later = later + Duration::from_secs(2);
+        assert_eq!(survey.due(&ports(1), later).len(), 1);
+        assert!(survey.is_gone("/a"), "until it has answered");
+        survey.enter("/a", 1, Ok(Inspection::default()), later);
+        assert!(!survey.is_gone("/a"));
+        assert!(survey.begins_watch("/a", 1) && !survey.begins_watch("/a", 1), "once");
+        survey.ends_watch("/a", 1, false, later);
+        assert!(!survey.is_gone("/a") && survey.due(&ports(1), later).is_empty());
+        assert!(survey.begins_watch("/a", 1));
+        survey.ends_watch("/a", 1, true, later);
+        assert!(survey.is_gone("/a"));
+        assert_eq!(survey.due(&ports(2), later).len(), 1, "another port of that name");
+        assert!(!survey.is_gone("/a"));
+        survey.enter("/a", 2, Ok(Inspection::default()), later);
+        assert!(!said(Silence::NoAnswer, later) && survey.answer_of("/a").is_some());
+        survey.ends_watch("/a", 1, true, later);
+        assert!(!survey.is_gone("/a"), "the connection to the one before");
     }
 
     #[test]
@@ -217,7 +295,7 @@ mod tests {
         assert!(is_due(&survey));
         survey.met("/a", "/ours", false);
         assert!(!is_due(&survey), "it is being asked");
-        survey.enter("/a", 1, Some(Inspection::default()), now);
+        survey.enter("/a", 1, Ok(Inspection::default()), now);
         assert_eq!(role_of(&survey), Role::Publisher, "by its name");
         survey.met("/a", "/ours", true);
         assert!(!is_due(&survey), "publishers send");
@@ -226,14 +304,14 @@ mod tests {
         assert_eq!(role_of(&survey), Role::Publisher, "until it has answered");
         let inputs = vec!["/ours".to_owned()];
         let said = Inspection { inputs, ..Inspection::default() };
-        survey.enter("/a", 1, Some(said), now);
+        survey.enter("/a", 1, Ok(said), now);
         assert_eq!(role_of(&survey), Role::Listener);
         survey.met("/a", "/ours", false);
         assert!(!is_due(&survey));
         let outputs = vec!["/ours".to_owned()];
         survey.met("/a", "/ours", true);
         assert!(is_due(&survey), "a listener that sends");
-        survey.enter("/a", 1, Some(Inspection { outputs, ..Inspection::default() }), now);
+        survey.enter("/a", 1, Ok(Inspection { outputs, ..Inspection::default() }), now);
         assert_eq!(role_of(&survey), Role::Publisher);
         // A relay reads as well: what it said is true.
         let (inputs, outputs) = (vec!["/ours".to_owned()], vec!["/other".to_owned()]);
@@ -241,7 +319,7 @@ mod tests {
         survey.met("/a", "/ours", false);
         assert!(is_due(&survey));
         let said = Inspection { inputs, outputs, ..Inspection::default() };
-        survey.enter("/a", 1, Some(said), now);
+        survey.enter("/a", 1, Ok(said), now);
         survey.met("/a", "/ours", false);
         assert!(!is_due(&survey), "once");
     }

@@ -57,6 +57,17 @@ impl Network {
         asked.map_err(|error| AdminError::Port { name: name.to_owned(), error })
     }
 
+    /// Waits until the port at an address closes a connection on which nothing is asked, as it does when its program is
+    /// killed.
+    ///
+    /// # Errors
+    /// When there is no such connection.
+    pub async fn until_closed(&self, contact: &str) -> Result<(), LinkError> {
+        let why = self.open_admin(contact).await?.ended().await;
+        tracing::debug!(target: "wrapyfi_yarp::port", contact, %why, "watched port");
+        Ok(())
+    }
+
     async fn interview(
         &self,
         name: &str,

@@ -55,6 +55,15 @@ pub enum AdminError {
     },
 }
 
+impl AdminError {
+    /// True when nobody is at the port's address.
+    #[must_use]
+    pub fn is_refused(&self) -> bool {
+        let Self::Port { error: LinkError::Connect { error, .. }, .. } = self else { return false };
+        error.kind() == std::io::ErrorKind::ConnectionRefused
+    }
+}
+
 impl Registration {
     /// Host and number, as connections take them.
     #[must_use]
