@@ -311,12 +311,17 @@ fn server_that_moves(
             echo.objects(5).map(drop)
         };
         let (mut server, config) = begin(env, first)?;
-        let bridge = env.bridge_named(FILE, &config.route(route.clone()))?;
+        let before = config.route(route.clone());
+        let bridge = env.bridge_named(FILE, &before)?;
         hears().map_err(|error| error.context(bridge.tail()))?;
         server.kill()?;
         drop(server);
         let (_server, config) = begin(env, second)?;
-        env.write(FILE, config.route(route).yaml())?;
+        let now = config.route(route).yaml();
+        match now == before.yaml() {
+            true => bridge.hang_up()?,
+            false => drop(env.write(FILE, now)?),
+        }
         hears().map_err(|error| error.context(bridge.tail()))
     })
 }
@@ -332,6 +337,18 @@ fn a_name_server_of_yarp_may_move() -> Result {
     let ports = |env: &TestEnv| [env.yarp_port(), env.req_port()];
     let needs = &[Need::Program, Need::Python];
     server_that_moves("a_name_server_of_yarp_may_move", needs, yarp, begin, ports)
+}
+
+/// YARP's own configuration says where, and the bridge is told to read its file again.
+#[test]
+fn a_name_server_of_yarp_may_move_with_yarp_conf() -> Result {
+    let begin = |env: &TestEnv, port: u16| {
+        env.write("yarp.conf", format!("127.0.0.1 {port} yarp\n"))?;
+        Ok((env.yarpserver_there()?, env.foreign()))
+    };
+    let ports = |env: &TestEnv| [env.yarp_port(), env.req_port()];
+    let needs = &[Need::Program, Need::Python];
+    server_that_moves("a_name_server_of_yarp_may_move_with_yarp_conf", needs, yarp, begin, ports)
 }
 
 #[test]

@@ -129,6 +129,15 @@ impl YarpConfig {
         self.find().map(drop)
     }
 
+    /// These settings with the name server that they lead to now: another one where YARP's own configuration has changed.
+    #[must_use]
+    pub fn located(mut self) -> Self {
+        if let Ok(Where { server, namespace }) = self.find() {
+            (self.name_server, self.namespace) = (Some(server), Some(namespace));
+        }
+        self
+    }
+
     /// The name server that these settings mean.
     pub(super) fn find(&self) -> Result<Where, conf::ConfError> {
         let environment = Environment::from_process();

@@ -79,7 +79,7 @@ impl Settings {
             each.insert("zeromq", One::ZeroMq(config, plan.has_services_on("zeromq")));
         }
         if plan.uses(yarp::NAME) {
-            let config = yarp.config(of(yarp::NAME), hosts)?;
+            let config = yarp.config(of(yarp::NAME), hosts)?.located();
             each.insert(yarp::NAME, One::Yarp(config, plan.is_reached_on(yarp::NAME)));
         }
         if plan.uses(ros1::NAME) {
