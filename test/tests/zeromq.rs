@@ -102,6 +102,30 @@ fn echo_may_start_before_any_broker() -> Result {
     })
 }
 
+/// A publisher comes back with another type: one line in five seconds says so, and what to do.
+#[test]
+fn echo_tells_of_another_type_now_and_then() -> Result {
+    run("echo_tells_of_another_type_now_and_then", NEEDS, |env| {
+        let _broker = env.broker()?;
+        let topic = env.topic("x");
+        let mut objects = env.wrapyfi_publisher(&topic, "--no-broker")?;
+        let echo = env.wrapyfi(["echo", &format!("zeromq:{topic}"), "--json"])?;
+        echo.objects(1)?;
+        objects.kill()?;
+        let images = env.wrapyfi_publisher(&topic, "--type Image --flavour colour --no-broker")?;
+        let dropped = |line: &&String| line.contains("dropped a message");
+        echo.wait_until("a line about images", |output| output.err.iter().find(dropped).cloned())?;
+        images.messages(20)?;
+        let said: Vec<String> = echo.stderr().lines().map(str::to_owned).collect();
+        let said: Vec<&String> = said.iter().filter(dropped).collect();
+        assert!((1..=3).contains(&said.len()), "{said:?}");
+        for words in ["NativeObject in 2 frames", "which look like Image", "start again"] {
+            assert!(said[0].contains(words), "{said:?}");
+        }
+        Ok(())
+    })
+}
+
 #[test]
 fn echo_hears_only_its_topic() -> Result {
     // ZeroMQ subscribes by prefix: `/…/x` also gets `/…/xy`.

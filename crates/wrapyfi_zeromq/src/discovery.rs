@@ -22,7 +22,8 @@ use super::frames::{Received, receive};
 use super::link::{self, BrokerLink, Watch};
 use super::options;
 use super::shared::Shared;
-use super::traffic::{ASKS_FOR_COUNTS, TRAFFIC_TOPIC, TopicTraffic, TrafficTable, guess};
+use super::traffic::{ASKS_FOR_COUNTS, TRAFFIC_TOPIC, TopicTraffic, TrafficTable};
+use wrapyfi_endpoint::codec::frames::looks_like;
 use wrapyfi_endpoint::{DiscoverError, Discovered, Discovery, Role, Traffic, Wake};
 
 /// Longest time that our broker may take to send its table, once it is reached.
@@ -98,7 +99,7 @@ impl ZeroMqDiscovery {
                     let seen = self.topics.entry(topic.to_owned()).or_default();
                     seen.messages += 1;
                     seen.bytes = seen.bytes.saturating_add(bytes as u64);
-                    seen.type_name = guess(count, body).map(str::to_owned);
+                    seen.type_name = looks_like(count, body).map(str::to_owned);
                 }
             }
         }

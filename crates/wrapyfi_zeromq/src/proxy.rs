@@ -25,8 +25,9 @@ use super::message::Loss;
 use super::monitor::Monitor;
 use super::options;
 use super::status::BrokerStatus;
-use super::traffic::{TRAFFIC_TOPIC, Traffic, TrafficTable, guess};
+use super::traffic::{TRAFFIC_TOPIC, Traffic, TrafficTable};
 use super::turns::Turns;
+use wrapyfi_endpoint::codec::frames::looks_like;
 use wrapyfi_endpoint::{Mutex, Throttle};
 
 /// Time between repeats of the counts, for publishers that connect later than the listener.
@@ -95,7 +96,7 @@ impl Proxy {
                 continue;
             }
             if let [topic, .., last] = &frames[..] {
-                self.traffic.count(topic, bytes, guess(frames.len(), last));
+                self.traffic.count(topic, bytes, looks_like(frames.len(), last));
             } else if let [topic] = &frames[..] {
                 self.traffic.count(topic, bytes, None);
             }

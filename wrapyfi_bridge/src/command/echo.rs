@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use wrapyfi_core::Throttle;
 use wrapyfi_core::endpoint::{
     Context, DropReason, EndpointAddress, LearnError, Learned, Middleware, Overflow, Qos,
     QueueSpec, TopicSpec,
@@ -139,6 +140,23 @@ fn print_all(
         Strangers::new(middleware, &args.endpoint.name, message_type).of_other_names();
     let (mut printed, mut waiting) = (0, Waiting::new(&args.endpoint));
     let mut deadline = args.timeout.map(|timeout| Instant::now() + timeout);
+    let mut losses = Throttle::default();
+    let mut lost = |reason, error: &dyn std::fmt::Display| {
+        context.counters.dropped(reason);
+        if let Some(unlogged_before) = losses.pass(Instant::now()) {
+            // A publisher may have come back with another type.
+            let learned = match (reason, &args.message_type) {
+                (DropReason::Mismatch, None) => {
+                    format!(
+                        "; {message_type} is the type of the topic when this began: start again"
+                    )
+                }
+                _ => String::new(),
+            };
+            let what = &args.endpoint;
+            tracing::warn!(unlogged_before, "{what}: dropped a message: {error}{learned}");
+        }
+    };
     while !shutdown.requested() && args.count.is_none_or(|count| printed < count) {
         for warning in listener.review(Instant::now()).warnings {
             tracing::warn!("{}: {warning}", args.endpoint);
@@ -156,10 +174,7 @@ fn print_all(
                         printed += 1;
                         deadline = args.timeout.map(|timeout| Instant::now() + timeout);
                     }
-                    Err(error) => {
-                        context.counters.dropped(DropReason::Malformed);
-                        tracing::warn!("{}: dropped a message: {error}", args.endpoint);
-                    }
+                    Err(error) => lost(DropReason::Malformed, &error),
                 }
             }
             Ok(None) => {
@@ -174,10 +189,7 @@ fn print_all(
                 }
                 context.wake.wait(super::WAIT_SLICE);
             }
-            Err(error) => {
-                context.counters.dropped(error.drop_reason());
-                tracing::warn!("{}: dropped a message: {error}", args.endpoint);
-            }
+            Err(error) => lost(error.drop_reason(), &error),
         }
     }
     report_drops(&context);

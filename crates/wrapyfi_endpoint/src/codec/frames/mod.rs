@@ -62,13 +62,15 @@ pub fn decode(frames: &[Bytes], spec: &TopicSpec, received: Stamp) -> Result<Pay
         }
         (data_type, _) => {
             let wanted = match data_type {
-                DataType::NativeObject => "2 or 3",
-                DataType::Properties | DataType::RosMessage => "2",
-                DataType::Image | DataType::AudioChunk => "3",
+                DataType::NativeObject => "2 frames, or 3 with a header at the end",
+                DataType::Properties | DataType::RosMessage => "2 frames",
+                DataType::Image | DataType::AudioChunk => "3 frames",
             };
+            let looks = frames.last().and_then(|last| looks_like(frames.len(), last));
+            let looks = looks.map_or_else(String::new, |kind| format!(", which look like {kind}"));
             Err(DecodeError::mismatch(
-                format!("{data_type} in {wanted} frames"),
-                format!("{} frames of {size} bytes together", frames.len()),
+                format!("{data_type} in {wanted}"),
+                format!("{} frames of {size} bytes together{looks}", frames.len()),
             ))
         }
     }
@@ -121,6 +123,28 @@ pub fn encode(payload: &Payload, spec: &TopicSpec) -> Result<Vec<Vec<u8>>, Encod
     let size: usize = frames.iter().map(Vec::len).sum();
     EncodeError::check_size(size, spec.limits.message_bytes)?;
     Ok(frames)
+}
+
+/// The type that has `frames` frames, the last of which begins with `body`.
+#[must_use]
+pub fn looks_like(frames: usize, body: &[u8]) -> Option<&'static str> {
+    const ARRAY: &[u8] = b"{\"__wrapyfi__\": [\"numpy.ndarray\"";
+    const TUPLE: &[u8] = b"{\"__wrapyfi__\": [\"tuple\"";
+    match frames {
+        2 if matches!(
+            body.first(),
+            Some(b'{' | b'[' | b'"' | b'-' | b'0'..=b'9' | b'n' | b't' | b'f' | b'N' | b'I')
+        ) =>
+        {
+            Some("NativeObject")
+        }
+        3 if body.starts_with(&[0xFF, 0xD8, 0xFF]) => Some("CompressedImage"),
+        3 if body.starts_with(ARRAY) => Some("Image"),
+        3 if body.starts_with(TUPLE) => Some("AudioChunk"),
+        // The header behind an object.
+        3 if header::is_one(body) => Some("NativeObject"),
+        _ => None,
+    }
 }
 
 #[cfg(test)]

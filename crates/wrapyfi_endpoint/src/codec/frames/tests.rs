@@ -281,5 +281,20 @@ fn objects_without_a_header_have_two_frames_as_wrapyfi_s() {
     // An image is no object with a header.
     let frames = ["/t", "{timestamp:1.5}", "[]"].map(Bytes::from);
     let error = decode(&frames, &spec(MessageType::NativeObject), RECEIVED).unwrap_err();
-    assert!(error.to_string().contains("NativeObject in 2 or 3 frames"), "{error}");
+    let told = "NativeObject in 2 frames, or 3 with a header at the end";
+    assert!(error.to_string().contains(told), "{error}");
+    let frames = frames_of(&Value::from(5).into(), &spec(MessageType::NativeObject));
+    let error = decode(&frames, &spec(MessageType::Image), RECEIVED).unwrap_err();
+    assert!(error.to_string().contains("together, which look like NativeObject"), "{error}");
+}
+
+#[test]
+fn types_by_their_frames() {
+    assert_eq!(looks_like(3, &[0xFF, 0xD8, 0xFF, 0xE0]), Some("CompressedImage"));
+    let image = b"{\"__wrapyfi__\": [\"numpy.ndarray\", \"k05V";
+    assert_eq!(looks_like(3, image), Some("Image"));
+    assert_eq!(looks_like(3, b"{\"__wrapyfi__\": [\"tuple\", [1"), Some("AudioChunk"));
+    assert_eq!(looks_like(3, b"{timestamp:1.5, frame_id"), Some("NativeObject"));
+    assert_eq!(looks_like(2, b"\x00\x01"), None);
+    assert_eq!(looks_like(5, b"{"), None);
 }
