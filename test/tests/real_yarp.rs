@@ -194,6 +194,11 @@ fn ours_asks_rpcserver(env: &TestEnv) -> Result {
     let told = call.objects(1)?.remove(0);
     call.exits_with(0)?;
     assert_eq!(told["value"], json!(["set", "pos", 2, 10.5]), "{}", server.tail());
+    // As `yarp rpc` shows it.
+    let args = ["--timeout", "60", "--args", r#"["[get]", [1, "two words"]]"#];
+    let mut call = env.wrapyfi([&["call", &endpoint], &args[..]].concat())?;
+    call.exits_with(0)?;
+    assert_eq!(call.stdout().trim(), r#"[get] (1 "two words")"#, "{}", server.tail());
     Ok(())
 }
 

@@ -281,22 +281,19 @@ fn services_of_any_type_go_both_ways() -> Result {
         let (there, here) = (env.topic("there"), env.topic("here"));
         let peer = env.rospy(&format!("serve --topic {there}"), None)?;
         peer.event("ready")?;
-        let call = |asked: &str| {
+        let call = |asked: &str, kind: &[&str]| {
             let endpoint = ros1(&there);
-            let args = ["call", &endpoint, "--type", "std_srvs/srv/SetBool", "--args", asked];
-            let mut call = env.wrapyfi(args.into_iter().chain([
-                "--definitions",
-                &folder,
-                "--timeout",
-                "60",
-                "--json",
-            ]))?;
+            let args = ["call", &endpoint, "--args", asked, "--timeout", "60", "--json"];
+            let folder = ["--definitions", &folder];
+            let mut call = env.wrapyfi([&args, &folder[..], kind].concat())?;
             let got = call.objects(1)?.remove(0);
             call.exits_with(0)?;
             Ok::<_, anyhow::Error>(got["value"].clone())
         };
-        assert_eq!(call("[true]")?, json!({"success": true, "message": "so be it"}));
-        assert_eq!(call("[false]")?, json!({"success": false, "message": "no"}));
+        let kind = ["--type", "std_srvs/srv/SetBool"];
+        assert_eq!(call("[true]", &kind)?, json!({"success": true, "message": "so be it"}));
+        // The server is asked for its type.
+        assert_eq!(call("[false]", &[])?, json!({"success": false, "message": "no"}));
 
         let endpoint = ros1(&here);
         let _server = env.wrapyfi([

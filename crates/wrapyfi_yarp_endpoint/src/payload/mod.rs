@@ -42,7 +42,8 @@ use super::intrinsics::CAMERA_INFO;
 use super::options::{BottleFormat, YarpOptions};
 use outgoing::envelope;
 use rules::Rules;
-use wrapyfi_data::types::{DataType, MessageType, NativeObject, Payload, Stamp};
+use wrapyfi_data::Limits;
+use wrapyfi_data::types::{DataType, MessageType, NativeObject, Payload, Stamp, Value};
 use wrapyfi_endpoint::TopicSpec;
 use wrapyfi_endpoint::codec::{
     DecodeError, DecodeResult, EncodeError, EncodeResult, fitted, received_as,
@@ -112,6 +113,13 @@ pub fn encode(
     };
     EncodeError::check_size(bytes.len(), spec.limits.message_bytes)?;
     Ok(Outgoing { payload: Bytewise::object(bytes), stamp: envelope(stamp) })
+}
+
+/// Text form of the bottle that holds a value, as YARP's tools show it; `None` where none does.
+#[must_use]
+pub fn text_form(value: &Value) -> Option<String> {
+    let writer = element::Writer { dialect: Dialect::V3, limits: &Limits::default() };
+    writer.bottle(value).ok().map(|bottle| bottle.to_text())
 }
 
 /// True when messages of this type are calibrations of a camera.

@@ -1,23 +1,26 @@
 //! `wrapyfi call`.
 
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
 use wrapyfi_core::Limits;
 use wrapyfi_core::endpoint::{
-    Call, CallError, Context, Middleware, Role as EndpointRole, ServiceSpec,
+    Call, CallError, Context, LearnError, Middleware, Role as EndpointRole, ServiceSpec,
 };
-use wrapyfi_core::middleware::yarp;
+use wrapyfi_core::middleware::{ros1, yarp};
 use wrapyfi_core::types::{Map, Payload, ServiceKind, Value, fields_of_call};
 
 use super::{kind, shown, value, wait};
 use crate::canonical::canonical;
-use crate::cli::{CallArgs, ServiceName};
+use crate::cli::CallArgs;
+use crate::command::definitions;
 use crate::describe::{describe, summary};
 use crate::exit::Failure;
 use crate::middlewares::{Middlewares, Role};
 use crate::output;
 use crate::shutdown::Shutdown;
+use crate::words::words;
 
 /// Calls once and prints the reply.
 ///
@@ -29,7 +32,7 @@ pub fn run(args: &CallArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let begin = Instant::now();
     let named = match &args.service_type {
         Some(name) => Some(kind(name, &args.endpoint, &args.definitions)?),
-        None if args.endpoint.middleware == "ros2" => None,
+        None if ["ros2", ros1::NAME].contains(&args.endpoint.middleware.as_str()) => None,
         None => Some(ServiceKind::NativeObject),
     };
     let request = request(args)?;
@@ -48,8 +51,7 @@ pub fn run(args: &CallArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let kind = match named {
         Some(kind) => kind,
         None => match announced(args, middleware.as_ref(), &context, shutdown)? {
-            Some(name) => {
-                let kind = kind(&ServiceName(name), &args.endpoint, &args.definitions)?;
+            Some(kind) => {
                 check(&request, kind)?;
                 kind
             }
@@ -68,6 +70,13 @@ pub fn run(args: &CallArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         let text = match &result.map_err(|error| failed(error, args.timeout))?.payload {
             Payload::RosMessage(message) => shown(message, args.json)?,
             payload if args.json => describe(payload),
+            // As `yarp rpc` shows it.
+            Payload::NativeObject(object)
+                if args.endpoint.middleware == yarp::NAME
+                    && matches!(object.value, Value::List(_)) =>
+            {
+                yarp::payload::text_form(&object.value).unwrap_or_else(|| words(&object.value))
+            }
             payload => summary(payload),
         };
         return output::line(&text);
@@ -128,40 +137,48 @@ fn failed(error: CallError, timeout: Duration) -> Failure {
     }
 }
 
-/// Waits until somebody offers the service: its type. `None` when asked to end.
+/// Waits until somebody offers the service, and tells its type; `None` when asked to end.
 fn announced(
     args: &CallArgs,
     middleware: &dyn Middleware,
     context: &Context,
     shutdown: &Shutdown,
-) -> Result<Option<String>, Failure> {
+) -> Result<Option<ServiceKind>, Failure> {
+    let side = &args.endpoint.middleware;
     let name = format!("/{}", args.endpoint.name.trim_start_matches('/'));
-    let mut discovery = middleware.discover().context("ros2")?;
+    let mut types = definitions::of_command(&args.definitions)?;
+    let mut discovery = middleware.discover().with_context(|| side.clone())?;
     let deadline = Instant::now() + args.timeout;
     while !shutdown.requested() {
-        let found = discovery.endpoints().context("ros2")?;
-        let mut types: Vec<_> = found
-            .into_iter()
-            .filter(|endpoint| endpoint.name == name && endpoint.role == EndpointRole::Server)
-            .filter_map(|endpoint| endpoint.type_name)
-            .collect();
-        types.sort();
-        types.dedup();
-        match types.as_slice() {
-            [] => {}
-            [only] => return Ok(Some(only.clone())),
-            several => {
-                let text = format!(
-                    "{} has several types: {}; choose one with --type",
-                    args.endpoint,
-                    several.join(", ")
-                );
-                return Err(Failure::Usage(text));
+        let found = discovery.endpoints().with_context(|| side.clone())?;
+        let servers = found.into_iter().filter(|one| one.role == EndpointRole::Server);
+        let (mut kinds, mut why) = (BTreeMap::new(), "no node offers it".to_owned());
+        for server in servers.filter(|one| one.name == name) {
+            match middleware.learn_service(&server, &mut types) {
+                Ok(kind) => _ = kinds.insert(kind.to_string(), kind),
+                Err(LearnError::Undefined { reason, .. }) => {
+                    return Err(Failure::Usage(format!("{reason} (--definitions DIR)")));
+                }
+                Err(error) => why = format!("still waiting for {error}"),
             }
         }
+        if kinds.len() > 1 {
+            let names: Vec<String> = kinds.into_keys().collect();
+            let text = format!(
+                "{} has several types: {}; choose one with --type",
+                args.endpoint,
+                names.join(", ")
+            );
+            return Err(Failure::Usage(text));
+        }
+        if let Some((_, only)) = kinds.pop_first() {
+            return Ok(Some(only));
+        }
         if Instant::now() >= deadline {
+            let why =
+                discovery.waiting_for().map_or(why, |what| format!("still waiting for {what}"));
             return Err(Failure::TimedOut(format!(
-                "{}: time-out: no node offers it; give --type, or see `wrapyfi list ros2`",
+                "{}: time-out: {why}; give --type, or see `wrapyfi list {side}`",
                 args.endpoint
             )));
         }
