@@ -645,7 +645,7 @@ fn a_server_of_another_type_and_one_that_was_killed_are_told() -> Result {
             || until_route(&bridge, "set", |route| route.is_some_and(|it| it["state"] == "active"));
         let args = format!("serve --topic {name} --node server");
         let mut wrong = env.rospy(&format!("{args} --type std_srvs/Empty"), Some("{}"))?;
-        says(["is std_srvs/Empty", "that is std_srvs/SetBool"])?;
+        says(["is std_srvs/Empty", "wanted is std_srvs/SetBool"])?;
         wrong.kill()?;
         let mut right = env.rospy(&args, None)?;
         is_active()?;

@@ -193,13 +193,13 @@ impl ClientShared {
         }
         let md5 = header.get("md5sum").unwrap_or("*");
         (md5 != "*" && md5 != wanted.md5).then(|| {
-            format!(
-                "a server of {service} that is {} [{}]; the one there is {} [{}]: have both use the same definition",
-                wanted.name,
-                wanted.md5,
-                shortened(header.get("type").unwrap_or("another type")),
+            let name = header.get("type").unwrap_or("another type");
+            let there = format!(
+                "another server of {service}: it is {} [{}]",
+                shortened(name),
                 shortened(md5)
-            )
+            );
+            tcpros::unlike(&there, &wanted.name, &wanted.md5)
         })
     }
 

@@ -405,13 +405,10 @@ impl Connection {
         let wire_type = &self.connections.wanted.wire_type;
         let own = self.connections.own_header(&core);
         let (stream, header) = tcpros::greeted(&host, port, &own).await?;
+        let unlike =
+            |there: &str| Closed::Fault(tcpros::unlike(there, &wire_type.name, &wire_type.md5));
         if let Some(error) = header.get("error") {
-            return Err(Closed::Fault(format!(
-                "it refuses: {}; wanted is {} [{}]: have both use the same definition",
-                shortened(error),
-                wire_type.name,
-                wire_type.md5
-            )));
+            return Err(unlike(&format!("it refuses: {}", shortened(error))));
         }
         if let Some(peers) = &self.connections.wanted.peers {
             let caller = header.get("callerid").unwrap_or_default();
@@ -434,13 +431,7 @@ impl Connection {
         }
         let (name, md5) = (header.get("type").unwrap_or("*"), header.get("md5sum").unwrap_or("*"));
         if !wire_type.fits(md5) {
-            return Err(Closed::Fault(format!(
-                "it sends {} [{}], wanted is {} [{}]: have both use the same definition",
-                shortened(name),
-                shortened(md5),
-                wire_type.name,
-                wire_type.md5
-            )));
+            return Err(unlike(&format!("it sends {} [{}]", shortened(name), shortened(md5))));
         }
         self.plan =
             conversion::publisher_plan(&core, &header, self.connections.wanted.message_type)

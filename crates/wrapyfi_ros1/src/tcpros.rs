@@ -40,6 +40,11 @@ pub(super) enum GreetingError {
     Silent,
 }
 
+/// Words about two sides with different definitions: what is `there`, and what this side wants.
+pub(super) fn unlike(there: &str, wanted: &str, md5: &str) -> String {
+    format!("{there}; wanted is {wanted} [{md5}]: have both use the same definition")
+}
+
 /// Sets the socket options of every TCPROS connection.
 pub(super) fn prepare(stream: &TcpStream) -> io::Result<()> {
     // Nagle and delayed acknowledgements together hold small messages back for 40 ms.
