@@ -311,7 +311,6 @@ fn second_bridge(
             let (ended, before) = (Instant::now(), echo.wait_until("what it heard", heard)?);
             echo.objects(before + 1).map_err(|error| error.context(second.tail()))?;
             let time = ended.elapsed();
-            eprintln!("{test}: the next message came after {} ms", time.as_millis());
             // Two seconds, and what a busy machine takes.
             ensure!(time < Duration::from_secs(6), "the next message came after {time:?}");
             sends(&second).map_err(|error| error.context(second.tail()))?;
