@@ -76,7 +76,12 @@ impl ClientEnd {
         ticket: Ticket,
         server_end: &mut ServerEnd,
     ) -> Result<Payload, CallError> {
-        self.await_with(ticket, || _ = server_end.echo())
+        let reply = self.await_with(ticket, || _ = server_end.echo());
+        if reply.is_err() {
+            let (counters, kept) = (server_end.counters(), server_end.server.kept());
+            eprintln!("the server: {counters:?}, {kept} replies kept, {:?}", server_end.refused);
+        }
+        reply
     }
 
     /// Waits for the end of a call; `meanwhile` is done again and again.

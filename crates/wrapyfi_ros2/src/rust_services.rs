@@ -3,7 +3,7 @@
 //! ```text
 //!   RustServices ── client, server ──▶ Participant (while there is one of them)
 //!     settings     what RustDDS can be told of the node's settings
-//!     participant  RustDDS, its announcement (announce), its thread (watch, greeting), its end (goodbye)
+//!     participant  RustDDS, its announcement (announce), its thread (watch, greeting), its end (goodbye), its ports
 //!     client, server  the traits, on a Pair of endpoints, which end opens anew where RustDDS has ended beneath
 //!     pair         writer, reader, remotes: whom they are matched with
 //!     outgoing     what is written; large: replies in fragments, which RustDDS cannot identify
@@ -16,7 +16,9 @@
 //!
 //! RustDDS has no type hashes in USER_DATA (ROS 2 shows none for these endpoints), no static peers
 //! and no domain tags. It takes memory for the size that the header of a fragmented sample claims,
-//! before any limit of ours applies.
+//! before any limit of ours applies. Its readers of one topic share one mark up to which a writer was heard: where a
+//! datagram is lost while another client of the same service comes to the node, a reply may be passed over, and its
+//! call times out.
 
 mod adapter;
 mod announce;
@@ -36,6 +38,7 @@ mod numbers;
 mod outgoing;
 mod pair;
 mod participant;
+mod ports;
 mod remotes;
 mod server;
 mod settings;

@@ -14,6 +14,7 @@
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddrV4, UdpSocket};
 
+use super::ports;
 use super::settings::{Settings, addresses};
 use crate::discovery_info::Gid;
 
@@ -26,16 +27,8 @@ pub(super) struct Goodbye {
     addresses: Vec<Ipv4Addr>,
 }
 
-/// Participants of this host that are told one by one; Fast DDS takes as many indices.
-const PARTICIPANTS: u32 = 100;
 /// Group on which participants announce themselves.
 const GROUP: Ipv4Addr = Ipv4Addr::new(239, 255, 0, 1);
-/// First port of domain 0, ports of a domain, ports of a participant: RTPS 2.5, 9.6.1.4.
-const PORTS: u32 = 7400;
-const PORTS_OF_DOMAIN: u32 = 250;
-const PORTS_OF_PARTICIPANT: u32 = 2;
-/// Port on which participant 0 hears of others, from the first of the domain.
-const UNICAST: u32 = 10;
 
 impl Goodbye {
     /// The end of `participant`, which is created with `settings`.
@@ -51,22 +44,17 @@ impl Goodbye {
         Self { datagram: datagram(participant), domain_id: settings.domain_id, addresses }
     }
 
-    fn port(&self, offset: u32) -> Option<u16> {
-        let domain = PORTS + PORTS_OF_DOMAIN * u32::from(self.domain_id);
-        u16::try_from(domain + offset).ok()
-    }
-
     fn say_from(&self, address: Ipv4Addr) -> io::Result<()> {
         let socket = UdpSocket::bind((address, 0))?;
         // A full queue is no reason to wait at the end of a program.
         socket.set_nonblocking(true)?;
         if address.is_loopback() {
-            let offsets = (0..PARTICIPANTS).map(|index| UNICAST + PORTS_OF_PARTICIPANT * index);
-            for port in offsets.map_while(|offset| self.port(offset)) {
+            let of_index = |index| ports::discovery(self.domain_id, index);
+            for port in (0..ports::PARTICIPANTS).map_while(of_index) {
                 // Nobody has most of these ports.
                 _ = socket.send_to(&self.datagram, (address, port));
             }
-        } else if let Some(port) = self.port(0) {
+        } else if let Some(port) = ports::multicast(self.domain_id) {
             // Linux sends to a group by the interface that has the address of the socket.
             socket.send_to(&self.datagram, SocketAddrV4::new(GROUP, port))?;
         }

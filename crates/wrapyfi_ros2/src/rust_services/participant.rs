@@ -19,6 +19,7 @@ use super::changes::Changes;
 use super::goodbye::Goodbye;
 use super::outgoing::{MAX_BLOCKING, Writer};
 use super::pair::{Pair, Reader};
+use super::ports;
 use super::settings::{Settings, WholeSamples};
 use super::watch::Watch;
 use crate::discovery_info::{Gid, TOPIC};
@@ -81,7 +82,9 @@ impl Participant {
         if let Some(networks) = &settings.networks {
             builder = builder.with_only_networks(networks.iter().copied());
         }
+        let kept = ports::keep_half_free(settings.domain_id);
         let dds = builder.build().map_err(|error| fault(&error))?;
+        drop(kept);
         let watch = Watch::new(&dds, settings).map_err(|error| fault(&error))?;
         let make = || {
             let publisher = dds.create_publisher(&QosPolicies::qos_none())?;
@@ -231,4 +234,44 @@ fn topic(
     qos: &QosPolicies,
 ) -> Result<Topic, CreateError> {
     dds.create_topic(name.to_owned(), type_name.to_owned(), qos, TopicKind::NoKey)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::net::{Ipv4Addr, UdpSocket};
+    use std::time::Duration;
+
+    use super::super::{RustServices, foreign_tests::adder};
+    use super::*;
+    use crate::config::CycloneConfig;
+    use crate::graph::{Peers, wait_until};
+    use wrapyfi_endpoint::Wake;
+    use wrapyfi_node::NodeName;
+
+    #[test]
+    fn writers_announce_the_port_that_is_listened_on() {
+        let domain_id = 71 + std::process::id() % 10;
+        let data = ports::discovery(u16::try_from(domain_id).unwrap(), 0).unwrap() + 1;
+        // As any socket of this host may have it.
+        let _taken = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, data));
+        let services = |node| {
+            let node = NodeName::new(node, "/").unwrap();
+            RustServices::new(&CycloneConfig::loopback(node, domain_id)).unwrap()
+        };
+        let (service, wake) = (adder(), Wake::new());
+        let bell = wake.clone();
+        let (ours, theirs) = (services("ours"), services("theirs"));
+        let _server = ours.server(&service, Arc::new(|| {})).unwrap();
+        let client = theirs.client(&service, Arc::new(move || bell.ring())).unwrap();
+        let is_ready = || matches!(client.servers(), Peers::Ready(_));
+        assert!(wait_until(&wake, Duration::from_secs(30), is_ready), "{:?}", client.servers());
+        let participant = theirs.existing().unwrap();
+        let of_ours = |topic: &str| topic.contains(&service.name);
+        let readers = participant.dds.discovered_readers();
+        let reader = readers.iter().find(|it| of_ours(it.subscription_topic_data.topic_name()));
+        let writers = participant.dds.discovered_writers();
+        let writer = writers.iter().find(|it| of_ours(it.publication_topic_data.topic_name()));
+        let heard = &reader.unwrap().reader_proxy.unicast_locator_list;
+        assert_eq!(&writer.unwrap().writer_proxy.unicast_locator_list, heard);
+    }
 }

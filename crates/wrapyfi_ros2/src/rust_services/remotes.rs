@@ -57,9 +57,12 @@ impl Remotes {
         self.readers.contains(gid)
     }
 
-    /// True when samples of our writer reach some reader of the participant that has `gid`.
-    pub(super) fn has_reader_beside(&self, gid: &Gid) -> bool {
-        self.readers.iter().any(|reader| prefix(reader) == prefix(gid))
+    /// True when samples of our writer reach the reader that belongs to `writer`: a participant has one for each of
+    /// its writers, and which is whose nobody says.
+    pub(super) fn has_reader_beside(&self, writer: &Gid) -> bool {
+        let beside = |gid: &&Gid| prefix(gid) == prefix(writer) && *gid != writer;
+        let others = self.writers.iter().filter(beside).count();
+        self.readers.iter().filter(beside).count() > others
     }
 
     /// Readiness of the other end.
@@ -189,6 +192,11 @@ mod tests {
         assert!(remotes.has_reader(&gid(FAST, 1, 4)) && !remotes.has_reader(&gid(FAST, 1, 5)));
         assert!(remotes.has_reader_beside(&gid(FAST, 1, 3)));
         assert!(!remotes.has_reader_beside(&gid(FAST, 2, 3)));
+        remotes.add_writer(gid(FAST, 1, 3));
+        assert!(remotes.has_reader_beside(&gid(FAST, 1, 3)));
+        assert!(!remotes.has_reader_beside(&gid(FAST, 1, 7)), "the reader may be of the other one");
+        remotes.add_reader(gid(FAST, 1, 8));
+        assert!(remotes.has_reader_beside(&gid(FAST, 1, 7)));
     }
 
     #[test]
