@@ -16,6 +16,8 @@ if [ "${WRAPYFI_LO_NAMESPACE:-}" = 1 ]; then
 fi
 
 inside='ip link set lo up multicast on && ip route add 224.0.0.0/4 dev lo'
+# Ports of the tests' DDS domains, up to 138, are not given to sockets that take any.
+inside+=' && { echo 43000 60999 >/proc/sys/net/ipv4/ip_local_port_range || true; }'
 # As root without a user namespace, so that files keep their owners; else as a mapped root.
 for options in --net "--map-root-user --net"; do
     # shellcheck disable=SC2086

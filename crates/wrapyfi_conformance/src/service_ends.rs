@@ -71,6 +71,7 @@ impl ClientEnd {
 
     /// Waits for the end of a call while `server_end` echoes.
     #[track_caller]
+    #[expect(clippy::print_stderr, reason = "shown with the failure of the test")]
     pub fn await_echo(
         &mut self,
         ticket: Ticket,
