@@ -1,7 +1,7 @@
 //! Broken set-ups with real peers: `wrapyfi why` alone names the cause and what mends it.
 
 use serde_json::Value;
-use wrapyfi_e2e::{Need, Result, run};
+use wrapyfi_e2e::{Need, Result, Route, TIMEOUT, TestEnv, ros1, ros2, run, zeromq};
 
 /// Longest time that an answer may take.
 const MOST_MS: u64 = 2000;
@@ -119,4 +119,75 @@ fn no_bridge() -> Result {
 fn silent_publisher() -> Result {
     let what = ["no message came on ros2:/chatter", "open and idle"];
     is_named("silent_publisher", NEEDS, "idle", &what, "wrapyfi echo ros2:/chatter")
+}
+
+/// Answer about a route of the test's `bridge.yaml`, which a bridge runs, once it has `cause`.
+fn of_running(env: &TestEnv, name: &str, cause: &str) -> Result<Value> {
+    let file = env.path("bridge.yaml").display().to_string();
+    let deadline = std::time::Instant::now() + TIMEOUT;
+    loop {
+        let mut why = env.wrapyfi(["why", name, "--config", &file, "--json"])?;
+        why.exit_code()?;
+        let answer: Value = serde_json::from_str(why.stdout().trim())?;
+        if answer["cause"] == cause {
+            return Ok(answer);
+        }
+        let is_late = std::time::Instant::now() >= deadline;
+        anyhow::ensure!(!is_late, "the last answer: {answer}");
+    }
+}
+
+/// The file alone is given: the state is that of the bridge on the graph.
+#[test]
+fn a_running_route_that_drops_every_message_is_named() -> Result {
+    run("a_running_route_that_drops_every_message_is_named", &[Need::Program], |env| {
+        let topic = env.topic("cam");
+        let route = Route::new(&zeromq(&topic), &ros2(&topic), "Image").with("name", "cam");
+        let _bridge = env.bridge(&env.embedded().route(route))?;
+        let _listener =
+            env.wrapyfi(["echo", &ros2(&topic), "--type", "Image", "--timeout", "200"])?;
+        let ports = [env.pub_port(), env.sub_port()].map(|port| port.to_string());
+        let _talker = env.wrapyfi([
+            "pub",
+            &zeromq(&topic),
+            "--type",
+            "NativeObject",
+            "--value",
+            "{\"a\": 1}",
+            "--rate",
+            "20",
+            "--pub-port",
+            &ports[0],
+            "--sub-port",
+            &ports[1],
+        ])?;
+        let answer = of_running(env, "cam", "drops")?;
+        let what = answer["what"].as_str().unwrap_or_default();
+        assert!(what.contains("messages of the route are dropped"), "{answer}");
+        assert!(answer["remedy"].as_str().is_some_and(|it| it.contains("type")), "{answer}");
+        let passed = answer["passed"].to_string();
+        assert!(passed.contains("a bridge runs the route: "), "{answer}");
+        Ok(())
+    })
+}
+
+/// Nothing gives a type: the one that is learned is compared with what the listener wants.
+#[test]
+fn a_subscriber_of_another_type_at_the_destination_is_named() -> Result {
+    run("a_subscriber_of_another_type_at_the_destination_is_named", WITH_ROS, |env| {
+        let _roscore = env.roscore()?;
+        let topic = env.topic("talk");
+        let route = Route::untyped(&ros2(&topic), &ros1(&topic)).with("name", "talk");
+        let _bridge = env.bridge(&env.embedded().route(route))?;
+        let _talker = env.dds_publisher(&topic, "std_msgs/msg/Int32", "--rate 20")?;
+        let _listener = env.rospy(&format!("subscribe --topic {topic} --node ear"), None)?;
+        let answer = of_running(env, "talk", "type")?;
+        let what = answer["what"].as_str().unwrap_or_default();
+        assert!(what.contains("/ear on ros:"), "{answer}");
+        assert!(
+            what.contains("wants type std_msgs/String, the route has std_msgs/msg/Int32"),
+            "{answer}"
+        );
+        Ok(())
+    })
 }
