@@ -5,7 +5,7 @@
 //!       ─▶ route: heard, run by a bridge ─▶ destination: the same ─▶ messages come
 //! ```
 
-use wrapyfi_core::endpoint::{AnnouncedQos, Discovered, Role, mismatches};
+use wrapyfi_core::endpoint::{AnnouncedQos, Discovered, DropReason, Role, mismatches};
 use wrapyfi_core::engine::LeftOut;
 use wrapyfi_core::middleware::ros2::remedy;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
@@ -57,6 +57,7 @@ impl Walk<'_> {
             of_file(route)?;
         }
         self.broken()?;
+        self.refused()?;
         let Some(source) = &way.source else { return Ok(()) };
         let (provider, taker) = match way.is_service {
             false => (Role::Publisher, Role::Listener),
@@ -418,6 +419,26 @@ impl Walk<'_> {
         let what = format!("{} is in state error: {}", self.called(running), running.reason);
         let remedy = "change what the reason names; the bridge turns to the changed file";
         Err(Finding::new(Cause::State, what, "the configuration", remedy))
+    }
+
+    /// Programs that were refused, where nobody else came.
+    fn refused(&mut self) -> Step {
+        let Some(running) = self.way.running.as_ref().filter(|it| !it.refused.is_empty()) else {
+            return Ok(());
+        };
+        let all = drops(running).find(|(reason, _)| *reason == DropReason::RefusedPeer);
+        let count = all.map_or(0, |(_, count)| count);
+        let what = format!(
+            "{} refused {count} times, the last: {}",
+            self.called(running),
+            running.refused
+        );
+        if running.received > count && running.sent > 0 {
+            self.pass(what);
+            return Ok(());
+        }
+        let remedy = format!("where it may: {}", running.allow);
+        Err(Finding::new(Cause::Refused, what, "the configuration, or that program", remedy))
     }
 
     /// Route in words: of a pattern, the one that is meant.

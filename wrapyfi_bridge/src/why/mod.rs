@@ -297,6 +297,7 @@ pub enum Cause {
     State,
     Drops,
     RateLimit,
+    Refused,
     SameNode,
     Idle,
     /// A word of a bridge elsewhere that is not known here.
