@@ -1,7 +1,7 @@
 //! Broken set-ups with real peers: `wrapyfi why` alone names the cause and what mends it.
 
 use serde_json::Value;
-use wrapyfi_e2e::{Need, Result, Route, TIMEOUT, TestEnv, ros1, ros2, run, zeromq};
+use wrapyfi_e2e::{Need, Result, Route, TIMEOUT, TestEnv, ros1, ros2, run, until_route, zeromq};
 
 /// Longest time that an answer may take.
 const MOST_MS: u64 = 2000;
@@ -142,10 +142,11 @@ fn of_running(env: &TestEnv, name: &str, cause: &str) -> Result<Value> {
 fn a_running_route_that_drops_every_message_is_named() -> Result {
     run("a_running_route_that_drops_every_message_is_named", &[Need::Program], |env| {
         let topic = env.topic("cam");
-        let route = Route::new(&zeromq(&topic), &ros2(&topic), "Image").with("name", "cam");
+        let number = "std_msgs/msg/Int32";
+        let route = Route::new(&zeromq(&topic), &ros2(&topic), number).with("name", "cam");
         let _bridge = env.bridge(&env.embedded().route(route))?;
         let _listener =
-            env.wrapyfi(["echo", &ros2(&topic), "--type", "Image", "--timeout", "200"])?;
+            env.wrapyfi(["echo", &ros2(&topic), "--type", number, "--timeout", "200"])?;
         let ports = [env.pub_port(), env.sub_port()].map(|port| port.to_string());
         let _talker = env.wrapyfi([
             "pub",
@@ -178,8 +179,11 @@ fn a_subscriber_of_another_type_at_the_destination_is_named() -> Result {
         let _roscore = env.roscore()?;
         let topic = env.topic("talk");
         let route = Route::untyped(&ros2(&topic), &ros1(&topic)).with("name", "talk");
-        let _bridge = env.bridge(&env.embedded().route(route))?;
-        let _talker = env.dds_publisher(&topic, "std_msgs/msg/Int32", "--rate 20")?;
+        let bridge = env.bridge(&env.embedded().route(route))?;
+        let _talker = env.dds_publisher(&topic, "std_msgs/msg/Int32", "--fields {\"data\":1}")?;
+        until_route(&bridge, "talk", |route| {
+            route.is_some_and(|route| route["type"] == "std_msgs/msg/Int32")
+        })?;
         let _listener = env.rospy(&format!("subscribe --topic {topic} --node ear"), None)?;
         let answer = of_running(env, "talk", "type")?;
         let what = answer["what"].as_str().unwrap_or_default();

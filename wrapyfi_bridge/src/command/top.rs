@@ -20,6 +20,7 @@ use crate::output;
 use crate::shutdown::Shutdown;
 use crate::top::routes::Routes;
 use crate::top::screen::Screen;
+use crate::why::{OTHER_NODE, same_node};
 
 /// Longest time that a reply may take: with it, the program still ends in the time that is promised.
 const ANSWER: Duration = Duration::from_millis(1500);
@@ -37,8 +38,8 @@ pub fn run(args: &TopArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         return Err(Failure::usage(text));
     }
     let ros2 = Middlewares::ros2_of_command()?;
-    let node = match &args.node {
-        Some(node) => format!("/{}", node.trim_matches('/')),
+    let (node, bridges) = match &args.node {
+        Some(node) => (format!("/{}", node.trim_matches('/')), 1),
         None => only_bridge(&ros2, shutdown)?,
     };
     let mut asker = Asker::<ListRoutes_Response>::open(&ros2, &node, LIST_ROUTES)?;
@@ -46,8 +47,13 @@ pub fn run(args: &TopArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     // The first answer before the terminal is taken: a wrong name is told as any other fault.
     routes.update(asker.ask(Map::new(), LOOK)?.routes);
     if args.once {
-        return output::line(&routes.table());
+        let namesakes = (bridges > 1).then(|| format!("\n{}; {OTHER_NODE}", same_node(&node)));
+        return output::line(&(routes.table() + &namesakes.unwrap_or_default()));
     }
+    let title = match bridges {
+        0 | 1 => node,
+        _ => format!("{node}, the node name of {bridges} bridges"),
+    };
     std::thread::scope(|scope| {
         let (reply_to, replies) = mpsc::channel();
         // Dropped at the end, which ends the thread.
@@ -55,7 +61,7 @@ pub fn run(args: &TopArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         scope.spawn(move || ask_again(&mut asker, args.every, &reply_to, &goes_on));
         let terminal = ratatui::try_init().inspect_err(|_| ratatui::restore());
         let mut terminal = terminal.context("cannot draw on this terminal")?;
-        let watched = watch(&mut terminal, Screen::new(node, routes), &replies, shutdown);
+        let watched = watch(&mut terminal, Screen::new(title, routes), &replies, shutdown);
         ratatui::restore();
         watched
     })
@@ -111,8 +117,8 @@ fn watch(
     Ok(())
 }
 
-/// Name of the node of the bridge that is on the graph.
-fn only_bridge(ros2: &Ros2, shutdown: &Shutdown) -> Result<String, Failure> {
+/// Name of the node of the bridge that is on the graph, and the number of bridges that have it.
+fn only_bridge(ros2: &Ros2, shutdown: &Shutdown) -> Result<(String, usize), Failure> {
     let begin = Instant::now();
     let is_over = |is_there: bool, has_told: bool| {
         begin.elapsed() >= LOOK || shutdown.requested() || (is_there && has_told)
@@ -120,9 +126,10 @@ fn only_bridge(ros2: &Ros2, shutdown: &Shutdown) -> Result<String, Failure> {
     let found = bridges(ros2, is_over).context("cannot look for bridges")?;
     let mut nodes = found.into_iter();
     match (nodes.next(), nodes.next()) {
-        (Some(node), None) => Ok(node),
+        (Some(found), None) => Ok(found),
         (Some(first), Some(second)) => {
-            let all: Vec<_> = [first, second].into_iter().chain(nodes).collect();
+            let all = [first, second].into_iter().chain(nodes);
+            let all: Vec<_> = all.map(|(node, _)| node).collect();
             Err(Failure::Usage(format!(
                 "there are {} bridges: name one, for instance `wrapyfi top {}`; all: {}",
                 all.len(),

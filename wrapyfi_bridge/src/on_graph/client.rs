@@ -1,6 +1,6 @@
 //! Questions to a bridge that runs elsewhere on the graph.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use wrapyfi_core::endpoint::{
@@ -22,25 +22,27 @@ const LOOK: Duration = Duration::from_millis(50);
 /// Most bytes of a reply that are read.
 const MAX_BYTES: usize = 16 << 20;
 
-/// Names of the nodes of bridges, as they are found until it `is_over`, which is told whether there are any and whether
-/// ROS 2 has told all.
+/// Names of the nodes of bridges, each with the number of bridges that have it, as they are found until it `is_over`,
+/// which is told whether there are any and whether ROS 2 has told all.
 ///
 /// # Errors
 /// When ROS 2 tells no endpoints.
 pub fn bridges(
     ros2: &Ros2,
     is_over: impl Fn(bool, bool) -> bool,
-) -> Result<BTreeSet<String>, DiscoverError> {
+) -> Result<BTreeMap<String, usize>, DiscoverError> {
     let (mut watch, wake) = (DiscoveryWatch::new(ros2.discover()?), Wake::new());
     let kind = ListRoutes_Response::ROS_TYPE.trim_end_matches("_Response");
     loop {
         watch.look()?;
         let all = watch.found.iter();
-        let nodes: BTreeSet<String> = all
+        let servers = all
             .filter(|one| one.role == Role::Server && one.type_name.as_deref() == Some(kind))
-            .filter_map(|one| one.name.strip_suffix(LIST_ROUTES)?.strip_suffix('/'))
-            .map(str::to_owned)
-            .collect();
+            .filter_map(|one| one.name.strip_suffix(LIST_ROUTES)?.strip_suffix('/'));
+        let mut nodes = BTreeMap::new();
+        for node in servers {
+            *nodes.entry(node.to_owned()).or_default() += 1;
+        }
         if is_over(!nodes.is_empty(), watch.has_told_all()) {
             return Ok(nodes);
         }

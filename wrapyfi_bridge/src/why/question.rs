@@ -215,14 +215,18 @@ impl Configured<'_> {
         }
         source.type_name = type_at(route, &route.from);
         destination.type_name = type_at(route, &route.to);
-        let is_ros = |end: &EndpointAddress| end.middleware.starts_with("ros");
-        if is_learned && !is_service && is_ros(&route.from) && is_ros(&route.to) {
-            destination.type_name = source.of(provider).find_map(|one| one.type_name.clone());
-        }
         source.qos = qos_at(route, &route.from);
         destination.qos = qos_at(route, &route.to);
         let asked = || if self.status.is_none() && !is_beside { ask() } else { asked };
         let running = status().or_else(asked);
+        let is_ros = |end: &EndpointAddress| end.middleware.starts_with("ros");
+        if is_learned && !is_service && is_ros(&route.from) && is_ros(&route.to) {
+            // A listener may have told it before a publisher came.
+            let known = running.as_ref().map(|it| it.type_name.clone());
+            source.type_name = known.filter(|name| name.contains('/'));
+            let told = || source.of(provider).find_map(|one| one.type_name.clone());
+            destination.type_name = source.type_name.clone().or_else(told);
+        }
         let mut came_hz = None;
         if let (Some(before), Some(now)) = (before, &running) {
             let came = now.received.saturating_sub(before.received);

@@ -1,6 +1,6 @@
 //! Status of a route, as a bridge that runs it tells it: the bridge that looks, or those on the graph of ROS 2.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use wrapyfi_core::Limits;
 use wrapyfi_core::engine::{Kind, Route};
@@ -12,6 +12,9 @@ use super::PATIENCE;
 use crate::middlewares::Ros2Section;
 use crate::node::Node;
 use crate::on_graph::client::{Asker, LIST_ROUTES, bridges};
+
+/// Time for an answer of a bridge that was found late.
+const ANSWER: Duration = Duration::from_millis(400);
 
 /// Status of a route among those of a bridge: the one between the same ends. Of a pattern that is well it is that of
 /// the first of its routes that is not.
@@ -48,9 +51,9 @@ pub(super) fn asked(section: &Ros2Section, route: &Route) -> Option<RouteInfo> {
     let until = Instant::now() + PATIENCE;
     let ros2 = section.start(&Node::hidden().ok()?, Limits::default().message_bytes).ok()?;
     let is_over = |_: bool, has_told: bool| has_told || Instant::now() >= until;
-    bridges(&ros2, is_over).ok()?.into_iter().find_map(|node| {
+    bridges(&ros2, is_over).ok()?.into_keys().find_map(|node| {
         let mut asker = Asker::<ListRoutes_Response>::open(&ros2, &node, LIST_ROUTES).ok()?;
-        let left = until.saturating_duration_since(Instant::now());
+        let left = (until + ANSWER).saturating_duration_since(Instant::now());
         of(route, asker.ask(Map::new(), left).ok()?.routes)
     })
 }
