@@ -196,7 +196,7 @@ fn a_secret_that_others_read_is_refused_with_its_remedy() -> Result {
         let mut check = env.wrapyfi(["check", &config])?;
         check.exits_with(2)?;
         let said = check.stderr();
-        assert!(said.contains("chmod 600") && said.contains("line "), "{said}");
+        assert!(said.contains("chmod 600") && said.contains("keys.yaml:"), "{said}");
         env.set_variable("WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE", &file);
         let mut broker = env.broker_that_may_fail()?;
         broker.exits_with(2)?;

@@ -147,21 +147,8 @@ fn a_running_route_that_drops_every_message_is_named() -> Result {
         let _bridge = env.bridge(&env.embedded().route(route))?;
         let _listener =
             env.wrapyfi(["echo", &ros2(&topic), "--type", number, "--timeout", "200"])?;
-        let ports = [env.pub_port(), env.sub_port()].map(|port| port.to_string());
-        let _talker = env.wrapyfi([
-            "pub",
-            &zeromq(&topic),
-            "--type",
-            "NativeObject",
-            "--value",
-            "{\"a\": 1}",
-            "--rate",
-            "20",
-            "--pub-port",
-            &ports[0],
-            "--sub-port",
-            &ports[1],
-        ])?;
+        let talk = ["pub", &zeromq(&topic), "--type", "NativeObject", "--value", "{\"a\": 1}"];
+        let _talker = env.wrapyfi(talk.into_iter().chain(["--rate", "20"]))?;
         let answer = of_running(env, "cam", "drops")?;
         let what = answer["what"].as_str().unwrap_or_default();
         assert!(what.contains("messages of the route are dropped"), "{answer}");
@@ -180,16 +167,16 @@ fn a_subscriber_of_another_type_at_the_destination_is_named() -> Result {
         let topic = env.topic("talk");
         let route = Route::untyped(&ros2(&topic), &ros1(&topic)).with("name", "talk");
         let bridge = env.bridge(&env.embedded().route(route))?;
-        let _talker = env.dds_publisher(&topic, "std_msgs/msg/Int32", "--fields {\"data\":1}")?;
+        let _talker = env.dds_publisher(&topic, "geometry_msgs/msg/Point", "--fields {\"x\":1}")?;
         until_route(&bridge, "talk", |route| {
-            route.is_some_and(|route| route["type"] == "std_msgs/msg/Int32")
+            route.is_some_and(|route| route["type"] == "geometry_msgs/msg/Point")
         })?;
         let _listener = env.rospy(&format!("subscribe --topic {topic} --node ear"), None)?;
         let answer = of_running(env, "talk", "type")?;
         let what = answer["what"].as_str().unwrap_or_default();
         assert!(what.contains("/ear on ros:"), "{answer}");
         assert!(
-            what.contains("wants type std_msgs/String, the route has std_msgs/msg/Int32"),
+            what.contains("wants type std_msgs/String, the route has geometry_msgs/msg/Point"),
             "{answer}"
         );
         Ok(())

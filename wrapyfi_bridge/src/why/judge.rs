@@ -33,9 +33,12 @@ pub fn judge(way: &Way) -> Verdict {
     Verdict { way: way.title.clone(), passed: walk.passed, finding }
 }
 
-/// True where a bridge runs the route and messages have come in on it.
+/// True where a bridge runs the route and messages of others have come in on it.
 fn way_received(way: &Way) -> bool {
-    way.running.as_ref().is_some_and(|running| running.received > 0)
+    way.running.as_ref().is_some_and(|running| {
+        let own = drops(running).find(|(reason, _)| *reason == DropReason::OwnPublication);
+        running.received > own.map_or(0, |(_, count)| count)
+    })
 }
 
 /// True for a publisher that the bridge with the ROS 2 node `own` may be itself. Only ROS names the nodes of
