@@ -229,5 +229,5 @@ fn a_wrong_default_is_told_once_whatever_the_number_of_routes() {
     let text = format!("defaults: {{ queue_depth: 0 }}\nroutes:\n{routes}");
     let text = plan(&text).unwrap_err().to_string();
     assert_eq!(text.matches("queue_depth is 0").count(), 1, "{text}");
-    assert!(text.contains("line 1"), "{text}");
+    assert!(text.contains("bridge.yaml:1:"), "{text}");
 }

@@ -327,7 +327,9 @@ mod tests {
     #[test]
     fn a_wrong_spelling_is_told_the_right_ones() {
         let error = "image".parse::<MessageType>().unwrap_err().to_string();
-        assert!(error.starts_with("\"image\" is no message type; accepted are NativeObject, "));
+        assert!(error.starts_with(
+            "\"image\" is no message type; did you mean `Image`? accepted are NativeObject, "
+        ));
         assert!(
             error.contains("std_msgs/msg/String, Text, Image, sensor_msgs/msg/Image, "),
             "{error}"
