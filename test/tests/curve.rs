@@ -1,6 +1,6 @@
 //! ZeroMQ with CURVE: sockets and certificates of pyzmq at our broker, and who is refused there.
 
-use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, run, zeromq};
+use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros2, run, until_route, zeromq};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Python];
 
@@ -75,6 +75,48 @@ fn sockets_of_pyzmq_have_what_the_list_says() -> Result {
     })
 }
 
+/// Whoever was refused before: the state of a route names the last, with the line that would let it in.
+#[test]
+fn who_is_refused_is_named_with_the_line_that_lets_it_in() -> Result {
+    run("who_is_refused_is_named_with_the_line_that_lets_it_in", NEEDS, |env| {
+        certificates(env, "broker,robot,stranger")?;
+        let topics = ["in", "out"].map(|name| env.topic(name));
+        let curve = "    curve:\n      secret_key_file: keys/broker.key_secret\n      clients:\n        - { key: \
+                     keys/robot.key }\n";
+        let mut config = env.embedded().endpoint(curve);
+        for (topic, name) in topics.iter().zip(["first", "second"]) {
+            let route = Route::new(&zeromq(topic), &ros2(topic), "NativeObject");
+            config = config.route(route.with("name", name));
+        }
+        let bridge = env.bridge(&config)?;
+        until_route(&bridge, "first", |route| route.is_some())?;
+        let is_told = |name: &str, who: &str, allow: &str| {
+            until_route(&bridge, name, |route| {
+                let told = |key: &str| route.and_then(|it| it["counters"]["refused"][key].as_str());
+                told("who").is_some_and(|it| it.contains(who))
+                    && told("allow").is_some_and(|it| it.contains(allow))
+            })
+        };
+        let _stranger = socket(env, "pub", &topics[0], "stranger", "broker")?;
+        let line = |topic: &str| format!(", publish: [\"{topic}\"] }}");
+        is_told("first", "is not among the clients", &line(&topics[0]))?;
+        let _forger = socket(env, "pub", &topics[1], "robot", "broker")?;
+        is_told("second", "may not publish", &line(&topics[1]))?;
+        // One throttle for all would have hidden the second.
+        logged(&bridge, &["unknown_key", "is not among the clients"])?;
+        logged(&bridge, &["may not publish", &topics[1]])?;
+        let file = env.path("bridge.yaml").display().to_string();
+        let mut why = env.wrapyfi(["why", "second", "--config", &file])?;
+        why.exits_with(1)?;
+        let said = why.stdout();
+        assert!(said.contains("may not publish") && said.contains(&line(&topics[1])), "{said}");
+        let mut top = env.wrapyfi(["top", "--once"])?;
+        top.exits_with(0)?;
+        assert!(top.stdout().contains("to let it in: "), "{}", top.stdout());
+        Ok(())
+    })
+}
+
 #[test]
 fn programs_take_keys_from_the_environment() -> Result {
     run("programs_take_keys_from_the_environment", NEEDS, |env| {
@@ -92,6 +134,12 @@ fn programs_take_keys_from_the_environment() -> Result {
             env.wrapyfi(["echo", &endpoint, "--type", "NativeObject", "--count", "2", "--json"])?;
         assert_eq!(echo.objects(2)?.len(), 2);
         echo.exits_with(0)?;
+        let said = zeromq(&env.topic("said"));
+        let mut hears =
+            env.wrapyfi(["echo", &said, "--type", "NativeObject", "--count", "1", "--json"])?;
+        let _speaks = env.wrapyfi(["pub", &said, "--type", "NativeObject", "--value", "7"])?;
+        assert_eq!(hears.objects(1)?[0]["value"], 7);
+        hears.exits_with(0)?;
         let _server = socket(env, "rep", "x", "robot", "broker")?;
         let client = socket(env, "req", "x", "robot", "broker")?;
         assert_eq!(client.event("heard")?["text"], "[42]");
@@ -123,6 +171,14 @@ fn a_broker_takes_the_clients_of_its_arguments() -> Result {
         listener.event("heard")?;
         let stranger = socket(env, "pub", &topic, "stranger", "broker")?;
         assert_eq!(stranger.event("handshake")?["code"], 400);
+        // Without keys, a program is told which it needs.
+        let endpoint = zeromq(&topic);
+        let mut without =
+            env.wrapyfi(["pub", &endpoint, "--type", "NativeObject", "--value", "1"])?;
+        assert_ne!(without.exit_code()?, 0);
+        let said = without.stderr();
+        assert!(said.contains("WRAPYFI_ZEROMQ_CURVE_SERVER_KEY"), "{said}");
+        assert!(!said.contains("choose other ports"), "{said}");
         Ok(())
     })
 }
@@ -133,6 +189,14 @@ fn a_secret_that_others_read_is_refused_with_its_remedy() -> Result {
         use std::os::unix::fs::PermissionsExt as _;
         let file = env.write("secret", "JTKVSB%%)wK0E.X)V>+}o?pNmC{O&4W4b!Ni{Lh6\n")?;
         std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o644))?;
+        let topic = env.topic("x");
+        let config = env.embedded().endpoint("    curve: { secret_key_file: secret }\n");
+        let config = config.route(Route::new(&zeromq(&topic), &ros2(&topic), "Text"));
+        let config = env.write("keys.yaml", config.yaml())?.display().to_string();
+        let mut check = env.wrapyfi(["check", &config])?;
+        check.exits_with(2)?;
+        let said = check.stderr();
+        assert!(said.contains("chmod 600") && said.contains("keys.yaml:"), "{said}");
         env.set_variable("WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE", &file);
         let mut broker = env.broker_that_may_fail()?;
         broker.exits_with(2)?;

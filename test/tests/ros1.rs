@@ -646,6 +646,12 @@ fn a_server_of_another_type_and_one_that_was_killed_are_told() -> Result {
         let args = format!("serve --topic {name} --node server");
         let mut wrong = env.rospy(&format!("{args} --type std_srvs/Empty"), Some("{}"))?;
         says(["is std_srvs/Empty", "wanted is std_srvs/SetBool"])?;
+        let file = env.path("bridge.yaml").display().to_string();
+        let mut why = env.wrapyfi(["why", "set", "--config", &file])?;
+        why.exits_with(1)?;
+        let (is, wants) = ("has type std_srvs/srv/Empty", "the route has std_srvs/srv/SetBool");
+        let said = why.stdout();
+        assert!(said.contains(is) && said.contains(wants), "{said}");
         wrong.kill()?;
         let mut right = env.rospy(&args, None)?;
         is_active()?;
@@ -654,5 +660,36 @@ fn a_server_of_another_type_and_one_that_was_killed_are_told() -> Result {
         assert!(env.ros_books()?.entries_of("/server") > 0, "the master forgot it");
         let _again = env.rospy(&args, None)?;
         is_active()
+    })
+}
+
+/// A route without a type has that of the server that is there; one that has come back is not blamed for the one before.
+#[test]
+fn a_service_route_learns_the_type_of_the_server_that_comes_next() -> Result {
+    run("a_service_route_learns_the_type_of_the_server_that_comes_next", NEEDS, |env| {
+        const SET: (&str, &str) =
+            ("std_srvs/srv/SetBool.srv", "bool data\n---\nbool success\nstring message\n");
+        const EMPTY: (&str, &str) = ("std_srvs/srv/Empty.srv", "---\n");
+        let _roscore = env.roscore()?;
+        env.definitions(&[SET, EMPTY])?;
+        let name = env.topic("set");
+        let text = format!(
+            "definitions: [interfaces]\nroutes:\n  - {{ name: set, service: '{}', as: '{}' }}\n",
+            ros1(&name),
+            ros2(&name)
+        );
+        let file = env.write("bridge.yaml", text)?.display().to_string();
+        let bridge = env.wrapyfi(["bridge", "--config", &file, "--json"])?.pillar();
+        let has = |kind: &str| {
+            until_route(&bridge, "set", |route| {
+                route.is_some_and(|it| it["type"] == kind && it["state"] == "active")
+            })
+        };
+        let args = format!("serve --topic {name} --node server");
+        let mut first = env.rospy(&args, None)?;
+        has("std_srvs/srv/SetBool")?;
+        first.kill()?;
+        let _second = env.rospy(&format!("{args} --type std_srvs/Empty"), Some("{}"))?;
+        has("std_srvs/srv/Empty")
     })
 }

@@ -1,6 +1,6 @@
 //! Services that are offered on another middleware than their server's.
 
-use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros2, run};
+use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros2, run, until_route};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Python];
 const ADD: (&str, &str) =
@@ -106,4 +106,36 @@ fn a_service_route_is_checked_and_printed() -> Result {
         assert!(bad.stderr().contains("demo/srv/Missing is defined nowhere"), "{}", bad.stderr());
         Ok(())
     })
+}
+
+/// The state of a route that calls a server of another type, in a mapping of services to DDS.
+fn names_the_other_type(test: &str, rmw: &str) -> Result {
+    run(test, &[Need::Program], |env| {
+        env.set_variable("RMW_IMPLEMENTATION", rmw);
+        let service = ros2(&env.topic("set"));
+        let route = Route::service(&service, "zeromq:/set", "std_srvs/srv/SetBool");
+        let config = env.embedded().requests(env).route(route.with("name", "set"));
+        let bridge = env.bridge(&config)?;
+        let serve = |kind| env.wrapyfi(["serve", &service, "--type", kind, "--echo"]);
+        let other = serve("std_srvs/srv/Trigger")?;
+        until_route(&bridge, "set", |route| {
+            let reason = route.and_then(|it| it["reason"].as_str()).unwrap_or_default();
+            reason.contains("is std_srvs/srv/SetBool; the one there is std_srvs/srv/Trigger")
+        })?;
+        drop(other);
+        let _right = serve("std_srvs/srv/SetBool")?;
+        until_route(&bridge, "set", |route| route.is_some_and(|it| it["state"] == "active"))
+    })
+}
+
+#[test]
+fn a_server_of_another_type_is_named_on_cyclone() -> Result {
+    names_the_other_type("a_server_of_another_type_is_named_on_cyclone", "rmw_cyclonedds_cpp")
+}
+
+/// RustDDS matches endpoints whatever their type.
+#[test]
+fn a_server_of_another_type_is_named_in_the_mapping_of_fast_dds() -> Result {
+    let test = "a_server_of_another_type_is_named_in_the_mapping_of_fast_dds";
+    names_the_other_type(test, "rmw_fastrtps_cpp")
 }

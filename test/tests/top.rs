@@ -75,3 +75,22 @@ fn a_terminal_shows_the_routes_until_q() -> Result {
         top.exits_with(0)
     })
 }
+
+#[test]
+fn two_bridges_of_one_node_name_are_told() -> Result {
+    run("top_namesakes", &[Need::Program], |env| {
+        let route = |name: &str| {
+            let topic = env.topic(name);
+            Route::new(&ros2(&topic), &zeromq(&topic), "Text").with("name", name)
+        };
+        let first = env.bridge_named("a.yaml", &env.embedded().route(route("one")))?;
+        until_route(&first, "one", |route| route.is_some())?;
+        let second = env.bridge_named("b.yaml", &env.foreign().route(route("two")))?;
+        until_route(&second, "two", |route| route.is_some())?;
+        let mut top = env.wrapyfi(["top", "--once"])?;
+        top.exits_with(0)?;
+        let said = top.stdout();
+        assert!(said.contains("another bridge has the node name /wrapyfi_bridge"), "{said}");
+        Ok(())
+    })
+}

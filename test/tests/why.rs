@@ -1,7 +1,7 @@
 //! Broken set-ups with real peers: `wrapyfi why` alone names the cause and what mends it.
 
 use serde_json::Value;
-use wrapyfi_e2e::{Need, Result, run};
+use wrapyfi_e2e::{Need, Result, Route, TIMEOUT, TestEnv, ros1, ros2, run, until_route, zeromq};
 
 /// Longest time that an answer may take.
 const MOST_MS: u64 = 2000;
@@ -119,4 +119,64 @@ fn no_bridge() -> Result {
 fn silent_publisher() -> Result {
     let what = ["no message came on ros2:/chatter", "open and idle"];
     is_named("silent_publisher", NEEDS, "idle", &what, "wrapyfi echo ros2:/chatter")
+}
+
+/// Answer about a route of the test's `bridge.yaml`, which a bridge runs, once it has `cause`.
+fn of_running(env: &TestEnv, name: &str, cause: &str) -> Result<Value> {
+    let file = env.path("bridge.yaml").display().to_string();
+    let deadline = std::time::Instant::now() + TIMEOUT;
+    loop {
+        let mut why = env.wrapyfi(["why", name, "--config", &file, "--json"])?;
+        why.exit_code()?;
+        let answer: Value = serde_json::from_str(why.stdout().trim())?;
+        if answer["cause"] == cause {
+            return Ok(answer);
+        }
+        let is_late = std::time::Instant::now() >= deadline;
+        anyhow::ensure!(!is_late, "the last answer: {answer}");
+    }
+}
+
+/// The file alone is given: the state is that of the bridge on the graph.
+#[test]
+fn a_running_route_that_drops_every_message_is_named() -> Result {
+    run("a_running_route_that_drops_every_message_is_named", &[Need::Program], |env| {
+        let topic = env.topic("cam");
+        let number = "std_msgs/msg/Int32";
+        let route = Route::new(&zeromq(&topic), &ros2(&topic), number).with("name", "cam");
+        let _bridge = env.bridge(&env.embedded().route(route))?;
+        let _listener =
+            env.wrapyfi(["echo", &ros2(&topic), "--type", number, "--timeout", "200"])?;
+        let talk = ["pub", &zeromq(&topic), "--type", "NativeObject", "--value", "{\"a\": 1}"];
+        let _talker = env.wrapyfi(talk.into_iter().chain(["--rate", "20"]))?;
+        let answer = of_running(env, "cam", "drops")?;
+        let what = answer["what"].as_str().unwrap_or_default();
+        assert!(what.contains("messages of the route are dropped"), "{answer}");
+        assert!(answer["remedy"].as_str().is_some_and(|it| it.contains("type")), "{answer}");
+        let passed = answer["passed"].to_string();
+        assert!(passed.contains("a bridge runs the route: "), "{answer}");
+        Ok(())
+    })
+}
+
+/// Nothing gives a type: the one that is learned is compared with what the listener wants.
+#[test]
+fn a_subscriber_of_another_type_at_the_destination_is_named() -> Result {
+    run("a_subscriber_of_another_type_at_the_destination_is_named", WITH_ROS, |env| {
+        let _roscore = env.roscore()?;
+        let topic = env.topic("talk");
+        let route = Route::untyped(&ros1(&topic), &ros2(&topic)).with("name", "talk");
+        let bridge = env.bridge(&env.embedded().route(route))?;
+        let talk = format!("publish --topic {topic} --node talker");
+        let _talker = env.rospy(&talk, Some("{\"data\": \"hello\"}"))?;
+        until_route(&bridge, "talk", |route| {
+            route.is_some_and(|route| route["type"] == "std_msgs/msg/String")
+        })?;
+        let _listener = env.dds_subscriber(&topic, "geometry_msgs/msg/Point", "")?;
+        let answer = of_running(env, "talk", "type")?;
+        let what = answer["what"].as_str().unwrap_or_default();
+        let words = "wants type geometry_msgs/msg/Point, the route has std_msgs/msg/String";
+        assert!(what.contains(words), "{answer}");
+        Ok(())
+    })
 }

@@ -182,7 +182,7 @@ impl Reload {
 
     /// As [`Reload::apply`] for the file as it is now, and logs the outcome.
     fn apply_and_tell(&mut self, known: &mut String) -> Result<PlanDiff, Failure> {
-        told(&self.source.name(), known, || self.apply(self.edits.clone(), None))
+        told(&self.source.name(), known, false, || self.apply(self.edits.clone(), None))
     }
 
     /// True once the node has read its configuration.
@@ -266,11 +266,11 @@ impl Reload {
         let (file, mut edits) = (self.source.name(), self.edits.clone());
         match service {
             Asked::Reload => self.apply_and_tell(known),
-            Asked::AddRoute => told(&file, known, || {
+            Asked::AddRoute => told(&file, known, true, || {
                 edits.add(text)?;
                 self.apply(edits, None)
             }),
-            Asked::RemoveRoute => told(&file, known, || {
+            Asked::RemoveRoute => told(&file, known, true, || {
                 edits.remove(text);
                 self.apply(edits, Some(text))
             }),
@@ -294,10 +294,12 @@ fn panicked(what: &str, panic: &str) -> Failure {
     Failure::Failed(anyhow::Error::msg(format!("{what} panicked: {panic}")))
 }
 
-/// Applies the configuration of `file`, and logs what came of it. A panic is an error like others.
+/// Applies the configuration of `file`, and logs what came of it. A panic is an error like others; a mistake of a
+/// caller, who is answered, is none.
 fn told(
     file: &str,
     known: &mut String,
+    has_caller: bool,
     apply: impl FnOnce() -> Result<(String, PlanDiff), Failure>,
 ) -> Result<PlanDiff, Failure> {
     let begin = Instant::now();
@@ -320,7 +322,12 @@ fn told(
             Ok(diff)
         }
         Err(failure) => {
-            tracing::error!("the routes stay as they are: {failure}");
+            match &failure {
+                Failure::Usage(_) if has_caller => {
+                    tracing::warn!("a caller's change was refused: {failure}");
+                }
+                _ => tracing::error!("the routes stay as they are: {failure}"),
+            }
             Err(failure)
         }
     }
@@ -493,7 +500,7 @@ mod tests {
     #[test]
     fn a_panic_while_the_file_is_read_leaves_everything_as_it_is_and_says_so() {
         let mut known = "before".to_owned();
-        let told = |known: &mut String| told("bridge.yaml", known, || panic!("on purpose"));
+        let told = |known: &mut String| told("bridge.yaml", known, true, || panic!("on purpose"));
         let error = told(&mut known).unwrap_err();
         assert_eq!(error.to_string(), "what reads bridge.yaml panicked: on purpose");
         assert_eq!(error.code(), 1, "an error of the node, and none of its configuration");

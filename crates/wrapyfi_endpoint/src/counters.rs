@@ -5,6 +5,8 @@ use std::time::Duration;
 
 use serde::Serialize;
 
+use wrapyfi_retry::Mutex;
+
 use super::latency::{Latency, LatencySummary};
 use crate::codec::{ConvertError, DecodeError, EncodeError};
 
@@ -68,8 +70,8 @@ counted! {
         SendFailed => "send_failed",
         /// The destination did not accept the message: a node refused to set a parameter.
         Refused => "refused",
-        /// A program that `from_peers` or `to_peers` does not name was refused: counted for each connection, whose
-        /// messages nobody sees.
+        /// A program that `from_peers`, `to_peers` or the CURVE keys of `clients` do not let in was refused: counted for
+        /// each connection, whose messages nobody sees, or each message.
         RefusedPeer => "refused_peer",
         /// Nobody listens at the destination.
         NoConsumer => "no_consumer",
@@ -138,6 +140,15 @@ counted! {
     }
 }
 
+/// A program that was refused at an endpoint.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Refused {
+    /// The program, and the reason, in words.
+    pub who: String,
+    /// Line of the configuration that would let it in.
+    pub allow: String,
+}
+
 /// Live counters of one route or endpoint, shared with the I/O threads that feed it.
 #[derive(Debug, Default)]
 pub struct Counters {
@@ -150,6 +161,7 @@ pub struct Counters {
     drops: [AtomicU64; DropReason::ALL.len()],
     qos_events: [AtomicU64; QosEvent::ALL.len()],
     latency: Latency,
+    refused: Mutex<Option<Refused>>,
 }
 
 impl Counters {
@@ -201,10 +213,16 @@ impl Counters {
         self.unread.fetch_add(1, Relaxed);
     }
 
-    /// Counts the connection of a program that is not in the endpoint's list.
-    pub fn refused_peer(&self) {
+    /// Counts the connection or the message of a program that may not, and keeps who was the last.
+    pub fn refused_peer(&self, refused: Refused) {
         self.received(0);
         self.dropped(DropReason::RefusedPeer);
+        *self.refused.lock() = Some(refused);
+    }
+
+    /// Takes the program that was refused last.
+    pub fn take_refused(&self) -> Option<Refused> {
+        self.refused.lock().take()
     }
 
     /// Counts one dropped message.
@@ -238,6 +256,7 @@ impl Counters {
             drops: happened(DropReason::ALL, &self.drops),
             qos_events: happened(QosEvent::ALL, &self.qos_events),
             latency: self.latency.summary(),
+            refused: self.refused.lock().clone(),
         }
     }
 }
@@ -265,6 +284,9 @@ pub struct CountersSnapshot {
     pub qos_events: Vec<(QosEvent, u64)>,
     /// Time from arrival here to hand-over.
     pub latency: LatencySummary,
+    /// Program that was refused last, counted as [`DropReason::RefusedPeer`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub refused: Option<Refused>,
 }
 
 /// Value of a counter from which another thread may have subtracted before it added: 0 where the

@@ -62,7 +62,7 @@ pub use budget::{Budget, PROGRESS, Share, WAITING};
 pub use calls::Ticket;
 pub use clock::{Clock, RosNow};
 pub use conventions::Conventions;
-pub use counters::{Counters, CountersSnapshot, DropReason, QosEvent};
+pub use counters::{Counters, CountersSnapshot, DropReason, QosEvent, Refused};
 pub use discovery::{
     AnnouncedDurability, AnnouncedQos, DiscoverError, Discovered, Discovery, NameFilter, Role,
     Traffic,
@@ -85,7 +85,7 @@ pub use service::{
     Call, Client, IncomingRequest, Refusal, Reply, Request, RequestId, Server, ServiceSpec,
 };
 pub use service_error::{CallError, ServeError, ServeResult};
-pub use throttle::Throttle;
+pub use throttle::{Throttle, Throttles};
 pub use topic_error::{OpenError, OpenResult, Opened, PublishError, Published, TakeError};
 pub use wake::Wake;
 

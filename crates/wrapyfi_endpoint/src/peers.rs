@@ -9,6 +9,7 @@
 
 use std::net::IpAddr;
 
+use super::counters::Refused;
 use super::topic_error::{OpenError, OpenResult};
 use wrapyfi_data::types::{Map, Value};
 
@@ -37,6 +38,15 @@ impl Peers {
     pub const FROM: &'static str = "from_peers";
     /// Option of a topic: the programs that may hear it.
     pub const TO: &'static str = "to_peers";
+    /// A program that the list `key` of a route to or from `topic` does not let in.
+    #[must_use]
+    pub fn refused(key: &str, topic: &str, name: &str, address: &str) -> Refused {
+        Refused {
+            who: format!("{name} at {address} is not among {key} of the route of {topic}"),
+            allow: format!("options: {{ {key}: [\"{name}@{address}\"] }}"),
+        }
+    }
+
     /// Longest list.
     const MOST: usize = 256;
 

@@ -5,6 +5,7 @@
 //!                  └─ too soon ─▶ counted ── rest ─▶ the sum, when its time has come
 //! ```
 
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 /// Throttle that lets the first of many complaints through at once, then one every
@@ -61,9 +62,42 @@ impl Throttle {
     }
 }
 
+/// Throttles of complaints by their subject, so that one who complains all the time hides nobody else. Beyond
+/// [`Self::MOST`] at a time, the others have one together.
+#[derive(Debug, Default)]
+pub struct Throttles(BTreeMap<String, Throttle>);
+
+impl Throttles {
+    /// Most subjects at a time.
+    pub const MOST: usize = 256;
+
+    /// As [`Throttle::pass`], for a complaint about a subject.
+    pub fn pass(&mut self, subject: &str, now: Instant) -> Option<u64> {
+        if self.0.len() >= Self::MOST && !self.0.contains_key(subject) {
+            self.0.retain(|_, one| one.due().is_some_and(|at| now < at));
+        }
+        let is_full = self.0.len() >= Self::MOST && !self.0.contains_key(subject);
+        let subject = if is_full { "" } else { subject };
+        self.0.entry(subject.to_owned()).or_default().pass(now)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_flood_hides_its_own_subject_alone() {
+        let (mut throttles, start) = (Throttles::default(), Instant::now());
+        let passed = (0..1000).filter_map(|_| throttles.pass("flood", start)).count();
+        assert_eq!((passed, throttles.pass("other", start)), (1, Some(0)));
+        let many = (0..1000).filter_map(|n| throttles.pass(&n.to_string(), start)).count();
+        assert_eq!(many, Throttles::MOST - 1, "those beyond have one together");
+        assert!(throttles.0.len() <= Throttles::MOST + 1);
+        let later = start + Throttle::EVERY;
+        assert_eq!(throttles.pass("new", later), Some(0));
+        assert_eq!(throttles.0.len(), 1, "those before are over");
+    }
 
     #[test]
     fn a_flood_is_one_line_and_its_sum() {

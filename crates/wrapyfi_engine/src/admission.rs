@@ -244,6 +244,27 @@ impl Reconciler {
         Some((told.label(), carried.label()))
     }
 
+    /// Type that all servers of the source have now, and the one that the route learned from those before.
+    pub(super) fn other_service(
+        &mut self,
+        spec: &Route,
+        candidate: &Candidate,
+    ) -> Option<(&'static str, &'static str)> {
+        let called = candidate.called.filter(|_| spec.typing != Typing::Given)?;
+        let Candidate { from, to, .. } = candidate;
+        let middleware = self.graph.get(&from.middleware)?.middleware.clone()?;
+        let servers: Vec<_> = self.sources(spec.role(), from, &to.middleware).cloned().collect();
+        let mut other = None;
+        for server in servers {
+            let told = middleware.learn_service(&server, &mut self.types).ok()?;
+            if told == called {
+                return None;
+            }
+            other = Some(told);
+        }
+        Some((other?.ros_type(), called.ros_type()))
+    }
+
     /// Listeners at the destination that want another type than the route's, and a type for them.
     pub(super) fn misfits(&mut self, spec: &Route, candidate: &Candidate) -> Misfits {
         let Candidate { from, to, .. } = candidate;

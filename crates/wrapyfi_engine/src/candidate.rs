@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use super::route::RouteKey;
 use super::route_status::RouteState;
-use wrapyfi_data::types::MessageType;
+use wrapyfi_data::types::{MessageType, ServiceKind};
 use wrapyfi_endpoint::{EndpointAddress, Role};
 
 /// Longest time, in milliseconds, after which a candidate yields to a rival.
@@ -27,6 +27,8 @@ pub(super) struct Candidate {
     pub(super) is_ahead: bool,
     /// Type that its route carries.
     pub(super) carried: Option<MessageType>,
+    /// Kind of the service that its route calls.
+    pub(super) called: Option<ServiceKind>,
     /// Type that its source has shown last.
     pub(super) shown: Option<&'static str>,
     /// Type that its listeners want, where it differs from the learned one and can be made of it.
@@ -60,6 +62,7 @@ impl Candidate {
             rival_since: None,
             is_ahead: false,
             carried: None,
+            called: None,
             shown: None,
             wished: None,
             misfits: None,

@@ -76,11 +76,11 @@ pub struct PageConfig {
 #[serde(deny_unknown_fields, default)]
 pub struct Defaults {
     /// Number of messages that a route's queue holds (default 10).
-    pub queue_depth: usize,
+    pub queue_depth: Option<Spanned<usize>>,
     /// Policy of a full queue (default `drop_oldest`).
     pub overflow: OverflowConfig,
     /// Largest message in MiB (default 64).
-    pub max_message_mib: usize,
+    pub max_message_mib: Option<Spanned<usize>>,
     /// Devices that received tensors are labelled with (default: they keep theirs).
     pub devices: Option<Spanned<DevicesConfig>>,
 }
@@ -88,9 +88,9 @@ pub struct Defaults {
 impl Default for Defaults {
     fn default() -> Self {
         Self {
-            queue_depth: 10,
+            queue_depth: None,
             overflow: OverflowConfig(Overflow::DropOldest),
-            max_message_mib: 64,
+            max_message_mib: None,
             devices: None,
         }
     }
@@ -274,7 +274,7 @@ mod tests {
         );
         assert_eq!(route.qos, Some(QosConfig::Fixed(QosPreset::SensorData.into())));
         assert_eq!(config.routes[0].referenced.line(), 2);
-        assert_eq!(config.defaults.queue_depth, 10);
+        assert!(config.defaults.queue_depth.is_none());
     }
 
     #[test]

@@ -27,6 +27,8 @@ const LONGEST_TIMEOUT_MS: u64 = 3_600_000;
 /// Reader of entries, which collects their faults.
 pub(super) struct Reader<'r> {
     defaults: &'r Defaults,
+    /// Depth of a queue, and MiB of the largest message, of routes that do not set their own.
+    default_sizes: [usize; 2],
     default_devices: DeviceMaps,
     middlewares: &'r [Available<'r>],
     types: &'r mut TypeStore,
@@ -41,11 +43,32 @@ impl<'r> Reader<'r> {
         middlewares: &'r [Available<'r>],
         types: &'r mut TypeStore,
     ) -> Self {
-        let default_devices = DeviceMaps::default();
-        let mut reader =
-            Self { defaults, default_devices, middlewares, types, problems: Vec::new() };
+        let mut reader = Self {
+            defaults,
+            default_sizes: [10, 64],
+            default_devices: DeviceMaps::default(),
+            middlewares,
+            types,
+            problems: Vec::new(),
+        };
+        reader.default_sizes = reader.sizes([&defaults.queue_depth, &defaults.max_message_mib]);
         reader.default_devices = reader.device_maps(defaults.devices.as_ref());
         reader
+    }
+
+    /// Depth of a queue and MiB of the largest message, as they are written, else those of the defaults.
+    fn sizes(&mut self, written: [&Option<Spanned<usize>>; 2]) -> [usize; 2] {
+        let mut sizes = self.default_sizes;
+        let bounds = [("queue_depth", 100_000), ("max_message_mib", 2047)];
+        for ((size, written), (key, most)) in sizes.iter_mut().zip(written).zip(bounds) {
+            let Some(written) = written else { continue };
+            *size = written.value;
+            if !(1..=most).contains(size) {
+                let text = format!("{key} is {size}, it must lie between 1 and {most}");
+                self.complain(written.referenced, text);
+            }
+        }
+        sizes
     }
 
     /// Reads the route of an entry; `None` where a fault was noted.
@@ -308,18 +331,8 @@ impl<'r> Reader<'r> {
                 self.complain(place, format!("{key} has no effect: {} has no header", to.label()));
             }
         }
-        let Defaults { queue_depth, max_message_mib, overflow, .. } = self.defaults;
-        let mut within = |key: &str, own: &Option<Spanned<usize>>, default: usize, most: usize| {
-            let value = own.as_ref().map_or(default, |own| own.value);
-            if !(1..=most).contains(&value) {
-                let at = own.as_ref().map_or(entry.referenced, |own| own.referenced);
-                self.complain(at, format!("{key} is {value}, it must lie between 1 and {most}"));
-            }
-            value
-        };
-        let depth = within("queue_depth", &config.queue_depth, *queue_depth, 100_000);
-        let mib = within("max_message_mib", &config.max_message_mib, *max_message_mib, 2047);
-        let OverflowConfig(overflow) = config.overflow.unwrap_or(*overflow);
+        let [depth, mib] = self.sizes([&config.queue_depth, &config.max_message_mib]);
+        let OverflowConfig(overflow) = config.overflow.unwrap_or(self.defaults.overflow);
         if let Some(rate) = &config.max_rate_hz
             && !(rate.value.is_finite() && rate.value > 0.0)
         {

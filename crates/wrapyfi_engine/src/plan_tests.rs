@@ -220,3 +220,14 @@ fn many_lines_of_a_log_wait_and_what_is_written_goes_before_conventions() {
     route.policy.qos = QosConfig::Fixed(QosPreset::SensorData.into());
     assert_eq!(route.topic_spec_by(&route.to, depth).queue.depth, 1000);
 }
+
+#[test]
+fn a_wrong_default_is_told_once_whatever_the_number_of_routes() {
+    let routes: String = (0..5)
+        .map(|n| format!("  - {{ from: 'zeromq:/{n}', to: 'ros2:/{n}', type: Image }}\n"))
+        .collect();
+    let text = format!("defaults: {{ queue_depth: 0 }}\nroutes:\n{routes}");
+    let text = plan(&text).unwrap_err().to_string();
+    assert_eq!(text.matches("queue_depth is 0").count(), 1, "{text}");
+    assert!(text.contains("bridge.yaml:1:"), "{text}");
+}

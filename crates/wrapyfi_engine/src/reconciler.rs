@@ -486,10 +486,13 @@ impl Reconciler {
             }
         };
         self.ours.insert((route.role(), route.to.clone()), None);
-        (candidate.misfits, candidate.carried) = (None, None);
-        if let Kind::Topic(types) = route.kind {
-            candidate.rests = route.policy.lazy;
-            candidate.carried = Some(types.to);
+        (candidate.misfits, candidate.carried, candidate.called) = (None, None, None);
+        match route.kind {
+            Kind::Topic(types) => {
+                candidate.rests = route.policy.lazy;
+                candidate.carried = Some(types.to);
+            }
+            Kind::Service(kind) => candidate.called = Some(kind),
         }
         if let Some(pattern) = self.patterns.get_mut(key.0) {
             pattern.made += 1;
@@ -518,6 +521,10 @@ impl Reconciler {
         if let Some((told, carried)) = self.other_type(spec, candidate) {
             candidate.state = State::New;
             return Err(format!("its publishers have the type {told} now, not {carried}"));
+        }
+        if let Some((told, called)) = self.other_service(spec, candidate) {
+            candidate.state = State::New;
+            return Err(format!("its server has the type {told} now, not {called}"));
         }
         if spec.is_many() {
             if candidate.is_gone(now, GONE_AFTER) {

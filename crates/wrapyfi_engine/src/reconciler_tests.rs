@@ -447,3 +447,27 @@ fn threads_make_and_end_routes_too() {
     until(&|all| all.iter().any(|route| route.pattern.is_some_and(|it| it.ended == 1)));
     assert_eq!(running.stop().len(), 1);
 }
+
+#[test]
+fn a_server_of_another_type_gets_a_route_of_that_type() {
+    let mut bench = Bench::new(&["name: it, service: 'a:/real', as: 'b:/shown'"]);
+    let server = |bench: &Bench, kind| {
+        bench.a.open_server(&ServiceSpec::new("/real", kind), &Context::default()).unwrap()
+    };
+    let kind = |bench: &Bench| {
+        let status = bench.engine.status();
+        status.iter().find(|it| it.name == "it").map(|it| it.message_type)
+    };
+    let first = server(&bench, ServiceKind::NativeObject);
+    bench.run(3 * SECOND);
+    let before = kind(&bench);
+    drop(first);
+    bench.run(SECOND);
+    let second = server(&bench, ServiceKind::Image);
+    bench.run(3 * SECOND);
+    assert_ne!(kind(&bench), before);
+    assert_eq!(bench.state("it").unwrap(), "active");
+    drop(second);
+    bench.run(9 * SECOND);
+    assert_eq!(bench.state("it").unwrap(), "waiting for a server of a:/real");
+}

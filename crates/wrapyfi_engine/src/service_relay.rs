@@ -101,6 +101,10 @@ impl ServiceRelay {
     /// Brings the route one step on.
     pub fn step(&mut self, now: Instant) -> Step {
         self.reconcile(now);
+        if let Some(refused) = self.back.counters.take_refused() {
+            // The counters of the route are those of its other end.
+            self.front.counters.refused_peer(refused);
+        }
         let moved = self.ask(now).saturating_add(self.answer(now));
         if moved > 0 {
             self.moved_at = Some(now);
@@ -206,7 +210,7 @@ impl ServiceRelay {
         self.last_loss = Some((now, text.to_owned()));
     }
 
-    fn judge(&self, now: Instant) -> RouteState {
+    fn judge(&mut self, now: Instant) -> RouteState {
         if let Some(trouble) = self.called.trouble.as_ref().or(self.offered.trouble.as_ref()) {
             return trouble.clone();
         }
@@ -214,11 +218,12 @@ impl ServiceRelay {
             return self.state.clone();
         };
         let (server, client) = (server.link(), client.link());
-        if let Some(what) = client.waiting_for.or(server.waiting_for) {
+        let is_alone = client.peers == Some(0);
+        let alone = || is_alone.then(|| format!("a server of {}", self.spec.from));
+        if let Some(what) = client.waiting_for.or(server.waiting_for).or_else(alone) {
+            // What failed for want of it is over once it is there.
+            self.last_loss = None;
             return RouteState::Waiting(what);
-        }
-        if client.peers == Some(0) {
-            return RouteState::Waiting(format!("a server of {}", self.spec.from));
         }
         match &self.last_loss {
             Some((at, text)) if now.saturating_duration_since(*at) < DEGRADED_FOR => {

@@ -78,6 +78,29 @@ fn an_error_reaches_the_caller_in_words_and_is_counted() {
     assert_eq!(status.counters.dropped_for(DropReason::Refused), 1);
 }
 
+/// What failed while a server was gone is no fault of the one that has come.
+#[test]
+fn a_server_that_comes_back_ends_the_complaint_about_the_one_before() {
+    let mut bench = Bench::new();
+    bench.step();
+    let mut client = bench.bus.open_client(&Bench::spec("/shown"), &Context::default()).unwrap();
+    let open = |bus: &Memory| bus.open_server(&Bench::spec("/real"), &Context::default()).unwrap();
+    let mut server = open(&bench.bus);
+    client.send(&Request::default(), ServiceSpec::TIMEOUT).unwrap();
+    client.take();
+    bench.step();
+    let asked = server.take().unwrap().unwrap();
+    server.reply(asked.id, Err("the arm is off".into())).unwrap();
+    bench.step();
+    assert!(matches!(bench.relay.status().state, RouteState::Degraded(_)));
+    drop(server);
+    bench.step();
+    assert!(matches!(bench.relay.status().state, RouteState::Waiting(_)));
+    let _again = open(&bench.bus);
+    bench.step();
+    assert_eq!(bench.relay.status().state, RouteState::Active);
+}
+
 #[test]
 fn a_server_that_does_not_answer_is_told_to_the_caller_in_time() {
     let mut bench = Bench::new();

@@ -24,7 +24,7 @@ use super::body::{Bodies, Body};
 use super::config::NodeUri;
 use super::header::Header;
 use super::node::Node;
-use super::probe::{greeted, probe_of};
+use super::probe::{forget_service, greeted, probe_of};
 use super::services::{self, MAX_ERROR_BYTES, ServiceCodec, ServiceType};
 use super::xmlrpc::shortened;
 use super::{splitter, tcpros};
@@ -358,7 +358,10 @@ async fn look(
     Some(match greeted(&place, &probe).await {
         Err(why) => Err(is_listed.then(|| format!("the server of {}: {why}", shared.service))),
         Ok(header) => match shared.objection(&header) {
-            Some(why) => Err(is_listed.then_some(why)),
+            Some(why) => {
+                forget_service(&*shared.node.upgrade()?, &shared.service);
+                Err(is_listed.then_some(why))
+            }
             None => Ok(place),
         },
     })

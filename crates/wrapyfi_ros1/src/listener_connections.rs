@@ -34,7 +34,7 @@ use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::codec::ros1::Ros1Type;
 use wrapyfi_endpoint::restart::restarted;
 use wrapyfi_endpoint::{
-    BridgeMark, Counters, DropReason, Mutex, PROGRESS, Peers as PeerList, Sender, Share,
+    BridgeMark, Counters, DropReason, Mutex, PROGRESS, Peers as PeerList, Refused, Sender, Share,
     SourceDurability, Waits, Wake,
 };
 
@@ -378,9 +378,9 @@ impl Connection {
                     self.shared.again.notified().await;
                     continue;
                 }
-                Err(Closed::Refused(reason)) => {
-                    self.connections.counters().refused_peer();
-                    if !self.connections.note(&self.uri, Err(reason)) {
+                Err(Closed::Refused(refused)) => {
+                    self.connections.counters().refused_peer(refused.clone());
+                    if !self.connections.note(&self.uri, Err(refused.who)) {
                         return;
                     }
                     // It is asked again when the master names it again.
@@ -414,11 +414,10 @@ impl Connection {
             let caller = header.get("callerid").unwrap_or_default();
             let address = stream.peer_addr().map(|at| at.ip().to_string()).unwrap_or_default();
             if !peers.admits(caller, &address) {
-                let text = format!(
-                    "{} at {address} is not among from_peers of the route",
-                    shortened(caller)
-                );
-                return Err(Closed::Refused(text));
+                let topic = &self.connections.topic;
+                let refused =
+                    PeerList::refused(PeerList::FROM, topic, &shortened(caller), &address);
+                return Err(Closed::Refused(refused));
             }
         }
         let came_through = |shunned: &String| {
@@ -497,7 +496,7 @@ enum Closed {
     /// The publisher is a bridge's, which takes it from where this listener's messages go.
     Shunned,
     /// The publisher is not in the route's list.
-    Refused(String),
+    Refused(Refused),
     Fault(String),
 }
 

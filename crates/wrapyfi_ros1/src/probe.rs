@@ -104,6 +104,14 @@ pub(super) fn keep_only(core: &Core, there: impl Fn(Role, &str, &str) -> bool) {
         .retain(|(role, name, node), answer| *answer == Answer::Asked || there(*role, name, node));
 }
 
+/// Forgets what servers of a service have told: the one there is of another type.
+pub(super) fn forget_service(core: &Core, service: &str) {
+    let is_of = |role: &Role, name: &str| *role == Role::Server && name == service;
+    core.probes
+        .lock()
+        .retain(|(role, name, _), answer| *answer == Answer::Asked || !is_of(role, name));
+}
+
 async fn topic(core: &Core, name: &str, node: &str) -> Result<TypeInfo, String> {
     let uri = core.master.lookup_node(node).await.map_err(|error| error.to_string())?;
     let uri = uri.ok_or_else(|| format!("the master knows no node {node}"))?;

@@ -68,8 +68,9 @@ impl Publication {
         let mut state = self.state.lock();
         for subscriber in &state.subscribers {
             if !entry.admits(subscriber.peer(), &subscriber.host()) {
-                entry.counters.refused_peer();
                 let (topic, peer) = (&self.topic, subscriber.peer());
+                let refused = Peers::refused(Peers::TO, topic, peer, &subscriber.host());
+                entry.counters.refused_peer(refused);
                 tracing::warn!(topic, peer, "ROS 1: a subscriber is not among to_peers any more");
                 subscriber.cut();
             }
@@ -146,9 +147,9 @@ impl Publication {
         let state = self.state.lock();
         let mut entries = state.publishers.values();
         let closed = entries.find(|entry| !entry.admits(caller, &address))?;
-        closed.counters.refused_peer();
-        let topic = &self.topic;
-        Some(format!("{caller} at {address} is not among to_peers of the route to {topic}"))
+        let refused = Peers::refused(Peers::TO, &self.topic, caller, &address);
+        closed.counters.refused_peer(refused.clone());
+        Some(refused.who)
     }
 
     /// Serves a subscriber until either end closes.

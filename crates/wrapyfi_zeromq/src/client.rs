@@ -13,7 +13,7 @@ use bytes::Bytes;
 use super::envelope::{self, ServiceMessage};
 use super::service_connection::{Delivery, End, ServiceConnection, ServiceHandle, Unusable};
 use super::shared::Shared;
-use super::{contexts, deadline};
+use super::{contexts, deadline, zmtp};
 use wrapyfi_data::EncodeResult;
 use wrapyfi_data::types::{Payload, Stamp};
 use wrapyfi_endpoint::calls::{Calls, Stage};
@@ -47,6 +47,7 @@ impl ZeroMqClient {
         spec.limits.message_bytes = spec.limits.message_bytes.min(shared.max_frame_bytes);
         let handle = ServiceConnection::open(shared, endpoint, End::Client, &spec, context)
             .map_err(|error| contexts::refused(&spec.service, error))?;
+        shared.ledger.enter(zmtp::Kind::Dealer, &spec.service, &context.counters);
         let (service, pending) = (spec.service.clone(), spec.pending);
         Ok(WireClient::new(Self { spec, handle, number: 0 }, &service, pending, context))
     }

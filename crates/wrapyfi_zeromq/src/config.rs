@@ -126,15 +126,15 @@ impl ZeroMqConfig {
         let mut insecure = Insecure::default();
         let is_insecure = of.switch("WRAPYFI_ZEROMQ_INSECURE", false)?;
         insecure.said(Place::Environment, ip.is_some(), is_insecure);
-        let broker = if of.switch("WRAPYFI_ZEROMQ_START_PROXY_BROKER", true)? {
-            BrokerMode::Embedded
-        } else {
-            BrokerMode::Foreign
-        };
         let secret_key_file = of.text("WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE")?.map(PathBuf::from);
         let server_key = of.text("WRAPYFI_ZEROMQ_CURVE_SERVER_KEY")?;
         let has_curve = secret_key_file.is_some() || server_key.is_some();
         let curve = has_curve.then_some(CurveConfig { secret_key_file, server_key, clients: None });
+        let is_elsewhere = curve.as_ref().is_some_and(CurveConfig::is_elsewhere);
+        let broker = match of.switch("WRAPYFI_ZEROMQ_START_PROXY_BROKER", !is_elsewhere)? {
+            true => BrokerMode::Embedded,
+            false => BrokerMode::Foreign,
+        };
         Ok(Self {
             ip: ip.unwrap_or(default.ip),
             insecure,

@@ -27,6 +27,10 @@ impl Keys {
         match *self {}
     }
 
+    pub(crate) fn is_of_another(&self) -> bool {
+        match *self {}
+    }
+
     pub(crate) fn has_list(&self) -> bool {
         match *self {}
     }
@@ -59,6 +63,10 @@ pub(crate) struct Breach(Infallible);
 
 impl Breach {
     pub(crate) fn reason(&self) -> &'static str {
+        match self.0 {}
+    }
+
+    pub(crate) fn key(&self) -> Option<&str> {
         match self.0 {}
     }
 

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use super::curve::Keys;
+
 /// Keys of this process on ZeroMQ, and what other keys may do at a broker of ours.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct CurveConfig {
@@ -14,6 +16,23 @@ pub struct CurveConfig {
     pub server_key: Option<String>,
     /// Clients that a broker of ours takes. None: every client that knows the broker's public key.
     pub clients: Option<Vec<CurveClient>>,
+}
+
+impl CurveConfig {
+    /// Reads the keys, as ZeroMQ does when it starts, in a process that runs a broker where `serves` is true.
+    ///
+    /// # Errors
+    /// The fault with which it would not start.
+    pub fn check(&self, serves: bool) -> Result<(), CurveError> {
+        Keys::load(self, serves, None).map(drop)
+    }
+
+    /// True where the broker has another key than this process, which then cannot be the broker.
+    #[must_use]
+    pub fn is_elsewhere(&self) -> bool {
+        let keys = || Keys::load(self, false, None);
+        self.server_key.is_some() && keys().is_ok_and(|keys| keys.is_of_another())
+    }
 }
 
 /// A client that a broker takes.
@@ -111,13 +130,15 @@ pub enum CurveError {
     },
     /// A broker runs here, and has no key that stays.
     #[error(
-        "a broker with CURVE needs `secret_key_file`; a program that only connects says `broker: foreign`"
+        "a broker with CURVE needs `secret_key_file`; a program that only connects says `server_key`, the public key \
+         of the broker"
     )]
     NoSecretKey,
     /// The broker that would run here has another key than clients are told.
     #[error(
-        "`server_key` ({server}) is not the public key of `secret_key_file` ({own}), which a broker here would have: \
-         leave it out, or say `broker: foreign`"
+        "`server_key` ({server}) is not the public key of `secret_key_file` ({own}), which the broker here has: leave \
+         `server_key` out (WRAPYFI_ZEROMQ_CURVE_SERVER_KEY), or have no broker here: `broker: foreign`, \
+         WRAPYFI_ZEROMQ_START_PROXY_BROKER=False"
     )]
     OtherServer {
         /// Public key that is configured.

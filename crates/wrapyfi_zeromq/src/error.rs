@@ -60,8 +60,7 @@ pub enum BrokerError {
 pub enum ZeroMqError {
     /// A port belongs to something that is no broker.
     #[error(
-        "port {port} on {ip} is taken by {answer}; a broker would be {expected}: stop that \
-         program, or choose other ports ({settings})"
+        "port {port} on {ip} is taken by {answer}; a broker would be {expected}: {}", answer.remedy(settings)
     )]
     PortTaken {
         /// Address of the broker.

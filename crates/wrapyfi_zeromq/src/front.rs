@@ -31,11 +31,12 @@ use mio::{Events, Interest, Poll, Token};
 
 use super::curve::{Curve, Keys};
 use super::heard::Heard;
+use super::ledger::Refusal;
 use super::message::{Loss, Message};
 use super::options;
 use super::peer::Peer;
 use super::zmtp::Kind;
-use wrapyfi_endpoint::{DropReason, Throttle};
+use wrapyfi_endpoint::{DropReason, Throttles};
 
 /// The token of the port; peers are counted from 0.
 const PORT: Token = Token(usize::MAX);
@@ -43,6 +44,9 @@ const PORT: Token = Token(usize::MAX);
 const EVENTS: usize = 256;
 /// Bytes read at once.
 const READ_BYTES: usize = 64 * 1024;
+
+/// Bytes of a topic that the log has where it is foreign.
+const MOST_OF_TOPIC: usize = 256;
 
 /// Connections that are refused, as they are counted.
 const TOO_MANY: &str = "too_many";
@@ -79,7 +83,10 @@ pub(super) struct Front {
     keys: Option<Arc<Keys>>,
     /// Subscriptions and messages of topics that the keys of their clients may not have.
     denied: u64,
-    faults: Throttle,
+    /// Throttles of the log, by cause and by who it is.
+    faults: Throttles,
+    /// Peers that were refused since they were last asked for.
+    refusals: Vec<Refusal>,
     /// Listeners by what they are subscribed to, and how many subscriptions have which length.
     index: HashMap<Vec<u8>, BTreeSet<usize>>,
     lengths: BTreeMap<usize, usize>,
@@ -114,7 +121,8 @@ impl Front {
             cuts: BTreeMap::new(),
             keys: None,
             denied: 0,
-            faults: Throttle::default(),
+            faults: Throttles::default(),
+            refusals: Vec::new(),
             events: Some(Events::with_capacity(EVENTS)),
             peers: BTreeMap::new(),
             next_id: first_id(),
@@ -163,6 +171,11 @@ impl Front {
     /// Number of subscriptions and messages that the keys of their clients may not have.
     pub(super) fn denied(&self) -> u64 {
         self.denied
+    }
+
+    /// Takes the peers that were refused since the last call.
+    pub(super) fn refusals(&mut self) -> Vec<Refusal> {
+        std::mem::take(&mut self.refusals)
     }
 
     /// Takes the losses that were noticed since the last call.
@@ -315,10 +328,17 @@ impl Front {
         false
     }
 
-    /// Counts a connection that is refused or ended, and says so, but not each time.
-    fn cut(&mut self, reason: &'static str, peer: SocketAddr, why: &dyn std::fmt::Display) {
+    /// Counts a connection that is refused or ended, and says so, but not each time for one `subject`.
+    fn cut(
+        &mut self,
+        reason: &'static str,
+        subject: &str,
+        peer: SocketAddr,
+        why: &dyn std::fmt::Display,
+    ) {
         *self.cuts.entry(reason).or_default() += 1;
-        if let Some(unlogged_before) = self.faults.pass(Instant::now()) {
+        let subject = format!("{reason} {subject}");
+        if let Some(unlogged_before) = self.faults.pass(&subject, Instant::now()) {
             tracing::warn!(%peer, reason, unlogged_before, "the ZeroMQ broker ends a connection: {why}");
         }
     }
@@ -326,17 +346,23 @@ impl Front {
     /// Counts what the key of a client may not have, and says so, but not each time.
     fn deny(&mut self, id: usize, topic: &[u8]) {
         self.denied += 1;
-        if let Some(unlogged_before) = self.faults.pass(Instant::now())
-            && let Some(peer) = self.peers.get(&id)
-        {
-            let key = peer.grant().map(|grant| grant.key()).unwrap_or_default();
-            let may_not = if self.kind == Kind::Xsub { "publish" } else { "subscribe to" };
-            let topic = String::from_utf8_lossy(topic);
+        let Some(peer) = self.peers.get(&id) else { return };
+        let key = peer.grant().map(|grant| grant.key()).unwrap_or_default();
+        let may_not = if self.kind == Kind::Xsub { "publish" } else { "subscribe to" };
+        let name = String::from_utf8_lossy(topic.get(..MOST_OF_TOPIC).unwrap_or(topic));
+        let subject = format!("{key} {name}");
+        if let Some(unlogged_before) = self.faults.pass(&subject, Instant::now()) {
             tracing::warn!(
-                peer = %peer.address, key, %topic, unlogged_before,
+                peer = %peer.address, key, topic = %name, unlogged_before,
                 "a CURVE client may not {may_not} this topic (curve: clients)"
             );
         }
+        self.refusals.push(Refusal {
+            side: self.kind,
+            who: format!("{}: its CURVE key {key} may not {may_not} {name:?}", peer.address),
+            key: key.to_owned(),
+            topic: Some(topic.to_vec()),
+        });
     }
 
     /// Writes what waits, as far as there is room.
@@ -394,7 +420,7 @@ impl Front {
             let limit = self.bounds.connections;
             if self.peers.len() >= limit {
                 let why = format!("{limit} are open, which is the limit (max_connections)");
-                self.cut(TOO_MANY, address, &why);
+                self.cut(TOO_MANY, "", address, &why);
                 continue;
             }
             let id = self.next_id;
@@ -466,7 +492,15 @@ impl Front {
             Ok(false) => {}
             Err(why) => {
                 if let Some(reason) = why.reason() {
-                    self.cut(reason, address, &why);
+                    let (key, host) = (why.refused_key(), address.ip().to_string());
+                    let subject = key.filter(|key| !key.is_empty()).unwrap_or(&host);
+                    self.cut(reason, subject, address, &why);
+                    self.refusals.extend(key.map(|key| Refusal {
+                        side: self.kind,
+                        who: format!("{address}: {why}"),
+                        key: key.to_owned(),
+                        topic: None,
+                    }));
                 }
                 // One that only asks who is here, as a socket that does not fit, is told.
                 if let Some(peer) = self.peers.get_mut(&id) {

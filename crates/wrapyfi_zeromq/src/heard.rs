@@ -38,6 +38,16 @@ impl End {
         }
     }
 
+    /// CURVE key of a peer that is refused; an empty one where it has none, or none that opens anything here. `None`
+    /// where it is not its key that is refused.
+    pub(super) fn refused_key(&self) -> Option<&str> {
+        match self {
+            Self::Mechanism { .. } => Some(""),
+            Self::Curve(breach) => Some(breach.key().unwrap_or_default()),
+            _ => None,
+        }
+    }
+
     /// Command that tells the peer, where it is told.
     pub(super) fn told(&self) -> Option<&'static [u8]> {
         if let Self::Curve(breach) = self { breach.told() } else { None }

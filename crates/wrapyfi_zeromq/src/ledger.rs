@@ -1,5 +1,5 @@
-//! Messages of this process's publishers that a broker in the same process lost, reported to those
-//! publishers.
+//! Counters of the endpoints of this process, for what only a broker in the same process sees: messages of its
+//! publishers that are lost there, and peers that are refused there.
 //!
 //! Topics alone tell whose a message is. Where another process publishes on the same topic through
 //! this broker, its losses are counted here too.
@@ -7,25 +7,106 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Weak};
 
-use wrapyfi_endpoint::{Counters, DropReason, Mutex};
+use super::zmtp::Kind;
+use wrapyfi_endpoint::{Counters, DropReason, Mutex, Refused};
 
-/// The counters of the publishers of one instance, by topic. Looked at only where something is lost.
+/// Peer that a broker refuses for its key.
+pub(super) struct Refusal {
+    /// Side of the broker at which it is refused.
+    pub(super) side: Kind,
+    /// Peer and reason, in words.
+    pub(super) who: String,
+    /// Its key; empty where it has none, or another server key.
+    pub(super) key: String,
+    /// Topic that it may not have; `None` where it may have none at all.
+    pub(super) topic: Option<Vec<u8>>,
+}
+
+/// The counters of the endpoints of one instance, by the side of the broker at which their peers are, and by name.
+/// Looked at only where something is lost.
 #[derive(Debug, Default)]
-pub(super) struct Ledger(Mutex<BTreeMap<Vec<u8>, Weak<Counters>>>);
+pub(super) struct Ledger(Mutex<BTreeMap<(Kind, Vec<u8>), Weak<Counters>>>);
 
 impl Ledger {
-    /// Enters a publisher.
-    pub(super) fn enter(&self, topic: &[u8], counters: &Arc<Counters>) {
+    /// Enters an endpoint.
+    pub(super) fn enter(&self, peers_at: Kind, name: &str, counters: &Arc<Counters>) {
         let mut entries = self.0.lock();
         entries.retain(|_, counters| counters.strong_count() > 0);
-        entries.insert(topic.to_vec(), Arc::downgrade(counters));
+        entries.insert((peers_at, name.as_bytes().to_vec()), Arc::downgrade(counters));
     }
 
     /// Counts a message, `bytes` long, that not everybody got who was to have it.
     pub(super) fn undelivered(&self, topic: &[u8], reason: DropReason, bytes: usize) {
         let entries = self.0.lock();
-        if let Some(counters) = entries.get(topic).and_then(Weak::upgrade) {
+        let publisher = entries.get(&(Kind::Xpub, topic.to_vec()));
+        if let Some(counters) = publisher.and_then(Weak::upgrade) {
             counters.undelivered(reason, bytes);
         }
+    }
+
+    /// Counts a peer that was refused at every endpoint that it may have been for.
+    pub(super) fn refused(&self, refusal: &Refusal) {
+        for ((side, name), counters) in &*self.0.lock() {
+            let is_meant = refusal.topic.as_ref().is_none_or(|topic| match side {
+                // A subscription is the beginning of a topic.
+                Kind::Xpub => name.starts_with(topic),
+                _ => name == topic,
+            });
+            if *side == refusal.side
+                && is_meant
+                && let Some(counters) = counters.upgrade()
+            {
+                let allow = refusal.allow(&String::from_utf8_lossy(name));
+                counters.refused_peer(Refused { who: refusal.who.clone(), allow });
+            }
+        }
+    }
+}
+
+impl Refusal {
+    /// Line of the configuration that lets the peer do what an endpoint called `name` is there for.
+    fn allow(&self, name: &str) -> String {
+        let Self { side, key, .. } = self;
+        if key.is_empty() {
+            return "that program needs a CURVE key among `curve: clients`, and the public key of this broker as its \
+                    server key"
+                .to_owned();
+        }
+        let grant = match side {
+            Kind::Xsub => format!("publish: [\"{name}\"]"),
+            Kind::Xpub => format!("subscribe: [\"{name}\"]"),
+            Kind::Router => "call: true".to_owned(),
+            Kind::Dealer => "serve: true".to_owned(),
+        };
+        format!("endpoints: zeromq: curve: clients: - {{ key: \"{key}\", {grant} }}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_refusal_is_counted_where_it_may_have_been_for_with_the_line_that_allows_it() {
+        let ledger = Ledger::default();
+        let [camera, depth, command] = [(); 3].map(|()| Arc::<Counters>::default());
+        ledger.enter(Kind::Xpub, "/camera", &camera);
+        ledger.enter(Kind::Xpub, "/depth", &depth);
+        ledger.enter(Kind::Xsub, "/command", &command);
+        let refuse = |side, topic: Option<&str>| {
+            let topic = topic.map(|topic| topic.as_bytes().to_vec());
+            ledger.refused(&Refusal { side, who: "x".to_owned(), key: "K".to_owned(), topic });
+        };
+        let counts = || [&camera, &depth, &command].map(|it| it.snapshot().dropped());
+        refuse(Kind::Xpub, Some("/cam"));
+        assert_eq!(counts(), [1, 0, 0]);
+        refuse(Kind::Xpub, None);
+        assert_eq!(counts(), [2, 1, 0]);
+        refuse(Kind::Xsub, Some("/comm"));
+        refuse(Kind::Xsub, Some("/command"));
+        assert_eq!(counts(), [2, 1, 1]);
+        let line = command.take_refused().unwrap().allow;
+        assert!(line.ends_with("- { key: \"K\", publish: [\"/command\"] }"), "{line}");
+        assert_eq!(command.take_refused(), None);
     }
 }

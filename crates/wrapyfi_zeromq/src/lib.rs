@@ -15,7 +15,7 @@
 //! | `config`, `error`, `status` | settings and environment, errors of the start, brokers at one moment |
 //! | `supervisor` | there is a broker: ours, or a foreign one until it dies |
 //! | `broker`, `proxy`, `turns`, `monitor`, `traffic` | the broker, its thread, its counts |
-//! | `front`, `assembly`, `ledger` | one of its sides, messages from their frames, whose messages it lost |
+//! | `front`, `assembly`, `ledger` | one of its sides, messages from their frames, whose messages it lost and whose peers it refused |
 //! | `discovery` | which topics a broker has |
 //! | `port_check` | what has a port |
 //! | `service_broker`, `service_proxy` | the broker of requests and replies, its thread |
@@ -190,7 +190,7 @@ impl ZeroMq {
             Some(supervisor) => supervisor,
             none => {
                 let ip = config::resolve(&self.config.hosts.or_same(&self.config.ip))?;
-                let config = self.config.service_broker_config();
+                let config = (self.config.service_broker_config(), Arc::clone(&self.shared.ledger));
                 let (mode, keys) = (self.config.service_broker, self.shared.keys.as_ref());
                 none.insert(supervisor::Supervisor::start(&config, mode, ip, keys)?)
             }

@@ -8,6 +8,7 @@ use super::link::{self, BrokerLink, Watch};
 use super::own_messages::Listening;
 use super::reception::{Arrival, Reception};
 use super::shared::Shared;
+use super::zmtp::Kind;
 use super::{contexts, options};
 use wrapyfi_endpoint::codec::frames;
 use wrapyfi_endpoint::{
@@ -59,6 +60,7 @@ impl ZeroMqListener {
             is_closed: false,
         };
         io.send(Command::Open(id, Box::new(reception)));
+        shared.ledger.enter(Kind::Xsub, &spec.topic, &context.counters);
         Ok(Self { id, spec: spec.clone(), inbox: receiver, link, io })
     }
 }

@@ -56,6 +56,23 @@ impl fmt::Display for Answer {
     }
 }
 
+impl Answer {
+    /// Remedy where this is not the broker that is looked for; `settings` have its ports.
+    pub(crate) fn remedy(&self, settings: &str) -> String {
+        match self {
+            Self::Secured(mechanism) if mechanism == zmtp::NULL => {
+                "if it is one, it has to start with keys, too, or this program without".to_owned()
+            }
+            Self::Secured(mechanism) if mechanism == zmtp::CURVE => {
+                "if it is one, set WRAPYFI_ZEROMQ_CURVE_SERVER_KEY to its public key and \
+                 WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE to a key among its clients (or `endpoints: zeromq: curve`)"
+                    .to_owned()
+            }
+            _ => format!("stop that program, or choose other ports ({settings})"),
+        }
+    }
+}
+
 /// Asks `address`, in the role of a socket of type `ours` with that mechanism.
 pub(super) fn ask_port(address: SocketAddr, ours: &str, mechanism: &str) -> Answer {
     let deadline = Instant::now() + TIMEOUT;

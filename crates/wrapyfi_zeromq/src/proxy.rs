@@ -122,6 +122,9 @@ impl Proxy {
                 self.ledger.undelivered(topic, reason, *bytes);
             }
         }
+        for refusal in self.front.refusals().iter().chain(&self.back.refusals()) {
+            self.ledger.refused(refusal);
+        }
         let (counts, mut shown) = (&self.status, self.shown.lock());
         shown.messages = counts.messages;
         shown.bytes = counts.bytes;

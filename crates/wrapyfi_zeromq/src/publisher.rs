@@ -9,6 +9,7 @@ use std::sync::Arc;
 use super::io::{Command, Handle};
 use super::publisher_connection::PublisherConnection;
 use super::shared::Shared;
+use super::zmtp::Kind;
 use wrapyfi_data::types::{Image, Payload, Pixels};
 use wrapyfi_endpoint::codec::frames;
 use wrapyfi_endpoint::{Context, DropReason, Link, PublishError, Publisher, TopicSpec};
@@ -32,7 +33,7 @@ impl ZeroMqPublisher {
         let (hwm, own) = (shared.send_hwm, shared.own_messages.of(&spec.topic));
         let connection = PublisherConnection::new(shared, &spec.topic, own, context);
         io.send(Command::Open(connection.id, Box::new(Arc::clone(&connection))));
-        shared.ledger.enter(spec.topic.as_bytes(), &context.counters);
+        shared.ledger.enter(Kind::Xpub, &spec.topic, &context.counters);
         Self { connection, spec, depth: usize::from(hwm), io, told_order: false }
     }
 

@@ -9,10 +9,10 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::contexts;
 use super::envelope::{self, ServiceMessage};
 use super::service_connection::{Delivery, End, ServiceConnection, ServiceHandle};
 use super::shared::Shared;
+use super::{contexts, zmtp};
 use wrapyfi_data::types::Payload;
 use wrapyfi_data::{DecodeError, EncodeError};
 use wrapyfi_endpoint::calls::ends;
@@ -38,6 +38,7 @@ impl ZeroMqServer {
         let mut spec = spec.clone();
         // Beyond this the broker would cut the connection.
         spec.limits.message_bytes = spec.limits.message_bytes.min(shared.max_frame_bytes);
+        shared.ledger.enter(zmtp::Kind::Router, &spec.service, &context.counters);
         let requests = Arc::new(Requests::new(&spec, context));
         let end = End::Server(Arc::clone(&requests));
         let handle = ServiceConnection::open(shared, endpoint, end, &spec, context)

@@ -14,6 +14,7 @@ use super::broker::{bind, failed_to, keys, loopback};
 use super::config::ServiceBrokerConfig;
 use super::error::BrokerError;
 use super::front::Bounds;
+use super::ledger::Ledger;
 use super::options::{SEND_HWM, StopSignal};
 use super::service_proxy::ServiceProxy;
 use super::status::ServiceBrokerStatus;
@@ -38,6 +39,11 @@ impl ServiceBroker {
     /// # Errors
     /// When a port cannot be bound or must not be; both are free again then.
     pub fn start(config: &ServiceBrokerConfig) -> Result<Self, BrokerError> {
+        Self::start_with(config, Arc::default())
+    }
+
+    /// As [`Self::start`], of an instance whose endpoints are told whom the broker refuses.
+    fn start_with(config: &ServiceBrokerConfig, ledger: Arc<Ledger>) -> Result<Self, BrokerError> {
         let keys = keys(config.curve.as_ref(), None)?;
         let ip = loopback(&config.ip, config.insecure, keys.as_ref())?;
         let (rep_port, req_port) = (config.rep_port, config.req_port);
@@ -60,7 +66,8 @@ impl ServiceBroker {
             StopSignal::new(&context).map_err(failed_to("open its control socket"))?;
         let status = Arc::<Mutex<ServiceBrokerStatus>>::default();
         let (front, back) = (front.secured(keys.clone()), back.secured(keys));
-        let proxy = ServiceProxy::new(front, back, stop, config.pending, Arc::clone(&status));
+        let shown = Arc::clone(&status);
+        let proxy = ServiceProxy::new(front, back, stop, config.pending, shown, ledger);
         let runs = Runs::start("zeromq-services", stop_signal, proxy)
             .map_err(failed_to("start its thread"))?;
         tracing::info!(%ip, rep_port, req_port, "ZeroMQ broker of requests and replies runs");
@@ -93,7 +100,7 @@ impl ServiceBroker {
 }
 
 impl Supervised for ServiceBroker {
-    type Config = ServiceBrokerConfig;
+    type Config = (ServiceBrokerConfig, Arc<Ledger>);
 
     // Asked as a socket that neither side takes: one that the DEALER took would be given a request.
     const FRONT: Side = Side { ours: "SUB", expected: "ROUTER" };
@@ -102,14 +109,14 @@ impl Supervised for ServiceBroker {
     const SETTINGS: &'static str = "rep_port, req_port";
 
     fn start(config: &Self::Config) -> Result<Self, BrokerError> {
-        Self::start(config)
+        Self::start_with(&config.0, Arc::clone(&config.1))
     }
 
-    fn ports(config: &Self::Config) -> (u16, u16) {
+    fn ports((config, _): &Self::Config) -> (u16, u16) {
         (config.rep_port, config.req_port)
     }
 
-    fn has_curve(config: &Self::Config) -> bool {
+    fn has_curve((config, _): &Self::Config) -> bool {
         config.curve.is_some()
     }
 }

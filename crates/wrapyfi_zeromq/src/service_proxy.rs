@@ -20,6 +20,7 @@ use bytes::Bytes;
 use super::deadline;
 use super::envelope::{self, ServiceMessage};
 use super::front::{self, Front};
+use super::ledger::Ledger;
 use super::options;
 use super::status::ServiceBrokerStatus;
 use super::turns::Turns;
@@ -48,6 +49,7 @@ pub(super) struct ServiceProxy {
     tally: ServiceBrokerStatus,
     /// The same, as others see it.
     shown: Arc<Mutex<ServiceBrokerStatus>>,
+    ledger: Arc<Ledger>,
 }
 
 /// Replies that wait until their client reads.
@@ -80,6 +82,7 @@ impl ServiceProxy {
         stop: zmq::Socket,
         pending: usize,
         shown: Arc<Mutex<ServiceBrokerStatus>>,
+        ledger: Arc<Ledger>,
     ) -> Self {
         Self {
             front,
@@ -92,6 +95,7 @@ impl ServiceProxy {
             unread: BTreeMap::new(),
             tally: ServiceBrokerStatus::default(),
             shown,
+            ledger,
         }
     }
 
@@ -118,6 +122,9 @@ impl ServiceProxy {
     }
 
     fn show(&mut self) {
+        for refusal in self.front.refusals().iter().chain(&self.back.refusals()) {
+            self.ledger.refused(refusal);
+        }
         self.tally.cut = front::cuts([&self.front, &self.back]);
         self.shown.lock().clone_from(&self.tally);
     }
@@ -363,7 +370,7 @@ mod tests {
         let client = context.socket(zmq::DEALER).unwrap();
         client.set_rcvhwm(1).unwrap();
         client.connect(&format!("tcp://127.0.0.1:{}", front.port().unwrap())).unwrap();
-        (ServiceProxy::new(front, back, stop, 10, Arc::default()), client)
+        (ServiceProxy::new(front, back, stop, 10, Arc::default(), Arc::default()), client)
     }
 
     fn server(context: &zmq::Context, proxy: &ServiceProxy, kind: zmq::SocketType) -> zmq::Socket {

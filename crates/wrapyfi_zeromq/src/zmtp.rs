@@ -46,7 +46,7 @@ pub(super) struct Frame<'a> {
 pub(super) struct Breach;
 
 /// Socket type that our end of a connection has.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Kind {
     /// Publishes, and hears subscriptions.
     Xpub,

@@ -1,6 +1,5 @@
 //! `wrapyfi top`: the routes of a running bridge, live or as one table.
 
-use std::collections::BTreeSet;
 use std::io::IsTerminal as _;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::time::{Duration, Instant};
@@ -8,29 +7,25 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event, KeyEventKind};
-use wrapyfi_core::endpoint::{Middleware as _, Role, Wake};
 use wrapyfi_core::middleware::ros2::Ros2;
 use wrapyfi_core::types::Map;
-use wrapyfi_interfaces::Message as _;
 use wrapyfi_interfaces::wrapyfi_msgs::srv::ListRoutes_Response;
 
 use super::WAIT_SLICE;
 use crate::cli::TopArgs;
-use crate::discovery_watch::DiscoveryWatch;
 use crate::exit::Failure;
 use crate::middlewares::Middlewares;
-use crate::on_graph::client::Asker;
+use crate::on_graph::client::{Asker, LIST_ROUTES, bridges};
 use crate::output;
 use crate::shutdown::Shutdown;
 use crate::top::routes::Routes;
 use crate::top::screen::Screen;
+use crate::why::{OTHER_NODE, same_node};
 
 /// Longest time that a reply may take: with it, the program still ends in the time that is promised.
 const ANSWER: Duration = Duration::from_millis(1500);
 /// Longest time in which a bridge is looked for.
 const LOOK: Duration = Duration::from_secs(3);
-/// Name of the service within a bridge's node.
-const SERVICE: &str = "list_routes";
 
 /// Shows the routes until `q`, or prints them once.
 ///
@@ -43,17 +38,22 @@ pub fn run(args: &TopArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         return Err(Failure::usage(text));
     }
     let ros2 = Middlewares::ros2_of_command()?;
-    let node = match &args.node {
-        Some(node) => format!("/{}", node.trim_matches('/')),
+    let (node, bridges) = match &args.node {
+        Some(node) => (format!("/{}", node.trim_matches('/')), 1),
         None => only_bridge(&ros2, shutdown)?,
     };
-    let mut asker = Asker::<ListRoutes_Response>::open(&ros2, &node, SERVICE)?;
+    let mut asker = Asker::<ListRoutes_Response>::open(&ros2, &node, LIST_ROUTES)?;
     let mut routes = Routes::new(args.sort, args.filter.clone());
     // The first answer before the terminal is taken: a wrong name is told as any other fault.
     routes.update(asker.ask(Map::new(), LOOK)?.routes);
     if args.once {
-        return output::line(&routes.table());
+        let namesakes = (bridges > 1).then(|| format!("\n{}; {OTHER_NODE}", same_node(&node)));
+        return output::line(&(routes.table() + &namesakes.unwrap_or_default()));
     }
+    let title = match bridges {
+        0 | 1 => node,
+        _ => format!("{node}, the node name of {bridges} bridges"),
+    };
     std::thread::scope(|scope| {
         let (reply_to, replies) = mpsc::channel();
         // Dropped at the end, which ends the thread.
@@ -61,7 +61,7 @@ pub fn run(args: &TopArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         scope.spawn(move || ask_again(&mut asker, args.every, &reply_to, &goes_on));
         let terminal = ratatui::try_init().inspect_err(|_| ratatui::restore());
         let mut terminal = terminal.context("cannot draw on this terminal")?;
-        let watched = watch(&mut terminal, Screen::new(node, routes), &replies, shutdown);
+        let watched = watch(&mut terminal, Screen::new(title, routes), &replies, shutdown);
         ratatui::restore();
         watched
     })
@@ -117,29 +117,19 @@ fn watch(
     Ok(())
 }
 
-/// Name of the node of the bridge that is on the graph.
-fn only_bridge(ros2: &Ros2, shutdown: &Shutdown) -> Result<String, Failure> {
-    let discovery = ros2.discover().context("cannot look for bridges")?;
-    let (mut watch, wake, begin) = (DiscoveryWatch::new(discovery), Wake::new(), Instant::now());
-    let kind = ListRoutes_Response::ROS_TYPE.trim_end_matches("_Response");
-    let found = loop {
-        watch.look().context("cannot look for bridges")?;
-        let all = watch.found.iter();
-        let nodes: BTreeSet<String> = all
-            .filter(|one| one.role == Role::Server && one.type_name.as_deref() == Some(kind))
-            .filter_map(|one| one.name.strip_suffix(SERVICE)?.strip_suffix('/').map(str::to_owned))
-            .collect();
-        let is_over = begin.elapsed() >= LOOK || shutdown.requested();
-        if is_over || (!nodes.is_empty() && watch.has_told_all()) {
-            break nodes;
-        }
-        wake.wait(WAIT_SLICE);
+/// Name of the node of the bridge that is on the graph, and the number of bridges that have it.
+fn only_bridge(ros2: &Ros2, shutdown: &Shutdown) -> Result<(String, usize), Failure> {
+    let begin = Instant::now();
+    let is_over = |is_there: bool, has_told: bool| {
+        begin.elapsed() >= LOOK || shutdown.requested() || (is_there && has_told)
     };
+    let found = bridges(ros2, is_over).context("cannot look for bridges")?;
     let mut nodes = found.into_iter();
     match (nodes.next(), nodes.next()) {
-        (Some(node), None) => Ok(node),
+        (Some(found), None) => Ok(found),
         (Some(first), Some(second)) => {
-            let all: Vec<_> = [first, second].into_iter().chain(nodes).collect();
+            let all = [first, second].into_iter().chain(nodes);
+            let all: Vec<_> = all.map(|(node, _)| node).collect();
             Err(Failure::Usage(format!(
                 "there are {} bridges: name one, for instance `wrapyfi top {}`; all: {}",
                 all.len(),

@@ -9,7 +9,7 @@ use serde::Deserialize;
 use wrapyfi_core::endpoint::Conventions;
 use wrapyfi_core::engine::{Available, Problem, Spanned};
 use wrapyfi_core::middleware::zeromq::{self, BrokerMode, CurveClient, CurveConfig, ZeroMqConfig};
-use wrapyfi_core::network::Hosts;
+use wrapyfi_core::network::{Hosts, ReachedByOthers};
 
 use super::start::Role;
 use super::word::Word;
@@ -39,7 +39,7 @@ pub struct ZeroMqSection {
     pub send_hwm: Option<u16>,
     pub max_connections: Option<NonZeroU16>,
     pub insecure: Word,
-    pub curve: Option<CurveSection>,
+    pub curve: Option<Spanned<CurveSection>>,
 }
 
 /// `endpoints.zeromq.curve`; what is left out comes from the `WRAPYFI_ZEROMQ_CURVE_*` variables.
@@ -123,7 +123,7 @@ pub enum BrokerWord {
 impl ZeroMqSection {
     /// Finds the files of keys, whose paths are as seen from `folder`.
     pub(super) fn find_keys(&mut self, folder: &Path) {
-        let Some(curve) = &mut self.curve else { return };
+        let Some(Spanned { value: curve, .. }) = &mut self.curve else { return };
         if let Some(file) = &mut curve.secret_key_file {
             *file = folder.join(&*file);
         }
@@ -137,15 +137,26 @@ impl ZeroMqSection {
         }
     }
 
-    /// A broker of ours that other machines reach is refused before anything starts.
+    /// A broker of ours that other machines reach, and keys that it cannot have, are refused before anything starts.
     pub fn check_permitted(&self, hosts: &Hosts) -> Result<(), Problem> {
-        let Some(written) = &self.ip else { return Ok(()) };
+        if self.ip.is_none() && self.curve.is_none() {
+            return Ok(());
+        }
         let config = ZeroMqConfig::from_env();
         let mut config =
             config.map_err(|wrong| Problem { position: None, message: wrong.to_string() })?;
         config.hosts = hosts.clone();
         self.say(&mut config);
-        config.check().map_err(|refused| Problem::at(written.referenced, refused.to_string()))
+        if let Some(written) = &self.ip {
+            let refused = |refused: ReachedByOthers| refused.to_string();
+            config
+                .check()
+                .map_err(refused)
+                .map_err(|text| Problem::at(written.referenced, text))?;
+        }
+        let (Some(written), Some(curve)) = (&self.curve, &config.curve) else { return Ok(()) };
+        let checked = curve.check(config.broker == BrokerMode::Embedded);
+        checked.map_err(|fault| Problem::at(written.referenced, fault.to_string()))
     }
 
     /// Refuses what no broker can start with, and nobody can connect to.
@@ -211,7 +222,7 @@ impl ZeroMqSection {
     fn say(&self, config: &mut ZeroMqConfig) {
         self.insecure.say(&mut config.insecure, self.ip.is_some());
         if let Some(curve) = &self.curve {
-            curve.say(&mut config.curve);
+            curve.value.say(&mut config.curve);
         }
         if let Some(ip) = &self.ip {
             config.ip.clone_from(&ip.value);
@@ -219,6 +230,9 @@ impl ZeroMqSection {
         match self.broker {
             Some(BrokerWord::Embedded) => config.broker = BrokerMode::Embedded,
             Some(BrokerWord::Foreign) => config.broker = BrokerMode::Foreign,
+            None if config.curve.as_ref().is_some_and(CurveConfig::is_elsewhere) => {
+                config.broker = BrokerMode::Foreign;
+            }
             None => return,
         }
         config.service_broker = config.broker;

@@ -1,17 +1,54 @@
 //! Questions to a bridge that runs elsewhere on the graph.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
-use wrapyfi_core::endpoint::{CallError, Client, Context, Middleware as _, Request, ServiceSpec};
+use wrapyfi_core::endpoint::{
+    CallError, Client, Context, DiscoverError, Middleware as _, Request, Role, ServiceSpec, Wake,
+};
 use wrapyfi_core::middleware::ros2::Ros2;
 use wrapyfi_core::types::{Map, Payload, ServiceKind};
 use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::store::TypeStore;
+use wrapyfi_interfaces::wrapyfi_msgs::srv::ListRoutes_Response;
 
+use crate::discovery_watch::DiscoveryWatch;
 use crate::exit::Failure;
 
+/// Name of the service that tells the routes, within a bridge's node.
+pub const LIST_ROUTES: &str = "list_routes";
+/// Time between two looks for bridges.
+const LOOK: Duration = Duration::from_millis(50);
 /// Most bytes of a reply that are read.
 const MAX_BYTES: usize = 16 << 20;
+
+/// Names of the nodes of bridges, each with the number of bridges that have it, as they are found until it `is_over`,
+/// which is told whether there are any and whether ROS 2 has told all.
+///
+/// # Errors
+/// When ROS 2 tells no endpoints.
+pub fn bridges(
+    ros2: &Ros2,
+    is_over: impl Fn(bool, bool) -> bool,
+) -> Result<BTreeMap<String, usize>, DiscoverError> {
+    let (mut watch, wake) = (DiscoveryWatch::new(ros2.discover()?), Wake::new());
+    let kind = ListRoutes_Response::ROS_TYPE.trim_end_matches("_Response");
+    loop {
+        watch.look()?;
+        let all = watch.found.iter();
+        let servers = all
+            .filter(|one| one.role == Role::Server && one.type_name.as_deref() == Some(kind))
+            .filter_map(|one| one.name.strip_suffix(LIST_ROUTES)?.strip_suffix('/'));
+        let mut nodes = BTreeMap::new();
+        for node in servers {
+            *nodes.entry(node.to_owned()).or_default() += 1;
+        }
+        if is_over(!nodes.is_empty(), watch.has_told_all()) {
+            return Ok(nodes);
+        }
+        wake.wait(LOOK);
+    }
+}
 
 /// A service of a bridge's node, to be asked again and again.
 pub struct Asker<R> {

@@ -93,6 +93,7 @@ impl Diagnostics {
         values.extend(
             counters.drops.iter().map(|(reason, count)| (reason.as_str(), count.to_string())),
         );
+        values.extend(counters.refused.iter().map(|it| ("refused", it.who.clone())));
         self.status(level, &route.name, message, values)
     }
 

@@ -11,7 +11,8 @@ use crate::why::Verdict;
 /// State and counters of a route as a message.
 #[must_use]
 pub fn of(status: &RouteStatus) -> RouteInfo {
-    let CountersSnapshot { received, sent, sent_bytes, drops, latency, .. } = &status.counters;
+    let CountersSnapshot { received, sent, sent_bytes, drops, latency, refused, .. } =
+        &status.counters;
     // What was lost before it arrived never arrived.
     let arrived = drops.iter().filter(|(reason, _)| *reason != DropReason::LostUpstream);
     let gone = arrived.map(|(_, count)| count).sum::<u64>().saturating_add(*sent);
@@ -37,6 +38,8 @@ pub fn of(status: &RouteStatus) -> RouteInfo {
         queued: received.saturating_sub(gone),
         latency_p50_us: latency.p50_us,
         latency_p99_us: latency.p99_us,
+        refused: refused.as_ref().map(|it| it.who.clone()).unwrap_or_default(),
+        allow: refused.as_ref().map(|it| it.allow.clone()).unwrap_or_default(),
     }
 }
 

@@ -433,6 +433,7 @@ function detail() {
   const { counters } = route, facts = [["type", shortType(route.type)], ["now", `${hz(route.messages_per_s)} Hz, ${bytes(route.bytes_per_s)}/s`], ["latency p50, p99", counters.sent ? `${time(counters.latency.p50_us)}, ${time(counters.latency.p99_us)}` : "–"],
     ["received", `${number(counters.received)}, ${bytes(counters.received_bytes)}`], ["sent", `${number(counters.sent)}, ${bytes(counters.sent_bytes)}`], ["queued", number(route.queued)],
     ...Object.entries(counters.drops).map(([reason, count]) => [`dropped: ${reason.replaceAll("_", " ")}`, number(count)]),
+    ...(counters.refused ? [["refused last", counters.refused.who], ["to let it in", counters.refused.allow]] : []),
     ...Object.entries(counters.qos_events).map(([event, count]) => [event.replaceAll("_", " "), number(count)]),
     ...(counters.unread ? [["passed on unread", number(counters.unread)]] : []), ...(route.panics ? [["panics", number(route.panics)]] : [])];
   const text = JSON.stringify(facts);

@@ -87,6 +87,13 @@ impl Row {
         pairs.map(|(reason, count)| format!("{reason} {count}")).collect::<Vec<_>>().join(", ")
     }
 
+    /// Program that was refused last, and the line that would let it in.
+    #[must_use]
+    pub fn refused(&self) -> String {
+        let RouteInfo { refused, allow, .. } = &self.info;
+        if refused.is_empty() { String::new() } else { format!("{refused}; to let it in: {allow}") }
+    }
+
     fn severity(&self) -> u8 {
         match self.info.state.as_str() {
             "error" => 3,
@@ -176,7 +183,7 @@ impl Routes {
         text
     }
 
-    /// The shown routes as a table of text, reasons and drops below their routes.
+    /// The shown routes as a table of text, reasons, drops and refusals below their routes.
     #[must_use]
     pub fn table(&self) -> String {
         let rows: Vec<_> = self.shown().into_iter().map(|row| (row, row.cells())).collect();
@@ -197,7 +204,7 @@ impl Routes {
         let mut text = line(&COLUMNS.map(str::to_owned));
         for (row, cells) in &rows {
             let _infallible = write!(text, "\n{}", line(cells));
-            for note in [row.info.reason.clone(), row.drops()] {
+            for note in [row.info.reason.clone(), row.drops(), row.refused()] {
                 if !note.is_empty() {
                     let _infallible = write!(text, "\n    {note}");
                 }
@@ -216,6 +223,8 @@ fn printable(mut info: RouteInfo) -> RouteInfo {
         &mut info.type_name,
         &mut info.state,
         &mut info.reason,
+        &mut info.refused,
+        &mut info.allow,
     ];
     for text in texts.into_iter().chain(&mut info.drop_reasons) {
         if text.contains(char::is_control) {

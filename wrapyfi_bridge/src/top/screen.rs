@@ -189,7 +189,7 @@ fn draw_detail(frame: &mut Frame<'_>, row: &Row, area: Rect) {
     let block = Block::bordered().title(format!(" {} ", info.key));
     let inner = block.inner(area);
     frame.render_widget(block, area);
-    let [text, graph] = Layout::vertical([Constraint::Length(4), Constraint::Min(1)]).areas(inner);
+    let [text, graph] = Layout::vertical([Constraint::Length(5), Constraint::Min(1)]).areas(inner);
     let or_none = |text: &str| if text.is_empty() { "none".to_owned() } else { text.to_owned() };
     let reason = match info.reason.as_str() {
         "" => String::new(),
@@ -204,6 +204,7 @@ fn draw_detail(frame: &mut Frame<'_>, row: &Row, area: Rect) {
             info.sent,
             or_none(&row.drops())
         )),
+        Line::from(row.refused()),
         Line::from(format!("msg/s, most {}:", row.history.iter().max().copied().unwrap_or(0))),
     ];
     frame.render_widget(Paragraph::new(lines), text);

@@ -1,6 +1,14 @@
 //! Reasons of drops in words, and what mends them.
 
 use wrapyfi_core::endpoint::DropReason;
+use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
+
+/// Reasons for which a route has dropped messages, each with their number.
+pub(super) fn drops(route: &RouteInfo) -> impl Iterator<Item = (DropReason, u64)> {
+    let named = |word: &String| DropReason::ALL.iter().copied().find(|it| it.as_str() == word);
+    let pairs = route.drop_reasons.iter().zip(&route.drop_counts);
+    pairs.filter_map(move |(word, count)| Some((named(word)?, *count)))
+}
 
 /// True where nobody misses what is dropped for the reason.
 pub(super) fn is_harmless(reason: DropReason) -> bool {

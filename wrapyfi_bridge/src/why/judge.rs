@@ -5,12 +5,13 @@
 //!       ─▶ route: heard, run by a bridge ─▶ destination: the same ─▶ messages come
 //! ```
 
-use wrapyfi_core::endpoint::{AnnouncedQos, CountersSnapshot, Discovered, Role, mismatches};
-use wrapyfi_core::engine::{LeftOut, RouteState};
+use wrapyfi_core::endpoint::{AnnouncedQos, Discovered, DropReason, Role, mismatches};
+use wrapyfi_core::engine::LeftOut;
 use wrapyfi_core::middleware::ros2::remedy;
+use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
 use super::door::{Answer, name as server_name};
-use super::drops::{is_harmless, meaning, mends};
+use super::drops::{drops, is_harmless, meaning, mends};
 use super::names::nearest;
 use super::reach::{opened, reachable};
 use super::words::{between, example, is_same_type, nobody, owner, people, provider, types_differ};
@@ -32,9 +33,12 @@ pub fn judge(way: &Way) -> Verdict {
     Verdict { way: way.title.clone(), passed: walk.passed, finding }
 }
 
-/// True where a bridge runs the route and messages have come in on it.
+/// True where a bridge runs the route and messages of others have come in on it.
 fn way_received(way: &Way) -> bool {
-    way.running.as_ref().is_some_and(|running| running.counters.received > 0)
+    way.running.as_ref().is_some_and(|running| {
+        let own = drops(running).find(|(reason, _)| *reason == DropReason::OwnPublication);
+        running.received > own.map_or(0, |(_, count)| count)
+    })
 }
 
 /// True for a publisher that the bridge with the ROS 2 node `own` may be itself. Only ROS names the nodes of
@@ -56,6 +60,7 @@ impl Walk<'_> {
             of_file(route)?;
         }
         self.broken()?;
+        self.refused()?;
         let Some(source) = &way.source else { return Ok(()) };
         let (provider, taker) = match way.is_service {
             false => (Role::Publisher, Role::Listener),
@@ -69,7 +74,7 @@ impl Walk<'_> {
         self.definition(source)?;
         self.quality(source, provider)?;
         match &way.destination {
-            None if source.names.is_some() => {}
+            None if source.names.is_some() => self.state()?,
             None if way.without_route.is_some() => {
                 let file = way.without_route.as_deref().unwrap_or_default();
                 let address = &source.address;
@@ -384,7 +389,7 @@ impl Walk<'_> {
     /// A bridge that runs the route.
     fn bridge(&mut self, source: &End, destination: &End) -> Step {
         if let Some(running) = &self.way.running {
-            let CountersSnapshot { received, sent, .. } = running.counters;
+            let RouteInfo { received, sent, .. } = running;
             self.pass(format!("a bridge runs the route: {received} in, {sent} out"));
             return Ok(());
         }
@@ -399,6 +404,9 @@ impl Walk<'_> {
             || !destination.doors.iter().all(|knock| knock.answer == Answer::Open)
             || (!tells(source) && !tells(destination));
         if seen {
+            self.pass(
+                "the route may run: no bridge on the graph of ROS 2 tells its state (`--node NODE` asks one)",
+            );
             return Ok(());
         }
         let what = format!(
@@ -411,56 +419,80 @@ impl Walk<'_> {
 
     /// A route that cannot work as configured, whatever is there.
     fn broken(&self) -> Step {
-        match self.way.running.as_ref().map(|running| &running.state) {
-            Some(RouteState::Error(reason)) => {
-                let what = format!("the route is in state error: {reason}");
-                let remedy = "change what the reason names; the bridge turns to the changed file";
-                Err(Finding::new(Cause::State, what, "the configuration", remedy))
-            }
-            _ => Ok(()),
+        let Some(running) = self.way.running.as_ref().filter(|running| running.state == "error")
+        else {
+            return Ok(());
+        };
+        let what = format!("{} is in state error: {}", self.called(running), running.reason);
+        let remedy = "change what the reason names; the bridge turns to the changed file";
+        Err(Finding::new(Cause::State, what, "the configuration", remedy))
+    }
+
+    /// Programs that were refused, where nobody else came.
+    fn refused(&mut self) -> Step {
+        let Some(running) = self.way.running.as_ref().filter(|it| !it.refused.is_empty()) else {
+            return Ok(());
+        };
+        let all = drops(running).find(|(reason, _)| *reason == DropReason::RefusedPeer);
+        let count = all.map_or(0, |(_, count)| count);
+        let what = format!(
+            "{} refused {count} times, the last: {}",
+            self.called(running),
+            running.refused
+        );
+        if running.received > count && running.sent > 0 {
+            self.pass(what);
+            return Ok(());
+        }
+        let remedy = format!("where it may: {}", running.allow);
+        Err(Finding::new(Cause::Refused, what, "the configuration, or that program", remedy))
+    }
+
+    /// Route in words: of a pattern, the one that is meant.
+    fn called(&self, running: &RouteInfo) -> String {
+        match &self.way.route {
+            Some(route) if route.name != running.key => format!("the route {}", running.key),
+            _ => "the route".to_owned(),
         }
     }
 
     /// State of a route in a bridge, and the messages that it drops.
-    fn state(&self) -> Step {
-        let Some(running) = &self.way.running else { return Ok(()) };
-        let counters = &running.counters;
-        let drops = counters.drops.iter().filter(|(reason, _)| !is_harmless(*reason));
-        let most = drops.clone().max_by_key(|(_, count)| *count);
-        match (&running.state, most) {
-            (RouteState::Waiting(reason), _) => {
-                let what = format!("the route waits for {reason}");
-                let remedy = "provide it; the route begins by itself";
-                Err(Finding::new(Cause::State, what, "see the reason", remedy))
-            }
-            (RouteState::Degraded(_), Some((most, _))) => {
-                let all: Vec<_> =
-                    drops.map(|(reason, count)| format!("{count} {reason}")).collect();
-                let what = format!(
-                    "messages are dropped: {} of {} that came ({}); mostly because {}",
-                    counters.dropped(),
-                    counters.received,
-                    all.join(", "),
-                    meaning(*most)
-                );
-                Err(Finding::new(
-                    Cause::Drops,
-                    what,
-                    "the route, or the program at its end",
-                    mends(*most),
-                ))
-            }
-            (RouteState::Degraded(reason), None) => {
-                let what = format!("the route is degraded: {reason}");
-                Err(Finding::new(
-                    Cause::State,
-                    what,
-                    "see the reason",
-                    "remove what the reason names",
-                ))
-            }
-            _ => Ok(()),
+    fn state(&mut self) -> Step {
+        /// Share of messages from which on a route that calls itself active drops too many.
+        const MOST: f64 = 0.9;
+        let way = self.way;
+        let Some(running) = &way.running else { return Ok(()) };
+        let (route, reason) = (self.called(running), &running.reason);
+        let lost: Vec<_> = drops(running).filter(|(reason, _)| !is_harmless(*reason)).collect();
+        let is_degraded = running.state == "degraded";
+        if running.state == "waiting" {
+            let what = format!("{route} waits for {reason}");
+            let remedy = "provide it; the route begins by itself";
+            return Err(Finding::new(Cause::State, what, "see the reason", remedy));
         }
+        let Some((most, _)) = lost.iter().max_by_key(|(_, count)| *count) else {
+            if !is_degraded {
+                return Ok(());
+            }
+            let what = format!("{route} is degraded: {reason}");
+            let remedy = "remove what the reason names";
+            return Err(Finding::new(Cause::State, what, "see the reason", remedy));
+        };
+        let count: u64 = lost.iter().map(|(_, count)| count).sum();
+        let all: Vec<_> = lost.iter().map(|(reason, count)| format!("{count} {reason}")).collect();
+        let what = format!(
+            "messages of {route} are dropped: {count} of {} that came ({}); mostly because {}",
+            running.received,
+            all.join(", "),
+            meaning(*most)
+        );
+        if !is_degraded && (count as f64) < MOST * running.received as f64 {
+            self.pass(what);
+            return Ok(());
+        }
+        let what = if reason.is_empty() { what } else { format!("{what}; the last: {reason}") };
+        let who = "the route, or the program at its end";
+        Err(Finding::new(Cause::Drops, what, who, mends(*most)))
     }
 
     /// Limit of the rate, where it leaves out most of the messages.
@@ -469,17 +501,20 @@ impl Walk<'_> {
         const MOST: f64 = 0.9;
         let Some(route) = &self.way.route else { return Ok(()) };
         let Some(Limited { max_rate_hz, came_hz, dropped }) = route.limited else { return Ok(()) };
+        let came = came_hz.map(|hz| format!(", and {hz:.1} messages a second come"));
         let what = format!(
-            "max_rate_hz is {max_rate_hz}, and {came_hz:.1} messages a second come: {:.0} % of all were left out",
+            "max_rate_hz is {max_rate_hz}{}: {:.0} % of all were left out",
+            came.unwrap_or_default(),
             100.0 * dropped
         );
         if dropped < MOST {
             self.pass(what);
             return Ok(());
         }
+        let enough = came_hz.unwrap_or(max_rate_hz / (1.0 - dropped).max(0.001));
         let remedy = format!(
             "write `max_rate_hz: {:.0}` or more on the route in {}, or leave it out",
-            came_hz.max(max_rate_hz).ceil(),
+            enough.max(max_rate_hz).ceil(),
             route.file
         );
         Err(Finding::new(Cause::RateLimit, what, "the route", remedy))

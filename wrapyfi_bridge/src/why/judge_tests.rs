@@ -426,7 +426,7 @@ fn two_programs_at_one_topic_are_compared_with_each_other() {
 fn a_limit_that_leaves_out_most_messages_is_named_with_both_rates() {
     let limited = |dropped| {
         let way = of_route(|it| {
-            it.limited = Some(Limited { max_rate_hz: 1.0, came_hz: 49.6, dropped });
+            it.limited = Some(Limited { max_rate_hz: 1.0, came_hz: Some(49.6), dropped });
         });
         judge(&way)
     };
@@ -439,6 +439,64 @@ fn a_limit_that_leaves_out_most_messages_is_named_with_both_rates() {
     let halved = limited(0.5);
     assert_eq!(halved.finding, None);
     assert!(halved.passed.iter().any(|step| step.contains("max_rate_hz is 1")), "{halved}");
+}
+
+/// State of the route in a bridge, its losses, the cause, words of what is said and of the remedy.
+#[test]
+fn a_route_that_is_not_well_lacks_something_whatever_is_there() {
+    let of = |state: &str, reason: &str, lost: &[(&str, u64)]| {
+        let (drop_reasons, drop_counts) =
+            lost.iter().map(|(reason, count)| ((*reason).to_owned(), *count)).unzip();
+        let [state, reason] = [state, reason].map(str::to_owned);
+        let running = RouteInfo {
+            state,
+            reason,
+            received: 100,
+            drop_reasons,
+            drop_counts,
+            ..RouteInfo::default()
+        };
+        judge(&Way { running: Some(running), ..whole() })
+    };
+    for (verdict, cause, words) in [
+        (of("error", "bad key", &[]), Cause::State, ["state error: bad key", "changed file"]),
+        (
+            of("waiting", "a listener of b/C", &[]),
+            Cause::State,
+            ["waits for a listener of b/C", "begins"],
+        ),
+        (
+            of("degraded", "its step blocks", &[]),
+            Cause::State,
+            ["degraded: its step blocks", "names"],
+        ),
+        (
+            of("degraded", "no such field", &[("malformed", 9), ("no_consumer", 50)]),
+            Cause::Drops,
+            [
+                "9 of 100 that came (9 malformed); mostly because their bytes",
+                "the type of the route",
+            ],
+        ),
+        (
+            of("active", "", &[("mismatch", 95)]),
+            Cause::Drops,
+            ["95 of 100", "`type` or `encoding`"],
+        ),
+    ] {
+        let found = verdict.finding.clone().unwrap_or_else(|| panic!("{words:?} is not found"));
+        assert_eq!(found.cause, cause, "{verdict}");
+        for word in words {
+            assert!(verdict.to_string().contains(word), "{word:?} is not in {verdict}");
+        }
+    }
+    let few = of("active", "", &[("queue_full", 3)]);
+    assert_eq!(few.finding, None, "{few}");
+    assert!(
+        few.passed.iter().any(|step| step.contains("3 of 100 that came (3 queue_full)")),
+        "{few}"
+    );
+    assert_eq!(of("active", "", &[("no_consumer", 100)]).finding, None);
 }
 
 #[test]

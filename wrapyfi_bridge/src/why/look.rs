@@ -156,7 +156,7 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
         && !wanted.is_there(&end)
     {
         // Some nodes answer after a second; meanwhile it is looked for elsewhere, until this is over.
-        let (is_narrow, is_there) = (graph.range != "SUBNET", AtomicBool::new(false));
+        let (is_narrow, is_there) = (graph.is_narrow(), AtomicBool::new(false));
         let is_over = || is_there.load(Relaxed) || Instant::now() >= deadline;
         let own_until = if is_narrow { deadline - elsewhere::WIDE } else { deadline };
         let mut here = Some((side, observer));
@@ -198,7 +198,8 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
     if let (Some(graph), true) = (&observer.graph, wanted.is_service) {
         mapping(&mut end, graph.as_ref());
     }
-    if wanted.is_learned {
+    // The master of ROS 1 does not tell the types of services: their servers do.
+    if wanted.is_learned || (wanted.is_service && end.address.middleware == "ros") {
         learn(&mut end, observer.middleware.as_ref(), wanted, types);
     }
     if wanted.listens && end.of(Role::Publisher).next().is_some() {
@@ -211,7 +212,7 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
 }
 
 /// Network of ROS 2 as this program sees it.
-fn graph(endpoints: &Endpoints) -> Graph {
+pub(super) fn graph(endpoints: &Endpoints) -> Graph {
     let environment = environment::read(|name| std::env::var(name).ok());
     let (domain_id, range) = match &environment {
         Ok(read) => (read.domain_id, read.discovery.range),
@@ -363,8 +364,14 @@ fn mapping(end: &mut End, ros2: &dyn graph::Graph) {
 fn learn(end: &mut End, middleware: &dyn Middleware, wanted: &Wanted, types: &mut TypeStore) {
     let Some(one) = end.of(wanted.role).next().cloned() else { return };
     let mut learn = || match wanted.is_service {
-        true => middleware.learn_service(&one, types).map(|_| None),
-        false => middleware.learn_topic(&one, types).map(|told| Some(told.message_type(false))),
+        true => {
+            let kind = middleware.learn_service(&one, types);
+            kind.map(|kind| (Some(kind.ros_type().to_owned()), None))
+        }
+        false => {
+            let told = middleware.learn_topic(&one, types);
+            told.map(|told| (None, Some(told.message_type(false))))
+        }
     };
     let begin = Instant::now();
     let mut learned = learn();
@@ -372,12 +379,19 @@ fn learn(end: &mut End, middleware: &dyn Middleware, wanted: &Wanted, types: &mu
         std::thread::sleep(LOOK);
         learned = learn();
     }
-    match learned {
-        Ok(learned) => end.learned = learned,
-        Err(LearnError::Undefined { type_name, reason }) => {
-            end.undefined = Some((type_name, reason));
+    let shown = match learned {
+        Ok((shown, learned)) => {
+            end.learned = learned;
+            shown
         }
-        Err(_) => {}
+        Err(LearnError::Undefined { type_name, reason }) => {
+            end.undefined = wanted.is_learned.then(|| (type_name.clone(), reason));
+            Some(type_name)
+        }
+        Err(_) => None,
+    };
+    for one in end.found.iter_mut().filter(|one| wanted.is_met(one)) {
+        one.type_name = one.type_name.take().or_else(|| shown.clone());
     }
 }
 

@@ -13,6 +13,7 @@
 //!   look     facts about one end
 //!   elsewhere  the same name on ROS 2 in other domains
 //!   question what is asked about
+//!   running  what a bridge that runs tells of its routes
 //! ```
 //!
 //! Looking opens no port and starts no broker; everything is asked side by side, and nothing for longer than
@@ -26,6 +27,7 @@ pub mod look;
 pub mod names;
 pub mod question;
 mod reach;
+mod running;
 mod words;
 
 use std::fmt;
@@ -33,9 +35,10 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use wrapyfi_core::endpoint::{Discovered, EndpointAddress, Qos, Role};
-use wrapyfi_core::engine::{LeftOut, RouteStatus};
+use wrapyfi_core::engine::LeftOut;
 use wrapyfi_core::middleware::ros2::graph::ServiceMapping;
 use wrapyfi_core::types::MessageType;
+use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
 use self::door::Knock;
 
@@ -55,8 +58,8 @@ pub struct Way {
     pub source: Option<End>,
     /// End at which messages go out; `None` where an endpoint alone was asked for.
     pub destination: Option<End>,
-    /// Status of the route in a bridge that runs it and was asked.
-    pub running: Option<RouteStatus>,
+    /// Status of the route in a bridge that runs it, or of the first route of a pattern that is not well.
+    pub running: Option<RouteInfo>,
     /// File of which no route means the endpoint that was asked for.
     pub without_route: Option<String>,
     /// Parts that are known to be in place before the walk.
@@ -89,8 +92,8 @@ pub struct RouteFacts {
 pub struct Limited {
     /// Setting `max_rate_hz`.
     pub max_rate_hz: f64,
-    /// Messages a second that came in while somebody looked.
-    pub came_hz: f64,
+    /// Messages a second that came in while somebody looked; `None` where the bridge runs elsewhere.
+    pub came_hz: Option<f64>,
     /// Share of all messages since the start that the limit has left out, from 0 to 1.
     pub dropped: f64,
 }
@@ -215,6 +218,13 @@ pub struct Graph {
     pub carried_by: String,
 }
 
+impl Graph {
+    /// True where nodes of other machines are not seen.
+    fn is_narrow(&self) -> bool {
+        self.range != "SUBNET"
+    }
+}
+
 /// Result of the walk.
 #[derive(Debug, Clone, Serialize)]
 pub struct Verdict {
@@ -291,6 +301,7 @@ pub enum Cause {
     State,
     Drops,
     RateLimit,
+    Refused,
     SameNode,
     Idle,
     /// A word of a bridge elsewhere that is not known here.

@@ -10,21 +10,22 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-use wrapyfi_core::endpoint::{CountersSnapshot, Discovered, DropReason, EndpointAddress, Role};
-use wrapyfi_core::engine::{
-    Applier, Kind, Plan, Route, RouteIndex, RouteStatus, Typing, may_be_read_as,
-};
+use wrapyfi_core::endpoint::{Discovered, DropReason, EndpointAddress, Role};
+use wrapyfi_core::engine::{Applier, Kind, Plan, Route, RouteIndex, Typing, may_be_read_as};
 use wrapyfi_core::middleware::yarp;
 use wrapyfi_core::types::{DataType, MessageType};
 use wrapyfi_interfaces::store::TypeStore;
+use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
-use super::look::{Sight, Wanted, look};
-use super::{End, Limited, RouteFacts, Unheard, Way};
+use super::drops::drops;
+use super::look::{Sight, Wanted, graph, look};
+use super::{End, Limited, RouteFacts, Unheard, Way, running};
 use crate::command::definitions;
 use crate::exit::Failure;
 use crate::in_force::InForce;
 use crate::middlewares::{self, Endpoints, Loaded, Undefined};
 use crate::node::Node;
+use crate::on_graph::info;
 use crate::own_address::OwnAddress;
 
 /// Question of a command.
@@ -71,9 +72,8 @@ impl Question {
                 endpoints.check_permitted(Some(path))?;
                 let node = Node::bridge().map_err(Failure::usage)?;
                 let sight = Sight { endpoints: &endpoints, bridge: None };
-                let none = &|| Vec::new();
                 let configured =
-                    Configured { file: &file, plan: &plan, node: &node, sight, status: none };
+                    Configured { file: &file, plan: &plan, node: &node, sight, status: None };
                 configured.way(&self.name, types)
             }
             Err(failure) => {
@@ -123,8 +123,8 @@ pub struct Configured<'c> {
     pub node: &'c Node,
     /// Settings of the middlewares, and those of a bridge that runs the routes.
     pub sight: Sight<'c>,
-    /// Present statuses of the routes; none where no bridge was asked.
-    pub status: &'c dyn Fn() -> Vec<RouteStatus>,
+    /// Present statuses of the routes in the bridge that looks; a command asks the bridges on the graph.
+    pub status: Option<&'c dyn Fn() -> Vec<RouteInfo>>,
 }
 
 impl Configured<'_> {
@@ -172,10 +172,7 @@ impl Configured<'_> {
     /// Facts about a route: both ends, side by side.
     fn of_route(&self, route: &Route, mut facts: RouteFacts, mut types: TypeStore) -> Way {
         let Self { node, sight, .. } = *self;
-        let status = || {
-            let is_it = |one: &RouteStatus| one.name == route.name || one.name == route.ends();
-            (self.status)().into_iter().find(is_it)
-        };
+        let status = || running::of(route, self.status?());
         let (before, begin) = (status(), Instant::now());
         let is_service = matches!(route.kind, Kind::Service(_));
         let (provider, taker) = match is_service {
@@ -188,21 +185,26 @@ impl Configured<'_> {
             is_learned: is_learned && role == provider,
             listens: role == Role::Publisher
                 && !route.is_many()
-                && before.is_none()
+                && self.status.is_none()
                 && listens_on(&end.middleware),
             ..Wanted::new(node.resolve(end), is_service)
         };
         let (at_source, at_destination) = (wanted(&route.from, provider), wanted(&route.to, taker));
         // Nothing is learned at the destination.
         let mut none = TypeStore::empty();
-        let (mut source, mut destination) = std::thread::scope(|scope| {
+        let ask = || running::asked(&sight.endpoints.ros2, route);
+        // Looking as far as multicast reaches needs an end of all others in the domain.
+        let is_beside = self.status.is_none() && !graph(sight.endpoints).is_narrow();
+        let (mut source, mut destination, asked) = std::thread::scope(|scope| {
             let source = scope.spawn(|| look(sight, &at_source, &mut types));
+            let asked = is_beside.then(|| scope.spawn(ask));
             let destination = look(sight, &at_destination, &mut none);
             let failed = |_panicked| {
                 let away = Some("looking at it failed: see the log".to_owned());
                 End { away, ..End::new(at_source.address.clone()) }
             };
-            (source.join().unwrap_or_else(failed), destination)
+            let asked = asked.and_then(|asked| asked.join().ok().flatten());
+            (source.join().unwrap_or_else(failed), destination, asked)
         });
         if let Some(names) = &route.names {
             let of_role = source.found.iter().filter(|one| one.role == provider);
@@ -217,13 +219,22 @@ impl Configured<'_> {
         destination.learned = source.learned;
         source.qos = qos_at(route, &route.from);
         destination.qos = qos_at(route, &route.to);
-        let running = status();
-        if let (Some(before), Some(now)) = (before, &running) {
-            let came = now.counters.received.saturating_sub(before.counters.received);
-            (source.heard, source.silent) = (came, Some(begin.elapsed()));
-            facts.limited =
-                limited(route, &now.counters, came as f64 / begin.elapsed().as_secs_f64());
+        let asked = || if self.status.is_none() && !is_beside { ask() } else { asked };
+        let running = status().or_else(asked);
+        if is_learned && !is_service && is_ros(&route.from) && is_ros(&route.to) {
+            // A listener may have told it before a publisher came.
+            let known = running.as_ref().map(|it| it.type_name.clone());
+            source.type_name = known.filter(|name| name.contains('/'));
+            let told = || source.of(provider).find_map(|one| one.type_name.clone());
+            destination.type_name = source.type_name.clone().or_else(told);
         }
+        let mut came_hz = None;
+        if let (Some(before), Some(now)) = (before, &running) {
+            let came = now.received.saturating_sub(before.received);
+            (source.heard, source.silent) = (came, Some(begin.elapsed()));
+            came_hz = Some(came as f64 / begin.elapsed().as_secs_f64());
+        }
+        facts.limited = running.as_ref().and_then(|running| limited(route, running, came_hz));
         let destination = (!route.is_many()).then_some(destination);
         let title = match route.name == route.ends() {
             true => route.ends(),
@@ -303,13 +314,10 @@ fn circle(index: &RouteIndex<'_>, route: &Route) -> Vec<String> {
 }
 
 /// Limit of a route's rate where it has left messages out.
-fn limited(route: &Route, counters: &CountersSnapshot, came_hz: f64) -> Option<Limited> {
+fn limited(route: &Route, running: &RouteInfo, came_hz: Option<f64>) -> Option<Limited> {
     let max_rate_hz = route.policy.max_rate_hz?;
-    let dropped = counters.dropped_for(DropReason::RateLimit);
-    if dropped == 0 {
-        return None;
-    }
-    let dropped = dropped as f64 / counters.received.max(dropped) as f64;
+    let (_, dropped) = drops(running).find(|(reason, _)| *reason == DropReason::RateLimit)?;
+    let dropped = dropped as f64 / running.received.max(dropped) as f64;
     Some(Limited { max_rate_hz, came_hz, dropped })
 }
 
@@ -400,7 +408,7 @@ pub(crate) fn explain(
         plan: &plan,
         node,
         sight: Sight { endpoints, bridge: Some(&registry) },
-        status: &|| routes.status(),
+        status: Some(&|| routes.status().iter().map(info::of).collect()),
     };
     configured.way(name, definitions::store(definitions)?)
 }

@@ -6,6 +6,7 @@ use std::str::FromStr;
 use super::{
     AudioChunk, Image, NativeObject, Properties, RosMessage, RosType, RosTypeError, Value,
 };
+use crate::suggest::did_you_mean;
 use wrapyfi_interfaces::named;
 use wrapyfi_interfaces::store::{ResolveError, TypeStore};
 
@@ -73,20 +74,26 @@ named! {
 
 /// Error of reading the name of a type; the text lists the known ones.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{text:?} is no message type; accepted are {accepted}")]
+#[error("{text:?} is no message type; {hint}accepted are {accepted}")]
 pub struct ParseTypeError {
     text: String,
+    hint: String,
     accepted: String,
+}
+
+impl ParseTypeError {
+    fn new(text: &str, accepted: &[&str]) -> Self {
+        let hint = did_you_mean(text, accepted);
+        Self { text: text.into(), hint, accepted: accepted.join(", ") }
+    }
 }
 
 impl FromStr for DataType {
     type Err = ParseTypeError;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        Self::ALL.into_iter().find(|kind| kind.name() == text).ok_or_else(|| ParseTypeError {
-            text: text.into(),
-            accepted: Self::ALL.map(Self::name).join(", "),
-        })
+        let named = Self::ALL.into_iter().find(|kind| kind.name() == text);
+        named.ok_or_else(|| ParseTypeError::new(text, &Self::ALL.map(Self::name)))
     }
 }
 
@@ -273,8 +280,10 @@ impl FromStr for MessageType {
         };
         let mut all = Self::ALL.into_iter();
         all.find(|&kind| spellings(kind).any(|spelling| spelling == text)).ok_or_else(|| {
-            let accepted = Self::ALL.into_iter().flat_map(spellings).collect::<Vec<_>>().join(", ");
-            ParseTypeError { text: text.into(), accepted }
+            ParseTypeError::new(
+                text,
+                &Self::ALL.into_iter().flat_map(spellings).collect::<Vec<_>>(),
+            )
         })
     }
 }
@@ -294,6 +303,8 @@ mod tests {
             assert_eq!(kind.ros_type().parse(), Ok(read));
         }
         assert!(MessageType::Properties.ros_type().parse::<MessageType>().is_err());
+        let wrong = "Imag".parse::<MessageType>().unwrap_err().to_string();
+        assert!(wrong.contains("\"Imag\" is no message type; did you mean `Image`? "), "{wrong}");
         for kind in DataType::ALL {
             assert_eq!(kind.to_string().parse(), Ok(kind));
         }
@@ -316,7 +327,9 @@ mod tests {
     #[test]
     fn a_wrong_spelling_is_told_the_right_ones() {
         let error = "image".parse::<MessageType>().unwrap_err().to_string();
-        assert!(error.starts_with("\"image\" is no message type; accepted are NativeObject, "));
+        assert!(error.starts_with(
+            "\"image\" is no message type; did you mean `Image`? accepted are NativeObject, "
+        ));
         assert!(
             error.contains("std_msgs/msg/String, Text, Image, sensor_msgs/msg/Image, "),
             "{error}"

@@ -6,6 +6,7 @@ use std::str::FromStr;
 use wrapyfi_interfaces::store::{ResolveError, TypeStore};
 
 use super::{DataType, MessageType, RosService, RosTypeError};
+use crate::suggest::did_you_mean;
 
 /// Type that `--type` of `call` and `serve` names: the kind of payload that a function of Wrapyfi
 /// returns, and the ROS service that carries it on the ROS 2 side.
@@ -151,9 +152,10 @@ impl fmt::Display for ServiceKind {
 
 /// Error of reading the name of one of Wrapyfi's service types; the text lists them.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{text:?} is no function of Wrapyfi; accepted are {accepted}")]
+#[error("{text:?} is no function of Wrapyfi; {hint}accepted are {accepted}")]
 pub struct ParseServiceError {
     text: String,
+    hint: String,
     accepted: String,
 }
 
@@ -162,9 +164,10 @@ impl FromStr for ServiceKind {
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let named = |kind: &Self| kind.short_name() == Some(text) || kind.ros_type() == text;
-        Self::ALL.into_iter().find(named).ok_or_else(|| ParseServiceError {
-            text: text.into(),
-            accepted: Self::ALL.map(|kind| kind.to_string()).join(", "),
+        Self::ALL.into_iter().find(named).ok_or_else(|| {
+            let names = Self::ALL.map(|kind| kind.to_string());
+            let (hint, accepted) = (did_you_mean(text, &names), names.join(", "));
+            ParseServiceError { text: text.into(), hint, accepted }
         })
     }
 }
@@ -185,5 +188,7 @@ mod tests {
     fn a_wrong_spelling_is_told_the_right_ones() {
         let error = "std_srvs/srv/SetBool".parse::<ServiceKind>().unwrap_err().to_string();
         assert!(error.contains("no function of Wrapyfi; accepted are NativeObject, Image, "));
+        let error = "Imag".parse::<ServiceKind>().unwrap_err().to_string();
+        assert!(error.contains("did you mean `Image`? accepted are"), "{error}");
     }
 }

@@ -8,26 +8,39 @@
 //! A call made before a server is found waits for it: no request is sent before both halves of the
 //! match are there, because neither would be repeated.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 
 use super::LOOK_AGAIN;
 use super::codec::ServiceCodec;
-use crate::graph::{CdrClient, GraphError, Peers, ServiceMapping, ringing};
+use crate::graph::{CdrClient, Graph, GraphError, Peers, ServiceMapping, ringing};
+use crate::names::service_type_from_dds;
 use crate::ros2::{Ros2, no_service};
 use wrapyfi_data::EncodeError;
 use wrapyfi_endpoint::calls::{Calls, Stage};
 use wrapyfi_endpoint::wire_client::{ClientWire, WireClient};
-use wrapyfi_endpoint::{CallError, Context, Link, OpenResult, Request, ServiceSpec, Throttle};
+use wrapyfi_endpoint::{
+    CallError, Context, Link, Mutex, OpenResult, Request, ServiceSpec, Throttle,
+};
+
+/// Time after which the types of the servers are looked at again, where nothing has changed.
+const TYPES: Duration = Duration::from_secs(5);
+
+/// Servers that were matched when their types were looked at, the time of that, and the type that all of them have
+/// where it is another.
+type Looked = (Peers, Instant, Option<String>);
 
 /// Calls one service.
 pub(in super::super) struct Ros2Client {
     cdr: Box<dyn CdrClient>,
+    graph: Arc<dyn Graph>,
     codec: ServiceCodec,
     mapping: ServiceMapping,
     context: Context,
     dropped: Throttle,
+    looked: Mutex<Option<Looked>>,
 }
 
 impl Ros2Client {
@@ -47,8 +60,15 @@ impl Ros2Client {
         let cdr = cdr.map_err(|error| no_service(spec, &error))?;
         let (mapping, context) = (ros2.graph().service_mapping(), context.clone());
         let (service, pending) = (codec.spec.service.clone(), spec.pending);
-        let wire =
-            Self { cdr, codec, mapping, context: context.clone(), dropped: Throttle::default() };
+        let wire = Self {
+            cdr,
+            graph: Arc::clone(ros2.graph()),
+            codec,
+            mapping,
+            context: context.clone(),
+            dropped: Throttle::default(),
+            looked: Mutex::default(),
+        };
         Ok(WireClient::new(wire, &service, pending, &context))
     }
 
@@ -57,9 +77,34 @@ impl Ros2Client {
         self.cdr.servers()
     }
 
+    /// Type that the servers have, where it is another than ours. DDS matches no endpoints of two types, and RustDDS
+    /// all.
+    fn other_type(&self, servers: &Peers) -> Option<String> {
+        if self.mapping == ServiceMapping::Cyclone && matches!(servers, Peers::Ready(_)) {
+            return None;
+        }
+        let mut looked = self.looked.lock();
+        if let Some((known, at, other)) = &*looked
+            && known == servers
+            && at.elapsed() < TYPES
+        {
+            return other.clone();
+        }
+        let requests = format!("rq{}Request", self.codec.spec.service);
+        let all = self.graph.endpoints().unwrap_or_default();
+        let found = all.iter().filter(|it| !it.is_publisher && it.dds_topic == requests);
+        let mut types: Vec<_> =
+            found.filter_map(|server| service_type_from_dds(&server.dds_type)).collect();
+        let has_ours = types.iter().any(|theirs| *theirs == self.codec.type_name());
+        let other = types.pop().filter(|_| !has_ours);
+        *looked = Some((servers.clone(), Instant::now(), other.clone()));
+        other
+    }
+
     fn send(&mut self, calls: &mut Calls<Bytes>) {
         while let Some(request) = calls.next_to_send() {
-            if !matches!(self.cdr.servers(), Peers::Ready(_)) {
+            let servers = self.cdr.servers();
+            if !matches!(servers, Peers::Ready(_)) || self.other_type(&servers).is_some() {
                 return;
             }
             match self.cdr.send(&[request]) {
@@ -117,7 +162,11 @@ impl ClientWire for Ros2Client {
     }
 
     fn missing(&self, stage: Stage) -> String {
-        match (stage, self.cdr.servers()) {
+        let servers = self.cdr.servers();
+        if let (Stage::Waiting, Some(other)) = (stage, self.other_type(&servers)) {
+            return format!("its server is of another type: {other}");
+        }
+        match (stage, servers) {
             (Stage::Sent, Peers::Ready(_)) => "its server has not answered".to_owned(),
             (Stage::Sent, _) => "its server is gone".to_owned(),
             (Stage::Waiting, Peers::None) => "no node offers it".to_owned(),
@@ -131,7 +180,13 @@ impl ClientWire for Ros2Client {
 
     fn link(&self) -> Link {
         let name = &self.codec.spec.service;
-        let (peers, waiting_for) = match self.cdr.servers() {
+        let servers = self.cdr.servers();
+        if let Some(other) = self.other_type(&servers) {
+            let ours = self.codec.type_name();
+            let what = format!("a server of {name} that is {ours}; the one there is {other}");
+            return Link { peers: Some(0), waiting_for: Some(what), keeps_last: false };
+        }
+        let (peers, waiting_for) = match servers {
             Peers::Ready(servers) => (servers, None),
             Peers::None => (0, Some(format!("a server of {name}"))),
             Peers::Half => (0, Some(format!("a server of {name}, found by half"))),

@@ -74,13 +74,17 @@ impl ServiceCodec {
     pub(super) fn describe(&self, depth: u32) -> ServiceDescription {
         ServiceDescription {
             name: self.spec.service.clone(),
-            type_name: self.service.name().to_owned(),
+            type_name: self.type_name().to_owned(),
             type_hash: Some(self.service.resolved().type_hash()),
             request_hash: Some(self.service.request().type_hash().to_owned()),
             response_hash: Some(self.service.response().type_hash().to_owned()),
             depth,
             max_bytes: self.most(),
         }
+    }
+
+    pub(super) fn type_name(&self) -> &'static str {
+        self.service.name()
     }
 
     fn most(&self) -> usize {

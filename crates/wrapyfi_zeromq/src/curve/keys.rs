@@ -83,20 +83,25 @@ impl Keys {
             Some(text) => public_key(text)?,
             None => public,
         };
-        if serves && server != public {
+        let mut keys = Self { secret, public, server, clients: None };
+        if serves && keys.is_of_another() {
             let (server, own) = (z85(&server), z85(&public));
             return Err(CurveError::OtherServer { server, own });
         }
-        let clients = match &config.clients {
-            Some(clients) if serves => Some(grants(clients, own_topic)?),
-            _ => None,
-        };
-        Ok(Arc::new(Self { secret, public, server, clients }))
+        if let Some(clients) = config.clients.as_ref().filter(|_| serves) {
+            keys.clients = Some(grants(clients, own_topic)?);
+        }
+        Ok(Arc::new(keys))
     }
 
     /// Public key of this process, as others write it down.
     pub(crate) fn public(&self) -> String {
         z85(&self.public)
+    }
+
+    /// True where the broker has the key of another process.
+    pub(crate) fn is_of_another(&self) -> bool {
+        self.server != self.public
     }
 
     /// True where only listed clients are taken.

@@ -65,6 +65,14 @@ impl Breach {
         }
     }
 
+    /// Key of the client, where that is why it ends.
+    pub(crate) fn key(&self) -> Option<&str> {
+        match self {
+            Self::Unknown(key) | Self::NotAllowed(key, _) => Some(key),
+            _ => None,
+        }
+    }
+
     /// Command that tells the client, where it is told.
     pub(crate) fn told(&self) -> Option<&'static [u8]> {
         matches!(self, Self::Unknown(_) | Self::NotAllowed(..)).then_some(b"\x05ERROR\x03400")
