@@ -22,10 +22,13 @@ pub(super) struct Refusal {
     pub(super) topic: Option<Vec<u8>>,
 }
 
+/// Side of the broker at which an endpoint's peers are, and the name of the endpoint.
+type Key = (Kind, Vec<u8>);
+
 /// The counters of the endpoints of one instance, by the side of the broker at which their peers are, and by name.
 /// Looked at only where something is lost.
 #[derive(Debug, Default)]
-pub(super) struct Ledger(Mutex<BTreeMap<(Kind, Vec<u8>), Weak<Counters>>>);
+pub(super) struct Ledger(Mutex<BTreeMap<Key, Weak<Counters>>>);
 
 impl Ledger {
     /// Enters an endpoint.

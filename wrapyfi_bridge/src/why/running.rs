@@ -86,7 +86,7 @@ mod tests {
         assert_eq!(told("from: 'ros2:/a', to: 'zeromq:/x'"), None);
         let pattern = info("ros2:/(.*)", "zeromq:/$1", "active");
         let ill = info("ros2:/d", "zeromq:/d", "degraded");
-        let many = [&all[..], &[pattern.clone()]].concat();
+        let many = [&all[..], std::slice::from_ref(&pattern)].concat();
         let route = "from: 'ros2:/(.*)', to: 'zeromq:/$1'";
         assert_eq!(state(route, &many).as_deref(), Some("ros2:/(.*) active"));
         let with_ill = [&all[..], &[pattern, ill]].concat();
