@@ -292,7 +292,7 @@ fn yarp() -> Result {
                 2,
                 "{printed}"
             );
-            assert_eq!(done(env, &call)?, "[\"[ok]\"]");
+            assert_eq!(done(env, &call)?, "[ok]");
         }
         env.write("some.yaml", guide.block("yaml", "carrier: fast_tcp")?)?;
         env.shell("wrapyfi check some.yaml")?.exits_with(0)?;

@@ -19,6 +19,9 @@ use super::config_error::{ConfigError, Examples, MAX_CONFIG_BYTES, Problem};
 /// Most faults that are told at once.
 const MOST: usize = 50;
 
+/// Most bytes that are read to find them, so that a large text with many faults takes no longer than one without.
+const MOST_BYTES: usize = 1 << 20;
+
 /// A value that was read from YAML, with the faults of its text.
 #[derive(Debug)]
 pub struct Reading<T> {
@@ -52,8 +55,9 @@ impl<T: DeserializeOwned> Reading<T> {
             return reading;
         }
         let mut rest = Cow::Borrowed(text);
-        let mut left_out = BTreeSet::new();
-        while reading.problems.len() < MOST {
+        let (mut left_out, mut bytes) = (BTreeSet::new(), 0_usize);
+        while reading.problems.len() < MOST && (bytes == 0 || bytes + rest.len() <= MOST_BYTES) {
+            bytes += rest.len();
             let error = match serde_saphyr::from_str(&rest) {
                 Ok(value) => {
                     reading.value = Some(value);
