@@ -137,6 +137,31 @@ fn of_running(env: &TestEnv, name: &str, cause: &str) -> Result<Value> {
     }
 }
 
+/// The bridge's own endpoints, which are on the graph as well, are nobody else's.
+#[test]
+fn a_running_route_that_is_well_lacks_nothing() -> Result {
+    run("a_running_route_that_is_well_lacks_nothing", &[Need::Program], |env| {
+        let topic = env.topic("talk");
+        let route = Route::new(&zeromq(&topic), &ros2(&topic), "NativeObject").with("name", "talk");
+        let _bridge = env.bridge(&env.embedded().route(route))?;
+        let _listener = env.wrapyfi(["echo", &ros2(&topic), "--timeout", "200"])?;
+        let talk = ["pub", &zeromq(&topic), "--type", "NativeObject", "--value", "{\"a\": 1}"];
+        let _talker = env.wrapyfi(talk.into_iter().chain(["--rate", "20"]))?;
+        let deadline = std::time::Instant::now() + TIMEOUT;
+        loop {
+            let file = env.path("bridge.yaml").display().to_string();
+            let mut why = env.wrapyfi(["why", "talk", "--config", &file])?;
+            let (code, said) = (why.exit_code()?, why.stdout());
+            if code == 0 && said.contains("a bridge runs the route") {
+                assert!(said.contains("nothing is missing"), "{said}");
+                return Ok(());
+            }
+            let is_late = std::time::Instant::now() >= deadline;
+            anyhow::ensure!(!is_late, "the last answer: {said}");
+        }
+    })
+}
+
 /// The file alone is given: the state is that of the bridge on the graph.
 #[test]
 fn a_running_route_that_drops_every_message_is_named() -> Result {

@@ -31,7 +31,9 @@ pub(super) fn meaning(reason: DropReason) -> &'static str {
         R::Unencodable => "their values have no form at the destination",
         R::OverBudget => "as much waits in the process as may",
         R::Refused => "a node did not set a parameter",
-        R::RefusedPeer => "the route's list of peers does not name the programs that connected",
+        R::RefusedPeer => {
+            "neither the route's list of peers nor the keys of its broker name the programs that connected"
+        }
         R::LostUpstream => "DDS lost them before they reached the bridge",
         R::Late | R::Expired => "calls were not answered in time",
         R::Overloaded => "too many calls are under way at once",
@@ -55,7 +57,8 @@ pub(super) fn mends(reason: DropReason) -> &'static str {
         R::Oversize => "`max_message_mib` on the route",
         R::OverBudget => "`limits: { waiting_mib: 2048 }`, or shorter queues",
         R::RefusedPeer => {
-            "`from_peers` or `to_peers` of the route, where such a program may connect; the log names it"
+            "`from_peers` or `to_peers` of the route, or `clients` of `curve`, where such a program may connect; \
+             the log names it"
         }
         R::LostUpstream => {
             "sysctl -w net.core.rmem_max=4194304, or a greater depth of the publisher"

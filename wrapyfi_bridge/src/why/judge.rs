@@ -522,14 +522,14 @@ impl Walk<'_> {
 
     /// Other bridges whose node has the same name.
     fn namesakes(&self, ends: [&End; 2]) -> Step {
-        let Some(RouteFacts { node, .. }) = &self.way.route else { return Ok(()) };
+        let Some(RouteFacts { node, is_own, .. }) = &self.way.route else { return Ok(()) };
         // Each bridge publishes its status once; one that looks does not see its own.
         let status = format!("{node}/status");
         let is_status = |one: &&Discovered| one.name == status && one.role == Role::Publisher;
         let bridges = |end: &End| end.found.iter().filter(is_status).count();
         let of_ros2 = ends.into_iter().filter(|end| end.address.middleware == "ros2");
         let others = of_ros2.map(bridges).max().unwrap_or(0);
-        let others = others.saturating_sub(usize::from(self.way.running.is_none()));
+        let others = others.saturating_sub(usize::from(!is_own));
         if others == 0 {
             return Ok(());
         }

@@ -501,14 +501,22 @@ fn a_route_that_is_not_well_lacks_something_whatever_is_there() {
 
 #[test]
 fn two_bridges_of_one_node_name_are_named() {
-    let with = |bridges: usize| {
+    let with = |bridges: usize, running: bool, is_own: bool| {
         let status = || Discovered::new("/wrapyfi_bridge/status", Role::Publisher);
         let mut way = of_source(|it| it.found.extend((0..bridges).map(|_| status())));
-        way.route.as_mut().unwrap().node = "/wrapyfi_bridge".to_owned();
+        way.running = running.then(RouteInfo::default);
+        let route = way.route.as_mut().unwrap();
+        (route.node, route.is_own) = ("/wrapyfi_bridge".to_owned(), is_own);
         judge(&way).finding
     };
-    assert_eq!((with(0), with(1)), (None, None), "a command sees the one bridge that there is");
-    let found = with(2).unwrap();
+    for running in [false, true] {
+        let of_command = |bridges| with(bridges, running, false);
+        let one = [of_command(0), of_command(1)];
+        assert_eq!(one, [None, None], "a command sees the one bridge that there is");
+        assert!(of_command(2).is_some());
+    }
+    assert_eq!(with(0, true, true), None);
+    let found = with(1, true, true).unwrap();
     assert_eq!(found.cause, Cause::SameNode);
     assert!(found.what.contains("/wrapyfi_bridge") && found.remedy.contains("__node:="));
 }

@@ -83,6 +83,8 @@ pub struct RouteFacts {
     pub unheard: Option<Unheard>,
     /// Full name of the bridge's node on ROS 2.
     pub node: String,
+    /// True where the bridge that runs the route looks; a command sees the endpoints of that bridge, too.
+    pub is_own: bool,
     /// Limit of the rate, and the messages that it has left out.
     pub limited: Option<Limited>,
 }

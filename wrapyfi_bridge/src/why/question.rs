@@ -142,6 +142,7 @@ impl Configured<'_> {
                     file: file.to_owned(),
                     left_out,
                     node: node.name().fqn(),
+                    is_own: self.status.is_some(),
                     ..RouteFacts::default()
                 };
                 facts.unheard = unheard(&index, &route, node);

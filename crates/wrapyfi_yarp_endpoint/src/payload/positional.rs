@@ -13,10 +13,11 @@ use wrapyfi_yarp::{Bottle, Dialect, Value as Element};
 use super::element::{self, Writer};
 use super::rules::Rules;
 use super::{requests, ros};
+use wrapyfi_data::plugin::Plugins;
 use wrapyfi_data::types::{
     Map, RosType, RosValueError, Value, fields_of_call, fields_of_return, value_of,
 };
-use wrapyfi_endpoint::codec::{DecodeError, DecodeResult, EncodeError, EncodeResult};
+use wrapyfi_endpoint::codec::{DecodeError, DecodeResult, EncodeError, EncodeResult, json};
 use wrapyfi_endpoint::{Call, Request};
 
 /// The field that the generator of ROS puts into messages without any.
@@ -109,7 +110,10 @@ pub(super) fn read_reply(
         Some(fields) => fields,
         None => match requests::failure(bottle) {
             Some(text) => return Ok(Err(text)),
-            None => in_order(bottle, &defaults, ros_type, rules.dialect)?,
+            None => match dict_of_json(bottle, ros_type, rules) {
+                Some(fields) => fields,
+                None => in_order(bottle, &defaults, ros_type, rules.dialect)?,
+            },
         },
     };
     let named = ros::named(given.into(), &defaults);
@@ -138,6 +142,14 @@ fn joined(values: &[Element]) -> String {
         [Element::String(text)] => text.to_string_lossy().into_owned(),
         values => Bottle { values: values.to_vec() }.to_text(),
     }
+}
+
+/// Fields in the one string that a function of Wrapyfi answers with: a dict of them, as JSON.
+fn dict_of_json(bottle: &Bottle, ros_type: RosType, rules: Rules<'_>) -> Option<Map> {
+    let [Element::String(text)] = bottle.values.as_slice() else { return None };
+    let bytes = text.as_bytes().starts_with(b"{").then(|| text.clone().into_bytes())?;
+    let value = json::decode_or_text(&bytes, rules.limits, &Plugins::default()).ok()?;
+    by_name(&[value], ros_type)
 }
 
 fn in_order(

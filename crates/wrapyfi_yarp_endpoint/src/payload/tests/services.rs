@@ -109,6 +109,8 @@ fn services_of_ros_succeed_or_fail_in_words() {
         ("true done", true, "done"),
         ("false \"no lamp\" 3", false, "\"no lamp\" 3"),
         ("(success true) (message done)", true, "done"),
+        // As a function of Wrapyfi returns a dict.
+        (r#""{\"success\": true, \"message\": \"done\"}""#, true, "done"),
     ] {
         assert_eq!(answered(text, &spec), Ok(verdict(success, message)), "{text}");
     }
