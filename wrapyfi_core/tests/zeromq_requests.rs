@@ -207,7 +207,7 @@ fn what_waits_for_a_server_is_bounded_and_does_not_grow_old() {
     let python = bare(zmq::REQ, broker.rep_port());
     python.send("[[4], {}]", 0).unwrap();
     assert!(python.recv_string(0).unwrap().unwrap().contains("2 requests wait"));
-    assert_eq!(broker.status().overloaded, 2);
+    wait_for(&broker, "both refusals to be counted", |status| status.overloaded == 2);
     let error = until("the time-out", || client.take_only(old)).unwrap_err();
     assert!(matches!(error, CallError::TimedOut { .. }), "{error:?}");
     wait_for(&broker, "the first to be dropped", |status| status.expired == 1);
