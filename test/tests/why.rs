@@ -1,7 +1,9 @@
 //! Broken set-ups with real peers: `wrapyfi why` alone names the cause and what mends it.
 
 use serde_json::Value;
-use wrapyfi_e2e::{Need, Result, Route, TIMEOUT, TestEnv, ros1, ros2, run, until_route, zeromq};
+use wrapyfi_e2e::{
+    Need, Process, Result, Route, TIMEOUT, TestEnv, ros1, ros2, run, until_route, zeromq,
+};
 
 /// Longest time that an answer may take.
 const MOST_MS: u64 = 2000;
@@ -137,16 +139,23 @@ fn of_running(env: &TestEnv, name: &str, cause: &str) -> Result<Value> {
     }
 }
 
+/// A bridge with the route `name`, who listens behind it, and who publishes an object before it.
+fn an_object_to_ros2(env: &TestEnv, name: &str, message_type: &str) -> Result<[Process; 3]> {
+    let topic = env.topic(name);
+    let route = Route::new(&zeromq(&topic), &ros2(&topic), message_type).with("name", name);
+    let bridge = env.bridge(&env.embedded().route(route))?;
+    let listener =
+        env.wrapyfi(["echo", &ros2(&topic), "--type", message_type, "--timeout", "200"])?;
+    let talk = ["pub", &zeromq(&topic), "--type", "NativeObject", "--value", "{\"a\": 1}"];
+    let talker = env.wrapyfi(talk.into_iter().chain(["--rate", "20"]))?;
+    Ok([bridge, listener, talker])
+}
+
 /// The bridge's own endpoints, which are on the graph as well, are nobody else's.
 #[test]
 fn a_running_route_that_is_well_lacks_nothing() -> Result {
     run("a_running_route_that_is_well_lacks_nothing", &[Need::Program], |env| {
-        let topic = env.topic("talk");
-        let route = Route::new(&zeromq(&topic), &ros2(&topic), "NativeObject").with("name", "talk");
-        let _bridge = env.bridge(&env.embedded().route(route))?;
-        let _listener = env.wrapyfi(["echo", &ros2(&topic), "--timeout", "200"])?;
-        let talk = ["pub", &zeromq(&topic), "--type", "NativeObject", "--value", "{\"a\": 1}"];
-        let _talker = env.wrapyfi(talk.into_iter().chain(["--rate", "20"]))?;
+        let _programs = an_object_to_ros2(env, "talk", "NativeObject")?;
         let deadline = std::time::Instant::now() + TIMEOUT;
         loop {
             let file = env.path("bridge.yaml").display().to_string();
@@ -166,14 +175,7 @@ fn a_running_route_that_is_well_lacks_nothing() -> Result {
 #[test]
 fn a_running_route_that_drops_every_message_is_named() -> Result {
     run("a_running_route_that_drops_every_message_is_named", &[Need::Program], |env| {
-        let topic = env.topic("cam");
-        let number = "std_msgs/msg/Int32";
-        let route = Route::new(&zeromq(&topic), &ros2(&topic), number).with("name", "cam");
-        let _bridge = env.bridge(&env.embedded().route(route))?;
-        let _listener =
-            env.wrapyfi(["echo", &ros2(&topic), "--type", number, "--timeout", "200"])?;
-        let talk = ["pub", &zeromq(&topic), "--type", "NativeObject", "--value", "{\"a\": 1}"];
-        let _talker = env.wrapyfi(talk.into_iter().chain(["--rate", "20"]))?;
+        let _programs = an_object_to_ros2(env, "cam", "std_msgs/msg/Int32")?;
         let answer = of_running(env, "cam", "drops")?;
         let what = answer["what"].as_str().unwrap_or_default();
         assert!(what.contains("messages of the route are dropped"), "{answer}");

@@ -10,14 +10,15 @@
 use wrapyfi_interfaces::dynamic::{DynamicMessage, DynamicValue};
 use wrapyfi_yarp::{Bottle, Dialect, Value as Element};
 
+use super::super::options::BottleFormat;
 use super::element::{self, Writer};
 use super::rules::Rules;
-use super::{requests, ros};
+use super::{native, requests, ros};
 use wrapyfi_data::plugin::Plugins;
 use wrapyfi_data::types::{
     Map, RosType, RosValueError, Value, fields_of_call, fields_of_return, value_of,
 };
-use wrapyfi_endpoint::codec::{DecodeError, DecodeResult, EncodeError, EncodeResult, json};
+use wrapyfi_endpoint::codec::{DecodeError, DecodeResult, EncodeError, EncodeResult};
 use wrapyfi_endpoint::{Call, Request};
 
 /// The field that the generator of ROS puts into messages without any.
@@ -147,8 +148,10 @@ fn joined(values: &[Element]) -> String {
 /// Fields in the one string that a function of Wrapyfi answers with: a dict of them, as JSON.
 fn dict_of_json(bottle: &Bottle, ros_type: RosType, rules: Rules<'_>) -> Option<Map> {
     let [Element::String(text)] = bottle.values.as_slice() else { return None };
-    let bytes = text.as_bytes().starts_with(b"{").then(|| text.clone().into_bytes())?;
-    let value = json::decode_or_text(&bytes, rules.limits, &Plugins::default()).ok()?;
+    if !text.as_bytes().starts_with(b"{") {
+        return None;
+    }
+    let value = native::decode(bottle, BottleFormat::Json, &Plugins::default(), rules).ok()?;
     by_name(&[value], ros_type)
 }
 
