@@ -3,7 +3,8 @@
 //! ```text
 //!   message ─▶ small, or nobody is on Fast DDS ────────────────────────────▶ written
 //!          └─▶ large ─▶ the large one before it is acknowledged ───────────▶ written
-//!                  └──▶ it is not within MAX_BLOCKING ─▶ dropped, counted; once its time is over: written
+//!                  └──▶ it is not within MAX_BLOCKING ─▶ dropped, counted; once its time is over: written, and
+//!                       whoever has not acknowledged it is waited for no longer where there are other readers
 //! ```
 //!
 //! A Fast DDS node leaves its receive buffer as the kernel makes it: `net.core.rmem_default`, 212 992
@@ -19,7 +20,7 @@
 
 use std::time::{Duration, Instant};
 
-use super::cyclone::RawWriter;
+use super::cyclone::{Peer, RawWriter};
 use super::discovery_info::Gid;
 use super::graph::{NodeWatch, ServiceMapping, TopicDescription};
 use super::vendor;
@@ -52,29 +53,31 @@ const WINDOW: Duration = Duration::from_secs(1);
 /// Time for which a topic counts as slowed down after such a window.
 const SLOW_FOR: Duration = Duration::from_secs(5);
 
-/// Readers on Fast DDS that a writer is matched with, one of each kind.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-struct Readers {
-    reliable: Option<Gid>,
-    best_effort: Option<Gid>,
-}
+/// Time after which a reader that was late is waited for again, where the others no longer wait for it.
+const REST: Duration = Duration::from_secs(2);
+/// Time that it then has: one that runs again and takes a little longer than there is between two messages would not
+/// catch up otherwise, and the others hardly notice.
+const PATIENCE: Duration = Duration::from_millis(60);
 
 /// Begins to watch the names of nodes.
 type Nodes = Box<dyn Fn() -> Option<Box<dyn NodeWatch>> + Send>;
 
 /// Decides when a large message of one writer may go.
 pub(super) struct Pacing {
-    /// Watch of the names of nodes, begun when a reader is slow.
     nodes: Nodes,
+    /// Watch of the names of nodes, while a reader is to be told of.
+    watch: Option<Box<dyn NodeWatch>>,
     /// Topic with the names of DDS.
     topic: TopicDescription,
     /// Bytes that any reader's socket holds.
     room: usize,
-    /// Number of changes of matches that were seen, and the readers at that time.
-    seen: Option<(u64, Readers)>,
+    /// Number of changes of matches that were seen, and of matched readers of any kind at that time.
+    seen: Option<(u64, usize)>,
+    /// Those of them on Fast DDS.
+    readers: Vec<FastReader>,
     last: Option<Last>,
-    /// Reports about a reliable reader, and about one that is best effort.
-    slow_readers: [Option<SlowReader>; 2],
+    /// The reader that was waited for last.
+    slowest: Option<Gid>,
     load: Load,
 }
 
@@ -88,12 +91,17 @@ struct Last {
     is_late: bool,
 }
 
-struct SlowReader {
-    reader: Gid,
-    /// Time since which the report waits for the name of the node; `None` once the user was told.
-    unreported: Option<(Instant, Option<Box<dyn NodeWatch>>)>,
-    /// Name of the reader's node, where it is known.
+/// A reader on Fast DDS that a writer is matched with.
+struct FastReader {
+    gid: Gid,
+    is_reliable: bool,
+    found: Instant,
+    /// True once the user was told of it.
+    is_told: bool,
+    /// Name of its node, where it is known.
     name: Option<String>,
+    /// It was late, and until then the others do not wait for it.
+    rests_until: Option<Instant>,
 }
 
 impl Pacing {
@@ -101,9 +109,17 @@ impl Pacing {
         nodes: impl Fn() -> Option<Box<dyn NodeWatch>> + Send + 'static,
         topic: &TopicDescription,
     ) -> Self {
-        let (nodes, topic) = (Box::new(nodes), topic.clone());
-        let (seen, last, slow_readers) = (None, None, [None, None]);
-        Self { nodes, topic, room: room(), seen, last, slow_readers, load: Load::default() }
+        Self {
+            nodes: Box::new(nodes),
+            watch: None,
+            topic: topic.clone(),
+            room: room(),
+            seen: None,
+            readers: Vec::new(),
+            last: None,
+            slowest: None,
+            load: Load::default(),
+        }
     }
 
     /// Waits until a message of `bytes` may be written through `raw`; false where it may not be.
@@ -111,14 +127,14 @@ impl Pacing {
         if bytes <= self.room {
             return true;
         }
-        let readers = self.readers(raw);
-        self.report(readers, bytes);
-        if readers == Readers::default() {
+        let begun = Instant::now();
+        self.look(raw, begun);
+        self.report(bytes, begun);
+        if self.readers.is_empty() {
             self.last = None;
             return true;
         }
-        let begun = Instant::now();
-        let is_admitted = self.wait(raw, readers, begun);
+        let is_admitted = self.wait(raw, begun);
         let now = Instant::now();
         self.load.waited(begun, now, is_admitted);
         if is_admitted {
@@ -129,79 +145,114 @@ impl Pacing {
         is_admitted
     }
 
-    /// Reason, in words, for which fewer messages go out than are given; `None` where all do.
+    /// Reason, in words, for which fewer messages go out than are given, or a reader is left behind; `None` where all
+    /// go to all.
     pub(super) fn slowed(&self) -> Option<String> {
-        let now = Instant::now();
-        let Last { bytes, .. } = self.last.filter(|_| self.load.is_slow(now))?;
-        let slow = self.slow_readers.iter().flatten().next()?;
-        let node = slow.name.as_deref().unwrap_or("a subscriber");
-        Some(format!(
-            "{node} runs Fast DDS and takes longer for messages of {bytes} bytes than there is between two: \
-             the newest go, one after the other; {}",
-            remedy(bytes)
-        ))
+        let (now, bytes) = (Instant::now(), self.last?.bytes);
+        let rests = |reader: &&FastReader| reader.rests_until.is_some_and(|until| now < until + WINDOW);
+        let (reader, what) = if let Some(resting) = self.readers.iter().find(rests) {
+            let what = "acknowledges nothing: it stands still, has ended without a word or is far too slow for \
+                        messages of";
+            (Some(resting), format!("{what} {bytes} bytes; the other subscribers do not wait for it"))
+        } else if self.load.is_slow(now) {
+            let slowest = self.readers.iter().find(|reader| Some(reader.gid) == self.slowest);
+            let what = format!(
+                "takes longer for messages of {bytes} bytes than there is between two: the newest go, one after the \
+                 other"
+            );
+            (slowest, what)
+        } else {
+            return None;
+        };
+        let node = reader.and_then(|reader| reader.name.as_deref()).unwrap_or("a subscriber");
+        Some(format!("{node} runs Fast DDS and {what}; {}", remedy(bytes)))
     }
 
-    fn wait(&self, raw: &RawWriter, readers: Readers, now: Instant) -> bool {
+    /// Waits for the readers that have not acknowledged the last message. One that is late holds up the others once:
+    /// then they do not wait for it until it has everything.
+    fn wait(&mut self, raw: &RawWriter, now: Instant) -> bool {
         let Some(Last { written, bytes, is_late }) = self.last else { return true };
-        if readers.best_effort.is_some() {
+        if self.readers.iter().any(|reader| !reader.is_reliable) {
             let due = written + time(bytes, BEST_EFFORT);
             std::thread::sleep(due.saturating_duration_since(now).min(MAX_BLOCKING));
         }
-        if readers.reliable.is_none() || raw.all_acknowledged() {
+        let resting = self.readers.iter().filter(|reader| reader.rests_until.is_some()).count();
+        let has_others = self.seen.is_some_and(|(_, matched)| matched > resting);
+        let mut awaited = Vec::new();
+        for reader in self.readers.iter_mut().filter(|reader| reader.is_reliable) {
+            if !(reader.has_all(raw, now) || has_others && reader.rests_until.is_some()) {
+                awaited.push(reader);
+            }
+        }
+        if awaited.is_empty() {
             return true;
         }
         let timeout = LEAST_TIMEOUT + time(bytes, SLOWEST);
         let rest = (written + timeout).saturating_duration_since(Instant::now());
-        if rest.is_zero() || is_late {
-            return rest.is_zero();
+        if is_late && !rest.is_zero() {
+            return false;
         }
-        let wait = rest.min(MAX_BLOCKING);
-        let wait_ns = i64::try_from(wait.as_nanos()).unwrap_or(i64::MAX);
-        raw.wait_for_acks(wait_ns).is_ok() || rest <= MAX_BLOCKING
-    }
-
-    /// Readers on Fast DDS that `raw` is matched with.
-    fn readers(&mut self, raw: &RawWriter) -> Readers {
-        let changes = raw.events().changes();
-        if let Some((seen, found)) = self.seen
-            && seen == changes
-        {
-            return found;
-        }
-        let mut found = Readers::default();
-        for peer in raw.readers().unwrap_or_default() {
-            if vendor::mapping_of(&peer.guid) == Some(ServiceMapping::FastDds) {
-                let both = [peer.reliability, self.topic.qos.reliability];
-                let is_reliable = both == [Reliability::Reliable; 2];
-                let kind = if is_reliable { &mut found.reliable } else { &mut found.best_effort };
-                *kind = Some(peer.guid);
+        let until = Instant::now() + rest.min(MAX_BLOCKING);
+        let has_time_left = rest > MAX_BLOCKING;
+        let mut is_acknowledged = true;
+        for reader in awaited {
+            self.slowest = Some(reader.gid);
+            if !raw.acknowledged_by(&reader.gid, until.saturating_duration_since(Instant::now())) {
+                is_acknowledged = false;
+                if !has_time_left {
+                    reader.rests_until = Some(Instant::now() + REST);
+                }
             }
         }
-        self.seen = Some((changes, found));
-        found
+        is_acknowledged || !has_time_left
     }
 
-    /// Warns once about the readers.
-    fn report(&mut self, readers: Readers, bytes: usize) {
+    /// Finds the readers on Fast DDS that `raw` is matched with.
+    fn look(&mut self, raw: &RawWriter, now: Instant) {
+        let changes = raw.events().changes();
+        if self.seen.is_some_and(|(seen, _)| seen == changes) {
+            return;
+        }
+        let peers = raw.readers().unwrap_or_default();
+        self.seen = Some((changes, peers.len()));
+        let mut known = std::mem::take(&mut self.readers);
+        let fast = |peer: &&Peer| vendor::mapping_of(&peer.guid) == Some(ServiceMapping::FastDds);
+        for peer in peers.iter().filter(fast) {
+            let found = known.iter().position(|reader| reader.gid == peer.guid);
+            self.readers.push(found.map(|at| known.swap_remove(at)).unwrap_or_else(|| FastReader {
+                gid: peer.guid,
+                is_reliable: [peer.reliability, self.topic.qos.reliability]
+                    == [Reliability::Reliable; 2],
+                found: now,
+                is_told: false,
+                name: None,
+                rests_until: None,
+            }));
+        }
+    }
+
+    /// Warns once about each reader: as soon as the name of its node is known, or has been waited for.
+    fn report(&mut self, bytes: usize, now: Instant) {
+        if self.readers.iter().all(|reader| reader.is_told) {
+            self.watch = None;
+            return;
+        }
+        if self.watch.is_none() {
+            self.watch = (self.nodes)();
+        }
+        let Some(watch) = &mut self.watch else { return };
+        watch.update();
         let topic = super::names::topic_from_dds(&self.topic.name).unwrap_or(&self.topic.name);
-        let kinds = [
-            (readers.reliable, "one waits until the one before it has arrived, which takes longer"),
-            (
-                readers.best_effort,
-                "most of them are lost to it, which is best effort and asks for none again",
-            ),
-        ];
-        for (entry, (reader, what)) in self.slow_readers.iter_mut().zip(kinds) {
-            let Some(reader) = reader else {
-                *entry = None;
-                continue;
-            };
-            let slow = match entry {
-                Some(slow) if slow.reader == reader => slow,
-                entry => entry.insert(SlowReader::new((self.nodes)(), reader)),
-            };
-            if let Some(node) = slow.now() {
+        for reader in self.readers.iter_mut().filter(|reader| !reader.is_told) {
+            reader.name = watch.owner(&reader.gid).map(str::to_owned);
+            reader.is_told = reader.name.is_some() || now >= reader.found + NAME_TIMEOUT;
+            if reader.is_told {
+                let node = reader.name.as_deref().unwrap_or("a subscriber of an unknown node");
+                let what = if reader.is_reliable {
+                    "one waits until the one before it has arrived, which takes longer"
+                } else {
+                    "most of them are lost to it, which is best effort and asks for none again"
+                };
                 let (room, remedy) = (self.room, remedy(bytes));
                 tracing::warn!(
                     "{node} on {topic} runs Fast DDS (rmw_fastrtps_cpp), whose socket holds {room} bytes, and \
@@ -212,23 +263,18 @@ impl Pacing {
     }
 }
 
-impl SlowReader {
-    fn new(nodes: Option<Box<dyn NodeWatch>>, reader: Gid) -> Self {
-        Self { reader, unreported: Some((Instant::now(), nodes)), name: None }
-    }
-
-    /// The reader's node, once: as soon as its name is known, or has been waited for.
-    fn now(&mut self) -> Option<&str> {
-        let (since, nodes) = self.unreported.as_mut()?;
-        if let Some(nodes) = nodes {
-            nodes.update();
-            self.name = nodes.owner(&self.reader).map(str::to_owned);
+impl FastReader {
+    /// True when it has acknowledged every message. One that was late has a little time for it now and then.
+    fn has_all(&mut self, raw: &RawWriter, now: Instant) -> bool {
+        let is_due = self.rests_until.is_some_and(|until| now >= until);
+        let patience = if is_due { PATIENCE } else { Duration::ZERO };
+        let has_all = raw.acknowledged_by(&self.gid, patience);
+        if has_all {
+            self.rests_until = None;
+        } else if is_due {
+            self.rests_until = Some(Instant::now() + REST);
         }
-        if self.name.is_none() && since.elapsed() < NAME_TIMEOUT {
-            return None;
-        }
-        self.unreported = None;
-        Some(self.name.as_deref().unwrap_or("a subscriber of an unknown node"))
+        has_all
     }
 }
 

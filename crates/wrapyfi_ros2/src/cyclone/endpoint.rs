@@ -10,9 +10,11 @@
 //! a call returns them.
 #![allow(unsafe_code)]
 
+use std::ffi::c_void;
 use std::mem::MaybeUninit;
 use std::ptr;
 use std::sync::Arc;
+use std::time::Duration;
 
 use bytes::Bytes;
 
@@ -30,6 +32,19 @@ type Create = unsafe extern "C" fn(
     *const cyclors::dds_qos_t,
     *const cyclors::dds_listener_t,
 ) -> cyclors::dds_entity_t;
+
+// Functions that Cyclone keeps to itself: `dds_wait_for_acks` is made of them, and says of all readers what the second
+// one says of a single one. They are as in `dds__entity.h` and `dds__writer.h` of the one version of `cyclors` that
+// Cargo.toml allows; the GUID has four words in the byte order of this machine.
+unsafe extern "C" {
+    fn dds_entity_pin(handle: cyclors::dds_entity_t, entity: *mut *mut c_void) -> i32;
+    fn dds__ddsi_writer_wait_for_acks(
+        writer: *mut c_void,
+        reader: *const u32,
+        until: cyclors::ddsrt_mtime_t,
+    ) -> i32;
+    fn dds_entity_unpin(entity: *mut c_void);
+}
 
 /// Fields drop in this order: the entity before its topic, both before the events.
 struct Endpoint {
@@ -138,6 +153,27 @@ impl RawWriter {
             cyclors::dds_wait_for_acks(self.0.entity.handle(), timeout_ns)
         })?;
         Ok(())
+    }
+
+    /// Waits until one reader has acknowledged every message, at most for `timeout`; true when it has, is best effort
+    /// or is not matched.
+    pub(crate) fn acknowledged_by(&self, reader: &[u8; 16], timeout: Duration) -> bool {
+        let mut words = reader.as_chunks::<4>().0.iter().map(|&word| u32::from_be_bytes(word));
+        let guid: [u32; 4] = std::array::from_fn(|_| words.next().unwrap_or(0));
+        let timeout_ns = i64::try_from(timeout.as_nanos()).unwrap_or(i64::MAX);
+        let mut entity = ptr::null_mut();
+        // SAFETY: the handle is of a writer that `self` keeps alive, so that what is pinned is one; it is let go
+        // again after the last use.
+        unsafe {
+            if ReturnCode::check(dds_entity_pin(self.0.entity.handle(), &raw mut entity)).is_err() {
+                return true;
+            }
+            let now = cyclors::ddsrt_time_monotonic().v;
+            let until = cyclors::ddsrt_mtime_t { v: now.saturating_add(timeout_ns) };
+            let code = dds__ddsi_writer_wait_for_acks(entity, guid.as_ptr(), until);
+            dds_entity_unpin(entity);
+            ReturnCode::check(code).is_ok()
+        }
     }
 
     /// The readers it is matched with.
