@@ -13,6 +13,7 @@ const NEEDS: &[Need] = &[Need::Program, Need::FastDds];
 const FAST: &str = "rmw_fastrtps_cpp";
 const CYCLONE: &str = "rmw_cyclonedds_cpp";
 const ADD: &str = "example_interfaces/srv/AddTwoInts";
+const SET_BOOL: &str = "std_srvs/srv/SetBool";
 const STRING: &str = "std_msgs/msg/String";
 const STRING_HASH: &str = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18";
 const IMAGE: &str = "sensor_msgs/msg/Image";
@@ -337,6 +338,49 @@ fn a_call_in_the_wrong_mapping_says_what_to_set() -> Result {
     })
 }
 
+/// Our services of Fast DDS's mapping are on RustDDS, whose programs may speak either.
+#[test]
+fn our_server_of_the_other_mapping_is_known_for_what_it_is() -> Result {
+    run("our_server_of_the_other_mapping_is_known_for_what_it_is", NEEDS, |env| {
+        let service = env.topic("sums");
+        let server = start(env, FAST, "serve", &service, &["--value", r#"{"sum": 42}"#])?;
+        let mut call = start(env, FAST, "call", &service, &["--timeout", "60"])?;
+        call.exits_with(0).map_err(|e| e.context(server.tail()))?;
+        let mut call = start(env, CYCLONE, "call", &service, &["--timeout", "10"])?;
+        call.exits_with(3)?;
+        let told = call.stderr();
+        assert!(told.contains("the other end runs rmw_fastrtps_cpp"), "{told}");
+        let mut why = env.wrapyfi_as(CYCLONE, ["why", &ros2(&service), "--json"])?;
+        why.exits_with(1)?;
+        let told: Value = serde_json::from_str(why.stdout().trim())?;
+        assert_eq!(told["cause"], "service_mapping", "{told}");
+        Ok(())
+    })
+}
+
+#[test]
+fn a_bridge_that_was_called_in_the_other_mapping_says_what_to_set() -> Result {
+    run("a_bridge_that_was_called_in_the_other_mapping_says_what_to_set", NEEDS, |env| {
+        let service = env.topic("light");
+        let route = Route::service(&zeromq("/light"), &ros2(&service), SET_BOOL);
+        let config = env.embedded().route(route.with("name", "light"));
+        let bridge = env.bridge(&config)?;
+        let mut client = env.fast_peer(&format!("client --topic {service} --type {SET_BOOL}"))?;
+        let counted = |output: &Output| {
+            let report = output.objects().rev().find(|it| it["routes"].is_array())?;
+            report["routes"][0]["counters"]["drops"]["service_mapping"].as_u64()
+        };
+        told_until(&mut client, &Cdr::new().bytes(&[1]), Some(&bridge), counted)?;
+        let file = env.write("again.yaml", config.yaml())?.display().to_string();
+        let mut why = env.wrapyfi(["why", "light", "--config", &file, "--json"])?;
+        why.exits_with(1)?;
+        let told: Value = serde_json::from_str(why.stdout().trim())?;
+        assert_eq!(told["cause"], "service_mapping", "{told}");
+        assert!(told["remedy"].to_string().contains("RMW_IMPLEMENTATION"), "{told}");
+        Ok(())
+    })
+}
+
 #[test]
 fn a_client_on_fast_dds_reads_the_parameters_of_the_node() -> Result {
     let needs = [NEEDS, &[Need::Node]].concat();
@@ -423,6 +467,66 @@ fn fast_dds_sees_our_node_its_types_and_its_end() -> Result {
             let last = output.events("nodes").pop()?;
             (all && last["nodes"] == json!([])).then_some(())
         })
+    })
+}
+
+/// Fast DDS tells a new reader the names of its nodes once, mostly too early, and then every 3 s.
+#[test]
+fn the_name_of_a_node_on_fast_dds_is_there_at_once() -> Result {
+    run("the_name_of_a_node_on_fast_dds_is_there_at_once", NEEDS, |env| {
+        let topic = env.topic("cam");
+        let subscribe = format!("subscribe --topic {topic} --type {IMAGE} --hash {IMAGE_HASH}");
+        let peer = env.fast_peer(&format!("{subscribe} --node /lab/viewer"))?;
+        peer.event("ready")?;
+        for _ in 0..5 {
+            let mut list = env.wrapyfi(["list", "ros2", "--json"])?;
+            list.exits_with(0)?;
+            let found = list.wait_until("the topic", |output| {
+                output.objects().find(|one| one["name"] == *topic)
+            })?;
+            assert_eq!(found["node"], "/lab/viewer", "{found}");
+        }
+        Ok(())
+    })
+}
+
+/// Fast DDS hears nothing of the end of an endpoint on RustDDS, only of that of a participant.
+#[test]
+fn a_service_of_a_bridge_that_is_deactivated_goes_at_once() -> Result {
+    run("a_service_of_a_bridge_that_is_deactivated_goes_at_once", NEEDS, |env| {
+        let service = env.topic("light");
+        let route = Route::service(&zeromq("/light"), &ros2(&service), SET_BOOL);
+        let config = env.embedded().route(route.with("name", "light"));
+        let file = env.write("bridge.yaml", config.yaml())?.display().to_string();
+        let bridge = env.wrapyfi_as(FAST, ["bridge", "--config", &file, "--json"])?;
+        let serves = |graph: &Process, service: &str| {
+            let requests = format!("rq{service}Request");
+            graph.wait_until("the service", |output| {
+                let is_it = |one: &Value| one["topic"] == *requests && one["role"] == "reader";
+                let found = output.events("endpoint").into_iter().find(is_it)?;
+                found["guid"].as_str().map(str::to_owned)
+            })
+        };
+        let graph = env.fast_peer("graph")?;
+        let guid = serves(&graph, &service).map_err(|e| e.context(bridge.tail()))?;
+        let (participant, _) = guid.split_at(24);
+        let transition = json!({"transition": {"label": "deactivate"}}).to_string();
+        let change = "ros2:/wrapyfi_bridge/change_state";
+        let mut call = env.wrapyfi_as(FAST, ["call", change, "--value", &transition])?;
+        call.exits_with(0).map_err(|e| e.context(bridge.tail()))?;
+        graph.wait_until("its end", |output| {
+            let is_it =
+                |one: &Value| one["guid"].as_str().is_some_and(|it| it.starts_with(participant));
+            output.events("gone").iter().any(is_it).then_some(())
+        })?;
+        let late = env.fast_peer("graph")?;
+        serves(&late, "/wrapyfi_bridge/change_state")?;
+        assert!(!late.stdout().contains(&guid), "{}", late.stdout());
+        let mut why = env.wrapyfi_as(FAST, ["why", "light", "--config", &file])?;
+        why.exits_with(1)?;
+        let said = why.stdout();
+        assert!(said.contains("ros2 lifecycle set /wrapyfi_bridge activate"), "{said}");
+        Ok(())
     })
 }
 
@@ -563,6 +667,42 @@ fn a_reader_on_fast_dds_that_stands_still_is_named_and_what_it_costs_is_counted(
         })?;
         bridge.wait_until("the end of the trouble", |output| {
             (report(output)?["state"] == "active").then_some(())
+        })
+    })
+}
+
+/// A reader that was killed is known until its lease ends, after 20 s: the others wait for it once.
+#[test]
+fn a_reader_on_fast_dds_that_was_killed_does_not_hold_up_the_others() -> Result {
+    run("a_reader_on_fast_dds_that_was_killed_does_not_hold_up_the_others", NEEDS, |env| {
+        let (from, topic) = (env.topic("from"), env.topic("big"));
+        let route = Route::new(&zeromq(&from), &ros2(&topic), STRING);
+        let bridge = env.bridge(&env.embedded().route(route))?;
+        let subscribe = |node: &str| {
+            env.fast_peer(&format!("subscribe --topic {topic} --type {STRING} --node /lab/{node}"))
+        };
+        let (mut killed, other) = (subscribe("killed")?, subscribe("other")?);
+        let file = env.write("big.json", json!("x".repeat(300_000)).to_string())?;
+        let words = ["pub", &zeromq(&from), "--type", "NativeObject", "--rate", "10", "--file"];
+        let _source = env.wrapyfi([&words[..], &[&file.display().to_string()]].concat())?;
+        let count = |output: &Output| output.events("message").len();
+        for reader in [&killed, &other] {
+            let some = |output: &Output| (count(output) > 3).then_some(());
+            reader.wait_until("messages", some).map_err(|e| e.context(bridge.tail()))?;
+        }
+        killed.kill()?;
+        let (begin, before) = (Instant::now(), other.wait_until("a number", |o| Some(count(o)))?);
+        other.wait_until("more at the other reader", |output| {
+            (count(output) > before + 50).then_some(())
+        })?;
+        // At two a second, as where each message waits for the dead one, it would be 20 s.
+        assert!(begin.elapsed() < Duration::from_secs(14), "{:?}", begin.elapsed());
+        bridge.wait_until("the name of the dead one", |output| {
+            let report = output.objects().rev().find(|it| it["routes"].is_array())?;
+            let route = &report["routes"][0];
+            let said = route["reason"].as_str()?;
+            let is_it = said.contains("/lab/killed") && said.contains("acknowledges nothing");
+            (route["state"] == "degraded" && is_it).then_some(())
         })
     })
 }

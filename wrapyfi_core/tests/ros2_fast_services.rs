@@ -190,6 +190,36 @@ fn another_encapsulation_is_refused_before_it_is_sent() {
     }
 }
 
+/// Readers of one topic on RustDDS share what they have heard of a writer: a reply that comes just when another client
+/// joins would be lost to the first.
+#[test]
+fn clients_of_one_service_share_endpoints_and_each_hears_its_own_replies() {
+    let service = add_two_ints();
+    let (adder, caller) = (services("adder"), services("caller"));
+    let mut server = server(&adder, &service);
+    let mut first = client(&caller, &service);
+    first.await_peers(&Peers::Ready(1));
+    let asked = first.client.send(&[&cdr(&[1, 2])]).unwrap();
+    let request = server.request().unwrap();
+    // Joins while the first waits.
+    let mut second = client(&caller, &service);
+    second.await_peers(&Peers::Ready(1));
+    assert_eq!(caller.endpoints().readers.len(), 1);
+    let also_asked = second.client.send(&[&cdr(&[3, 4])]).unwrap();
+    until("the client's reader", || server.server.hears(&request.id));
+    server.server.reply(&request.id, &[&cdr(&[3])]).unwrap();
+    server.answer();
+    // The second takes both from the reader.
+    let reply = second.reply().unwrap();
+    assert_eq!((reply.sequence, numbers(&reply.cdr)), (also_asked, vec![7]));
+    let reply = first.reply().unwrap();
+    assert_eq!((reply.sequence, numbers(&reply.cdr)), (asked, vec![3]));
+    drop(first);
+    assert_eq!(second.call_with(&mut server), 3);
+    drop(second);
+    assert_eq!(caller.endpoints().readers.len(), 0);
+}
+
 #[test]
 fn a_server_that_goes_is_missed_and_another_is_found() {
     let service = add_two_ints();

@@ -58,6 +58,8 @@ counted! {
         Nesting => "nesting",
         /// The message was valid, but the route does not carry its kind, channels or encoding.
         Mismatch => "mismatch",
+        /// A client of another DDS vendor sent the request, whose mapping of services is not ours.
+        ServiceMapping => "service_mapping",
         /// The message was for another topic, and came by ZeroMQ's match of prefixes.
         WrongTopic => "wrong_topic",
         /// The message was our own publication, which came back from a broker.

@@ -24,6 +24,9 @@ use super::tap::Tap;
 use wrapyfi_endpoint::{Mutex, Registry, Wake};
 use wrapyfi_retry::contained;
 
+/// What the routes of a bridge wait for that is not active.
+pub const TO_BE_ACTIVATED: &str = "the bridge to be activated";
+
 /// Pause between two looks whether all routes are closed.
 const LOOK_AGAIN: Duration = Duration::from_millis(5);
 
@@ -234,7 +237,7 @@ impl Driver {
     pub fn status(&self) -> Vec<RouteStatus> {
         let latest = self.latest.lock();
         if !latest.is_active {
-            let state = || RouteState::Waiting("the bridge to be activated".to_owned());
+            let state = || RouteState::Waiting(TO_BE_ACTIVATED.to_owned());
             return latest.plan.routes.iter().map(|it| RouteStatus::planned(it, state())).collect();
         }
         drop(latest);

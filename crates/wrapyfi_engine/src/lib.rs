@@ -84,7 +84,7 @@ pub use config_devices::{DeviceWord, DevicesConfig};
 pub use config_error::{ConfigError, Examples, MAX_CONFIG_BYTES, Problem};
 pub use config_qos::{QosConfig, QosOverride};
 pub use config_reading::Reading;
-pub use driver::Driver;
+pub use driver::{Driver, TO_BE_ACTIVATED};
 pub use engine::Engine;
 pub use left_out::LeftOut;
 pub use plan::Plan;

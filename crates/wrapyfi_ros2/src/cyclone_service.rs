@@ -18,7 +18,7 @@ use super::graph::{
 };
 use super::service::LOOK_AGAIN;
 use super::service_header::{self, HEADER, LEAST};
-use super::vendor::{EndKey, mapping_of, pair};
+use super::vendor::{EndKey, pair};
 
 /// Clients whose endpoints a server remembers.
 const MAX_CLIENTS: usize = 1024;
@@ -84,7 +84,7 @@ impl Ends {
         }
         let known = writers.entry(sample.writer).or_insert_with(|| {
             let peer = self.reader.writer(sample.writer)?;
-            let theirs = mapping_of(&peer.guid).filter(|&theirs| theirs != OURS);
+            let theirs = peer.service_mapping.filter(|&theirs| theirs != OURS);
             Some((EndKey::new(&peer.guid, &peer.user_data), theirs))
         });
         known.clone()
@@ -127,12 +127,10 @@ impl Ends {
         let writers = self.reader.writers().unwrap_or_default();
         let (requests, replies) =
             if writer_is_requests { (&readers, &writers) } else { (&writers, &readers) };
-        let keyed = |peer: &super::cyclone::Peer| EndKey::new(&peer.guid, &peer.user_data);
-        pair(
-            requests.iter().map(|peer| (&peer.guid, keyed(peer))),
-            replies.iter().map(|peer| (&peer.guid, keyed(peer))),
-            OURS,
-        )
+        let keyed = |peer: &super::cyclone::Peer| {
+            (peer.service_mapping, EndKey::new(&peer.guid, &peer.user_data))
+        };
+        pair(requests.iter().map(keyed), replies.iter().map(keyed), OURS)
     }
 
     fn no_identity(&self, what: &'static str, actual: usize) -> GraphError {

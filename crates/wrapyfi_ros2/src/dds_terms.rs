@@ -28,6 +28,7 @@ pub(super) fn discovered(endpoint: cyclone::EndpointFound, own: &Gid) -> Discove
         mark: mark(&endpoint.user_data),
         gid: endpoint.guid,
         qos: endpoint.qos,
+        service_mapping: endpoint.service_mapping,
         is_own: endpoint.guid.first_chunk::<12>() == own.first_chunk::<12>(),
         type_name: names::type_from_dds(&endpoint.type_name)
             .unwrap_or_else(|| endpoint.type_name.clone()),

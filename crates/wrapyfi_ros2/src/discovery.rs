@@ -4,10 +4,14 @@
 //!   DDS built-in topics ─ Graph::endpoints ─┐
 //!   ros_discovery_info ── NodeWatch ────────┴─▶ Discovered { /chatter, publisher, type, node, … }
 //! ```
+//!
+//! Fast DDS tells a reader the names of its nodes as soon as it knows of the reader, and again 3 s later. CycloneDDS,
+//! which mostly does not know of the writer by then, misses the former: so where it does, another reader is opened.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use super::graph::{DiscoveredEndpoint, Graph, GraphError, NodeWatch};
+use super::graph::{DiscoveredEndpoint, Graph, GraphError, NodeWatch, ServiceMapping};
 use super::names::{self, RosName};
 use super::ros2::NAME;
 use wrapyfi_endpoint::{DiscoverError, Discovered, Discovery, Role};
@@ -16,6 +20,8 @@ use wrapyfi_endpoint::{DiscoverError, Discovered, Discovery, Role};
 pub(super) struct Ros2Discovery {
     graph: Arc<dyn Graph>,
     nodes: Box<dyn NodeWatch>,
+    /// The other watch of the names of nodes, and the participants for which it was opened.
+    again: (Option<Box<dyn NodeWatch>>, BTreeSet<[u8; 12]>),
     carried_by: Option<Arc<str>>,
 }
 
@@ -25,7 +31,26 @@ impl Ros2Discovery {
         carried_by: Option<Arc<str>>,
     ) -> Result<Self, DiscoverError> {
         let nodes = graph.nodes().map_err(|error| transport(&error))?;
-        Ok(Self { graph: Arc::clone(graph), nodes, carried_by })
+        let again = (None, BTreeSet::new());
+        Ok(Self { graph: Arc::clone(graph), nodes, again, carried_by })
+    }
+
+    fn owner(&self, gid: &[u8; 16]) -> Option<&str> {
+        self.nodes.owner(gid).or_else(|| self.again.0.as_ref()?.owner(gid))
+    }
+
+    /// Asks for the names of nodes on Fast DDS that have not come, once for each participant.
+    fn ask_again(&mut self, found: &[DiscoveredEndpoint]) -> Result<(), GraphError> {
+        let is_fast = |it: &&DiscoveredEndpoint| {
+            !it.is_own && it.service_mapping == Some(ServiceMapping::FastDds)
+        };
+        let unnamed = found.iter().filter(is_fast).filter(|it| self.owner(&it.gid).is_none());
+        let unnamed: BTreeSet<[u8; 12]> =
+            unnamed.filter_map(|it| it.gid.first_chunk().copied()).collect();
+        if !unnamed.is_subset(&self.again.1) {
+            self.again = (Some(self.graph.nodes()?), unnamed);
+        }
+        Ok(())
     }
 }
 
@@ -35,12 +60,15 @@ fn transport(error: &GraphError) -> DiscoverError {
 
 impl Discovery for Ros2Discovery {
     fn endpoints(&mut self) -> Result<Vec<Discovered>, DiscoverError> {
-        self.nodes.update();
+        for nodes in std::iter::once(&mut self.nodes).chain(&mut self.again.0) {
+            nodes.update();
+        }
         let found = self.graph.endpoints().map_err(|error| transport(&error))?;
+        self.ask_again(&found).map_err(|error| transport(&error))?;
         let foreign = found.into_iter().filter(|endpoint| !endpoint.is_own);
         let mut found: Vec<_> = foreign
             .filter_map(|endpoint| {
-                let node = self.nodes.owner(&endpoint.gid).map(str::to_owned);
+                let node = self.owner(&endpoint.gid).map(str::to_owned);
                 discovered(endpoint, node)
             })
             .collect();

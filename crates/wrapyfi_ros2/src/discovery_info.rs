@@ -43,8 +43,8 @@ pub(super) struct DiscoveryInfo {
     writer: RawWriter,
     participant: Gid,
     node: NodeEntitiesInfo,
-    /// Endpoints of the node on another participant: readers, writers.
-    elsewhere: (Vec<Gid>, Vec<Gid>),
+    /// Endpoints of the node on two other participants: readers, writers.
+    elsewhere: [(Vec<Gid>, Vec<Gid>); 2],
 }
 
 impl DiscoveryInfo {
@@ -88,10 +88,11 @@ impl DiscoveryInfo {
     }
 
     #[cfg_attr(not(feature = "fastdds-services"), allow(dead_code))]
-    /// Replaces what the node has on another participant, and announces.
-    pub(super) fn set_elsewhere(&mut self, readers: &[Gid], writers: &[Gid]) {
-        if (self.elsewhere.0.as_slice(), self.elsewhere.1.as_slice()) != (readers, writers) {
-            self.elsewhere = (readers.to_vec(), writers.to_vec());
+    /// Replaces what the node has on one of two other participants, and announces.
+    pub(super) fn set_elsewhere(&mut self, place: usize, readers: &[Gid], writers: &[Gid]) {
+        let ends = (readers.to_vec(), writers.to_vec());
+        if let Some(known) = self.elsewhere.get_mut(place).filter(|known| **known != ends) {
+            *known = ends;
             self.publish();
         }
     }
@@ -100,8 +101,10 @@ impl DiscoveryInfo {
     pub(super) fn publish(&self) {
         let mut node = self.node.clone();
         let gids = |gids: &[Gid]| gids.iter().map(|&data| msg::Gid { data }).collect::<Vec<_>>();
-        node.reader_gid_seq.extend(gids(&self.elsewhere.0));
-        node.writer_gid_seq.extend(gids(&self.elsewhere.1));
+        for (readers, writers) in &self.elsewhere {
+            node.reader_gid_seq.extend(gids(readers));
+            node.writer_gid_seq.extend(gids(writers));
+        }
         self.write(vec![node]);
     }
 

@@ -204,14 +204,8 @@ pub struct DiscoveredEndpoint {
     pub is_own: bool,
     /// The mark of a bridge that made it by pattern.
     pub mark: Option<BridgeMark>,
-}
-
-impl DiscoveredEndpoint {
-    /// Form in which the owner maps services to DDS, where its GUID tells the vendor.
-    #[must_use]
-    pub fn service_mapping(&self) -> Option<ServiceMapping> {
-        super::vendor::mapping_of(&self.gid)
-    }
+    /// Form in which its owner maps services to DDS, where that is known.
+    pub service_mapping: Option<ServiceMapping>,
 }
 
 /// Waits until `condition` holds, looking whenever `wake` rings; false after `timeout`.

@@ -229,7 +229,7 @@ fn kept_by(publisher: &DiscoveredEndpoint) -> u32 {
         return 0;
     }
     // Fast DDS does not announce its history, and what is not announced reads as 1, DDS's default.
-    let announces = mapping_of(&publisher.gid) == Some(ServiceMapping::Cyclone);
+    let announces = mapping_of(&publisher.gid, None) == Some(ServiceMapping::Cyclone);
     match publisher.qos.history {
         Some(History::KeepLast(1)) if !announces => Origin::UNTOLD,
         Some(History::KeepLast(depth)) => depth,

@@ -149,11 +149,15 @@ impl Pacing {
     /// go to all.
     pub(super) fn slowed(&self) -> Option<String> {
         let (now, bytes) = (Instant::now(), self.last?.bytes);
-        let rests = |reader: &&FastReader| reader.rests_until.is_some_and(|until| now < until + WINDOW);
+        let rests =
+            |reader: &&FastReader| reader.rests_until.is_some_and(|until| now < until + WINDOW);
         let (reader, what) = if let Some(resting) = self.readers.iter().find(rests) {
             let what = "acknowledges nothing: it stands still, has ended without a word or is far too slow for \
                         messages of";
-            (Some(resting), format!("{what} {bytes} bytes; the other subscribers do not wait for it"))
+            (
+                Some(resting),
+                format!("{what} {bytes} bytes; the other subscribers do not wait for it"),
+            )
         } else if self.load.is_slow(now) {
             let slowest = self.readers.iter().find(|reader| Some(reader.gid) == self.slowest);
             let what = format!(
@@ -216,17 +220,20 @@ impl Pacing {
         let peers = raw.readers().unwrap_or_default();
         self.seen = Some((changes, peers.len()));
         let mut known = std::mem::take(&mut self.readers);
-        let fast = |peer: &&Peer| vendor::mapping_of(&peer.guid) == Some(ServiceMapping::FastDds);
+        let fast =
+            |peer: &&Peer| vendor::mapping_of(&peer.guid, None) == Some(ServiceMapping::FastDds);
         for peer in peers.iter().filter(fast) {
             let found = known.iter().position(|reader| reader.gid == peer.guid);
-            self.readers.push(found.map(|at| known.swap_remove(at)).unwrap_or_else(|| FastReader {
-                gid: peer.guid,
-                is_reliable: [peer.reliability, self.topic.qos.reliability]
-                    == [Reliability::Reliable; 2],
-                found: now,
-                is_told: false,
-                name: None,
-                rests_until: None,
+            self.readers.push(found.map(|at| known.swap_remove(at)).unwrap_or_else(|| {
+                FastReader {
+                    gid: peer.guid,
+                    is_reliable: [peer.reliability, self.topic.qos.reliability]
+                        == [Reliability::Reliable; 2],
+                    found: now,
+                    is_told: false,
+                    name: None,
+                    rests_until: None,
+                }
             }));
         }
     }

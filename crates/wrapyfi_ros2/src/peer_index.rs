@@ -227,6 +227,7 @@ mod tests {
             type_name: "std_msgs::msg::dds_::String_".to_owned(),
             user_data: Vec::new(),
             qos: Qos::default().into(),
+            service_mapping: None,
         }
     }
 

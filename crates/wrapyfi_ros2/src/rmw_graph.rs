@@ -292,6 +292,7 @@ impl Shared {
                             qos: from_rmw(&to_rmw(&Qos::default())),
                             is_own: node == self.name.fqn(),
                             mark: mark.clone(),
+                            service_mapping: None,
                         };
                         all.push((node.to_owned(), found));
                     }
@@ -324,6 +325,7 @@ impl Shared {
                 qos: from_rmw(&endpoint.qos),
                 is_own,
                 mark,
+                service_mapping: super::vendor::mapping_of(&endpoint.gid, None),
             };
             (node.to_owned(), found)
         }))

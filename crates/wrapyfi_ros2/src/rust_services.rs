@@ -16,9 +16,8 @@
 //!
 //! RustDDS has no type hashes in USER_DATA (ROS 2 shows none for these endpoints), no static peers
 //! and no domain tags. It takes memory for the size that the header of a fragmented sample claims,
-//! before any limit of ours applies. Its readers of one topic share one mark up to which a writer was heard: where a
-//! datagram is lost while another client of the same service comes to the node, a reply may be passed over, and its
-//! call times out.
+//! before any limit of ours applies. Its readers of one topic share one mark up to which a writer was heard, so that
+//! the clients of one service share a reader (`client`).
 
 mod adapter;
 mod announce;
@@ -51,7 +50,7 @@ use std::sync::Arc;
 pub use announce::ServiceEndpoints;
 pub use settings::RustServicesError;
 
-use self::client::Client;
+use self::client::{Client, Endpoints};
 use self::end::End;
 use self::participant::{Participant, Shared, Topics};
 use self::server::Server;
@@ -82,11 +81,22 @@ impl RustServices {
         for warning in &settings.warnings {
             tracing::warn!("{warning}");
         }
-        Ok(Self(Arc::new(Shared {
+        Ok(Self::with(settings))
+    }
+
+    /// Services of the same node on another participant.
+    #[must_use]
+    pub fn apart(&self) -> Self {
+        Self::with(Settings { place: self.0.settings.place + 1, ..self.0.settings.clone() })
+    }
+
+    fn with(settings: Settings) -> Self {
+        Self(Arc::new(Shared {
             settings,
             participant: Mutex::default(),
             changes: Arc::default(),
-        })))
+            clients: Mutex::default(),
+        }))
     }
 
     /// GUID of the participant, while there is a service.
@@ -116,7 +126,18 @@ impl RustServices {
     pub fn client(&self, service: &ServiceDescription, on_event: Notify) -> Created<dyn CdrClient> {
         let (requests, replies) = dds_names(service)?;
         let topics = Topics { written: requests, read: replies, service: service.clone() };
-        Ok(Box::new(Client::new(End::open(&self.0, "creating a client", topics, on_event)?)))
+        let mut clients = self.0.clients.lock();
+        clients.retain(|(_, endpoints)| endpoints.strong_count() > 0);
+        let known = clients.iter().find(|(known, _)| known == service);
+        let endpoints = match known.and_then(|(_, endpoints)| endpoints.upgrade()) {
+            Some(endpoints) => endpoints,
+            None => {
+                let endpoints = Arc::new(Endpoints::open(&self.0, topics)?);
+                clients.push((service.clone(), Arc::downgrade(&endpoints)));
+                endpoints
+            }
+        };
+        Ok(Box::new(Client::new(endpoints, on_event)))
     }
 
     /// Creates a server and announces it. `on_event` is called as for [`RustServices::client`].

@@ -2,9 +2,12 @@
 //!
 //! ```text
 //!   ServiceMapping::Cyclone ─▶ CycloneDDS, beside the topics
-//!   ServiceMapping::FastDds ─▶ RustServices, on a participant of their own
+//!   ServiceMapping::FastDds ─▶ RustServices: the node's own, ~/…, on one participant; all others on a second one
 //!                                  └─ their GIDs ─▶ ros_discovery_info, under the node's name
 //! ```
+//!
+//! Fast DDS hears nothing of the end of a service on RustDDS, but for that of a participant (`rust_services/goodbye`).
+//! So those of the routes have one of their own, which ends with them when a bridge is deactivated.
 
 use std::sync::Arc;
 
@@ -16,22 +19,30 @@ use super::rust_services::{RustServices, RustServicesError};
 
 /// The services of one node.
 #[cfg(feature = "fastdds-services")]
-pub(super) struct Services(Option<Result<RustServices, RustServicesError>>);
+pub(super) struct Services {
+    /// The node's own services, and all others.
+    on_rustdds: Option<Result<[RustServices; 2], RustServicesError>>,
+    /// Beginning of the names of the node's own.
+    own: String,
+}
 
 #[cfg(feature = "fastdds-services")]
 impl Services {
     /// Services of a node, of which nothing is created yet. Settings that services cannot have do
     /// not keep the node from its topics: they are the error of the first service.
     pub(super) fn new(config: &CycloneConfig) -> Self {
-        Self(match config.services {
+        let on_rustdds = match config.services {
             ServiceMapping::Cyclone => None,
-            ServiceMapping::FastDds => Some(RustServices::new(config)),
-        })
+            ServiceMapping::FastDds => {
+                Some(RustServices::new(config).map(|own| [own.clone(), own.apart()]))
+            }
+        };
+        Self { on_rustdds, own: format!("{}/", config.node.fqn()) }
     }
 
     /// Form in which services are mapped to DDS.
     pub(super) fn mapping(&self) -> ServiceMapping {
-        self.0.as_ref().map_or(ServiceMapping::Cyclone, |_| ServiceMapping::FastDds)
+        self.on_rustdds.as_ref().map_or(ServiceMapping::Cyclone, |_| ServiceMapping::FastDds)
     }
 
     /// Participant for a service that does not go over CycloneDDS.
@@ -39,20 +50,23 @@ impl Services {
         &self,
         service: &ServiceDescription,
     ) -> GraphResult<Option<&RustServices>> {
-        match &self.0 {
+        match &self.on_rustdds {
             None => Ok(None),
-            Some(Ok(services)) => Ok(Some(services)),
+            Some(Ok([own, others])) => {
+                Ok(Some(if service.name.starts_with(&self.own) { own } else { others }))
+            }
             Some(Err(error)) => Err(refused(service, &error.to_string())),
         }
     }
 
     /// Lists the endpoints that are elsewhere as the node's, now and whenever they change.
     pub(super) fn announce(&self, node: &Arc<dyn Announcing>) {
-        if let Some(Ok(services)) = &self.0 {
+        let both = self.on_rustdds.iter().flatten().flatten();
+        for (place, services) in both.enumerate() {
             let node = Arc::downgrade(node);
             services.on_change(move |ends| {
                 if let Some(node) = node.upgrade() {
-                    node.info().set_elsewhere(&ends.readers, &ends.writers);
+                    node.info().set_elsewhere(place, &ends.readers, &ends.writers);
                 }
             });
         }
@@ -60,8 +74,8 @@ impl Services {
 
     /// True when an endpoint is on the participant of the services.
     pub(super) fn owns(&self, gid: &[u8; 16]) -> bool {
-        let Some(Ok(services)) = &self.0 else { return false };
-        services.gid().is_some_and(|own| own.first_chunk::<12>() == gid.first_chunk::<12>())
+        let mut gids = self.on_rustdds.iter().flatten().flatten().filter_map(RustServices::gid);
+        gids.any(|own| own.first_chunk::<12>() == gid.first_chunk::<12>())
     }
 }
 

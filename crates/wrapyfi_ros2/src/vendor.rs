@@ -6,13 +6,29 @@
 //! ```
 
 use std::collections::HashSet;
+use std::time::Duration;
 
 use super::graph::{Peers, ServiceMapping};
 
+/// Longest time that a writer of our services on RustDDS waits. Their endpoints announce it, and by it others know
+/// that they speak the mapping of Fast DDS: RustDDS announces no USER_DATA, and programs on it may speak either. It is
+/// a time that nobody else would choose.
+pub(super) const RUST_SERVICES_BLOCKING: Duration = Duration::from_millis(503);
+
 /// The mapping that the owner of an endpoint speaks, where its GUID tells: the first two bytes name
-/// the vendor (RTPS 9.3.1.5). Others, RustDDS among them, may speak either.
-pub(super) fn mapping_of(guid: &[u8; 16]) -> Option<ServiceMapping> {
+/// the vendor (RTPS 9.3.1.5). Where it announces [`RUST_SERVICES_BLOCKING`], those on RustDDS are bridges; others of
+/// RustDDS may speak either.
+pub(super) fn mapping_of(
+    guid: &[u8; 16],
+    max_blocking: Option<Duration>,
+) -> Option<ServiceMapping> {
+    let is_ours = |time: Duration| {
+        // RTPS counts fractions of seconds.
+        let distance = time.abs_diff(RUST_SERVICES_BLOCKING);
+        distance < Duration::from_micros(1)
+    };
     match guid {
+        [0x01, 0x12, ..] if max_blocking.is_some_and(is_ours) => Some(ServiceMapping::FastDds),
         [0x01, 0x0f, ..] => Some(ServiceMapping::FastDds),
         [0x01, 0x10, ..] => Some(ServiceMapping::Cyclone),
         _ => None,
@@ -46,13 +62,13 @@ impl EndKey {
 }
 
 /// The other ends of a service, from the peers of its two endpoints.
-pub(super) fn pair<'a>(
-    requests: impl Iterator<Item = (&'a [u8; 16], EndKey)>,
-    replies: impl Iterator<Item = (&'a [u8; 16], EndKey)>,
+pub(super) fn pair(
+    requests: impl Iterator<Item = (Option<ServiceMapping>, EndKey)>,
+    replies: impl Iterator<Item = (Option<ServiceMapping>, EndKey)>,
     ours: ServiceMapping,
 ) -> Peers {
     let mut foreign = None;
-    let mut keep = |(guid, key): (&[u8; 16], EndKey)| match mapping_of(guid) {
+    let mut keep = |(mapping, key)| match mapping {
         Some(theirs) if theirs != ours => {
             foreign = Some(theirs);
             None
@@ -84,8 +100,9 @@ mod tests {
     fn found(requests: &[([u8; 16], &str)], replies: &[([u8; 16], &str)]) -> Peers {
         fn keyed<'a>(
             peers: &'a [([u8; 16], &'a str)],
-        ) -> impl Iterator<Item = (&'a [u8; 16], EndKey)> {
-            peers.iter().map(|(guid, data)| (guid, EndKey::new(guid, data.as_bytes())))
+        ) -> impl Iterator<Item = (Option<ServiceMapping>, EndKey)> {
+            let of = |guid| mapping_of(guid, Some(Duration::from_millis(100)));
+            peers.iter().map(move |(guid, data)| (of(guid), EndKey::new(guid, data.as_bytes())))
         }
         pair(keyed(requests), keyed(replies), ServiceMapping::Cyclone)
     }
@@ -111,5 +128,7 @@ mod tests {
         assert_eq!(found(&fast, &[]), foreign);
         let rust = guid(0x12, 3, 3);
         assert_eq!(found(&[fast[0], (rust, "")], &[(rust, "")]), Peers::Ready(1));
+        let ours = mapping_of(&rust, Some(RUST_SERVICES_BLOCKING - Duration::from_nanos(1)));
+        assert_eq!(ours, Some(ServiceMapping::FastDds));
     }
 }

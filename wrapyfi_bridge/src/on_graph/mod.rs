@@ -261,7 +261,8 @@ fn answer_all(
             let Parts { node, routes, in_force, lifecycle, .. } = parts;
             let state = lifecycle.state();
             if state != State::Active {
-                let verdict = not_active(&name, state, &node.name().fqn());
+                let finding = Some(not_active(state, &node.name().fqn()));
+                let verdict = Verdict { way: name.clone(), passed: Vec::new(), finding };
                 return Ok(info::explained(&verdict, &meant(&name, &name, &routes.status())));
             }
             let way =
@@ -278,19 +279,18 @@ fn answer_all(
     }
 }
 
-/// Verdict about any way through a bridge whose routes are closed.
-fn not_active(name: &str, state: State, node: &str) -> Verdict {
+/// What keeps any way through a bridge whose routes are closed.
+pub(crate) fn not_active(state: State, node: &str) -> Finding {
     let steps = match state {
         State::Inactive => format!("ros2 lifecycle set {node} activate"),
         _ => format!("ros2 lifecycle set {node} configure, then activate"),
     };
-    let finding = Finding {
+    Finding {
         cause: Cause::State,
         what: format!("the bridge {node} is {}: its routes are closed", state.label()),
         who: "whoever manages the node".to_owned(),
         remedy: steps,
-    };
-    Verdict { way: name.to_owned(), passed: Vec::new(), finding: Some(finding) }
+    }
 }
 
 /// Routes that a name means, for their counters.

@@ -26,6 +26,9 @@ pub(super) fn meaning(reason: DropReason) -> &'static str {
         R::ConnectionLost => "a program that was to get them left before",
         R::Malformed => "their bytes are no message of the route's type",
         R::Mismatch => "they are of another kind, channel count or encoding than the route's",
+        R::ServiceMapping => {
+            "their clients map services to DDS as another RMW does, and understand no reply"
+        }
         R::Oversize => "they are larger than max_message_mib",
         R::Nesting => "lists in them are nested too deep",
         R::Unencodable => "their values have no form at the destination",
@@ -54,6 +57,9 @@ pub(super) fn mends(reason: DropReason) -> &'static str {
         R::Stalled | R::ConnectionLost => "look at that program",
         R::Malformed => "the type of the route; the log names the field",
         R::Mismatch => "`type` or `encoding` on the route",
+        R::ServiceMapping => {
+            "export RMW_IMPLEMENTATION where the bridge starts as its clients have it, or the other way round"
+        }
         R::Oversize => "`max_message_mib` on the route",
         R::OverBudget => "`limits: { waiting_mib: 2048 }`, or shorter queues",
         R::RefusedPeer => {

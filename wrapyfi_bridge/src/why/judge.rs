@@ -6,9 +6,12 @@
 //! ```
 
 use wrapyfi_core::endpoint::{AnnouncedQos, Discovered, DropReason, Role, mismatches};
-use wrapyfi_core::engine::LeftOut;
+use wrapyfi_core::engine::{LeftOut, TO_BE_ACTIVATED};
 use wrapyfi_core::middleware::ros2::remedy;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
+
+use crate::lifecycle::State;
+use crate::on_graph::not_active;
 
 use super::door::{Answer, name as server_name};
 use super::drops::{drops, is_harmless, meaning, mends};
@@ -29,7 +32,7 @@ struct Walk<'w> {
 #[must_use]
 pub fn judge(way: &Way) -> Verdict {
     let mut walk = Walk { way, passed: way.known.clone() };
-    let finding = walk.walk().err();
+    let finding = inactive(way).or_else(|| walk.walk().err());
     Verdict { way: way.title.clone(), passed: walk.passed, finding }
 }
 
@@ -492,7 +495,11 @@ impl Walk<'_> {
         }
         let what = if reason.is_empty() { what } else { format!("{what}; the last: {reason}") };
         let who = "the route, or the program at its end";
-        Err(Finding::new(Cause::Drops, what, who, mends(*most)))
+        let cause = match most {
+            DropReason::ServiceMapping => Cause::ServiceMapping,
+            _ => Cause::Drops,
+        };
+        Err(Finding::new(cause, what, who, mends(*most)))
     }
 
     /// Limit of the rate, where it leaves out most of the messages.
@@ -559,6 +566,12 @@ impl Walk<'_> {
             format!("look at that program; `wrapyfi echo {}` shows what comes", source.address);
         Err(Finding::new(Cause::Idle, what, who, remedy))
     }
+}
+
+/// A bridge that is not activated, whatever is there.
+fn inactive(way: &Way) -> Option<Finding> {
+    let (route, running) = (way.route.as_ref()?, way.running.as_ref()?);
+    (running.reason == TO_BE_ACTIVATED).then(|| not_active(State::Inactive, &route.node))
 }
 
 /// Causes that the file alone tells.

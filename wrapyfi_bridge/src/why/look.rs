@@ -17,7 +17,7 @@ use wrapyfi_core::endpoint::{
 };
 use wrapyfi_core::middleware::ros1::Ros1;
 use wrapyfi_core::middleware::ros2::environment::{self, DiscoveryRange};
-use wrapyfi_core::middleware::ros2::graph::{self, DiscoveredEndpoint};
+use wrapyfi_core::middleware::ros2::graph;
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 
@@ -352,7 +352,7 @@ fn mapping(end: &mut End, ros2: &dyn graph::Graph) {
     let ours = ros2.service_mapping();
     let requests = format!("rq{}Request", end.address.name);
     let servers = all.iter().filter(|one| !one.is_publisher && one.dds_topic == requests);
-    let theirs: Vec<_> = servers.filter_map(DiscoveredEndpoint::service_mapping).collect();
+    let theirs: Vec<_> = servers.filter_map(|server| server.service_mapping).collect();
     if let Some(first) = theirs.first()
         && theirs.iter().all(|mapping| *mapping != ours)
     {

@@ -221,7 +221,11 @@ impl Configured<'_> {
         source.qos = qos_at(route, &route.from);
         destination.qos = qos_at(route, &route.to);
         let asked = || if self.status.is_none() && !is_beside { ask() } else { asked };
-        let running = status().or_else(asked);
+        let running = status().or_else(|| {
+            let (node, running) = asked()?;
+            facts.node = node;
+            Some(running)
+        });
         if is_learned && !is_service && is_ros(&route.from) && is_ros(&route.to) {
             // A listener may have told it before a publisher came.
             let known = running.as_ref().map(|it| it.type_name.clone());

@@ -46,15 +46,16 @@ pub(super) fn of(route: &Route, all: Vec<RouteInfo>) -> Option<RouteInfo> {
     }
 }
 
-/// Asks the bridges on the graph of ROS 2 for the route. `None` where none tells of it in time.
-pub(super) fn asked(section: &Ros2Section, route: &Route) -> Option<RouteInfo> {
+/// Asks the bridges on the graph of ROS 2 for the route: the node of the one that has it, and its status. `None` where
+/// none tells of it in time.
+pub(super) fn asked(section: &Ros2Section, route: &Route) -> Option<(String, RouteInfo)> {
     let until = Instant::now() + PATIENCE;
     let ros2 = section.start(&Node::hidden().ok()?, Limits::default().message_bytes).ok()?;
     let is_over = |_: bool, has_told: bool| has_told || Instant::now() >= until;
     bridges(&ros2, is_over).ok()?.into_keys().find_map(|node| {
         let mut asker = Asker::<ListRoutes_Response>::open(&ros2, &node, LIST_ROUTES).ok()?;
         let left = (until + ANSWER).saturating_duration_since(Instant::now());
-        of(route, asker.ask(Map::new(), left).ok()?.routes)
+        Some((node, of(route, asker.ask(Map::new(), left).ok()?.routes)?))
     })
 }
 

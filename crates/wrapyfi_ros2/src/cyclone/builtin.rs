@@ -16,8 +16,9 @@ use std::sync::Arc;
 
 use super::entity::{Entity, ReturnCode};
 use super::events::{Events, Listener, silence};
-use super::qos::announced;
-use crate::graph::Notify;
+use super::qos::{announced, max_blocking};
+use crate::graph::{Notify, ServiceMapping};
+use crate::vendor;
 use wrapyfi_endpoint::{AnnouncedQos, Reliability};
 
 /// Samples taken at once.
@@ -38,6 +39,8 @@ pub(crate) struct EndpointFound {
     pub(crate) user_data: Vec<u8>,
     /// The policies it announces.
     pub(crate) qos: AnnouncedQos,
+    /// Form in which its owner maps services to DDS, where that is known.
+    pub(crate) service_mapping: Option<ServiceMapping>,
 }
 
 /// All endpoints alive now.
@@ -184,6 +187,10 @@ fn take_batch(
             user_data: unsafe { user_data(endpoint.qos) },
             // SAFETY: as above.
             qos: unsafe { announced(endpoint.qos) },
+            // SAFETY: as above.
+            service_mapping: vendor::mapping_of(&endpoint.key.v, unsafe {
+                max_blocking(endpoint.qos)
+            }),
         };
         each(info.instance_handle, Some(found));
     }

@@ -10,7 +10,9 @@
 
 use super::builtin::user_data;
 use super::entity::{Entity, ReturnCode};
-use super::qos::announced;
+use super::qos::{announced, max_blocking};
+use crate::graph::ServiceMapping;
+use crate::vendor;
 use wrapyfi_endpoint::Reliability;
 
 /// The other end of a match.
@@ -22,6 +24,8 @@ pub(crate) struct Peer {
     pub(crate) user_data: Vec<u8>,
     /// Reliability that the peer announces.
     pub(crate) reliability: Reliability,
+    /// Form in which its owner maps services to DDS, where that is known.
+    pub(crate) service_mapping: Option<ServiceMapping>,
 }
 
 /// Side of a match that an endpoint is on.
@@ -81,6 +85,8 @@ pub(super) fn peer(endpoint: &Entity, side: Side, handle: u64) -> Option<Peer> {
         user_data: unsafe { user_data(found.qos) },
         // SAFETY: as above.
         reliability: unsafe { announced(found.qos) }.reliability,
+        // SAFETY: as above.
+        service_mapping: vendor::mapping_of(&found.key.v, unsafe { max_blocking(found.qos) }),
     })?;
     // SAFETY: not null here, allocated by the call above, freed once.
     unsafe { cyclors::dds_builtintopic_free_endpoint(data) };

@@ -214,6 +214,19 @@ pub(super) unsafe fn announced(qos: *const cyclors::dds_qos_t) -> AnnouncedQos {
     }
 }
 
+/// Longest time that the owner of an endpoint waits where it writes, as it announces it.
+///
+/// # Safety
+/// `qos` is null or a QoS object that is alive.
+pub(super) unsafe fn max_blocking(qos: *const cyclors::dds_qos_t) -> Option<Duration> {
+    let (mut kind, mut blocking) = (Default::default(), i64::MAX);
+    if !qos.is_null() {
+        // SAFETY: alive by contract; numbers are written to the places given.
+        unsafe { cyclors::dds_qget_reliability(qos, &raw mut kind, &raw mut blocking) };
+    }
+    duration(Some(blocking))
+}
+
 /// A time of Cyclone's; `None` where it is infinite.
 fn duration(nanoseconds: Option<i64>) -> Option<Duration> {
     nanoseconds

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //!   node /robot/bridge ─▶ { this participant, node /robot/_bridge_services, readers, writers }
+//!                         { the second one,   node /robot/_bridge_services1, readers, writers }
 //! ```
 //!
 //! The name begins with an underscore: `ros2 node list` hides it, and the node itself is announced
@@ -17,8 +18,8 @@ use wrapyfi_interfaces::rmw_dds_common::msg::{self, NodeEntitiesInfo, Participan
 
 use super::adapter;
 use super::outgoing::Writer;
+use super::settings::Settings;
 use crate::discovery_info::{Gid, TOPIC};
-use wrapyfi_node::NodeName;
 
 /// Characters of a node's name that ROS allows.
 const MAX_NAME: usize = 255;
@@ -63,14 +64,14 @@ impl Announcement {
         publisher: &Publisher,
         topic: &Topic,
         participant: GUID,
-        node: &NodeName,
+        Settings { node, place, .. }: &Settings,
     ) -> rustdds::dds::CreateResult<Self> {
         let writer = publisher.create_datawriter_no_key(topic, Some(Self::qos()))?;
         Ok(Self {
             writer,
             participant: participant.to_bytes(),
             namespace: node.namespace().to_owned(),
-            name: hidden_name(node.name()),
+            name: hidden_name(node.name(), *place),
             endpoints: ServiceEndpoints::default(),
         })
     }
@@ -134,10 +135,11 @@ impl Announcement {
     }
 }
 
-fn hidden_name(node: &str) -> String {
+fn hidden_name(node: &str, place: u8) -> String {
     const AROUND: usize = "__services".len();
-    let node: String = node.chars().take(MAX_NAME - AROUND).collect();
-    format!("_{node}_services")
+    let node: String = node.chars().take(MAX_NAME - AROUND - 1).collect();
+    let place = if place == 0 { String::new() } else { place.to_string() };
+    format!("_{node}_services{place}")
 }
 
 #[cfg(test)]
@@ -146,9 +148,9 @@ mod tests {
 
     #[test]
     fn the_name_is_hidden_and_no_longer_than_allowed() {
-        assert_eq!(hidden_name("bridge"), "_bridge_services");
-        let long = hidden_name(&"n".repeat(MAX_NAME));
+        assert_eq!(hidden_name("bridge", 0), "_bridge_services");
+        let long = hidden_name(&"n".repeat(MAX_NAME), 1);
         assert_eq!(long.len(), MAX_NAME);
-        assert!(long.starts_with("_n") && long.ends_with("n_services"));
+        assert!(long.starts_with("_n") && long.ends_with("n_services1"));
     }
 }

@@ -1,56 +1,79 @@
-//! Client of the Fast DDS mapping.
+//! Clients of the Fast DDS mapping.
 //!
 //! ```text
-//!   send ─ request, { own reply reader, unknown } ─▶ rq/…      its number n
-//!   take ◀─ reply { own reply reader, n } ── rr/…              replies to others are passed over
+//!   Client ─ send ─┐                 request, { reply reader, unknown } ─▶ rq/…      its number n
+//!   Client ─ send ─┴─ Endpoints ───  n ─▶ whose
+//!   Client ◀─ take ─┬─ its queue ◀── reply { reply reader, n } ── rr/…               others' replies are passed over
+//!   Client ◀─ take ─┘
 //! ```
+//!
+//! The clients of one service in a node share a writer and a reader. RustDDS's readers of one topic share one mark up
+//! to which a writer was heard: where each client had its own, a reply that came just when another joined was lost.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
 
 use super::adapter::Received;
 use super::end::End;
 use super::outgoing::Identity;
+use super::participant::{Shared, Topics};
 use super::{identity, remotes};
 use crate::discovery_info::Gid;
-use crate::graph::{CdrClient, CdrReply, GraphError, GraphResult, Peers};
+use crate::graph::{CdrClient, CdrReply, GraphError, GraphResult, Notify, Peers};
+use wrapyfi_endpoint::Mutex;
 
-/// Sends requests, takes replies.
-pub(super) struct Client {
+/// Requests whose clients are remembered; the oldest were given up long ago.
+const MAX_SENT: usize = 4096;
+
+/// Who is told of news, by the number of the client.
+type Bells = Mutex<BTreeMap<u64, Notify>>;
+
+/// Endpoints that the clients of one service have in common.
+pub(super) struct Endpoints {
+    bells: Arc<Bells>,
+    state: Mutex<State>,
+}
+
+struct State {
     end: End,
-    /// GUIDs by which servers name the client: the reader that its requests carry, or their writer
+    /// GUIDs by which servers name the clients: the reader that their requests carry, or their writer
     /// where a request carries none.
     names: [Gid; 2],
     /// Number of the last request, and of the last one of the endpoints before: those that follow count from 1 again.
     last: i64,
     before: i64,
+    /// Clients by the numbers of their requests that have no reply.
+    sent: BTreeMap<i64, u64>,
+    /// Replies that another client has taken, for each client.
+    waiting: BTreeMap<u64, VecDeque<GraphResult<CdrReply>>>,
 }
 
-impl Client {
-    pub(super) fn new(end: End) -> Self {
-        Self { names: names(&end), end, last: 0, before: 0 }
+impl Endpoints {
+    /// Creates the endpoints and announces them.
+    pub(super) fn open(shared: &Arc<Shared>, topics: Topics) -> GraphResult<Self> {
+        let bells = Arc::<Bells>::default();
+        let all = Arc::clone(&bells);
+        let ring: Notify = Arc::new(move || {
+            let bells: Vec<Notify> = all.lock().values().cloned().collect();
+            bells.iter().for_each(|bell| bell());
+        });
+        let end = End::open(shared, "creating a client", topics, ring)?;
+        let (sent, waiting) = (BTreeMap::new(), BTreeMap::new());
+        let state = State { names: names(&end), end, last: 0, before: 0, sent, waiting };
+        Ok(Self { bells, state: Mutex::new(state) })
     }
+}
 
+impl State {
     fn renew(&mut self) -> GraphResult<()> {
         if self.end.renew()? {
             (self.names, self.before) = (names(&self.end), self.last);
         }
         Ok(())
     }
-}
 
-fn names(end: &End) -> [Gid; 2] {
-    [end.pair().reader_guid().to_bytes(), end.pair().writer_guid().to_bytes()]
-}
-
-impl CdrClient for Client {
-    fn send(&mut self, parts: &[&[u8]]) -> Result<i64, GraphError> {
-        self.renew()?;
-        let pair = self.end.pair();
-        let number =
-            pair.write(parts, Identity::IfWhole(identity::of_request(pair.reader_guid())))?;
-        self.last = self.before.saturating_add(number);
-        Ok(self.last)
-    }
-
-    fn take(&mut self) -> Result<Option<CdrReply>, GraphError> {
+    /// The next reply to any of the clients, with the number of the request.
+    fn take(&mut self) -> GraphResult<Option<(i64, GraphResult<CdrReply>)>> {
         self.renew()?;
         let pair = self.end.pair();
         while let Some(taken) = pair.take()? {
@@ -75,23 +98,88 @@ impl CdrClient for Client {
                 continue;
             }
             let sequence = self.before.saturating_add(sequence);
-            return match taken.received {
-                Received::Message(cdr) => Ok(Some(CdrReply { sequence, cdr, source_timestamp_ns })),
+            let reply = match taken.received {
+                Received::Message(cdr) => Ok(CdrReply { sequence, cdr, source_timestamp_ns }),
                 Received::TooLarge(actual) => Err(GraphError::TooLarge {
                     topic: pair.service.clone(),
                     actual,
                     limit: pair.max_bytes,
                 }),
             };
+            return Ok(Some((sequence, reply)));
+        }
+        Ok(None)
+    }
+}
+
+fn names(end: &End) -> [Gid; 2] {
+    [end.pair().reader_guid().to_bytes(), end.pair().writer_guid().to_bytes()]
+}
+
+/// Sends requests, takes replies.
+pub(super) struct Client {
+    endpoints: Arc<Endpoints>,
+    number: u64,
+}
+
+impl Client {
+    /// One more client of a service; `on_event` is called when replies or matches change.
+    pub(super) fn new(endpoints: Arc<Endpoints>, on_event: Notify) -> Self {
+        let mut bells = endpoints.bells.lock();
+        let number = bells.last_key_value().map_or(0, |(last, _)| last + 1);
+        bells.insert(number, on_event);
+        drop(bells);
+        Self { endpoints, number }
+    }
+}
+
+impl Drop for Client {
+    fn drop(&mut self) {
+        let mut state = self.endpoints.state.lock();
+        state.sent.retain(|_, client| *client != self.number);
+        state.waiting.remove(&self.number);
+        drop(state);
+        self.endpoints.bells.lock().remove(&self.number);
+    }
+}
+
+impl CdrClient for Client {
+    fn send(&mut self, parts: &[&[u8]]) -> Result<i64, GraphError> {
+        let mut state = self.endpoints.state.lock();
+        state.renew()?;
+        let pair = state.end.pair();
+        let number =
+            pair.write(parts, Identity::IfWhole(identity::of_request(pair.reader_guid())))?;
+        state.last = state.before.saturating_add(number);
+        if state.sent.len() >= MAX_SENT {
+            state.sent.pop_first();
+        }
+        let last = state.last;
+        state.sent.insert(last, self.number);
+        Ok(last)
+    }
+
+    fn take(&mut self) -> Result<Option<CdrReply>, GraphError> {
+        let mut state = self.endpoints.state.lock();
+        if let Some(reply) = state.waiting.get_mut(&self.number).and_then(VecDeque::pop_front) {
+            return reply.map(Some);
+        }
+        while let Some((sequence, reply)) = state.take()? {
+            // All clients are told of each reply: the one that it is for looks into its queue.
+            match state.sent.remove(&sequence) {
+                Some(client) if client == self.number => return reply.map(Some),
+                Some(client) => state.waiting.entry(client).or_default().push_back(reply),
+                None => {}
+            }
         }
         Ok(None)
     }
 
     fn servers(&self) -> Peers {
-        self.end.pair().remotes.lock().peers()
+        self.endpoints.state.lock().end.pair().remotes.lock().peers()
     }
 
     fn lost(&mut self) -> u64 {
-        self.end.pair().take_lost()
+        self.endpoints.state.lock().end.pair().take_lost()
     }
 }

@@ -24,7 +24,7 @@ use crate::graph::{GraphError, GraphResult};
 use wrapyfi_endpoint::Mutex;
 
 /// Longest time that a write waits for reliable peers that do not keep up.
-pub(super) const MAX_BLOCKING: Duration = Duration::from_millis(500);
+pub(super) use crate::vendor::RUST_SERVICES_BLOCKING as MAX_BLOCKING;
 
 /// Longest time that an end which leaves waits for its last samples to arrive.
 const FAREWELL: Duration = Duration::from_millis(100);

@@ -16,6 +16,7 @@ use rustdds::{
 
 use super::announce::Announcement;
 use super::changes::Changes;
+use super::client::Endpoints;
 use super::goodbye::Goodbye;
 use super::outgoing::{MAX_BLOCKING, Writer};
 use super::pair::{Pair, Reader};
@@ -44,6 +45,8 @@ pub(super) struct Shared {
     pub(super) settings: Settings,
     pub(super) participant: Mutex<Weak<Participant>>,
     pub(super) changes: Arc<Changes>,
+    /// Endpoints of the clients of each service.
+    pub(super) clients: Mutex<Vec<(ServiceDescription, Weak<Endpoints>)>>,
 }
 
 impl Shared {
@@ -90,7 +93,7 @@ impl Participant {
             let publisher = dds.create_publisher(&QosPolicies::qos_none())?;
             let subscriber = dds.create_subscriber(&QosPolicies::qos_none())?;
             let topic = topic(&dds, (TOPIC, Announcement::DDS_TYPE), &Announcement::qos())?;
-            let announcement = Announcement::new(&publisher, &topic, dds.guid(), &settings.node)?;
+            let announcement = Announcement::new(&publisher, &topic, dds.guid(), settings)?;
             Ok((publisher, subscriber, announcement))
         };
         let (publisher, subscriber, announcement) =

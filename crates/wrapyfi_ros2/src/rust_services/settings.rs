@@ -40,6 +40,8 @@ pub enum RustServicesError {
 pub(super) struct Settings {
     /// Node that the services belong to.
     pub(super) node: NodeName,
+    /// Number of the participant among those of the node.
+    pub(super) place: u8,
     /// DDS domain.
     pub(super) domain_id: u16,
     /// Addresses of the interfaces to announce itself on; `None` for all.
@@ -122,6 +124,7 @@ impl Settings {
         };
         Ok(Self {
             node: config.node.clone(),
+            place: 0,
             domain_id,
             networks,
             whole: WholeSamples::new(interfaces),

@@ -73,7 +73,7 @@ fn drop_reason(error: &GraphError) -> Option<DropReason> {
     match error {
         GraphError::TooLarge { .. } => Some(DropReason::Oversize),
         GraphError::NoIdentity { .. } => Some(DropReason::Malformed),
-        GraphError::ForeignMapping { .. } => Some(DropReason::Mismatch),
+        GraphError::ForeignMapping { .. } => Some(DropReason::ServiceMapping),
         _ => None,
     }
 }
