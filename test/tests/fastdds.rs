@@ -638,7 +638,7 @@ fn a_reader_on_fast_dds_that_stands_still_is_named_and_what_it_costs_is_counted(
         let viewer = env.fast_peer(&subscribe)?;
         let other = env.dds_subscriber(&topic, STRING, "--plain")?;
         let file = env.write("big.json", json!("x".repeat(400_000)).to_string())?;
-        let words = ["pub", &zeromq(&from), "--type", "NativeObject", "--rate", "5", "--file"];
+        let words = ["pub", &zeromq(&from), "--type", "NativeObject", "--rate", "20", "--file"];
         let _source = env.wrapyfi([&words[..], &[&file.display().to_string()]].concat())?;
         let first = |output: &Output| output.events("message").into_iter().next();
         viewer.wait_until("a message", first).map_err(|e| e.context(bridge.tail()))?;

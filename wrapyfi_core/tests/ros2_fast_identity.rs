@@ -127,15 +127,15 @@ fn replies_to_others_are_passed_over_and_those_to_nobody_said() {
     let service = add_two_ints();
     let bare = Bare::new();
     let (mut requests, replies) = (bare.requests(&service), bare.replies(&service));
-    let ours = services("caller");
-    let (mut mine, other) = (client(&ours, &service), client(&ours, &service));
+    let (ours, theirs) = (services("caller"), services("other"));
+    let (mut mine, other) = (client(&ours, &service), client(&theirs, &service));
     mine.await_peers(&Peers::Ready(1));
     let mine_first = ours.endpoints().readers[0];
     mine.client.send(&[&cdr(&[1, 1])]).unwrap();
     let (_, info) = next(&mut requests);
     let own = info.related_sample_identity().unwrap().writer_guid;
     assert_eq!(own.to_bytes(), mine_first);
-    let others = GUID::from_bytes(ours.endpoints().readers[1]);
+    let others = GUID::from_bytes(theirs.endpoints().readers[0]);
     let mut nobody = own.to_bytes();
     nobody[3] ^= 0xff;
     let write = |sum, options| replies.write_with_options(Sum { sum }, options).unwrap();
@@ -170,6 +170,7 @@ fn half_a_server_is_no_server() {
     client.await_peers(&Peers::Half);
     let elsewhere = b.replies(&service);
     let own = GUID::from_bytes(ours.endpoints().readers[0]);
+    client.client.send(&[&cdr(&[1, 1])]).unwrap();
     // Once heard, its writer is matched.
     until("a reply of the other half", || {
         elsewhere.write_with_options(Sum { sum: 1 }, related(own, 1)).unwrap();
