@@ -3,8 +3,10 @@
 
 use std::io::Write;
 use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar};
 use std::time::Duration;
+
+use wrapyfi_core::endpoint::Mutex;
 
 /// A place to write lines to, without waiting.
 #[derive(Debug)]
@@ -28,12 +30,6 @@ struct Counts {
     lost: u64,
 }
 
-impl Shared {
-    fn lock(&self) -> MutexGuard<'_, Counts> {
-        self.counts.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
 impl Lines {
     /// Starts the thread, which is called `name`. `room` lines may wait for the reader; what is beyond is left out,
     /// and `gap` says so where the reader goes on.
@@ -54,7 +50,7 @@ impl Lines {
                 // Nobody can be told that nobody reads.
                 _ = out.write_all(&line).and_then(|()| out.flush());
                 let lost = {
-                    let mut counts = told.lock();
+                    let mut counts = told.counts.lock();
                     counts.waiting -= 1;
                     std::mem::take(&mut counts.lost)
                 };
@@ -70,7 +66,7 @@ impl Lines {
     /// Has a line written, with the break at its end.
     pub fn write(&self, line: Vec<u8>) {
         // Counted under the lock: its writer counts down once it is written.
-        let mut counts = self.shared.lock();
+        let mut counts = self.shared.counts.lock();
         match self.queue.try_send(line) {
             Ok(()) => counts.waiting += 1,
             Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => counts.lost += 1,
@@ -80,7 +76,7 @@ impl Lines {
     /// Waits until everything is written, at most `limit`.
     pub fn finish(&self, limit: Duration) {
         let waits = |counts: &mut Counts| counts.waiting > 0;
-        drop(self.shared.written.wait_timeout_while(self.shared.lock(), limit, waits));
+        drop(self.shared.written.wait_timeout_while(self.shared.counts.lock(), limit, waits));
     }
 }
 

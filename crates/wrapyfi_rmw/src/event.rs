@@ -8,9 +8,11 @@
 #![allow(unsafe_code, reason = "events of rmw are structs of C")]
 
 use std::ptr;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
+
+use wrapyfi_retry::Mutex;
 
 use super::dispatch::{Callback, Dispatch, call};
 use super::{Fault, MATCH_SETTLES, Notify, qos, sys};
@@ -115,7 +117,7 @@ impl Events {
 
     /// Numbers of events so far.
     pub(crate) fn counts(&self) -> EventCounts {
-        let mut counts = self.counts.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut counts = self.counts.lock();
         if self.is_new.swap(false, Ordering::AcqRel) {
             for event in &self.events {
                 take(event, &mut counts);

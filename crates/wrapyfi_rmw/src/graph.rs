@@ -10,9 +10,11 @@
 use std::ffi::{CStr, c_char, c_void};
 use std::ptr;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::{Arc, Weak};
 use std::thread::JoinHandle;
 use std::time::Duration;
+
+use wrapyfi_retry::Mutex;
 
 use super::endpoint::gid;
 use super::node::Node;
@@ -226,7 +228,7 @@ impl Waiter {
     }
 
     pub(crate) fn watch(&self, notify: &Arc<Notify>) {
-        let mut watches = self.shared.watches.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut watches = self.shared.watches.lock();
         watches.retain(|watch| watch.strong_count() > 0);
         watches.push(Arc::downgrade(notify));
     }
@@ -272,7 +274,7 @@ fn wait(conditions: &Conditions, watched: &Watched) {
         std::thread::sleep(SETTLES);
         watched.changes.fetch_add(1, Relaxed);
         let watches: Vec<_> = {
-            let watches = watched.watches.lock().unwrap_or_else(PoisonError::into_inner);
+            let watches = watched.watches.lock();
             watches.iter().filter_map(Weak::upgrade).collect()
         };
         for watch in watches {

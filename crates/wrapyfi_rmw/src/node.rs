@@ -5,7 +5,9 @@
 use std::cell::UnsafeCell;
 use std::ffi::CStr;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, MutexGuard};
+
+use wrapyfi_retry::Mutex;
 
 use super::dispatch::Dispatch;
 use super::graph::Waiter;
@@ -192,7 +194,7 @@ impl Inner {
     }
 
     pub(crate) fn making(&self) -> MutexGuard<'_, ()> {
-        self.shared.making.lock().unwrap_or_else(PoisonError::into_inner)
+        self.shared.making.lock()
     }
 
     pub(crate) fn dispatch(&self) -> &Dispatch {
@@ -200,7 +202,7 @@ impl Inner {
     }
 
     pub(crate) fn own(&self) -> MutexGuard<'_, Own> {
-        self.shared.own.lock().unwrap_or_else(PoisonError::into_inner)
+        self.shared.own.lock()
     }
 }
 

@@ -2,8 +2,10 @@
 
 #![allow(unsafe_code, reason = "publishers of rmw are structs of C")]
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
+
+use wrapyfi_retry::Mutex;
 
 use super::endpoint::gid;
 use super::event::{Events, Source};
@@ -89,7 +91,7 @@ impl Node {
         publisher.node.own().add_gid(publisher.gid);
         let since = Arc::clone(&publisher.matched_since);
         let on_event = Arc::new(move || {
-            let mut since = since.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut since = since.lock();
             since.get_or_insert_with(Instant::now);
             drop(since);
             on_event();
@@ -146,7 +148,7 @@ impl Publisher {
                 EndpointType::Publishers,
                 &self.kind,
             ));
-        let mut since = self.matched_since.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut since = self.matched_since.lock();
         if count == 0 {
             *since = None;
             return 0;

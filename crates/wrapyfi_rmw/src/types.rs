@@ -10,7 +10,9 @@
 use std::collections::HashMap;
 use std::ffi::CString;
 use std::ptr;
-use std::sync::{LazyLock, Mutex, PoisonError};
+use std::sync::LazyLock;
+
+use wrapyfi_retry::Mutex;
 
 use super::Fault;
 use super::sys;
@@ -54,7 +56,7 @@ fn pointer(hash: Option<&TypeHash>) -> *const u8 {
 /// Type support of a message type.
 pub(crate) fn message(type_name: &str, hash: Option<&TypeHash>) -> Result<MessageType, Fault> {
     let [namespace, name] = split(type_name)?;
-    let mut known = MESSAGES.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut known = MESSAGES.lock();
     let key = (type_name.to_owned(), hash.copied());
     if let Some(&made) = known.get(&key) {
         return Ok(made);
@@ -71,7 +73,7 @@ pub(crate) fn message(type_name: &str, hash: Option<&TypeHash>) -> Result<Messag
 /// Type support of a service type, with its hash and those of its request and its response.
 pub(crate) fn service(type_name: &str, hashes: &Hashes) -> Result<ServiceType, Fault> {
     let [namespace, name] = split(type_name)?;
-    let mut known = SERVICES.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut known = SERVICES.lock();
     let key = (type_name.to_owned(), *hashes);
     if let Some(&made) = known.get(&key) {
         return Ok(made);

@@ -5,7 +5,7 @@
 //!   returns   ◀─────┘
 //! ```
 
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::Duration;
 
 use super::bell::{Bell, Look, at_once};
@@ -15,8 +15,10 @@ use super::listener::EndOptions;
 use super::rules::Rules;
 use super::runtime::Runtime;
 use super::session::{Gathered, Session};
-use super::wait::{lock, with_reason};
-use crate::endpoint::{self, Client, Counters, CountersSnapshot, EndpointAddress, Link, Request};
+use super::wait::with_reason;
+use crate::endpoint::{
+    self, Client, Counters, CountersSnapshot, EndpointAddress, Link, Mutex, Request,
+};
 use crate::types::{self, TypedError, Value};
 
 /// An argument of a request: its name and value.
@@ -54,11 +56,11 @@ impl ClientEnd {
     }
 
     pub(super) fn status(&self) -> (&EndpointAddress, Link, CountersSnapshot) {
-        (&self.endpoint, lock(&self.client).link(), self.counters.snapshot())
+        (&self.endpoint, self.client.lock().link(), self.counters.snapshot())
     }
 
     fn waited_for(&self) -> String {
-        with_reason(format!("a reply from {}", self.endpoint), lock(&self.client).link())
+        with_reason(format!("a reply from {}", self.endpoint), self.client.lock().link())
     }
 }
 
@@ -71,7 +73,7 @@ struct Call<'a> {
 
 impl Call<'_> {
     fn look(&mut self) -> Look<Result<endpoint::Reply, endpoint::CallError>> {
-        let mut client = lock(&self.end.client);
+        let mut client = self.end.client.lock();
         match client.take_only(self.ticket) {
             Some(result) => {
                 self.has_ended = true;
@@ -85,7 +87,7 @@ impl Call<'_> {
 impl Drop for Call<'_> {
     fn drop(&mut self) {
         if !self.has_ended {
-            lock(&self.end.client).cancel(self.ticket);
+            self.end.client.lock().cancel(self.ticket);
         }
     }
 }
@@ -126,7 +128,7 @@ impl Session {
     }
 
     fn begin<'a>(&self, end: &'a ClientEnd, request: &Request) -> Result<Call<'a>, MethodError> {
-        let ticket = lock(&end.client).send(request, end.timeout);
+        let ticket = end.client.lock().send(request, end.timeout);
         let ticket = ticket.map_err(|source| self.unanswered(source))?;
         Ok(Call { end, ticket, has_ended: false })
     }

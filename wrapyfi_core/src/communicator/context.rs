@@ -7,14 +7,13 @@
 //! ```
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, OnceLock, Weak};
+use std::sync::{Arc, OnceLock, Weak};
 
 use super::builtin;
 use super::config::Configuration;
 use super::runtime::Runtime;
 use super::source::{Running, Source, StartError, Wanted};
-use super::wait::lock;
-use crate::endpoint::Middleware;
+use crate::endpoint::{Middleware, Mutex};
 #[cfg(feature = "engine")]
 use crate::engine::ConfigError;
 use crate::plugin::Plugins;
@@ -113,7 +112,7 @@ impl CommunicatorContext {
 
     /// Adds modes for instances made from now on, which replace those of the same method.
     pub fn configure(&self, configuration: Configuration) {
-        lock(&self.0.configuration).extend(configuration);
+        self.0.configuration.lock().extend(configuration);
     }
 
     /// Names of the middlewares that are here.
@@ -134,7 +133,7 @@ impl CommunicatorContext {
 
     /// Looks up a ROS type by its name.
     pub(super) fn ros_type(&self, name: &str) -> Result<RosType, MessageTypeError> {
-        let resolved = lock(&self.0.types).resolve_name(name).map_err(Box::new)?;
+        let resolved = self.0.types.lock().resolve_name(name).map_err(Box::new)?;
         Ok(RosType::new(&resolved)?)
     }
 
@@ -147,19 +146,19 @@ impl CommunicatorContext {
     }
 
     pub(super) fn configuration(&self) -> Configuration {
-        lock(&self.0.configuration).clone()
+        self.0.configuration.lock().clone()
     }
 
     /// Counts a new instance of `class` and returns its number, from 0.
     pub(super) fn number(&self, class: &'static str) -> usize {
-        let mut instances = lock(&self.0.instances);
+        let mut instances = self.0.instances.lock();
         let count = instances.entry(class).or_default();
         *count += 1;
         *count - 1
     }
 
     pub(super) fn live(&self) -> Arc<Live> {
-        let mut live = lock(&self.0.live);
+        let mut live = self.0.live.lock();
         live.upgrade().unwrap_or_else(|| {
             let made = Arc::new(Live { runtime: Runtime::start(), started: Mutex::default() });
             *live = Arc::downgrade(&made);
@@ -181,13 +180,13 @@ impl Live {
     ) -> Result<Arc<dyn Middleware>, StartError> {
         let planned = source.plan(wanted)?;
         let key = (source.name().to_owned(), planned.key);
-        if let Some(running) = lock(&self.started).get(&key) {
+        if let Some(running) = self.started.lock().get(&key) {
             return Ok(Arc::clone(running));
         }
         // Started without the lock, because it may take seconds. Only the library's thread starts
         // middlewares, so that none is started twice.
         let started = (planned.start)()?;
-        lock(&self.started).insert(key, Arc::clone(&started));
+        self.started.lock().insert(key, Arc::clone(&started));
         Ok(started)
     }
 }

@@ -8,7 +8,7 @@
 use std::fmt;
 use std::marker::PhantomData;
 use std::ops::Deref;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, MutexGuard};
 
 use super::context::{CommunicatorContext, Live};
 use super::describe::{Class, Method, NamesMethod};
@@ -18,6 +18,7 @@ use super::oneshot::{self, Receiver};
 use super::opening::Opening;
 use super::resolve::{Given, Resolved, resolve};
 use super::session::{Session, ValueStatus};
+use crate::endpoint::Mutex;
 
 /// Modes and endpoints of one instance's registered methods; a field that `#[communicator]` adds.
 pub struct Instance<M> {
@@ -177,7 +178,7 @@ impl<M: Method> Control<M> {
 
 impl Shared {
     fn slot(&self, index: usize) -> Option<MutexGuard<'_, Slot>> {
-        self.slots.get(index).map(|slot| slot.lock().unwrap_or_else(PoisonError::into_inner))
+        self.slots.get(index).map(Mutex::lock)
     }
 
     /// Takes the modes of the configuration. Calls of a method return the fault of its entry; calls

@@ -6,15 +6,15 @@
 //! ```
 
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::bell::{Bell, Look};
 use super::error::MethodError;
 use super::rules::Rules;
 use super::runtime::Runtime;
-use super::wait::{Wait, lock, with_reason};
-use crate::endpoint::{Clock, Counters, EndpointAddress, Link, Listener};
+use super::wait::{Wait, with_reason};
+use crate::endpoint::{Clock, Counters, EndpointAddress, Link, Listener, Mutex};
 use crate::types::Payload;
 
 /// Time between two looks at the peers while nothing rings.
@@ -88,7 +88,7 @@ impl ListenerEnd {
 
     /// Gives back a message that was taken for a call that failed.
     pub(super) fn put_back(&self, payload: Payload) {
-        lock(&self.state).held.push_front(payload);
+        self.state.lock().held.push_front(payload);
         self.bell.ring();
     }
 
@@ -98,14 +98,14 @@ impl ListenerEnd {
     }
 
     pub(super) fn link(&self) -> Link {
-        lock(&self.state).listener.link()
+        self.state.lock().listener.link()
     }
 
     fn look(&self) -> Look<Payload> {
         match self.take_now() {
             Some(payload) => Look::Found(payload),
             None => {
-                let mut state = lock(&self.state);
+                let mut state = self.state.lock();
                 self.review(&mut state, self.clock.now());
                 Look::Again(Some(state.review_at))
             }
@@ -113,7 +113,7 @@ impl ListenerEnd {
     }
 
     fn take_now(&self) -> Option<Payload> {
-        let mut state = lock(&self.state);
+        let mut state = self.state.lock();
         if let Some(payload) = state.held.pop_front() {
             return Some(payload);
         }

@@ -2,8 +2,10 @@
 
 use std::future::Future;
 use std::pin::Pin;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, PoisonError};
 use std::task::{Context, Poll, Waker};
+
+use crate::endpoint::Mutex;
 
 /// Sending side.
 pub(super) struct Sender<T>(Arc<Shared<T>>);
@@ -23,12 +25,6 @@ struct State<T> {
     waker: Option<Waker>,
 }
 
-impl<T> Shared<T> {
-    fn lock(&self) -> MutexGuard<'_, State<T>> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
 /// Opens a channel for one value.
 pub(super) fn channel<T>() -> (Sender<T>, Receiver<T>) {
     let state = Mutex::new(State { value: None, is_closed: false, waker: None });
@@ -39,7 +35,7 @@ pub(super) fn channel<T>() -> (Sender<T>, Receiver<T>) {
 impl<T> Sender<T> {
     /// Sends the value.
     pub(super) fn send(self, value: T) {
-        self.0.lock().value = Some(value);
+        self.0.state.lock().value = Some(value);
         // Dropping `self` wakes the receiver.
     }
 }
@@ -47,7 +43,7 @@ impl<T> Sender<T> {
 impl<T> Drop for Sender<T> {
     fn drop(&mut self) {
         let waker = {
-            let mut state = self.0.lock();
+            let mut state = self.0.state.lock();
             state.is_closed = true;
             state.waker.take()
         };
@@ -61,7 +57,7 @@ impl<T> Drop for Sender<T> {
 impl<T> Receiver<T> {
     /// Waits for the value; `None` when the sender was dropped without sending it.
     pub(super) fn recv(self) -> Option<T> {
-        let state = self.0.lock();
+        let state = self.0.state.lock();
         let mut state = self
             .0
             .sent
@@ -75,7 +71,7 @@ impl<T> Future for Receiver<T> {
     type Output = Option<T>;
 
     fn poll(self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Option<T>> {
-        let mut state = self.0.lock();
+        let mut state = self.0.state.lock();
         if state.is_closed {
             return Poll::Ready(state.value.take());
         }

@@ -5,8 +5,8 @@
 //!             └─ yes ─▶ payload ─▶ publisher, on the caller's thread
 //! ```
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
-use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use super::bell::{Bell, Look};
@@ -14,8 +14,10 @@ use super::error::MethodError;
 use super::listener::EndOptions;
 use super::rules::Rules;
 use super::runtime::{Runtime, Watched};
-use super::wait::{Wait, lock, with_reason};
-use crate::endpoint::{Counters, DropReason, EndpointAddress, Link, PublishError, Publisher};
+use super::wait::{Wait, with_reason};
+use crate::endpoint::{
+    Counters, DropReason, EndpointAddress, Link, Mutex, PublishError, Publisher,
+};
 use crate::types::Payload;
 
 /// Shortest time between two lines about messages that were not sent.
@@ -82,7 +84,7 @@ impl PublisherEnd {
     /// When the payload has no form on the wire.
     pub(super) fn send(&self, payload: &Payload) -> Result<(), PublishError> {
         let started = Instant::now();
-        let mut state = lock(&self.state);
+        let mut state = self.state.lock();
         match state.publisher.publish(payload) {
             Ok(bytes) => {
                 self.counters.sent(bytes, started.elapsed());
@@ -141,7 +143,7 @@ impl PublisherEnd {
 
     /// Connection of the publisher now. Sends go by it from here on.
     pub(super) fn link(&self) -> Link {
-        self.note(&lock(&self.state))
+        self.note(&self.state.lock())
     }
 
     fn waited_for(&self) -> String {
@@ -152,7 +154,7 @@ impl PublisherEnd {
 impl Watched for PublisherEnd {
     /// Looks at the listeners.
     fn look(&self, now: Instant) -> Option<Instant> {
-        let mut state = lock(&self.state);
+        let mut state = self.state.lock();
         let review = state.publisher.review(now);
         self.note(&state);
         drop(state);

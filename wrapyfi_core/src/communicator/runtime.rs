@@ -12,13 +12,12 @@
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, Weak};
+use std::sync::{Arc, Weak};
 use std::task::Waker;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use super::wait::lock;
-use crate::endpoint::Wake;
+use crate::endpoint::{Mutex, Wake};
 
 /// Longest time between two looks at the publishers.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
@@ -79,26 +78,26 @@ impl Runtime {
             job();
             return;
         }
-        lock(&self.shared.work).jobs.push(Box::new(job));
+        self.shared.work.lock().jobs.push(Box::new(job));
         self.shared.bell.ring();
     }
 
     /// Wakes a task at `at`.
     pub(super) fn wake_at(&self, at: Instant, waker: Waker) {
         let number = self.shared.next.fetch_add(1, Relaxed);
-        lock(&self.shared.work).timers.insert((at, number), waker);
+        self.shared.work.lock().timers.insert((at, number), waker);
         self.shared.bell.ring();
     }
 
     /// Watches a publisher for as long as it lives.
     pub(super) fn watch(&self, publisher: Weak<dyn Watched>) {
-        lock(&self.shared.work).publishers.push(publisher);
+        self.shared.work.lock().publishers.push(publisher);
         self.shared.bell.ring();
     }
 
     /// Sends the replies that a server keeps, as soon as their clients hear.
     pub(super) fn flush(&self, server: Weak<dyn Watched>) {
-        let mut work = lock(&self.shared.work);
+        let mut work = self.shared.work.lock();
         if !work.servers.iter().any(|known| known.ptr_eq(&server)) {
             work.servers.push(server);
         }
@@ -116,7 +115,7 @@ impl Drop for Runtime {
     fn drop(&mut self) {
         self.shared.is_over.store(true, Relaxed);
         self.shared.bell.ring();
-        let thread = lock(&self.thread).take();
+        let thread = self.thread.lock().take();
         if let Some(thread) = thread
             // A job may drop the last reference on this very thread, which cannot join itself.
             && thread.thread().id() != std::thread::current().id()
@@ -135,7 +134,7 @@ impl Shared {
             let now = Instant::now();
             let due = self.wake_due(now).unwrap_or(LOOK_EVERY);
             let rang = self.bell.wait(due.min(look_at.saturating_duration_since(now)));
-            let jobs = std::mem::take(&mut lock(&self.work).jobs);
+            let jobs = std::mem::take(&mut self.work.lock().jobs);
             jobs.into_iter().for_each(|job| job());
             let now = Instant::now();
             if rang {
@@ -150,7 +149,7 @@ impl Shared {
             }
         }
         // Jobs that were submitted before the stop have callers that wait for them.
-        let jobs = std::mem::take(&mut lock(&self.work).jobs);
+        let jobs = std::mem::take(&mut self.work.lock().jobs);
         jobs.into_iter().for_each(|job| job());
     }
 
@@ -158,7 +157,7 @@ impl Shared {
     fn wake_due(&self, now: Instant) -> Option<Duration> {
         loop {
             let timer = {
-                let mut work = lock(&self.work);
+                let mut work = self.work.lock();
                 let first = work.timers.first_entry()?;
                 let at = first.key().0;
                 if at > now {
@@ -172,17 +171,17 @@ impl Shared {
 
     /// Looks at every publisher and flushes servers; instant of the next look that one of them wants.
     fn look(&self, now: Instant) -> Option<Instant> {
-        let servers = std::mem::take(&mut lock(&self.work).servers);
+        let servers = std::mem::take(&mut self.work.lock().servers);
         let mut next = None;
         for server in servers {
             let again = server.upgrade().and_then(|server| server.look(now));
             if again.is_some() {
-                lock(&self.work).servers.push(server);
+                self.work.lock().servers.push(server);
             }
             next = next.into_iter().chain(again).min();
         }
         let publishers: Vec<_> = {
-            let mut work = lock(&self.work);
+            let mut work = self.work.lock();
             work.publishers.retain(|publisher| publisher.strong_count() > 0);
             work.publishers.iter().filter_map(Weak::upgrade).collect()
         };
@@ -207,7 +206,7 @@ mod tests {
         struct Flag(Mutex<Option<super::super::oneshot::Sender<()>>>);
         impl std::task::Wake for Flag {
             fn wake(self: Arc<Self>) {
-                self.0.lock().unwrap().take();
+                self.0.lock().take();
             }
         }
         let (sender, woken) = channel();

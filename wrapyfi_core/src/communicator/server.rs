@@ -6,7 +6,7 @@
 //!                        └ kept while the client does not hear yet ◀─ flushed ─ the library's thread
 //! ```
 
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use serde::de::DeserializeOwned;
@@ -18,9 +18,9 @@ use super::listener::EndOptions;
 use super::rules::Rules;
 use super::runtime::{Runtime, Watched};
 use super::session::Session;
-use super::wait::{lock, to_stderr};
+use super::wait::to_stderr;
 use crate::endpoint::{
-    self, Call, Clock, Counters, CountersSnapshot, EndpointAddress, Link, RequestId, Server,
+    self, Call, Clock, Counters, CountersSnapshot, EndpointAddress, Link, Mutex, RequestId, Server,
 };
 use crate::types::{self, from_value};
 use wrapyfi_data::returned::Returned;
@@ -71,7 +71,7 @@ impl ServerEnd {
     }
 
     pub(super) fn status(&self) -> (&EndpointAddress, Link, CountersSnapshot) {
-        (&self.endpoint, lock(&self.state).server.link(), self.counters.snapshot())
+        (&self.endpoint, self.state.lock().server.link(), self.counters.snapshot())
     }
 
     fn waited_for(&self) -> String {
@@ -80,14 +80,14 @@ impl ServerEnd {
 
     /// Leaves kept replies to the library's thread, because the method may never be called again.
     fn leave_kept_to(self: &Arc<Self>, runtime: &Runtime) {
-        if lock(&self.state).server.kept() > 0 {
+        if self.state.lock().server.kept() > 0 {
             runtime.flush(Arc::downgrade(self) as _);
         }
     }
 
     /// Takes the next request that can be served.
     fn take(&self) -> Look<Option<endpoint::IncomingRequest>> {
-        let mut state = lock(&self.state);
+        let mut state = self.state.lock();
         loop {
             match state.server.take() {
                 Ok(Some(request)) => return Look::Found(Some(request)),
@@ -111,7 +111,7 @@ impl ServerEnd {
         id: RequestId,
         answer: Result<types::Payload, endpoint::Refusal>,
     ) -> Result<(), endpoint::ServeError> {
-        let mut state = lock(&self.state);
+        let mut state = self.state.lock();
         match state.server.reply(id, answer) {
             Ok(_) => Ok(()),
             Err(error @ endpoint::ServeError::Reply { .. }) => Err(error),
@@ -127,7 +127,7 @@ impl ServerEnd {
 impl Watched for ServerEnd {
     /// Sends kept replies whose clients hear now.
     fn look(&self, now: Instant) -> Option<Instant> {
-        let mut state = lock(&self.state);
+        let mut state = self.state.lock();
         if state.server.kept() == 0 {
             return None;
         }

@@ -2,7 +2,6 @@
 
 use std::io::Write as _;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::SeqCst};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::error::MethodError;
@@ -29,11 +28,6 @@ pub(super) fn with_reason(what: String, link: Link) -> String {
         Some(reason) => format!("{what} ({reason})"),
         None => what,
     }
-}
-
-/// Locks what no panic leaves half changed.
-pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Switch that ends the waits of one method.

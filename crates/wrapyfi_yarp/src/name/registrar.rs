@@ -17,15 +17,15 @@
 
 use std::collections::BTreeMap;
 use std::ops::Bound;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
 use bytes::BytesMut;
 use tokio::net::TcpStream;
 use tokio::sync::{Notify, watch};
 use tokio::task::JoinHandle;
-use wrapyfi_retry::Backoff;
 use wrapyfi_retry::restart::restarted;
+use wrapyfi_retry::{Backoff, Mutex};
 
 use super::client::{NameClient, NameError};
 use super::exchange::{Exchange, ExchangeError};
@@ -194,20 +194,16 @@ impl Names for Registrar {
 }
 
 impl Shared {
-    fn names(&self) -> std::sync::MutexGuard<'_, BTreeMap<String, Wanted>> {
-        self.names.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     fn insert(&self, at: Registration, type_name: Option<String>) {
         let name = at.name.clone();
         let properties = BTreeMap::new();
         let wanted = Wanted { at, type_name, properties, announced: false, taken: false };
-        self.names().insert(name, wanted);
+        self.names.lock().insert(name, wanted);
         self.wake.notify_one();
     }
 
     fn forget(&self, name: &str) -> Option<Wanted> {
-        let forgotten = self.names().remove(name);
+        let forgotten = self.names.lock().remove(name);
         if forgotten.as_ref().is_some_and(|wanted| wanted.taken) {
             self.status.send_modify(|status| status.taken.retain(|known| known != name));
         }
@@ -216,24 +212,24 @@ impl Shared {
 
     /// Registration that is wanted for a name now; `None` when it was unregistered.
     fn wanted(&self, name: &str) -> Option<Wanted> {
-        self.names().get(name).cloned()
+        self.names.lock().get(name).cloned()
     }
 
     fn change(&self, name: &str, how: impl FnOnce(&mut Wanted)) {
-        if let Some(wanted) = self.names().get_mut(name) {
+        if let Some(wanted) = self.names.lock().get_mut(name) {
             how(wanted);
         }
     }
 
     /// The name after this one, from the beginning behind the last one.
     fn after(&self, name: &str) -> Option<Wanted> {
-        let names = self.names();
+        let names = self.names.lock();
         let behind = (Bound::Excluded(name.to_owned()), Bound::Unbounded);
         names.range(behind).next().or_else(|| names.iter().next()).map(|(_, wanted)| wanted.clone())
     }
 
     fn is_empty(&self) -> bool {
-        self.names().is_empty()
+        self.names.lock().is_empty()
     }
 
     fn failed(&self, reason: &dyn std::fmt::Display) {
@@ -285,7 +281,7 @@ impl Shared {
     fn compare(&self, found: &Registration) {
         let name = &found.name;
         let taken = {
-            let mut names = self.names();
+            let mut names = self.names.lock();
             // Unregistered meanwhile.
             let Some(wanted) = names.get_mut(name) else { return };
             let taken = (&found.host, found.port) != (&wanted.at.host, wanted.at.port);
@@ -322,7 +318,7 @@ async fn watch_over(shared: Arc<Shared>) {
             shared.wake.notified().await;
             continue;
         }
-        let names: Vec<String> = shared.names().keys().cloned().collect();
+        let names: Vec<String> = shared.names.lock().keys().cloned().collect();
         let exchange = shared.client.exchange();
         let opened = exchange.in_time(exchange.greet(Carrier::TextAck, "anon_registrar")).await;
         let ended: Box<dyn std::fmt::Display + Send> = match opened {

@@ -77,7 +77,7 @@ impl Core {
     pub(super) fn describe(&self) -> String {
         let name = &self.name;
         let mut lines = format!("This is {name} at tcp://{}/\r\n", self.contact);
-        let connections = self.connections();
+        let connections = self.connections.lock();
         for output in &connections.outputs {
             let (to, carrier) = (&output.name, &output.carrier_text);
             lines +=
@@ -112,7 +112,7 @@ impl Core {
 
     /// Ends the inputs from `name`; whether there was one.
     pub(super) fn remove_input(&self, name: &str) -> bool {
-        let connections = self.connections();
+        let connections = self.connections.lock();
         let mut found = false;
         for input in connections.inputs.iter().filter(|input| input.name == name) {
             input.stop.notify_one();
@@ -122,7 +122,7 @@ impl Core {
     }
 
     fn has(&self, direction: Direction, name: &str) -> bool {
-        let connections = self.connections();
+        let connections = self.connections.lock();
         match direction {
             Direction::In => connections.inputs.iter().any(|input| input.name == name),
             Direction::Out => connections.outputs.iter().any(|output| output.name == name),
@@ -130,7 +130,7 @@ impl Core {
     }
 
     fn listed(&self, direction: Direction, name: Option<&str>) -> Bottle {
-        let connections = self.connections();
+        let connections = self.connections.lock();
         let (inputs, outputs) = (&connections.inputs, &connections.outputs);
         match (direction, name) {
             (Direction::In, None) => {
@@ -162,7 +162,7 @@ impl Core {
         if key.starts_with('/') && key != self.name && !self.set_service(key, &values) {
             return admin::fail(None);
         }
-        let mut connections = self.connections();
+        let mut connections = self.connections.lock();
         let properties = &mut connections.properties;
         let size = key.len().saturating_add(values.to_text_bytes().len());
         let full = properties.len() >= MAX_PROPERTIES && !properties.contains_key(key);
@@ -182,7 +182,7 @@ impl Core {
         if service.is_none() && values.find("qos").is_some() {
             return false;
         }
-        let connections = self.connections();
+        let connections = self.connections.lock();
         let output = connections.outputs.iter().find(|output| output.name == peer);
         if let (Some(output), Some(service)) = (output, service)
             && let Some(socket) = &output.socket
@@ -221,7 +221,7 @@ impl Core {
     }
 
     fn property(&self, key: Option<&str>) -> Bottle {
-        let connections = self.connections();
+        let connections = self.connections.lock();
         match key {
             Some(key) if key == self.name => self.about(),
             Some(key) if key.starts_with('/') => {

@@ -10,11 +10,13 @@
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::pin::Pin;
+use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
-use std::sync::{Arc, Mutex, PoisonError};
 
 use tokio::net::TcpStream;
 use tokio::sync::{Notify, watch};
+
+use wrapyfi_retry::Mutex;
 
 use super::counters::Counters;
 use super::inbox::Inbox;
@@ -124,10 +126,6 @@ pub(super) struct Core {
 }
 
 impl Core {
-    pub(super) fn connections(&self) -> std::sync::MutexGuard<'_, Connections> {
-        self.connections.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// A number that no other connection of this port has.
     pub(super) fn new_id(connections: &mut Connections) -> u64 {
         connections.next_id += 1;

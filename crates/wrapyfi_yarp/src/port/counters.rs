@@ -1,7 +1,8 @@
 //! Counts of everything that a port refused, lost or dropped, by reason.
 
 use std::collections::BTreeMap;
-use std::sync::{Mutex, PoisonError};
+
+use wrapyfi_retry::Mutex;
 
 use crate::wire::Fault;
 
@@ -28,7 +29,7 @@ impl Counters {
 
     /// Counts one; how many there are now.
     fn add_up(&self, reason: &'static str) -> u64 {
-        let mut counts = self.counts();
+        let mut counts = self.0.lock();
         let count = counts.entry(reason).or_default();
         *count += 1;
         *count
@@ -37,16 +38,12 @@ impl Counters {
     /// Number of times that one reason was counted.
     #[must_use]
     pub fn get(&self, reason: &str) -> u64 {
-        self.counts().get(reason).copied().unwrap_or(0)
+        self.0.lock().get(reason).copied().unwrap_or(0)
     }
 
     /// All counts.
     #[must_use]
     pub fn all(&self) -> BTreeMap<&'static str, u64> {
-        self.counts().clone()
-    }
-
-    fn counts(&self) -> std::sync::MutexGuard<'_, BTreeMap<&'static str, u64>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.0.lock().clone()
     }
 }

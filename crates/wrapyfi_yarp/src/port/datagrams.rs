@@ -45,7 +45,7 @@ impl Core {
     /// The group of this port on the interface that leads to `contact`; made when it is the first.
     pub(super) async fn group(self: &Arc<Self>, contact: &str) -> Result<Arc<Group>, LinkError> {
         let interface = interface_to(contact).await?;
-        let known = self.connections().outputs.iter().find_map(|output| match &output.kind {
+        let known = self.connections.lock().outputs.iter().find_map(|output| match &output.kind {
             Kind::Group(group) if group.interface == interface => Some(Arc::clone(group)),
             _ => None,
         });
@@ -93,7 +93,7 @@ impl Core {
     /// Ends the group when nobody is left to send to.
     pub(super) async fn leave_group(&self, group: Arc<Group>) {
         let used =
-            self.connections().outputs.iter().any(
+            self.connections.lock().outputs.iter().any(
                 |output| matches!(&output.kind, Kind::Group(other) if Arc::ptr_eq(other, &group)),
             );
         if used {

@@ -31,7 +31,7 @@ impl Entered {
     ) -> Self {
         let (stop, messages) = (Arc::new(Notify::new()), Arc::new(AtomicU64::new(0)));
         let shared: Arc<str> = name.as_str().into();
-        let mut connections = core.connections();
+        let mut connections = core.connections.lock();
         if name.starts_with('/') {
             for older in connections.inputs.iter().filter(|input| input.name == name) {
                 older.stop.notify_one();
@@ -132,7 +132,7 @@ impl Entered {
 
 impl Drop for Entered {
     fn drop(&mut self) {
-        let mut connections = self.core.connections();
+        let mut connections = self.core.connections.lock();
         connections.inputs.retain(|input| input.id != self.id);
         self.core.ring(&connections);
     }

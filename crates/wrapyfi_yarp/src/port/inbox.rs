@@ -7,9 +7,10 @@
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Mutex, PoisonError};
 
 use tokio::sync::{Notify, Semaphore, oneshot};
+
+use wrapyfi_retry::Mutex;
 
 use super::message::Received;
 
@@ -97,7 +98,7 @@ impl Inbox {
 
     fn push(&self, delivery: Delivery) {
         self.received.fetch_add(1, Ordering::Relaxed);
-        let mut queue = self.queue();
+        let mut queue = self.queue.lock();
         if self.newest_only {
             let superseded = queue.drain(..).count() as u64;
             self.superseded.fetch_add(superseded, Ordering::Relaxed);
@@ -108,7 +109,7 @@ impl Inbox {
     }
 
     pub(super) fn try_take(&self) -> Option<Delivery> {
-        let mut queue = self.queue();
+        let mut queue = self.queue.lock();
         let mut delivery = queue.pop_front()?;
         let more = !queue.is_empty();
         drop(queue);
@@ -152,9 +153,5 @@ impl Inbox {
 
     pub(super) fn superseded(&self) -> u64 {
         self.superseded.load(Ordering::Relaxed)
-    }
-
-    fn queue(&self) -> std::sync::MutexGuard<'_, VecDeque<Delivery>> {
-        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -9,7 +9,8 @@
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::pin::Pin;
-use std::sync::{Mutex, PoisonError};
+
+use wrapyfi_retry::Mutex;
 
 /// A future in a box: what lets [`Names`] be an object.
 pub type Later<'a, T> = Pin<Box<dyn Future<Output = Result<T, NamesError>> + Send + 'a>>;
@@ -121,11 +122,7 @@ impl NameTable {
             port: address.port(),
             carrier: "tcp".to_owned(),
         };
-        self.table().ports.insert(name.to_owned(), registration);
-    }
-
-    fn table(&self) -> std::sync::MutexGuard<'_, Table> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.0.lock().ports.insert(name.to_owned(), registration);
     }
 }
 
@@ -137,7 +134,7 @@ fn free_number() -> u16 {
 
 impl Names for NameTable {
     fn register<'a>(&'a self, request: &'a NameRequest) -> Later<'a, Registration> {
-        let mut table = self.table();
+        let mut table = self.0.lock();
         let name = if request.name == "..." {
             table.anonymous += 1;
             format!("/tmp/port/{}", table.anonymous)
@@ -160,12 +157,12 @@ impl Names for NameTable {
     }
 
     fn query<'a>(&'a self, name: &'a str) -> Later<'a, Option<Registration>> {
-        let found = self.table().ports.get(name).cloned();
+        let found = self.0.lock().ports.get(name).cloned();
         Box::pin(async { Ok(found) })
     }
 
     fn unregister<'a>(&'a self, name: &'a str) -> Later<'a, ()> {
-        self.table().ports.remove(name);
+        self.0.lock().ports.remove(name);
         Box::pin(async { Ok(()) })
     }
 
@@ -174,13 +171,13 @@ impl Names for NameTable {
     }
 
     fn set<'a>(&'a self, name: &'a str, key: &'a str, values: &'a [String]) -> Later<'a, ()> {
-        self.table().properties.insert((name.to_owned(), key.to_owned()), values.to_vec());
+        self.0.lock().properties.insert((name.to_owned(), key.to_owned()), values.to_vec());
         Box::pin(async { Ok(()) })
     }
 
     fn get<'a>(&'a self, name: &'a str, key: &'a str) -> Later<'a, Vec<String>> {
         let key = (name.to_owned(), key.to_owned());
-        let values = self.table().properties.get(&key).cloned().unwrap_or_default();
+        let values = self.0.lock().properties.get(&key).cloned().unwrap_or_default();
         Box::pin(async { Ok(values) })
     }
 }

@@ -6,10 +6,12 @@
 //! ```
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
 
 use tokio::sync::Notify;
+
+use wrapyfi_retry::Mutex;
 
 use super::message::{Loss, Message};
 use super::room::Room;
@@ -83,7 +85,7 @@ impl Outbox {
 
     /// Puts a message in.
     pub(super) fn push(&self, message: &Arc<Message>) -> Put {
-        let mut queue = self.queue();
+        let mut queue = self.queue.lock();
         if queue.closing || queue.dead {
             return Put::Gone;
         }
@@ -136,7 +138,7 @@ impl Outbox {
             tokio::pin!(moved);
             // Registered before the look, so that no change falls in between.
             moved.as_mut().enable();
-            if holds(&self.queue()) {
+            if holds(&self.queue.lock()) {
                 return;
             }
             moved.await;
@@ -147,7 +149,7 @@ impl Outbox {
     pub(super) async fn next(&self) -> Option<Arc<Message>> {
         loop {
             {
-                let mut queue = self.queue();
+                let mut queue = self.queue.lock();
                 let next = queue.waiting.pop_front();
                 if let Some(sent) = std::mem::replace(&mut queue.sending, next.clone()) {
                     self.room.give(sent.payload.bytes.len());
@@ -168,7 +170,7 @@ impl Outbox {
 
     /// Takes nothing more in; waiting messages are sent.
     pub(super) fn close(&self) {
-        self.queue().closing = true;
+        self.queue.lock().closing = true;
         self.filled.notify_one();
         self.moved.notify_waiters();
     }
@@ -185,7 +187,7 @@ impl Outbox {
 
     /// The target's task has ended; what waited or was on its way is dropped and counted.
     pub(super) fn end(&self) {
-        let mut queue = self.queue();
+        let mut queue = self.queue.lock();
         queue.dead = true;
         let how = if queue.closing { Loss::Closed } else { Loss::Connection };
         let Queue { sending, waiting, .. } = &mut *queue;
@@ -198,10 +200,6 @@ impl Outbox {
 
     /// Messages that wait.
     pub(super) fn waiting(&self) -> usize {
-        self.queue().waiting.len()
-    }
-
-    fn queue(&self) -> std::sync::MutexGuard<'_, Queue> {
-        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
+        self.queue.lock().waiting.len()
     }
 }

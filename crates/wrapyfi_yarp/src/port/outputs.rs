@@ -71,7 +71,7 @@ impl Core {
             return Err(refused(&Fault::NoPictures(self.name.clone())));
         }
         let _one_at_a_time = self.adding.lock().await;
-        if self.role.client && !self.connections().outputs.is_empty() {
+        if self.role.client && !self.connections.lock().outputs.is_empty() {
             return Err(ConnectError(admin::ONE_OUTPUT.to_owned()));
         }
         let found = self.network.names().query(&name).await;
@@ -196,7 +196,7 @@ impl Core {
         kind: Kind,
         socket: Option<Arc<std::os::fd::OwnedFd>>,
     ) -> u64 {
-        let mut connections = self.connections();
+        let mut connections = self.connections.lock();
         let (id, name) = (Self::new_id(&mut connections), name.to_owned());
         let output = Output { id, name, carrier, carrier_text, contact, kind, socket };
         connections.outputs.push(output);
@@ -206,7 +206,7 @@ impl Core {
 
     /// Takes an output off the list.
     fn leave_output(&self, id: u64) {
-        let mut connections = self.connections();
+        let mut connections = self.connections.lock();
         connections.outputs.retain(|output| output.id != id);
         self.ring(&connections);
     }
@@ -214,7 +214,7 @@ impl Core {
     /// Ends the output to `name`, as it was given or with its slash; whether there was one.
     pub(super) async fn remove_output(self: &Arc<Self>, name: &str) -> bool {
         let found = {
-            let connections = self.connections();
+            let connections = self.connections.lock();
             let ids = connections.outputs.iter().filter(|output| output.name == name);
             ids.map(|output| output.id).collect::<Vec<_>>()
         };
@@ -228,7 +228,7 @@ impl Core {
     pub(super) async fn end_output(self: &Arc<Self>, id: u64) {
         let limit = self.network.0.timeouts.close;
         let found = {
-            let connections = self.connections();
+            let connections = self.connections.lock();
             let found = connections.outputs.iter().find(|output| output.id == id);
             found.map(|output| (output.kind.clone(), output.carrier, output.contact.clone()))
         };
@@ -262,7 +262,7 @@ impl Core {
 
     /// Number of targets of carrier mjpeg.
     pub(super) fn picture_readers(&self) -> usize {
-        let connections = self.connections();
+        let connections = self.connections.lock();
         connections.outputs.iter().filter(|output| output.carrier == Carrier::Mjpeg).count()
     }
 
@@ -270,7 +270,7 @@ impl Core {
     pub(super) fn write(&self, message: Message, meant: impl Fn(Carrier) -> bool) -> Written {
         let message = Arc::new(message);
         let mut written = Written::default();
-        let connections = self.connections();
+        let connections = self.connections.lock();
         let mut groups: Vec<*const Group> = Vec::new();
         for output in connections.outputs.iter().filter(|output| meant(output.carrier)) {
             let outbox = match &output.kind {
@@ -295,7 +295,7 @@ impl Core {
 
     /// The queues of all targets.
     pub(super) fn outboxes(&self) -> Vec<Arc<Outbox>> {
-        let connections = self.connections();
+        let connections = self.connections.lock();
         let kinds = connections.outputs.iter().filter_map(|output| match &output.kind {
             Kind::Queue(outbox) => Some(Arc::clone(outbox)),
             Kind::Group(group) => Some(Arc::clone(&group.outbox)),
@@ -306,7 +306,7 @@ impl Core {
 
     /// State of every connection.
     pub(super) fn status(&self) -> Vec<ConnectionStatus> {
-        let connections = self.connections();
+        let connections = self.connections.lock();
         let inputs = connections.inputs.iter().map(|input| ConnectionStatus {
             name: input.name.clone(),
             carrier: input.carrier.clone(),

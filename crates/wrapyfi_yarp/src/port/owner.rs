@@ -7,6 +7,7 @@ use tokio::net::TcpListener;
 use tokio::sync::{Semaphore, watch};
 use tokio::task::JoinSet;
 use tokio::time::timeout;
+use wrapyfi_retry::Mutex;
 use wrapyfi_retry::restart::restarted;
 
 use super::connection;
@@ -71,7 +72,7 @@ impl Owner {
             session,
             limits: Arc::new(network.limits().clone()),
             counters,
-            connections: std::sync::Mutex::default(),
+            connections: Mutex::default(),
             connected: watch::Sender::new(Connected::default()),
             adding: tokio::sync::Mutex::new(()),
             closing: watch::Sender::new(false),
@@ -169,7 +170,7 @@ impl Core {
     /// Asks those who send to this port to stop, and ends the outputs.
     async fn say_goodbye(self: &Arc<Self>) {
         let (senders, outputs) = {
-            let connections = self.connections();
+            let connections = self.connections.lock();
             let inputs = connections.inputs.iter().filter(|input| input.push);
             let rooted = inputs.filter(|input| input.name.starts_with('/'));
             let senders: Vec<_> = rooted.map(|input| input.name.clone()).collect();

@@ -138,7 +138,7 @@ impl RpcClient {
     }
 
     fn server(&self) -> Option<(String, Arc<RpcLink>)> {
-        let connections = self.owner.core.connections();
+        let connections = self.owner.core.connections.lock();
         connections.outputs.iter().find_map(|output| match &output.kind {
             Kind::Rpc(link) => Some((output.name.clone(), Arc::clone(link))),
             Kind::Queue(_) | Kind::Group(_) => None,

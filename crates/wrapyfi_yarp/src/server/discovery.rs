@@ -35,7 +35,7 @@ pub(super) async fn answer(socket: UdpSocket, port: u16, shared: Arc<Shared>) {
             }
         };
         let question = buffer.get(..length).unwrap_or_default();
-        let reply = reply(question, &shared.state().registry);
+        let reply = reply(question, &shared.state.lock().registry);
         let Some(reply) = reply else { continue }; // our own answers come back to us, too
         if let Err(error) = socket.send_to(&reply, group).await {
             tracing::debug!(target: "wrapyfi_yarp::server", %error, "multicast answer not sent");

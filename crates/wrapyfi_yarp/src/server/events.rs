@@ -6,7 +6,7 @@
 //!                          (full: dropped, counted)
 //! ```
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, MutexGuard};
 use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
@@ -14,6 +14,8 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
+
+use wrapyfi_retry::Mutex;
 
 use super::shared::Shared;
 use crate::name::{NameEvent, Target};
@@ -41,7 +43,7 @@ struct Reader {
 
 impl Readers {
     fn inner(&self) -> MutexGuard<'_, Inner> {
-        let mut inner = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut inner = self.0.lock();
         while inner.tasks.try_join_next().is_some() {}
         inner.readers.retain(|reader| !reader.queue.is_closed());
         inner
@@ -133,7 +135,7 @@ pub(super) async fn connect(destination: &str, shared: &Arc<Shared>) -> Result<S
     if !target.name.starts_with('/') {
         return Err(unknown());
     }
-    let found = shared.state().registry.find(&target.name, &target.network);
+    let found = shared.state.lock().registry.find(&target.name, &target.network);
     let found = found.ok_or_else(unknown)?;
     let mut sender = Sender::new(&*shared.own.name);
     let carrier = match sender.qualify(&target.carrier) {

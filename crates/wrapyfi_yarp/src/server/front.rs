@@ -101,11 +101,11 @@ async fn attend(
     };
     // Two connections of one port do not live together; peers that are no ports may have many.
     if entry.sender.starts_with('/') {
-        for other in shared.sessions().values().filter(|other| other.sender == entry.sender) {
+        for other in shared.sessions.lock().values().filter(|other| other.sender == entry.sender) {
             other.end.notify_one();
         }
     }
-    shared.sessions().insert(id, entry);
+    shared.sessions.lock().insert(id, entry);
     let listed = Listed { id, shared: &shared };
     tokio::select! {
         ended = converse(session, &shared) => match ended {
@@ -127,7 +127,7 @@ struct Listed<'a> {
 
 impl Drop for Listed<'_> {
     fn drop(&mut self) {
-        self.shared.sessions().remove(&self.id);
+        self.shared.sessions.lock().remove(&self.id);
     }
 }
 
@@ -227,7 +227,7 @@ fn remove_output(name: &str, shared: &Shared) -> Result<String, String> {
 }
 
 fn remove_input(name: &str, shared: &Shared) -> Result<String, String> {
-    let sessions = shared.sessions();
+    let sessions = shared.sessions.lock();
     let found = sessions.values().filter(|entry| entry.sender == name);
     if found.inspect(|entry| entry.end.notify_one()).count() == 0 {
         return Err(admin::no_input(name));
@@ -241,7 +241,7 @@ async fn administer(request: &Bottle, shared: &Arc<Shared>) -> Bottle {
     let connections = |direction| match direction {
         Direction::Out => shared.readers.names(),
         Direction::In => {
-            let sessions = shared.sessions();
+            let sessions = shared.sessions.lock();
             sessions.values().map(|entry| (entry.sender.clone(), entry.carrier.clone())).collect()
         }
     };

@@ -12,10 +12,12 @@
 //! answer is doubted from then on.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Weak};
 
 use tokio::sync::Semaphore;
 use tokio::task::JoinSet;
+
+use wrapyfi_retry::Mutex;
 
 use super::shared::Shared;
 use super::subscriptions::Link;
@@ -49,13 +51,9 @@ impl Default for Links {
 }
 
 impl Links {
-    fn waiting(&self) -> MutexGuard<'_, Waiting> {
-        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Sees to a connection, soon.
     pub(super) fn submit(&self, link: Link, shared: &Arc<Shared>) {
-        let mut waiting = self.waiting();
+        let mut waiting = self.waiting.lock();
         if waiting.ended {
             return;
         }
@@ -69,7 +67,7 @@ impl Links {
 
     /// The last wish for a pair; a pair without one is forgotten.
     fn wish(&self, pair: &(String, String)) -> Option<bool> {
-        let mut waiting = self.waiting();
+        let mut waiting = self.waiting.lock();
         let wish = waiting.wishes.get_mut(pair).and_then(Option::take);
         if wish.is_none() {
             waiting.wishes.remove(pair);
@@ -79,7 +77,7 @@ impl Links {
 
     /// Ends everything.
     pub(super) fn end(&self) {
-        let mut waiting = self.waiting();
+        let mut waiting = self.waiting.lock();
         waiting.ended = true;
         waiting.tasks.abort_all();
         waiting.wishes.clear();
@@ -248,7 +246,7 @@ fn lookup(shared: &Shared, target: &Target) -> Result<Registration, ConnectError
     if let Some(reason) = name_fault(&name, Limits::default().max_name_bytes) {
         return Err(ConnectError::BadName { name, reason });
     }
-    let found = shared.state().registry.find(&name, &target.network);
+    let found = shared.state.lock().registry.find(&name, &target.network);
     found.ok_or(ConnectError::Unknown { name })
 }
 

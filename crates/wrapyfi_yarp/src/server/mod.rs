@@ -33,12 +33,13 @@
 //! | `=tail`, unregistered | its name is lost | its name is used again |
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::Instant;
 
 use tokio::net::TcpListener;
 use tokio::sync::watch;
 use tokio::task::JoinSet;
+use wrapyfi_retry::Mutex;
 
 use crate::name::{NameClient, NameServerConf, name_fault};
 use crate::port::Counters;

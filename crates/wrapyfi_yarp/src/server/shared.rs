@@ -2,11 +2,13 @@
 
 use std::collections::BTreeMap;
 use std::net::{IpAddr, Ipv4Addr, SocketAddrV4};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use tokio::sync::Notify;
+
+use wrapyfi_retry::Mutex;
 
 use super::commands::{Asker, NameState, Outcome};
 use super::events::Readers;
@@ -62,14 +64,6 @@ pub(super) struct Shared {
 }
 
 impl Shared {
-    pub(super) fn state(&self) -> MutexGuard<'_, NameState> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    pub(super) fn sessions(&self) -> MutexGuard<'_, BTreeMap<u64, SessionEntry>> {
-        self.sessions.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Does a command, and sees to what follows from it.
     pub(super) fn apply(self: &Arc<Self>, command: &Bottle, address: Option<IpAddr>) -> Outcome {
         self.perform(|state, asker| state.apply(command, asker), address)
@@ -103,7 +97,7 @@ impl Shared {
         let busy = if here && self.options.skip_busy_ports { is_busy } else { |_| false };
         let asker = Asker { address, now: self.started.elapsed(), busy };
         self.commands.fetch_add(1, Relaxed);
-        let mut state = self.state();
+        let mut state = self.state.lock();
         let mut outcome = what(&mut state, asker);
         // Under the lock: everybody hears of changes in the order in which they happened.
         for event in &outcome.events {
@@ -122,13 +116,13 @@ impl Shared {
 
     /// Notes that a port does not answer.
     pub(super) fn doubt(&self, name: &str) {
-        self.state().subscriptions.doubt(name, self.started.elapsed());
+        self.state.lock().subscriptions.doubt(name, self.started.elapsed());
     }
 
     pub(super) fn status(&self) -> NameServerStatus {
         NameServerStatus {
-            names: self.state().registry.len(),
-            connections: self.sessions().len(),
+            names: self.state.lock().registry.len(),
+            connections: self.sessions.lock().len(),
             readers: self.readers.names().len(),
             commands: self.commands.load(Relaxed),
             counts: self.counters.all(),
@@ -149,7 +143,7 @@ impl Shared {
                 own.name
             ));
         }
-        for SessionEntry { sender, carrier, .. } in self.sessions().values() {
+        for SessionEntry { sender, carrier, .. } in self.sessions.lock().values() {
             lines.push(format!(
                 "There is an input connection from {sender} to {} using {carrier}",
                 own.name
