@@ -33,6 +33,8 @@ pub(super) struct Publication {
 struct State {
     publishers: BTreeMap<u64, Entry>,
     subscribers: Vec<Arc<Subscriber>>,
+    /// The last subscriber that wanted another type, in words, unless one that fits came after it.
+    misfit: Option<String>,
     closed: bool,
 }
 
@@ -117,6 +119,22 @@ impl Publication {
 
     pub(super) fn subscribers(&self) -> usize {
         self.state.lock().subscribers.len()
+    }
+
+    /// Subscriber that is waited for, in words.
+    pub(super) fn awaited(&self) -> String {
+        let any = format!("a ROS 1 node that subscribes to {}", self.topic);
+        match &self.state.lock().misfit {
+            Some(misfit) => format!("{any} of {}: {misfit}", self.wire_type.name),
+            None => any,
+        }
+    }
+
+    /// Notes that a node wants another type.
+    pub(super) fn misfits(&self, caller: &str, wanted: &str) {
+        let other = if wanted == self.wire_type.name { " of another definition" } else { "" };
+        self.state.lock().misfit = Some(format!("{caller} wants {wanted}{other}"));
+        self.ring();
     }
 
     /// Sends to all subscribers; how many there are.
@@ -206,6 +224,7 @@ impl Publication {
             }
         }
         state.subscribers.push(Arc::clone(subscriber));
+        state.misfit = None;
         true
     }
 }

@@ -117,10 +117,8 @@ impl Publisher for Ros1Publisher {
 
     fn link(&self) -> Link {
         let peers = self.publication.subscribers();
-        let waiting_for = (peers == 0).then(|| {
-            let nobody = || format!("a ROS 1 node that subscribes to {}", self.publication.topic);
-            self.node.fault().unwrap_or_else(nobody)
-        });
+        let waiting_for =
+            (peers == 0).then(|| self.node.fault().unwrap_or_else(|| self.publication.awaited()));
         let keeps_last = self.latches || self.source_latches;
         Link { peers: Some(peers), waiting_for, keeps_last }
     }

@@ -110,8 +110,11 @@ async fn open(host: &str, port: u16) -> Result<(TcpStream, Option<OwnedSemaphore
 
 /// A socket to a machine; an error says where it is the name that leads nowhere.
 pub(super) async fn reach(host: &str, port: u16) -> io::Result<TcpStream> {
-    let found = tokio::net::lookup_host((host, port)).await;
-    let found = found.map_err(|error| io::Error::other(Hosts::unresolved(host, &error)))?;
+    let found = match tokio::net::lookup_host((host, port)).await {
+        // Cancelled, and no answer of the system: the runtime ends, and this task with it.
+        Err(error) if error.kind() == io::ErrorKind::Other => std::future::pending().await,
+        found => found.map_err(|error| io::Error::other(Hosts::unresolved(host, &error)))?,
+    };
     TcpStream::connect(found.collect::<Vec<_>>().as_slice()).await
 }
 
@@ -205,6 +208,17 @@ mod tests {
     use tokio::task::JoinSet;
 
     use super::*;
+
+    #[test]
+    fn a_name_that_nobody_looks_up_any_more_is_not_called_unresolved() {
+        let runtime = tokio::runtime::Runtime::new().unwrap();
+        let handle = runtime.handle().clone();
+        runtime.shutdown_background();
+        let _entered = handle.enter();
+        let mut waker = std::task::Context::from_waker(std::task::Waker::noop());
+        let reached = std::pin::pin!(reach("localhost", 1)).as_mut().poll(&mut waker);
+        assert!(reached.is_pending(), "{reached:?}");
+    }
 
     #[tokio::test]
     async fn no_more_connections_than_rospy_holds_are_opened_at_once() {

@@ -105,7 +105,9 @@ async fn welcome(
             }
         },
         (None, Some(other)) => {
-            let (other, wants) = (&other.wire_type, accepted.header.get("type").unwrap_or("*"));
+            let wants = accepted.header.get("type").unwrap_or("*");
+            all.iter().for_each(|one| one.misfits(accepted.caller(), wants));
+            let other = &other.wire_type;
             let text = format!(
                 "{} wants topic {topic} to be {wants} [{wanted}], but {} publishes {} [{}]: have \
                  both use the same definition",
