@@ -4,7 +4,7 @@ use std::net::TcpListener;
 use std::path::Path;
 
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, Output, Process, Result, Route, TestEnv, run};
+use wrapyfi_e2e::{Need, Output, Process, Result, Route, TestEnv, run, zeromq};
 
 const PROGRAM: &[Need] = &[Need::Program];
 
@@ -88,6 +88,30 @@ fn sigterm_ends_a_broker_with_success() -> Result {
         publisher.messages(1)?;
         broker.terminate()?;
         broker.exits_with(0)
+    })
+}
+
+#[test]
+fn pub_waits_for_a_broker_that_was_killed_as_echo_does() -> Result {
+    run("pub_waits_for_a_broker_that_was_killed_as_echo_does", PROGRAM, |env| {
+        let mut broker = env.broker()?;
+        let endpoint = zeromq(&env.topic("x"));
+        let hear = ["echo", &endpoint, "--type", "NativeObject", "--json"];
+        let listener = env.wrapyfi(hear)?;
+        let talk = ["pub", &endpoint, "--type", "NativeObject", "--value", "1", "--rate", "20"];
+        let talker = env.wrapyfi(talk)?;
+        listener.objects(2)?;
+        let waits = |line: &&String| line.contains("waiting for the broker");
+        let said = talker.wait_until("its log", |it| Some(it.err.iter().filter(waits).count()))?;
+        broker.kill()?;
+        drop(broker);
+        talker.wait_until("that it says what it waits for", |output| {
+            (output.err.iter().filter(waits).count() > said).then_some(())
+        })?;
+        let before = listener.stdout().lines().count();
+        let _again = env.broker()?;
+        listener.objects(before + 2)?;
+        Ok(())
     })
 }
 

@@ -110,6 +110,15 @@ fn who_is_refused_is_named_with_the_line_that_lets_it_in() -> Result {
         why.exits_with(1)?;
         let said = why.stdout();
         assert!(said.contains("may not publish") && said.contains(&line(&topics[1])), "{said}");
+        env.set_variable("WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE", env.path("keys/robot.key_secret"));
+        env.set_variable("WRAPYFI_ZEROMQ_CURVE_SERVER_KEY", env.path("keys/broker.key"));
+        let forbidden = zeromq(&topics[1]);
+        let mut forger =
+            env.wrapyfi(["pub", &forbidden, "--type", "NativeObject", "--value", "1"])?;
+        forger.exits_with(1)?;
+        let said = forger.stderr();
+        assert!(said.contains("does not let our CURVE key publish"), "{said}");
+        assert!(!said.contains("published"), "{said}");
         let mut top = env.wrapyfi(["top", "--once"])?;
         top.exits_with(0)?;
         assert!(top.stdout().contains("to let it in: "), "{}", top.stdout());

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use crate::zeromq_common::{any_ports, foreign, peer, wait_until};
 use wrapyfi_core::endpoint::{
-    Context, Listener, Middleware as _, Publisher, Request, ServiceSpec, TopicSpec,
+    Context, Listener, Middleware as _, PublishError, Publisher, Request, ServiceSpec, TopicSpec,
 };
 use wrapyfi_core::middleware::zeromq::{
     Broker, BrokerConfig, BrokerError, CurveClient, CurveConfig, CurveError, ServiceBroker,
@@ -272,6 +272,9 @@ fn a_listed_key_has_its_topics_alone() {
         _ = forged.publish(&text(4));
         broker.status().denied > 3
     });
+    let told = forged.publish(&text(4)).unwrap_err();
+    assert!(matches!(told, PublishError::Refused { .. }), "{told}");
+    assert!(told.to_string().contains("does not let our CURVE key publish \"/camera\""), "{told}");
     passes(&mut *publisher(&all, "/camera"), &mut *all_of_it, &text(5));
     assert!(broker.status().cut.is_empty(), "{:?}", broker.status());
     let texts: Vec<_> = std::iter::from_fn(|| heard.take().unwrap()).map(|it| it.payload).collect();

@@ -6,6 +6,7 @@
 //! ```
 
 use std::collections::BTreeMap;
+use std::hash::{BuildHasher as _, Hash, RandomState};
 use std::time::{Duration, Instant};
 
 /// Throttle that lets the first of many complaints through at once, then one every
@@ -65,20 +66,20 @@ impl Throttle {
 /// Throttles of complaints by their subject, so that one who complains all the time hides nobody else. Beyond
 /// [`Self::MOST`] at a time, the others have one together.
 #[derive(Debug, Default)]
-pub struct Throttles(BTreeMap<String, Throttle>);
+pub struct Throttles(BTreeMap<u64, Throttle>, RandomState);
 
 impl Throttles {
     /// Most subjects at a time.
     pub const MOST: usize = 256;
 
     /// As [`Throttle::pass`], for a complaint about a subject.
-    pub fn pass(&mut self, subject: &str, now: Instant) -> Option<u64> {
-        if self.0.len() >= Self::MOST && !self.0.contains_key(subject) {
+    pub fn pass(&mut self, subject: &impl Hash, now: Instant) -> Option<u64> {
+        let subject = self.1.hash_one(subject);
+        if self.0.len() >= Self::MOST && !self.0.contains_key(&subject) {
             self.0.retain(|_, one| one.due().is_some_and(|at| now < at));
         }
-        let is_full = self.0.len() >= Self::MOST && !self.0.contains_key(subject);
-        let subject = if is_full { "" } else { subject };
-        self.0.entry(subject.to_owned()).or_default().pass(now)
+        let is_full = self.0.len() >= Self::MOST && !self.0.contains_key(&subject);
+        self.0.entry(if is_full { 0 } else { subject }).or_default().pass(now)
     }
 }
 
@@ -89,13 +90,13 @@ mod tests {
     #[test]
     fn a_flood_hides_its_own_subject_alone() {
         let (mut throttles, start) = (Throttles::default(), Instant::now());
-        let passed = (0..1000).filter_map(|_| throttles.pass("flood", start)).count();
-        assert_eq!((passed, throttles.pass("other", start)), (1, Some(0)));
-        let many = (0..1000).filter_map(|n| throttles.pass(&n.to_string(), start)).count();
+        let passed = (0..1000).filter_map(|_| throttles.pass(&"flood", start)).count();
+        assert_eq!((passed, throttles.pass(&"other", start)), (1, Some(0)));
+        let many = (0..1000).filter_map(|n| throttles.pass(&n, start)).count();
         assert_eq!(many, Throttles::MOST - 1, "those beyond have one together");
         assert!(throttles.0.len() <= Throttles::MOST + 1);
         let later = start + Throttle::EVERY;
-        assert_eq!(throttles.pass("new", later), Some(0));
+        assert_eq!(throttles.pass(&"new", later), Some(0));
         assert_eq!(throttles.0.len(), 1, "those before are over");
     }
 

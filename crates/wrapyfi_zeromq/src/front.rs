@@ -35,6 +35,7 @@ use super::ledger::Refusal;
 use super::message::{Loss, Message};
 use super::options;
 use super::peer::Peer;
+use super::traffic::REFUSED;
 use super::zmtp::Kind;
 use wrapyfi_endpoint::{DropReason, Throttles};
 
@@ -281,15 +282,19 @@ impl Front {
         let message = self.word(is_wanted, topic);
         let open = self.peers.iter().filter(|(_, peer)| peer.is_open()).map(|(id, _)| *id);
         for id in open.collect::<Vec<_>>() {
-            self.tell(id, &message);
+            self.tell(id, &message, topic);
         }
         self.flush();
     }
 
-    /// Tells one publisher what is wanted. One that misses any of it would never be right again.
-    fn tell(&mut self, id: usize, message: &Arc<Message>) {
+    /// Tells one publisher what is wanted, and before it that its key may not publish it. One that misses any of it
+    /// would never be right again.
+    fn tell(&mut self, id: usize, message: &Arc<Message>, topic: &[u8]) {
+        let grant = self.peers.get(&id).and_then(Peer::grant);
+        let is_refused = grant.is_some_and(|grant| !grant.may_publish(topic));
+        let refused = is_refused.then(|| self.word(true, &[REFUSED.as_bytes(), topic].concat()));
         let Some(peer) = self.peers.get_mut(&id) else { return };
-        match peer.queue(message, None) {
+        match refused.iter().chain([message]).try_for_each(|word| peer.queue(word, None)) {
             Ok(()) => _ = self.dirty.insert(id),
             Err(_) => self.leave(id, &"it does not read what is wanted"),
         }
@@ -337,8 +342,7 @@ impl Front {
         why: &dyn std::fmt::Display,
     ) {
         *self.cuts.entry(reason).or_default() += 1;
-        let subject = format!("{reason} {subject}");
-        if let Some(unlogged_before) = self.faults.pass(&subject, Instant::now()) {
+        if let Some(unlogged_before) = self.faults.pass(&(reason, subject), Instant::now()) {
             tracing::warn!(%peer, reason, unlogged_before, "the ZeroMQ broker ends a connection: {why}");
         }
     }
@@ -350,8 +354,7 @@ impl Front {
         let key = peer.grant().map(|grant| grant.key()).unwrap_or_default();
         let may_not = if self.kind == Kind::Xsub { "publish" } else { "subscribe to" };
         let name = String::from_utf8_lossy(topic.get(..MOST_OF_TOPIC).unwrap_or(topic));
-        let subject = format!("{key} {name}");
-        if let Some(unlogged_before) = self.faults.pass(&subject, Instant::now()) {
+        if let Some(unlogged_before) = self.faults.pass(&(key, &name), Instant::now()) {
             tracing::warn!(
                 peer = %peer.address, key, topic = %name, unlogged_before,
                 "a CURVE client may not {may_not} this topic (curve: clients)"
@@ -458,9 +461,8 @@ impl Front {
         let (mut heard, was_open, address) = (Vec::new(), peer.is_open(), peer.address);
         let read = peer.read(&mut self.scratch, &mut heard, to_the_end, now);
         if peer.is_open() && !was_open {
-            let words = self.wanted.keys().map(|topic| self.word(true, topic));
-            for message in words.collect::<Vec<_>>() {
-                self.tell(id, &message);
+            for topic in self.wanted.keys().cloned().collect::<Vec<_>>() {
+                self.tell(id, &self.word(true, &topic), &topic);
             }
         }
         self.dirty.insert(id);

@@ -20,6 +20,7 @@ use super::heard::{End, Heard};
 use super::mechanism::{Mechanism, Secured};
 use super::message::{Content, Message};
 use super::options;
+use super::traffic::REFUSED;
 use super::zmtp::{self, Breach, Kind, Step};
 use wrapyfi_endpoint::{DropReason, PROGRESS, Share};
 
@@ -56,6 +57,8 @@ pub(super) struct Peer<S = TcpStream> {
     pub(super) topics: BTreeSet<Vec<u8>>,
     /// Topic that is published; other subscriptions are ignored. None where all topics are.
     only: Option<Bytes>,
+    /// True where the other side has said that our key may not publish that topic.
+    pub(super) is_refused: bool,
     pub(super) outbox: VecDeque<Arc<Message>>,
     /// Messages in it that are counted against the high-water mark.
     waiting: usize,
@@ -88,6 +91,7 @@ impl<S: Read + Write> Peer<S> {
             inside: false,
             topics: BTreeSet::new(),
             only: None,
+            is_refused: false,
             outbox: VecDeque::from([Message::clear(Mechanism::Null.greeting().0)]),
             waiting: 0,
             written: 0,
@@ -445,7 +449,8 @@ impl<S: Read + Write> Peer<S> {
         if self.kind != Kind::Xpub {
             return heard.push(Heard::Ignored);
         }
-        if self.only.as_ref().is_some_and(|only| !only.starts_with(&topic)) {
+        if let Some(only) = self.only.as_ref().filter(|only| !only.starts_with(&topic)) {
+            self.is_refused |= topic.strip_prefix(REFUSED.as_bytes()) == Some(only);
             return;
         }
         if on && !self.may_hear(&topic) {

@@ -78,7 +78,17 @@ impl Publisher for ZeroMqPublisher {
                 _ => self.failed(&"the connection to the broker has just ended"),
             }
         })?;
-        Ok(bytes)
+        // It was sent all the same: the broker names whom it refuses.
+        match self.connection.is_refused() {
+            false => Ok(bytes),
+            true => Err(PublishError::Refused {
+                topic: self.spec.topic.clone(),
+                reason: format!(
+                    "the broker does not let our CURVE key publish {:?}: its list has to (curve: clients: publish)",
+                    self.spec.topic
+                ),
+            }),
+        }
     }
 
     fn link(&self) -> Link {

@@ -104,6 +104,11 @@ impl PublisherConnection {
         self.state.lock().subscriptions()
     }
 
+    /// True where the broker has said that our key may not publish the topic.
+    pub(super) fn is_refused(&self) -> bool {
+        matches!(&self.state.lock().way, Way::Up(peer) if peer.is_refused)
+    }
+
     /// Takes a message of `bytes` bytes, and writes as much as there is room for. Never waits.
     ///
     /// # Errors

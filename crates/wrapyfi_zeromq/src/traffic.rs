@@ -16,6 +16,9 @@ use serde::{Deserialize, Serialize};
 pub(super) const TRAFFIC_TOPIC: &str = "WRAPYFI/TRAFFIC";
 /// Prefix of the subscription that makes Wrapyfi's broker tell its counts. Not listed.
 pub(super) const ASKS_FOR_COUNTS: &str = "WRAPYFI/LOOK/";
+/// Prefix of the subscription that tells a publisher of the topic after it that its CURVE key may not publish it. Not
+/// listed.
+pub(super) const REFUSED: &str = "WRAPYFI/REFUSED/";
 
 /// Topics kept. What comes on others is counted together.
 const MAX_TOPICS: usize = 4096;

@@ -8,6 +8,7 @@ use wrapyfi_core::middleware::ros2::ServiceOptions;
 use wrapyfi_core::types::{MessageType, Payload};
 
 use super::definitions;
+use super::echo::Waiting;
 use super::strangers::Strangers;
 use crate::cli::{PubArgs, TypeName};
 use crate::exit::Failure;
@@ -72,7 +73,7 @@ fn wait_for_listener(
     shutdown: &Shutdown,
 ) -> Result<bool, Failure> {
     let deadline = args.timeout.map(|timeout| Instant::now() + timeout);
-    let mut told = String::new();
+    let mut waiting = Waiting::new(&args.endpoint);
     while !shutdown.requested() {
         let link = publisher.link();
         if link.waiting_for.is_none() && (link.keeps_last || link.peers != Some(0)) {
@@ -83,10 +84,7 @@ fn wait_for_listener(
         if deadline.is_some_and(|at| Instant::now() >= at) {
             return Err(Failure::TimedOut(format!("time-out while waiting for {what}")));
         }
-        if told != what {
-            tracing::info!("waiting for {what}");
-            told = what;
-        }
+        waiting.say(&what);
         context.wake.wait(super::WAIT_SLICE);
     }
     Ok(false)
@@ -124,6 +122,16 @@ fn publish(
                 }
                 is_told = true;
                 sent += u64::from(matches!(error, PublishError::NoConsumer { .. }));
+            }
+            // The server of the middleware is away, and may come back: then it is tried again, too.
+            Err(error @ PublishError::Transport { .. })
+                if publisher.link().waiting_for.is_some() =>
+            {
+                tracing::debug!("{error}");
+                if !wait_for_listener(args, publisher, strangers, context, shutdown)? {
+                    break;
+                }
+                continue;
             }
             Err(error) => return Err(anyhow::Error::new(error).into()),
         }
