@@ -27,9 +27,8 @@ pub mod codec;
 mod limits;
 pub mod plugin;
 pub mod returned;
-mod suggest;
 pub mod types;
 
 pub use codec::{DecodeError, DecodeResult, EncodeError, EncodeResult};
 pub use limits::Limits;
-pub use suggest::did_you_mean;
+pub use wrapyfi_interfaces::did_you_mean;

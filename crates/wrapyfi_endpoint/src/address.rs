@@ -11,7 +11,7 @@ use std::str::FromStr;
 /// assert_eq!((address.middleware.as_str(), address.name.as_str()), ("ros2", "/chatter"));
 /// # Ok::<(), wrapyfi_endpoint::ParseAddressError>(())
 /// ```
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct EndpointAddress {
     /// Name of the middleware: `zeromq`, `ros2`, …
     pub middleware: String,

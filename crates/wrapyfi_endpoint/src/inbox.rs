@@ -25,9 +25,10 @@ use super::counters::{Counters, DropReason};
 use crate::Mutex;
 
 /// Policy by which a full queue treats the next message.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Overflow {
     /// Drops the message that waited longest: right for streams, where the newest counts.
+    #[default]
     DropOldest,
     /// Drops the message that just came.
     DropNewest,

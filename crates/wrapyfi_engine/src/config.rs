@@ -27,6 +27,22 @@ use wrapyfi_endpoint::Overflow;
 /// Largest number of entries in `routes`. An entry of two bytes takes some thousand in memory.
 pub const MAX_ROUTES: usize = 10_000;
 
+/// Keys of a route without which the others mean what they meant.
+const SETTINGS: [&str; 12] = [
+    "timeout_ms",
+    "lazy",
+    "qos",
+    "encoding",
+    "frame_id",
+    "stamp",
+    "queue_depth",
+    "overflow",
+    "max_rate_hz",
+    "loop_guard",
+    "max_message_mib",
+    "devices",
+];
+
 /// A configuration file. `E` describes the endpoints section, because the program knows the
 /// middlewares and the engine does not.
 #[derive(Debug, Deserialize)]
@@ -72,7 +88,7 @@ pub struct PageConfig {
 }
 
 /// Values for routes that do not set their own.
-#[derive(Debug, Clone, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Defaults {
     /// Number of messages that a route's queue holds (default 10).
@@ -83,17 +99,6 @@ pub struct Defaults {
     pub max_message_mib: Option<Spanned<usize>>,
     /// Devices that received tensors are labelled with (default: they keep theirs).
     pub devices: Option<Spanned<DevicesConfig>>,
-}
-
-impl Default for Defaults {
-    fn default() -> Self {
-        Self {
-            queue_depth: None,
-            overflow: OverflowConfig(Overflow::DropOldest),
-            max_message_mib: None,
-            devices: None,
-        }
-    }
 }
 
 /// One entry of `routes`.
@@ -162,7 +167,7 @@ pub struct RouteConfig {
 }
 
 /// Policy of a full queue: `drop_oldest`, `drop_newest` or `{ block_ms: N }`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct OverflowConfig(pub Overflow);
 
 impl<E: DeserializeOwned + Default> Config<E> {
@@ -176,7 +181,7 @@ impl<E: DeserializeOwned + Default> Config<E> {
     }
 
     /// Reads a configuration as far as it can be read: entries that are wrong are left out, with the whole route that
-    /// they belong to. `endpoint_example` is an example of what to write for a key of the endpoints, for errors.
+    /// they belong to unless they are settings of it. `endpoint_example` is an example of what to write for a key of the endpoints, for errors.
     pub fn read(
         text: &str,
         endpoint_example: impl Fn(&str) -> Option<&'static str>,
@@ -185,7 +190,12 @@ impl<E: DeserializeOwned + Default> Config<E> {
         let mut reading = Reading::<Self>::new(text, &examples);
         if let Some(config) = &mut reading.value {
             let place = |route: &Spanned<_>| (route.referenced.line(), route.referenced.column());
-            config.routes.retain(|route| !reading.wrong_items.contains(&place(route)));
+            let is_setting =
+                |key: &Option<String>| key.as_deref().is_some_and(|key| SETTINGS.contains(&key));
+            config.routes.retain(|route| {
+                let wrong = reading.wrong_items.get(&place(route));
+                wrong.is_none_or(|wrong| wrong.iter().all(is_setting))
+            });
         }
         reading
     }

@@ -117,6 +117,8 @@ pub(super) fn example(key: &str) -> Option<&'static str> {
         "definitions" => "[interfaces]",
         "allow" | "deny" => "[\"/camera/.*\"]",
         "options" => "{ carrier: udp }",
+        "devices" => "{ load_torch_device: \"cuda:0\" }",
+        "waiting_mib" => "1024",
         "overflow" => "{ block_ms: 100 }",
         "qos" => "sensor_data",
         "stamp" => "source",

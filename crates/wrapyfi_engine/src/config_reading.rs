@@ -7,7 +7,7 @@
 //! ```
 
 use std::borrow::Cow;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use granit_parser::{Event, Parser};
@@ -29,8 +29,9 @@ pub struct Reading<T> {
     pub value: Option<T>,
     /// Faults, in the order of their lines.
     pub problems: Vec<Problem>,
-    /// Places of the items of lists that are wrong, or have an entry that is.
-    pub(super) wrong_items: BTreeSet<(u64, u64)>,
+    /// Places of the items of lists that are wrong, with the keys of their entries that are: none where it is the item
+    /// itself.
+    pub(super) wrong_items: BTreeMap<(u64, u64), Vec<Option<String>>>,
 }
 
 impl<T> Reading<T> {
@@ -49,7 +50,7 @@ impl<T> Reading<T> {
 impl<T: DeserializeOwned> Reading<T> {
     /// Reads a text; `examples` says what to write for a key.
     pub fn new(text: &str, examples: Examples<'_>) -> Self {
-        let mut reading = Self { value: None, problems: Vec::new(), wrong_items: BTreeSet::new() };
+        let mut reading = Self { value: None, problems: Vec::new(), wrong_items: BTreeMap::new() };
         if text.len() > MAX_CONFIG_BYTES {
             reading.problems.push(Problem::too_large(text.len()));
             return reading;
@@ -80,8 +81,11 @@ impl<T: DeserializeOwned> Reading<T> {
             // What is left must not be empty, which would be another fault.
             let Some(entry) = path.iter().rfind(|entry| entry.siblings > 1) else { break };
             left_out.extend(entry.key.clone());
-            let items = path.iter().filter(|entry| entry.key.is_none());
-            reading.wrong_items.extend(items.map(|item| place_of(&rest, item.bytes.start)));
+            for (at, item) in path.iter().enumerate().filter(|(_, entry)| entry.key.is_none()) {
+                let wrong = path.get(at + 1).and_then(|entry| entry.key.clone());
+                let place = place_of(&rest, item.bytes.start);
+                reading.wrong_items.entry(place).or_default().push(wrong);
+            }
             let shorter = without(&rest, entry);
             if shorter == rest {
                 break;
@@ -264,7 +268,8 @@ mod tests {
         assert_eq!((robot.name.as_str(), robot.domain), ("a", 0));
         assert!(problems[1].message.contains("write for example `joints: 7`"), "{problems:?}");
         let items = [(3, 3), (5, 3), (10, 3)];
-        assert!(items.iter().all(|item| wrong_items.contains(item)), "{wrong_items:?}");
+        assert!(items.iter().all(|item| wrong_items.contains_key(item)), "{wrong_items:?}");
+        assert_eq!(wrong_items[&(3, 3)], [Some("joints".to_owned())]);
     }
 
     #[test]

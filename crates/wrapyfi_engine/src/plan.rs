@@ -56,18 +56,31 @@ impl Plan {
         bytes.max().unwrap_or(0)
     }
 
-    /// Checks `config` against the middlewares that exist, and looks its types up in `types`; `file`
-    /// is its name in errors.
+    /// As [`Plan::read`]; `file` is the name of the configuration in errors.
     ///
     /// # Errors
-    /// When there are faults, all of them: unknown middlewares and types, bad names and numbers,
-    /// routes that are given twice, destinations with two routes without `merge: true`.
+    /// When there are faults, all of them.
     pub fn new<E>(
         config: &Config<E>,
         middlewares: &[Available<'_>],
         types: &mut TypeStore,
         file: &str,
     ) -> Result<Self, ConfigError> {
+        let (plan, problems) = Self::read(config, middlewares, types);
+        match problems.is_empty() {
+            true => Ok(plan),
+            false => Err(ConfigError { file: file.to_owned(), problems }),
+        }
+    }
+
+    /// Checks `config` against the middlewares that exist, and looks its types up in `types`. Beside the routes whose
+    /// ends can be read are the faults, all of them: unknown middlewares and types, bad names and numbers, routes that
+    /// are given twice, destinations with two routes without `merge: true`.
+    pub fn read<E>(
+        config: &Config<E>,
+        middlewares: &[Available<'_>],
+        types: &mut TypeStore,
+    ) -> (Self, Vec<Problem>) {
         let mut reader = Reader::new(&config.defaults, middlewares, types);
         let mut routes: Vec<Route> = Vec::with_capacity(config.routes.len());
         let mut seen: BTreeMap<RouteKey, u64> = BTreeMap::new();
@@ -103,11 +116,7 @@ impl Plan {
             }
             routes.push(route);
         }
-        if reader.problems.is_empty() {
-            Ok(Self { routes })
-        } else {
-            Err(ConfigError { file: file.to_owned(), problems: reader.problems })
-        }
+        (Self { routes }, reader.problems)
     }
 }
 

@@ -2,6 +2,7 @@
 
 use serde_saphyr::Spanned;
 use wrapyfi_data::did_you_mean;
+use wrapyfi_data::types::Value;
 
 use super::config_error::Problem;
 use wrapyfi_endpoint::pattern::is_pattern;
@@ -16,13 +17,21 @@ pub struct Available<'a> {
     pub check_topic: &'a dyn Fn(&str) -> Result<(), String>,
     /// Settings that only this middleware and few others have, as `options` of a route names them.
     pub options: &'a [&'a str],
+    /// Rule of the middleware for the value of one of them; the error names the fault.
+    pub check_option: &'a dyn Fn(&str, &Value) -> Result<(), String>,
     /// Conventions of the middleware for types and names.
     pub conventions: Conventions,
 }
 
 impl Default for Available<'_> {
     fn default() -> Self {
-        Self { name: "", check_topic: &|_| Ok(()), options: &[], conventions: Conventions::NONE }
+        Self {
+            name: "",
+            check_topic: &|_| Ok(()),
+            options: &[],
+            check_option: &|_, _| Ok(()),
+            conventions: Conventions::NONE,
+        }
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use serde_saphyr::Location;
 use wrapyfi_interfaces::store::TypeStore;
 
 use super::config::{Defaults, OverflowConfig, RouteConfig, Spanned};
@@ -71,15 +72,18 @@ impl<'r> Reader<'r> {
         sizes
     }
 
-    /// Reads the route of an entry; `None` where a fault was noted.
+    /// Reads the route of an entry, and notes its faults; `None` where its ends cannot be read.
     pub(super) fn read(&mut self, entry: &Entry) -> Option<Route> {
-        let before = self.problems.len();
         let is_service = entry.value.service.is_some() || entry.value.offered.is_some();
         self.misplaced(entry, is_service);
         let ends = self.ends(entry, is_service);
         let kind = self.kind(&entry.value, is_service);
         let policy = self.policy(entry, is_service, ends.as_ref(), kind);
-        let ((from, to, names), (kind, typing)) = (ends?, kind?);
+        let (from, to, names) = ends?;
+        let (kind, typing) = kind.unwrap_or(match is_service {
+            true => (Kind::Service(ServiceKind::NativeObject), Typing::Given),
+            false => (Kind::Topic(MessageType::NativeObject.into()), Typing::Given),
+        });
         let mut route = Route { names, typing, policy, ..Route::new(from, to, kind) };
         if let Kind::Topic(types) = &mut route.kind {
             let has_text_type = |end| self.conventions(end).has_text_type;
@@ -92,7 +96,7 @@ impl<'r> Reader<'r> {
         if let Some(name) = &entry.value.name {
             route.name.clone_from(name);
         }
-        (self.problems.len() == before).then_some(route)
+        Some(route)
     }
 
     fn conventions(&self, end: &EndpointAddress) -> Conventions {
@@ -100,7 +104,7 @@ impl<'r> Reader<'r> {
         known.map_or(Conventions::NONE, |known| known.conventions)
     }
 
-    fn complain(&mut self, at: serde_saphyr::Location, text: impl Into<String>) {
+    fn complain(&mut self, at: Location, text: impl Into<String>) {
         self.problems.push(Problem::at(at, text.into()));
     }
 
@@ -114,10 +118,10 @@ impl<'r> Reader<'r> {
         let source = config.from.as_ref().or(config.service.as_ref());
         if !source.is_some_and(|source| is_pattern(&source.value)) {
             for (key, at) in [
-                ("allow", config.allow.as_ref().map(|it| it.referenced)),
-                ("deny", config.deny.as_ref().map(|it| it.referenced)),
-                ("default_deny", config.default_deny.as_ref().map(|it| it.referenced)),
-                ("max_routes", config.max_routes.as_ref().map(|it| it.referenced)),
+                ("allow", place(&config.allow)),
+                ("deny", place(&config.deny)),
+                ("default_deny", place(&config.default_deny)),
+                ("max_routes", place(&config.max_routes)),
             ] {
                 let Some(at) = at else { continue };
                 let only = "`from` (or `service`) is no pattern such as \"ros:/(.*)\"";
@@ -213,7 +217,6 @@ impl<'r> Reader<'r> {
                 (Some(_), _) => format!("{source} to {target}: every topic would go to itself"),
             };
             self.complain(from.referenced, text);
-            return None;
         }
         Some((source, target, names))
     }
@@ -321,15 +324,8 @@ impl<'r> Reader<'r> {
                 Encoding::Bgr8
             }
         };
-        for (key, place) in [
-            ("frame_id", config.frame_id.as_ref().map(|it| it.referenced)),
-            ("stamp", config.stamp.as_ref().map(|it| it.referenced)),
-        ] {
-            if let (Some(place), Some(Types { to, .. })) = (place, types)
-                && !to.has_header()
-            {
-                self.complain(place, format!("{key} has no effect: {} has no header", to.label()));
-            }
+        if let Some(types) = types {
+            self.without_effect(config, types);
         }
         let [depth, mib] = self.sizes([&config.queue_depth, &config.max_message_mib]);
         let OverflowConfig(overflow) = config.overflow.unwrap_or(self.defaults.overflow);
@@ -346,19 +342,9 @@ impl<'r> Reader<'r> {
             self.complain(timeout.referenced, text);
         }
         let devices = self.device_maps(config.devices.as_ref());
-        if let (Some(own), Some(Types { from, to })) = (&config.devices, types)
-            && [from, to].iter().all(|it| it.data_type() != DataType::NativeObject)
-        {
-            let name = config.message_type.as_ref().map_or("", |text| text.value.as_str());
-            let text = format!(
-                "devices has no effect on {name}: only native objects hold tensors with a device"
-            );
-            self.complain(own.referenced, text);
-        }
         let options = ends.map(|(from, to, _)| {
-            plan_options::read(&config.options, [from, to], self.middlewares, is_service)
-                .map_err(|found| self.problems.extend(found))
-                .unwrap_or_default()
+            let problems = &mut self.problems;
+            plan_options::read(&config.options, [from, to], self.middlewares, is_service, problems)
         });
         let is_many = ends.is_some_and(|(_, _, names)| names.is_some());
         let default = Policy::default();
@@ -380,11 +366,33 @@ impl<'r> Reader<'r> {
         }
     }
 
+    /// Notes the keys that mean nothing for messages of these types.
+    fn without_effect(&mut self, config: &RouteConfig, Types { from, to }: Types) {
+        let has_none = |kind| [from, to].iter().all(|it| it.data_type() != kind);
+        let (no_image, no_object) = (has_none(DataType::Image), has_none(DataType::NativeObject));
+        let (no_header, without) = (!to.has_header(), "it has no header");
+        for (key, written, is_idle, why) in [
+            ("frame_id", place(&config.frame_id), no_header, without),
+            ("stamp", place(&config.stamp), no_header, without),
+            ("encoding", place(&config.encoding), no_image, "only images have a channel order"),
+            ("devices", place(&config.devices), no_object, "only native objects hold tensors"),
+        ] {
+            if let Some(place) = written.filter(|_| is_idle) {
+                self.complain(place, format!("{key} has no effect on {}: {why}", to.label()));
+            }
+        }
+    }
+
     /// Reads the device maps of a section `devices`.
     fn device_maps(&mut self, devices: Option<&Spanned<DevicesConfig>>) -> DeviceMaps {
         let maps = devices.map(|devices| devices.value.maps(devices.referenced));
         maps.and_then(|maps| self.noted(maps)).unwrap_or_default()
     }
+}
+
+/// Place of a key that is given.
+fn place<T>(written: &Option<Spanned<T>>) -> Option<Location> {
+    written.as_ref().map(|it| it.referenced)
 }
 
 #[cfg(test)]

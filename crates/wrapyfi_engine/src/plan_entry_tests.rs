@@ -4,6 +4,7 @@ use serde::Deserialize;
 
 use super::super::{Config, ConfigError, Plan};
 use super::*;
+use wrapyfi_data::types::Value;
 use wrapyfi_endpoint::Role;
 
 #[derive(Debug, Default, Deserialize)]
@@ -18,7 +19,17 @@ fn plan(routes: &[&str]) -> Result<Plan, ConfigError> {
         None => Ok(()),
     };
     let conventions = Conventions { has_text_type: true, ..Conventions::NONE };
-    let known = |name, options| Available { name, check_topic: &no_blanks, options, conventions };
+    let check_option = |option: &str, value: &Value| match (option, value.as_str()) {
+        ("carrier", Some("tcp")) | ("from_peers" | "to_peers", _) => Ok(()),
+        _ => Err("option carrier must be tcp".to_owned()),
+    };
+    let known = |name, options| Available {
+        name,
+        check_topic: &no_blanks,
+        options,
+        check_option: &check_option,
+        conventions,
+    };
     let middlewares =
         [known("ros", &["carrier", "from_peers", "to_peers"][..]), known("ros2", &["carrier"][..])];
     let mut types = TypeStore::generated();
@@ -141,6 +152,11 @@ fn every_mistake_is_refused_with_its_line_and_a_remedy() {
         ("from: 'ros:/a', to: 'ros2:/a', max_routes: 3", "max_routes has no effect"),
         ("from: 'ros:/a', to: 'ros2:/a', type: Image, type_if_unknown: Text", "type is given"),
         ("from: 'ros2:/a', to: 'ros2:/a'", "loop"),
+        ("from: 'ros:/a', to: 'ros2:/a', options: { carrier: tpc }", "carrier must be tcp"),
+        ("service: 'ros:/a', as: 'ros2:/a', options: { carrier: tpc }", "carrier must be tcp"),
+        ("from: 'ros:/a', to: 'ros2:/a', type: std_srvs/srv/SetBool", "is no message"),
+        ("service: 'ros:/a', as: 'ros2:/a', type: std_msgs/msg/String", "is no service"),
+        ("from: 'ros:/a', to: 'ros2:/a', type: Text, encoding: bgr8", "encoding has no effect"),
         ("from: 'ros:/(.*)'", "`to` is missing"),
         ("service: 'ros:/(.*)', as: 'ros2:/$1', lazy: true", "lazy has no effect on a service"),
         ("service: 'ros:/(.*)', as: 'ros2:/$3'", "$3 is no group"),

@@ -1,10 +1,8 @@
 //! The key `options` of a route: settings that only some middlewares have.
 //!
 //! ```text
-//!   options: { carrier: fast_tcp, joints: [neck, eye] }  ──▶  Map of values, known at one end at least
+//!   options: { carrier: fast_tcp, joints: [neck, eye] }  ──▶  Map of values, each known and right at one end at least
 //! ```
-//!
-//! The middleware that reads an option checks its value.
 
 use std::collections::BTreeMap;
 
@@ -16,19 +14,17 @@ use super::plan_address::Available;
 use wrapyfi_data::types::{Map, Value, to_value};
 use wrapyfi_endpoint::{EndpointAddress, Peers};
 
-/// Reads the options of a route between `ends`.
+/// Reads the options of a route between `ends`, and notes their faults.
 pub(super) fn read(
     written: &BTreeMap<String, Spanned<serde_json::Value>>,
     ends: [&EndpointAddress; 2],
     middlewares: &[Available<'_>],
     is_service: bool,
-) -> Result<Map, Vec<Problem>> {
-    let known: Vec<&str> = middlewares
-        .iter()
-        .filter(|middleware| ends.iter().any(|end| end.middleware == middleware.name))
-        .flat_map(|middleware| middleware.options.iter().copied())
-        .collect();
-    let mut problems = Vec::new();
+    problems: &mut Vec<Problem>,
+) -> Map {
+    let is_end = |one: &&Available<'_>| ends.iter().any(|end| end.middleware == one.name);
+    let at_ends: Vec<_> = middlewares.iter().filter(is_end).collect();
+    let known: Vec<&str> = at_ends.iter().flat_map(|one| one.options).copied().collect();
     let mut options = Map::default();
     for (name, value) in written {
         let mut complain = |text| problems.push(Problem::at(value.referenced, text));
@@ -46,17 +42,18 @@ pub(super) fn read(
         match to_value(&value.value) {
             Ok(read) => {
                 let read = plain(read);
-                if list.is_some()
-                    && let Err(wanted) = Peers::read(&read)
-                {
-                    complain(format!("option {name} must be {wanted}"));
-                }
+                let reads = |one: &&&Available<'_>| one.options.contains(&name.as_str());
+                let checked = || at_ends.iter().filter(reads).map(|one| one.check_option);
+                let of_peers = list.and_then(|_| Peers::read(&read).err());
+                let of_peers = of_peers.map(|wanted| format!("option {name} must be {wanted}"));
+                let fault = of_peers.or_else(|| checked().find_map(|it| it(name, &read).err()));
+                fault.into_iter().for_each(&mut complain);
                 options.insert(name.as_str(), read);
             }
             Err(error) => complain(format!("option {name}: {error}")),
         }
     }
-    if problems.is_empty() { Ok(options) } else { Err(problems) }
+    options
 }
 
 /// Reason why the programs at an end of a route cannot be listed.

@@ -22,6 +22,7 @@ fn plan(text: &str) -> Result<Plan, ConfigError> {
         name,
         check_topic: &no_blanks,
         options: &["carrier"],
+        check_option: &|_, _| Ok(()),
         conventions: Conventions { has_text_type: name == "ros2", ..Conventions::NONE },
     };
     let mut types = TypeStore::generated();
@@ -60,8 +61,8 @@ fn what_headers_get_is_shown_and_only_where_there_are_headers() {
     let shown = many.routes[0].to_string();
     assert!(shown.contains("type learned  stamp ros_time"), "{shown}");
     for (rest, wanted) in [
-        ("type: Text, frame_id: x", "frame_id has no effect: Text has no header"),
-        ("type: geometry_msgs/msg/Twist, stamp: source", "stamp has no effect: geometry_msgs"),
+        ("type: Text, frame_id: x", "frame_id has no effect on Text: it has no header"),
+        ("type: geometry_msgs/msg/Twist, stamp: source", "stamp has no effect on geometry_msgs"),
         ("type: Image, stamp: now", "source, ros_time, arrival"),
     ] {
         let error = route(rest).unwrap_err().to_string();
@@ -152,7 +153,7 @@ fn wrong_devices_are_refused_with_their_line() {
     );
     assert!(text.contains("default goes to cuda:0 and to cpu"), "{text}");
     let text = route("load_torch_device: cpu", "Image");
-    assert!(text.contains("devices has no effect on Image"), "{text}");
+    assert!(text.contains("devices has no effect on sensor_msgs/msg/Image"), "{text}");
     let text = plan("defaults:\n  devices: { load_cupy_device: cpu }\nroutes:\n  - { from: 'zeromq:/a', to: 'ros2:/b', type: Image }\n  - { from: 'zeromq:/c', to: 'ros2:/d', type: Image }\n")
         .unwrap_err()
         .to_string();

@@ -263,6 +263,22 @@ impl Route {
         Some(EndpointAddress { middleware: self.to.middleware.clone(), name })
     }
 
+    /// Route that the pattern makes for a source.
+    #[must_use]
+    pub fn made_from(&self, from: &EndpointAddress) -> Option<Self> {
+        let is_meant = self.is_many() && from.middleware == self.from.middleware;
+        let to = is_meant.then(|| self.target(&from.name))??;
+        Some(Self { from: from.clone(), to, names: None, ..self.clone() })
+    }
+
+    /// Route that the pattern makes into a destination; `None` also where the source cannot be told from it.
+    #[must_use]
+    pub fn made_to(&self, to: &EndpointAddress) -> Option<Self> {
+        let name = self.inverse()?.source(&to.name)?;
+        let from = EndpointAddress { middleware: self.from.middleware.clone(), name };
+        self.made_from(&from).filter(|made| made.to.middleware == to.middleware)
+    }
+
     /// Way from a name at the destination of a pattern back to the source; `None` where no name
     /// leads back.
     pub(super) fn inverse(&self) -> Option<Inverse> {

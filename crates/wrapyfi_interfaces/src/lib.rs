@@ -27,9 +27,11 @@ mod named;
 pub mod parser;
 pub mod ros1;
 pub mod store;
+mod suggest;
 mod type_description;
 
 pub use message::{Message, Service, ServiceHashes};
+pub use suggest::did_you_mean;
 
 include!(concat!(env!("OUT_DIR"), "/interfaces.rs"));
 

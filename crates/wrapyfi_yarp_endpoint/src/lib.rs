@@ -79,7 +79,7 @@ pub use config::YarpConfig;
 pub use error::YarpError;
 pub use log_port::LogPort;
 pub use name::{NAME, check_topic};
-pub use options::OPTIONS;
+pub use options::{OPTIONS, check_option};
 pub use types::Convention;
 pub use wrapyfi_yarp::Dialect;
 pub use wrapyfi_yarp::name::NameServerConf;

@@ -295,6 +295,15 @@ impl YarpOptions {
     }
 }
 
+/// Checks the value of an option.
+///
+/// # Errors
+/// What it must be, where it is not.
+pub fn check_option(option: &str, value: &Value) -> Result<(), String> {
+    let wanted = |wanted| format!("option {option} is {}, it must be {wanted}", shown(value));
+    YarpOptions::default().set(option, value).map_err(wanted)
+}
+
 /// True when a carrier, with its qualifiers, brings pictures as files.
 pub(super) fn brings_files(carrier: &str) -> bool {
     carrier.split('+').next() == Some("mjpeg")

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use wrapyfi_core::endpoint::Registry;
+use wrapyfi_core::endpoint::{EndpointAddress, Registry};
 use wrapyfi_core::engine::Available;
 
 use super::{ros1, ros2, yarp, zeromq};
@@ -17,6 +17,12 @@ pub(super) fn available() -> [Available<'static>; 4] {
 #[must_use]
 pub fn names() -> Vec<&'static str> {
     available().map(|known| known.name).into()
+}
+
+/// True for an address in ROS, whose programs tell the types of what they offer.
+#[must_use]
+pub fn is_ros(address: &EndpointAddress) -> bool {
+    ["ros2", ros1::AVAILABLE.name].contains(&address.middleware.as_str())
 }
 
 /// The middlewares of `registry`, each with what it waits for, or the reason that it has ended.

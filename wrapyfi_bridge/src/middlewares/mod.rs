@@ -42,7 +42,7 @@ use wrapyfi_core::middleware::ros2::{NodeEndpoints, NodeHandle, Ros2};
 use wrapyfi_core::node::parameters::ParameterStore;
 use wrapyfi_interfaces::store::TypeStore;
 
-pub use self::available::{names, option_names};
+pub use self::available::{is_ros, names, option_names};
 pub(crate) use self::available::{unknown, waits};
 pub use self::demo::DemoMiddlewares;
 pub(crate) use self::learn::{LearnTopicError, of_topic};
@@ -249,8 +249,7 @@ impl Middlewares {
     /// # Errors
     /// As [`Middlewares::for_plan`].
     pub fn ros2_of_command() -> Result<Ros2, Failure> {
-        let node = Node::hidden().map_err(Failure::usage)?;
-        Ros2Section::default().start(&node, Limits::default().message_bytes)
+        Ros2Section::default().hidden()
     }
 
     /// Middlewares of a command on `ros2` alone.

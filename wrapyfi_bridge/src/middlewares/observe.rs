@@ -64,6 +64,15 @@ pub struct Observer {
     pub ros1: Option<Arc<Ros1>>,
 }
 
+impl Observer {
+    /// ROS 2 that looks.
+    #[must_use]
+    pub fn of_ros2(ros2: &Arc<Ros2>) -> Self {
+        let graph = Some(Arc::clone(ros2.graph()));
+        Self { graph, middleware: Arc::clone(ros2) as Arc<dyn Middleware>, ros1: None }
+    }
+}
+
 /// Servers that `middleware` needs: for services if `is_service`, else for topics. None on ROS 2.
 ///
 /// # Errors
@@ -141,10 +150,8 @@ pub fn observer(endpoints: &Endpoints, middleware: &str) -> Result<Observer, Fai
             Ok(Observer { ros1: Some(ros1), ..of(middleware) })
         }
         "ros2" => {
-            let node = Node::hidden().map_err(Failure::usage)?;
-            let ros2 = endpoints.ros2.start(&node, largest)?;
-            let graph = Some(Arc::clone(ros2.graph()));
-            Ok(Observer { graph, ..of(Arc::new(ros2)) })
+            let ros2 = Arc::new(endpoints.ros2.hidden()?);
+            Ok(Observer::of_ros2(&ros2))
         }
         other => Err(unknown(other)),
     }

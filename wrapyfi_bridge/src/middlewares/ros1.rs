@@ -19,6 +19,7 @@ pub(super) const AVAILABLE: Available<'static> = Available {
     name: NAME,
     check_topic: &ros1::check_name,
     options: ros1::OPTIONS,
+    check_option: &|_, _| Ok(()),
     conventions: ros1::CONVENTIONS,
 };
 

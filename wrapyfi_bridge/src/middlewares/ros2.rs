@@ -1,6 +1,7 @@
 //! `endpoints.ros2` of a configuration, and the middleware that it makes.
 
 use serde::Deserialize;
+use wrapyfi_core::Limits;
 use wrapyfi_core::endpoint::Conventions;
 use wrapyfi_core::engine::{Available, Problem, Spanned};
 use wrapyfi_core::middleware::ros2::environment::MAX_DOMAIN_ID;
@@ -16,6 +17,7 @@ pub(super) const AVAILABLE: Available<'static> = Available {
     name: "ros2",
     check_topic: &check_topic,
     options: &[],
+    check_option: &|_, _| Ok(()),
     conventions: Conventions { has_text_type: true, ..Conventions::NONE },
 };
 
@@ -59,6 +61,15 @@ impl Ros2Section {
     /// Exit code 2 for settings that cannot work, 1 when the DDS stack refuses.
     pub fn start(&self, node: &Node, largest_message: usize) -> Result<Ros2, Failure> {
         start("ros2", &self.settings(node, largest_message)?)
+    }
+
+    /// Starts the middleware as the hidden node of a program that asks and looks.
+    ///
+    /// # Errors
+    /// As [`Self::start`].
+    pub fn hidden(&self) -> Result<Ros2, Failure> {
+        let node = Node::hidden().map_err(Failure::usage)?;
+        self.start(&node, Limits::default().message_bytes)
     }
 
     /// All settings.

@@ -20,6 +20,7 @@ pub(super) const AVAILABLE: Available<'static> = Available {
     name: NAME,
     check_topic: &yarp::check_topic,
     options: yarp::OPTIONS,
+    check_option: &yarp::check_option,
     conventions: yarp::CONVENTIONS,
 };
 

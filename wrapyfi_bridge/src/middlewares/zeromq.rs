@@ -20,6 +20,7 @@ pub(super) const AVAILABLE: Available<'static> = Available {
     name: "zeromq",
     check_topic: &zeromq::check_topic,
     options: &[],
+    check_option: &|_, _| Ok(()),
     conventions: Conventions::NONE,
 };
 

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use super::{
     AudioChunk, Image, NativeObject, Properties, RosMessage, RosType, RosTypeError, Value,
 };
-use crate::suggest::did_you_mean;
+use wrapyfi_interfaces::did_you_mean;
 use wrapyfi_interfaces::named;
 use wrapyfi_interfaces::store::{ResolveError, TypeStore};
 

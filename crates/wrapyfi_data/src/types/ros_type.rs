@@ -13,6 +13,7 @@ use std::collections::HashMap;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 use wrapyfi_interfaces::dynamic::{PlanError, TypePlan};
+use wrapyfi_interfaces::parser::InterfaceKind;
 use wrapyfi_interfaces::store::ResolvedType;
 
 /// Largest number of types that a process may know.
@@ -61,6 +62,12 @@ pub enum RosTypeError {
         /// Name of the type.
         name: String,
     },
+    /// The definition is a service or an action.
+    #[error("{name} is no message: write it as package/msg/Type")]
+    NoMessage {
+        /// Name of the type.
+        name: String,
+    },
     /// The process knows too many types already.
     #[error(
         "{name} is not taken in: this process knows {limit} types already; start another one for it"
@@ -79,10 +86,15 @@ impl RosType {
     /// Enters the type of a definition; the same definition gives the same type.
     ///
     /// # Errors
-    /// When the definition cannot be compiled, or [`MAX_ROS_TYPES`] are known.
+    /// When the definition is no message or cannot be compiled, or [`MAX_ROS_TYPES`] are known.
     pub fn new(resolved: &ResolvedType) -> Result<Self, RosTypeError> {
         static TYPES: OnceLock<Mutex<Types>> = OnceLock::new();
         let (name, hash) = (resolved.name().to_string(), resolved.type_hash());
+        // Their parts are messages: requests, goals, events.
+        let (kind, file) = (resolved.name().kind(), resolved.name().file_stem());
+        if kind != InterfaceKind::Message && file == resolved.name().name() {
+            return Err(RosTypeError::NoMessage { name });
+        }
         let types = TYPES.get_or_init(Mutex::default);
         // No code under the lock panics half-way, so a poisoned map is complete.
         let mut types = types.lock().unwrap_or_else(PoisonError::into_inner);
@@ -223,5 +235,9 @@ mod tests {
         assert_eq!(image.plan().type_name(), image.name());
         assert_eq!(image.to_string(), "sensor_msgs/msg/Image");
         assert_eq!(image.dds_type(), "sensor_msgs::msg::dds_::Image_");
+        RosType::new(&store.resolve_name("std_srvs/srv/SetBool_Request").unwrap()).unwrap();
+        let service = store.resolve_name("std_srvs/srv/SetBool").unwrap();
+        let told = RosType::new(&service).unwrap_err().to_string();
+        assert_eq!(told, "std_srvs/srv/SetBool is no message: write it as package/msg/Type");
     }
 }

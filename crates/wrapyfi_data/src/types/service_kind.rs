@@ -3,10 +3,10 @@
 use std::fmt;
 use std::str::FromStr;
 
+use wrapyfi_interfaces::did_you_mean;
 use wrapyfi_interfaces::store::{ResolveError, TypeStore};
 
 use super::{DataType, MessageType, RosService, RosTypeError};
-use crate::suggest::did_you_mean;
 
 /// Type that `--type` of `call` and `serve` names: the kind of payload that a function of Wrapyfi
 /// returns, and the ROS service that carries it on the ROS 2 side.

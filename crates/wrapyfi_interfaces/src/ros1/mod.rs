@@ -28,7 +28,7 @@ mod run;
 mod service_types;
 mod severity;
 mod sizes;
-mod standard;
+pub(crate) mod standard;
 mod text;
 mod types;
 mod wire;

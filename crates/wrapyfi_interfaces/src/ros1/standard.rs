@@ -63,6 +63,11 @@ fn files(text: &str) -> BTreeMap<PathBuf, String> {
         .collect()
 }
 
+/// Kind, package and name of the types of ROS 1, such as `(srv, std_srvs, Empty)`.
+pub(crate) fn names() -> impl Iterator<Item = (&'static str, &'static str, &'static str)> {
+    sections(ROS1).map(|(kind, package, name, _)| (kind, package, name))
+}
+
 /// Kind, package, name and text of each definition.
 fn sections(text: &str) -> impl Iterator<Item = (&'static str, &str, &str, &str)> {
     const SEPARATOR: &str =
@@ -79,14 +84,9 @@ fn sections(text: &str) -> impl Iterator<Item = (&'static str, &str, &str, &str)
 pub(super) mod tests {
     use super::*;
 
-    /// Names of all types, `(srv, std_srvs, Empty)`.
-    pub(crate) fn names() -> Vec<(&'static str, &'static str, &'static str)> {
-        sections(ROS1).map(|(kind, package, name, _)| (kind, package, name)).collect()
-    }
-
     #[test]
     fn every_type_at_hand_can_be_read() {
-        assert!(names().len() > 180, "{}", names().len());
+        assert!(names().count() > 180, "{}", names().count());
         let mut store = ros1();
         for (kind, package, name) in names() {
             store.resolve_name(&format!("{package}/{kind}/{name}")).unwrap();

@@ -3,7 +3,9 @@
 use std::{fmt, io};
 
 use crate::description::DescribeError;
+use crate::did_you_mean;
 use crate::parser::{InterfaceKind, ParseError, ParseFault, TypeName};
+use crate::ros1::standard;
 
 /// Error of finding and reading the definition of a type.
 #[derive(Debug, thiserror::Error)]
@@ -19,7 +21,12 @@ pub enum ResolveError {
         fault: ParseFault,
     },
     /// No place has a definition.
-    #[error("{name}{} is defined nowhere; {looked}; {}", needed_by(user), remedy(name))]
+    #[error(
+        "{name}{} is defined nowhere; {}{looked}; {}",
+        needed_by(user),
+        hint(name),
+        remedy(name)
+    )]
     NotFound {
         /// The type.
         name: TypeName,
@@ -108,6 +115,23 @@ impl fmt::Display for Looked {
 
 fn needed_by(user: &Option<TypeName>) -> String {
     user.as_ref().map(|user| format!(", which {user} has a field of,")).unwrap_or_default()
+}
+
+/// Name of a type or of a package that is perhaps meant, of those that this crate knows.
+fn hint(name: &TypeName) -> String {
+    let known = || {
+        let kind = name.kind().as_str();
+        let all = super::generated_names().chain(standard::names());
+        all.filter(move |known| known.0 == kind).map(|(_, package, name)| (package, name))
+    };
+    let of_package = known().filter(|(package, _)| *package == name.package());
+    let others: Vec<_> =
+        of_package.map(|(_, other)| other).filter(|other| *other != name.name()).collect();
+    if !others.is_empty() {
+        return did_you_mean(name.name(), &others);
+    }
+    let packages = known().filter(|(_, other)| *other == name.name());
+    did_you_mean(name.package(), &packages.map(|(package, _)| package).collect::<Vec<_>>())
 }
 
 fn remedy(name: &TypeName) -> String {

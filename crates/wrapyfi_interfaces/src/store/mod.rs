@@ -71,6 +71,15 @@ pub struct TypeStore {
 /// Definitions of the types that this crate has structs for, by path below a folder of packages.
 const GENERATED: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/definitions.rs"));
 
+/// Kind, package and name of the types in [`GENERATED`].
+fn generated_names() -> impl Iterator<Item = (&'static str, &'static str, &'static str)> {
+    GENERATED.iter().filter_map(|(path, _)| {
+        let (package, file) = path.split_once('/')?;
+        let (kind, file) = file.split_once('/')?;
+        Some((kind, package, file.split_once('.')?.0))
+    })
+}
+
 /// Place that is searched, in the order in which they were added.
 #[derive(Debug)]
 enum Place {

@@ -177,6 +177,21 @@ fn the_overlay_wins_and_folders_are_found() {
 }
 
 #[test]
+fn a_misspelt_type_is_told_the_one_that_is_meant() {
+    let mut store = TypeStore::empty().or_generated();
+    for (name, meant) in [
+        ("sensor_msgs/msg/Imgae", "defined nowhere; did you mean `Image`? "),
+        ("geometry_msg/msg/Twist", "defined nowhere; did you mean `geometry_msgs`? "),
+        ("std_srvs/srv/SetBol", "defined nowhere; did you mean `SetBool`? "),
+        ("demo/msg/Imgae", "defined nowhere; no place"),
+        ("sensor_msgs/msg/Imuu", "did you mean `Imu`? "),
+    ] {
+        let told = store.resolve_name(name).unwrap_err().to_string();
+        assert!(told.contains(meant), "{told}");
+    }
+}
+
+#[test]
 fn errors_name_type_places_and_remedy() {
     let mut store = TypeStore::new(
         Dialect::Ros2,

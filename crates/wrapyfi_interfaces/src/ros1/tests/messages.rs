@@ -323,7 +323,7 @@ proptest! {
         seq in any::<u32>(),
     ) {
         let mut types = Types::new(Rules::built_in(), TypeStore::empty());
-        let names: Vec<_> = crate::ros1::standard::tests::names()
+        let names: Vec<_> = crate::ros1::standard::names()
             .into_iter()
             .filter(|(kind, _, _)| *kind == "msg")
             .collect();

@@ -3,8 +3,8 @@
 /// `did you mean ...? ` when one of `known` is near `word`, else nothing.
 ///
 /// ```
-/// assert_eq!(wrapyfi_data::did_you_mean("imgae", &["image", "audio"]), "did you mean `image`? ");
-/// assert_eq!(wrapyfi_data::did_you_mean("video", &["image", "audio"]), "");
+/// assert_eq!(wrapyfi_interfaces::did_you_mean("imgae", &["image", "audio"]), "did you mean `image`? ");
+/// assert_eq!(wrapyfi_interfaces::did_you_mean("video", &["image", "audio"]), "");
 /// ```
 #[must_use]
 pub fn did_you_mean<S: AsRef<str>>(word: &str, known: &[S]) -> String {
