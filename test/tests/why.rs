@@ -207,3 +207,28 @@ fn a_subscriber_of_another_type_at_the_destination_is_named() -> Result {
         Ok(())
     })
 }
+
+/// The master knows one type of a topic: what its subscriber wants shows where it connects.
+#[test]
+fn a_subscriber_of_another_type_on_ros_1_is_named() -> Result {
+    run("a_subscriber_of_another_type_on_ros_1_is_named", WITH_ROS, |env| {
+        let _roscore = env.roscore()?;
+        let topic = env.topic("talk");
+        let route = Route::new(&ros2(&topic), &ros1(&topic), "std_msgs/msg/String");
+        let bridge = env.bridge(&env.embedded().route(route.with("name", "talk")))?;
+        let _talker = env.dds_publisher(&topic, "std_msgs/msg/String", "--text hello --rate 5")?;
+        let _listener = env.rospy(
+            &format!("subscribe --topic {topic} --type geometry_msgs/Point --node ear"),
+            None,
+        )?;
+        until_route(&bridge, "talk", |route| {
+            let reason = route.and_then(|it| it["reason"].as_str());
+            reason
+                .is_some_and(|it| it.contains("of std_msgs/String: /ear wants geometry_msgs/Point"))
+        })?;
+        let answer = of_running(env, "talk", "state")?;
+        let what = answer["what"].as_str().unwrap_or_default();
+        assert!(what.contains("/ear wants geometry_msgs/Point"), "{answer}");
+        Ok(())
+    })
+}

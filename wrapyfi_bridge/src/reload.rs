@@ -17,15 +17,15 @@ mod watched_file;
 use std::collections::BTreeMap;
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, channel};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use signal_hook::consts::SIGHUP;
 use signal_hook::iterator::{Handle, Signals};
-use wrapyfi_core::endpoint::{Context, Registry, Server, WAITING};
+use wrapyfi_core::endpoint::{Context, Mutex, Registry, Server, WAITING};
 use wrapyfi_core::engine::{Applier, Plan, PlanDiff};
 use wrapyfi_core::middleware::ros2::NodeHandle;
 use wrapyfi_core::node::parameters::ParameterStore;
@@ -169,8 +169,7 @@ impl Reload {
         if loaded.page_port.is_some() && loaded.page_port != self.page_port {
             tracing::warn!("{name}: page.port is another: start the program anew for that");
         }
-        *self.in_force.lock().unwrap_or_else(PoisonError::into_inner) =
-            InForce { file: name, endpoints: endpoints.clone(), definitions };
+        *self.in_force.lock() = InForce { file: name, endpoints: endpoints.clone(), definitions };
         if let Some(handle) = &self.handle {
             handle.parameters(|store| {
                 declare_new(&parameters, store);
@@ -229,8 +228,7 @@ impl Reload {
     /// Closes the routes, and forgets them with what they were told to change. Middlewares other than ROS 2 end.
     fn put_away(&mut self) -> Result<(), Failure> {
         self.close();
-        let endpoints =
-            self.in_force.lock().unwrap_or_else(PoisonError::into_inner).endpoints.clone();
+        let endpoints = self.in_force.lock().endpoints.clone();
         let plan = Plan::default();
         let settings = Settings::of(&endpoints, &plan, self.middlewares.settings())?;
         let next = self.middlewares.turned_to(settings)?;

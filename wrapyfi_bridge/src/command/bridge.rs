@@ -1,10 +1,10 @@
 //! Command `wrapyfi bridge` and the node executables: run the routes of a configuration.
 
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use wrapyfi_core::endpoint::{CountersSnapshot, WAITING};
+use wrapyfi_core::endpoint::{CountersSnapshot, Mutex, WAITING};
 use wrapyfi_core::engine::{Engine, Plan};
 use wrapyfi_core::node::parameters::ParameterStore;
 

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 use wrapyfi_core::Limits;
+use wrapyfi_core::endpoint::EndpointAddress;
 use wrapyfi_core::engine::{
     Config, ConfigError, Kind, Plan, Problem, Reading, Route, RouteConfig, Spanned,
 };
@@ -129,57 +130,43 @@ pub fn load_and_learn(
 }
 
 /// A type that a route names and nobody here has a definition of.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Undefined {
     /// Name of the route, else its ends.
     pub route: String,
-    /// Ends of the route as they are written.
-    ends: [String; 2],
     /// The type.
     pub type_name: String,
     /// Cause.
     pub reason: String,
 }
 
-impl Undefined {
-    /// True where `name` is that of the route, one of its ends, or the type.
-    #[must_use]
-    pub fn means(&self, name: &str) -> bool {
-        let Self { route, ends: [from, to], type_name, .. } = self;
-        let both = format!("{from} -> {to}");
-        [route, from, to, type_name, &both].iter().any(|it| *it == name)
-    }
-}
-
-/// As [`load`]; notes the types that routes name and nobody here has a definition of. A configuration with
-/// any is refused.
+/// As [`load`]; notes the type that nobody here has a definition of, where `meant` is it, its route's name, both ends or
+/// one of them.
 ///
 /// # Errors
 /// As [`load`].
-pub fn load_noting(file: &Path, undefined: &mut Vec<Undefined>) -> Result<Loaded, Failure> {
+pub fn load_noting(
+    file: &Path,
+    meant: &str,
+    undefined: &mut Option<Undefined>,
+) -> Result<Loaded, Failure> {
     load_with(file, &[], |config, types| {
-        for entry in &config.routes {
-            let route = &entry.value;
-            let is_service = route.service.is_some();
-            let ends = [
-                route.from.as_ref().or(route.service.as_ref()),
-                route.to.as_ref().or(route.offered.as_ref()),
-            ];
-            let ends = ends.map(|end| end.map(|end| end.value.clone()).unwrap_or_default());
-            for written in [&route.message_type, &route.from_type].into_iter().flatten() {
-                let type_name = &written.value;
-                let reason = match is_service {
-                    true => ServiceKind::resolve(type_name, types)
-                        .map(drop)
-                        .map_err(|error| error.to_string()),
-                    false => MessageType::resolve(type_name, types)
-                        .map(drop)
-                        .map_err(|error| error.to_string()),
+        let text = |written: &Option<Spanned<String>>| Some(written.as_ref()?.value.clone());
+        for Spanned { value: route, .. } in &config.routes {
+            let from = text(&route.from).or_else(|| text(&route.service)).unwrap_or_default();
+            let to = text(&route.to).or_else(|| text(&route.offered)).unwrap_or_default();
+            let both = format!("{from} -> {to}");
+            let name = route.name.as_ref().unwrap_or(&both);
+            for type_name in [&route.message_type, &route.from_type].into_iter().filter_map(text) {
+                let reason = match route.service {
+                    Some(_) => {
+                        ServiceKind::resolve(&type_name, types).err().map(|it| it.to_string())
+                    }
+                    None => MessageType::resolve(&type_name, types).err().map(|it| it.to_string()),
                 };
-                if let Err(reason) = reason {
-                    let name = route.name.clone().unwrap_or_else(|| ends.join(" -> "));
-                    let (type_name, ends) = (type_name.clone(), ends.clone());
-                    undefined.push(Undefined { route: name, ends, type_name, reason });
+                let is_meant = [name, &from, &to, &both, &type_name].iter().any(|it| *it == meant);
+                if let Some(reason) = reason.filter(|_| is_meant) {
+                    *undefined = Some(Undefined { route: name.clone(), type_name, reason });
                 }
             }
         }
@@ -243,17 +230,14 @@ fn read(
     if is_readable {
         learn(&mut config, &mut types)?;
     }
-    let plan = match Plan::new(&config, &super::available::available(), &mut types, name) {
-        Ok(plan) if is_readable => plan,
-        Ok(_) => return Err(refused(problems)),
-        Err(error) => {
-            // Routes that could not be read are left out: that none remains is no fault of its own.
-            let own = error.problems.into_iter();
-            problems.extend(own.filter(|it| is_readable || it.position.is_some()));
-            return Err(refused(problems));
-        }
-    };
-    check_services(&plan).map_err(|fault| Failure::Usage(format!("{name}: {fault}")))?;
+    let (plan, own) = Plan::read(&config, &super::available::available(), &mut types);
+    // Routes that could not be read are left out: that none remains is no fault of its own.
+    problems.extend(own.into_iter().filter(|it| is_readable || it.position.is_some()));
+    let services = check_services(&plan).err();
+    problems.extend(services.map(|message| Problem { position: None, message }));
+    if !problems.is_empty() {
+        return Err(refused(problems));
+    }
     // A plan that is valid has a route for each entry.
     let lines = config.routes.iter().map(|entry| entry.referenced.line()).collect();
     let (endpoints, page_port) = (config.endpoints, config.page.port);
@@ -318,26 +302,21 @@ fn check(config: &mut Config<Endpoints>, beside: &Path, problems: &mut Vec<Probl
 
 /// Services that cannot be found by name are refused before anything starts.
 fn check_services(plan: &Plan) -> Result<(), String> {
-    let is_zeromq = |middleware: &str| middleware == "zeromq";
-    let mut services =
-        plan.routes.iter().filter(|it| matches!(it.kind, Kind::Service(_)) && !it.is_whole());
-    let nameless = services.find(|it| {
-        is_zeromq(&it.from.middleware) || (it.is_many() && is_zeromq(&it.to.middleware))
-    });
-    if let Some(pattern) = nameless {
+    let is_zeromq = |end: &EndpointAddress| end.middleware == "zeromq";
+    let is_on_zeromq = |it: &&Route| {
+        matches!(it.kind, Kind::Service(_)) && (is_zeromq(&it.from) || is_zeromq(&it.to))
+    };
+    let services: Vec<_> = plan.routes.iter().filter(is_on_zeromq).collect();
+    let is_nameless = |it: &&&Route| !it.is_whole() && (is_zeromq(&it.from) || it.is_many());
+    if let Some(pattern) = services.iter().find(is_nameless) {
         return Err(format!(
             "{}: services of zeromq have no names, and tell no types: a pair of ports is one service; \
              write a route for it, with a type",
             pattern.name
         ));
     }
-    let is_on_zeromq = |it: &&Route| {
-        matches!(it.kind, Kind::Service(_))
-            && [&it.from, &it.to].iter().any(|end| is_zeromq(&end.middleware))
-    };
-    let mut on_zeromq = plan.routes.iter().filter(is_on_zeromq);
-    match (on_zeromq.next(), on_zeromq.next()) {
-        (Some(one), Some(other)) => Err(format!(
+    match services[..] {
+        [one, other, ..] => Err(format!(
             "{} and {}: a pair of ports of zeromq is one service, and each would get the requests of the other; \
              give one of them to another bridge, on other ports (endpoints.zeromq.rep_port, req_port)",
             one.ends(),
@@ -373,10 +352,27 @@ mod tests {
 
     #[test]
     fn all_faults_of_a_file_are_told_at_once() {
-        let text = "endpoints:\n  ros2: { domain_id: 500 }\n  zeromq: { pub_port: x, rep_port: 5, req_port: 5 }\ndefaults: { devices: 5 }\nroutes:\n- { from: 'zeromq:/a', to: 'ros2:/a', type: Text, overflow: { block_ms: 5s } }\n- { from: 'zeromq:/b', to: 'ros2:/b', type: Imag }\n- { form: 'zeromq:/c', to: 'ros2:/c', type: Image }\n- { from: 'zermoq:/d', to: 'ros2:/d', type: Image }\n";
+        let text = "endpoints:\n  ros2: { domain_id: 500 }\n  zeromq: { pub_port: x, rep_port: 5, req_port: 5 }\ndefaults: { devices: 5 }\nroutes:\n- { from: 'zeromq:/a', to: 'ros2:/a', type: Text, overflow: { block_ms: 5s } }\n- { from: 'zeromq:/b', to: 'ros2:/b', type: Imag }\n- { form: 'zeromq:/c', to: 'ros2:/c', type: Image }\n- { from: 'zermoq:/d', to: 'ros2:/d', type: Image }\n- { service: 'ros:/e', as: 'zeromq:/e', type: std_srvs/srv/SetBol, timeout_ms: -1 }\n- { from: 'ros2:/f', to: 'ros:/f', type: Tex, qos: relable }\n- { from: 'yarp:/g', to: 'ros:/f', type: std_srvs/srv/SetBool, options: { carrier: tpc } }\n- { service: 'ros:/h', as: 'zeromq:/h', encoding: bgr8 }\n- { from: 'yarp:/i', to: 'yarp:/i', type: Text, encoding: rgb8, options: { carier: tcp } }\nlimits: { waiting_mib: lots }\n";
         let told = load_text(text, "file").unwrap_err().to_string();
         let lines: Vec<_> = told.lines().filter_map(|line| line.split(':').nth(1)).collect();
-        assert_eq!(lines, ["2", "3", "3", "4", "6", "7", "8", "9"], "{told}");
+        let services = " zeromq";
+        let expected = [
+            services, "2", "3", "3", "4", "6", "7", "8", "9", "10", "10", "11", "11", "12", "12",
+            "12", "13", "14", "14", "14", "15",
+        ];
+        assert_eq!(lines, expected, "{told}");
+        for words in [
+            "write for example `devices: { load_torch_device",
+            "write for example `waiting_mib: 1024`",
+            "did you mean `SetBool`?",
+            "option carrier is \"tpc\", it must be tcp, fast_tcp",
+            "std_srvs/srv/SetBool is no message",
+            "line 11 already routes to ros:/f",
+            "encoding has no effect on Text",
+            "did you mean `carrier`?",
+        ] {
+            assert!(told.contains(words), "{words}: {told}");
+        }
     }
 
     #[test]

@@ -22,15 +22,15 @@ pub mod info;
 pub mod lifecycle;
 mod namesakes;
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, Sender, SyncSender, TrySendError, channel, sync_channel};
-use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use wrapyfi_core::endpoint::{
-    BridgeMark, Context, Durability, History, IncomingRequest, Publisher, Qos, Registry, RequestId,
-    Server, ServiceSpec, TopicSpec, Wake,
+    BridgeMark, Context, Durability, History, IncomingRequest, Mutex, Publisher, Qos, Registry,
+    RequestId, Server, ServiceSpec, TopicSpec, Wake,
 };
 use wrapyfi_core::engine::{Applier, RouteStatus};
 use wrapyfi_core::middleware::ros2::NodeHandle;

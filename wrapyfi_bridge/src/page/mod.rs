@@ -20,11 +20,12 @@ mod previews;
 mod server;
 
 use std::net::{Ipv4Addr, TcpListener};
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
-use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use tokio::sync::oneshot;
+use wrapyfi_core::endpoint::Mutex;
 use wrapyfi_core::engine::Applier;
 
 use self::answers::Answers;

@@ -10,16 +10,15 @@ pub(super) fn drops(route: &RouteInfo) -> impl Iterator<Item = (DropReason, u64)
     pairs.filter_map(move |(word, count)| Some((named(word)?, *count)))
 }
 
-/// True where nobody misses what is dropped for the reason.
-pub(super) fn is_harmless(reason: DropReason) -> bool {
-    use DropReason::{Closed, Duplicate, NoConsumer, OwnPublication, RateLimit, WrongTopic};
-    matches!(reason, Closed | Duplicate | NoConsumer | OwnPublication | RateLimit | WrongTopic)
+/// Number of messages that a route has dropped for a reason.
+pub(super) fn count(route: &RouteInfo, reason: DropReason) -> u64 {
+    drops(route).find(|(other, _)| *other == reason).map_or(0, |(_, count)| count)
 }
 
-/// Meaning of a reason, to follow "because".
-pub(super) fn meaning(reason: DropReason) -> &'static str {
+/// Meaning of a reason, to follow "because"; `None` where nobody misses what is dropped for it, or it is no message.
+pub(super) fn meaning(reason: DropReason) -> Option<&'static str> {
     use DropReason as R;
-    match reason {
+    Some(match reason {
         R::QueueFull | R::BlockDeadline => "the destination is slower than the source",
         R::SendQueueFull | R::SendFailed => "the transport did not take them",
         R::Stalled => "a program that was to get them reads too slowly",
@@ -33,16 +32,13 @@ pub(super) fn meaning(reason: DropReason) -> &'static str {
         R::Nesting => "lists in them are nested too deep",
         R::Unencodable => "their values have no form at the destination",
         R::OverBudget => "as much waits in the process as may",
-        R::Refused => "a node did not set a parameter",
-        R::RefusedPeer => {
-            "neither the route's list of peers nor the keys of its broker name the programs that connected"
-        }
+        R::Refused => "a node did not set a parameter, or a broker does not let our key publish",
         R::LostUpstream => "DDS lost them before they reached the bridge",
         R::Late | R::Expired => "calls were not answered in time",
         R::Overloaded => "too many calls are under way at once",
         R::Loop => "they come back through other programs, again and again",
-        _ => "nobody wanted them",
-    }
+        _ => return None,
+    })
 }
 
 /// Command or line that mends it.
@@ -62,10 +58,6 @@ pub(super) fn mends(reason: DropReason) -> &'static str {
         }
         R::Oversize => "`max_message_mib` on the route",
         R::OverBudget => "`limits: { waiting_mib: 2048 }`, or shorter queues",
-        R::RefusedPeer => {
-            "`from_peers` or `to_peers` of the route, or `clients` of `curve`, where such a program may connect; \
-             the log names it"
-        }
         R::LostUpstream => {
             "sysctl -w net.core.rmem_max=4194304, or a greater depth of the publisher"
         }

@@ -5,22 +5,19 @@
 //!       ─▶ route: heard, run by a bridge ─▶ destination: the same ─▶ messages come
 //! ```
 
-use wrapyfi_core::endpoint::{AnnouncedQos, Discovered, DropReason, Role, mismatches};
+use wrapyfi_core::endpoint::{AnnouncedQos, Discovered, Role, mismatches};
 use wrapyfi_core::engine::{LeftOut, TO_BE_ACTIVATED};
 use wrapyfi_core::middleware::ros2::remedy;
-use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
 use crate::lifecycle::State;
 use crate::on_graph::not_active;
 
 use super::door::{Answer, name as server_name};
-use super::drops::{drops, is_harmless, meaning, mends};
 use super::names::nearest;
 use super::reach::{opened, reachable};
+use super::state::{broken, came, hears_others, is_used, rate, refused, state};
 use super::words::{between, example, is_same_type, nobody, owner, people, provider, types_differ};
-use super::{
-    Cause, Elsewhere, End, Finding, Graph, Limited, Registered, RouteFacts, Step, Verdict, Way,
-};
+use super::{Cause, Elsewhere, End, Finding, Graph, Registered, RouteFacts, Step, Verdict, Way};
 
 /// Steps of a walk: what is in place, until something is not.
 struct Walk<'w> {
@@ -34,14 +31,6 @@ pub fn judge(way: &Way) -> Verdict {
     let mut walk = Walk { way, passed: way.known.clone() };
     let finding = inactive(way).or_else(|| walk.walk().err());
     Verdict { way: way.title.clone(), passed: walk.passed, finding }
-}
-
-/// True where a bridge runs the route and messages of others have come in on it.
-fn way_received(way: &Way) -> bool {
-    way.running.as_ref().is_some_and(|running| {
-        let own = drops(running).find(|(reason, _)| *reason == DropReason::OwnPublication);
-        running.received > own.map_or(0, |(_, count)| count)
-    })
 }
 
 /// True for a publisher that the bridge with the ROS 2 node `own` may be itself. Only ROS names the nodes of
@@ -62,8 +51,11 @@ impl Walk<'_> {
         if let Some(route) = &way.route {
             of_file(route)?;
         }
-        self.broken()?;
-        self.refused()?;
+        broken(way)?;
+        let refused = refused(way);
+        if let Some(found) = refused.clone().filter(|_| !is_used(way)) {
+            return Err(found);
+        }
         let Some(source) = &way.source else { return Ok(()) };
         let (provider, taker) = match way.is_service {
             false => (Role::Publisher, Role::Listener),
@@ -74,10 +66,10 @@ impl Walk<'_> {
         self.reached(source, provider)?;
         self.types(source, provider)?;
         self.mapping(source)?;
-        self.definition(source)?;
+        defined(&source.undefined)?;
         self.quality(source, provider)?;
         match &way.destination {
-            None if source.names.is_some() => self.state()?,
+            None if source.names.is_some() => self.passed.extend(state(way)?),
             None if way.without_route.is_some() => {
                 let file = way.without_route.as_deref().unwrap_or_default();
                 let address = &source.address;
@@ -103,13 +95,15 @@ impl Walk<'_> {
                     self.reached(destination, taker)?;
                     self.types(destination, taker)?;
                     self.quality(destination, taker)?;
-                    self.state()?;
-                    self.messages(source)?;
-                    self.rate()?;
+                    self.passed.extend(state(way)?);
+                    // Others were heard before; nobody is now.
+                    self.messages(source).map_err(|idle| refused.clone().unwrap_or(idle))?;
+                    self.passed.extend(rate(way)?);
                 } else {
-                    self.state()?;
+                    self.passed.extend(state(way)?);
                 }
                 self.namesakes([source, destination])?;
+                self.passed.extend(refused.map(|it| format!("{}; {}", it.what, it.remedy)));
             }
         }
         Ok(())
@@ -175,7 +169,7 @@ impl Walk<'_> {
         let nobody = nobody(end, role);
         // Where it publishes itself, a bridge is one of them, and hears the others only.
         let unheard = self.way.route.as_ref().and_then(|route| route.unheard.as_ref());
-        let has_received = way_received(self.way);
+        let has_received = hears_others(self.way);
         let unheard = unheard.filter(|unheard| {
             role == Role::Publisher
                 && !has_received
@@ -307,12 +301,6 @@ impl Walk<'_> {
         Err(Finding::new(Cause::ServiceMapping, what, "either end", remedy))
     }
 
-    /// Definition of a type that the source announces.
-    fn definition(&mut self, end: &End) -> Step {
-        let Some((type_name, reason)) = &end.undefined else { return Ok(()) };
-        Err(undefined(type_name, reason))
-    }
-
     /// Quality of service of those who are there, against that of the route.
     fn quality(&mut self, end: &End, role: Role) -> Step {
         let Some(own) = &end.qos else { return Ok(()) };
@@ -392,7 +380,7 @@ impl Walk<'_> {
     /// A bridge that runs the route.
     fn bridge(&mut self, source: &End, destination: &End) -> Step {
         if let Some(running) = &self.way.running {
-            let RouteInfo { received, sent, .. } = running;
+            let (received, sent) = (came(running), running.sent);
             self.pass(format!("a bridge runs the route: {received} in, {sent} out"));
             return Ok(());
         }
@@ -418,113 +406,6 @@ impl Walk<'_> {
         );
         let remedy = format!("wrapyfi bridge --config {}", route.file);
         Err(Finding::new(Cause::NoBridge, what, "a bridge", remedy))
-    }
-
-    /// A route that cannot work as configured, whatever is there.
-    fn broken(&self) -> Step {
-        let Some(running) = self.way.running.as_ref().filter(|running| running.state == "error")
-        else {
-            return Ok(());
-        };
-        let what = format!("{} is in state error: {}", self.called(running), running.reason);
-        let remedy = "change what the reason names; the bridge turns to the changed file";
-        Err(Finding::new(Cause::State, what, "the configuration", remedy))
-    }
-
-    /// Programs that were refused, where nobody else came.
-    fn refused(&mut self) -> Step {
-        let Some(running) = self.way.running.as_ref().filter(|it| !it.refused.is_empty()) else {
-            return Ok(());
-        };
-        let all = drops(running).find(|(reason, _)| *reason == DropReason::RefusedPeer);
-        let count = all.map_or(0, |(_, count)| count);
-        let what = format!(
-            "{} refused {count} times, the last: {}",
-            self.called(running),
-            running.refused
-        );
-        if running.received > count && running.sent > 0 {
-            self.pass(what);
-            return Ok(());
-        }
-        let remedy = format!("where it may: {}", running.allow);
-        Err(Finding::new(Cause::Refused, what, "the configuration, or that program", remedy))
-    }
-
-    /// Route in words: of a pattern, the one that is meant.
-    fn called(&self, running: &RouteInfo) -> String {
-        match &self.way.route {
-            Some(route) if route.name != running.key => format!("the route {}", running.key),
-            _ => "the route".to_owned(),
-        }
-    }
-
-    /// State of a route in a bridge, and the messages that it drops.
-    fn state(&mut self) -> Step {
-        /// Share of messages from which on a route that calls itself active drops too many.
-        const MOST: f64 = 0.9;
-        let way = self.way;
-        let Some(running) = &way.running else { return Ok(()) };
-        let (route, reason) = (self.called(running), &running.reason);
-        let lost: Vec<_> = drops(running).filter(|(reason, _)| !is_harmless(*reason)).collect();
-        let is_degraded = running.state == "degraded";
-        if running.state == "waiting" {
-            let what = format!("{route} waits for {reason}");
-            let remedy = "provide it; the route begins by itself";
-            return Err(Finding::new(Cause::State, what, "see the reason", remedy));
-        }
-        let Some((most, _)) = lost.iter().max_by_key(|(_, count)| *count) else {
-            if !is_degraded {
-                return Ok(());
-            }
-            let what = format!("{route} is degraded: {reason}");
-            let remedy = "remove what the reason names";
-            return Err(Finding::new(Cause::State, what, "see the reason", remedy));
-        };
-        let count: u64 = lost.iter().map(|(_, count)| count).sum();
-        let all: Vec<_> = lost.iter().map(|(reason, count)| format!("{count} {reason}")).collect();
-        let what = format!(
-            "messages of {route} are dropped: {count} of {} that came ({}); mostly because {}",
-            running.received,
-            all.join(", "),
-            meaning(*most)
-        );
-        if !is_degraded && (count as f64) < MOST * running.received as f64 {
-            self.pass(what);
-            return Ok(());
-        }
-        let what = if reason.is_empty() { what } else { format!("{what}; the last: {reason}") };
-        let who = "the route, or the program at its end";
-        let cause = match most {
-            DropReason::ServiceMapping => Cause::ServiceMapping,
-            _ => Cause::Drops,
-        };
-        Err(Finding::new(cause, what, who, mends(*most)))
-    }
-
-    /// Limit of the rate, where it leaves out most of the messages.
-    fn rate(&mut self) -> Step {
-        /// Share of messages from which on a limit is taken for a mistake.
-        const MOST: f64 = 0.9;
-        let Some(route) = &self.way.route else { return Ok(()) };
-        let Some(Limited { max_rate_hz, came_hz, dropped }) = route.limited else { return Ok(()) };
-        let came = came_hz.map(|hz| format!(", and {hz:.1} messages a second come"));
-        let what = format!(
-            "max_rate_hz is {max_rate_hz}{}: {:.0} % of all were left out",
-            came.unwrap_or_default(),
-            100.0 * dropped
-        );
-        if dropped < MOST {
-            self.pass(what);
-            return Ok(());
-        }
-        let enough = came_hz.unwrap_or(max_rate_hz / (1.0 - dropped).max(0.001));
-        let remedy = format!(
-            "write `max_rate_hz: {:.0}` or more on the route in {}, or leave it out",
-            enough.max(max_rate_hz).ceil(),
-            route.file
-        );
-        Err(Finding::new(Cause::RateLimit, what, "the route", remedy))
     }
 
     /// Other bridges whose node has the same name.
@@ -576,9 +457,7 @@ fn inactive(way: &Way) -> Option<Finding> {
 
 /// Causes that the file alone tells.
 fn of_file(route: &RouteFacts) -> Step {
-    if let Some((type_name, reason)) = &route.undefined {
-        return Err(undefined(type_name, reason));
-    }
+    defined(&route.undefined)?;
     let (name, file) = (&route.name, &route.file);
     if let Some((topic, why)) = &route.left_out {
         let (what, remedy) = match why {
@@ -609,7 +488,9 @@ fn of_file(route: &RouteFacts) -> Step {
     }
 }
 
-fn undefined(type_name: &str, reason: &str) -> Finding {
+/// Definition of a type: the one that is missing, and why.
+fn defined(undefined: &Option<(String, String)>) -> Step {
+    let Some((type_name, reason)) = undefined else { return Ok(()) };
     let package = type_name.split('/').next().unwrap_or(type_name);
     let what = format!("nobody here has a definition of {type_name}: {reason}");
     let who = format!("the package {package}; a ROS 1 publisher shows its own");
@@ -617,7 +498,7 @@ fn undefined(type_name: &str, reason: &str) -> Finding {
         "source the ROS 2 workspace that has {package} before you start (AMENT_PREFIX_PATH), or name its \
          folder: `definitions: [DIR]` in the configuration, `--definitions DIR` of a command"
     );
-    Finding::new(Cause::Definition, what, who, remedy)
+    Err(Finding::new(Cause::Definition, what, who, remedy))
 }
 
 fn cause_of_nobody(role: Role) -> Cause {

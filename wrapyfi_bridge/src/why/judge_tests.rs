@@ -3,7 +3,9 @@ use std::time::Duration;
 use wrapyfi_core::endpoint::{EndpointAddress, Qos, QosPreset, Reliability};
 use wrapyfi_core::middleware::ros2::graph::ServiceMapping;
 
-use super::super::Unheard;
+use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
+
+use super::super::{Limited, Unheard};
 use super::*;
 use crate::middlewares::{Door, Server};
 use crate::why::Knock;
@@ -497,6 +499,36 @@ fn a_route_that_is_not_well_lacks_something_whatever_is_there() {
         "{few}"
     );
     assert_eq!(of("active", "", &[("no_consumer", 100)]).finding, None);
+}
+
+#[test]
+fn a_refused_program_is_named_with_its_line_also_where_others_were_served() {
+    let of = |received: u64, heard: u64| {
+        let mut way = of_source(|it| it.heard = heard);
+        way.running = Some(RouteInfo {
+            state: "active".to_owned(),
+            received,
+            sent: received - 7,
+            refused: "127.0.0.1:48420: its CURVE key K is not among the clients".to_owned(),
+            allow: "- { key: \"K\", publish: [\"/in\"] }".to_owned(),
+            drop_reasons: vec!["refused_peer".to_owned()],
+            drop_counts: vec![7],
+            ..RouteInfo::default()
+        });
+        judge(&way)
+    };
+    for alone in [of(7, 0), of(17, 0)] {
+        let found = alone.finding.clone().unwrap();
+        assert_eq!(found.cause, Cause::Refused, "{alone}");
+        assert!(found.what.contains("refused 7 times") && found.what.contains("key K"), "{alone}");
+        assert!(found.remedy.contains("publish: [\"/in\"]"), "{alone}");
+    }
+    let served = of(17, 4);
+    assert_eq!(served.finding, None, "{served}");
+    let said = served.passed.join("\n");
+    for words in ["10 in, 10 out", "refused 7 times", "publish: [\"/in\"]"] {
+        assert!(said.contains(words), "{words:?} is not in {said}");
+    }
 }
 
 #[test]

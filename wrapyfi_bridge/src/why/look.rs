@@ -16,12 +16,13 @@ use wrapyfi_core::endpoint::{
     QosPreset, Registry, Role, TopicSpec, Wake,
 };
 use wrapyfi_core::middleware::ros1::Ros1;
+use wrapyfi_core::middleware::ros2::Ros2;
 use wrapyfi_core::middleware::ros2::environment::{self, DiscoveryRange};
 use wrapyfi_core::middleware::ros2::graph;
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 
-use super::door::{Answer, Knock, connect};
+use super::door::{Knock, connect};
 use super::names::kinship;
 use super::{End, Graph, PATIENCE, Registered, elsewhere};
 use crate::discovery_watch::DiscoveryWatch;
@@ -36,6 +37,9 @@ const HERE_AT_FIRST: Duration = Duration::from_millis(200);
 /// Time for which the names of nodes are waited for: some tell theirs a second after their endpoints. What is left
 /// of two seconds is for listening.
 const NAMED_WITHIN: Duration = Duration::from_millis(1300);
+/// Time for which it goes on, after [`PATIENCE`], where endpoints still come: nodes tell of themselves slowly on a busy
+/// machine.
+const NEWS: Duration = Duration::from_millis(1000);
 /// Time for which messages are listened for.
 const LISTEN: Duration = Duration::from_millis(600);
 /// Most addresses of one name that are connected to.
@@ -87,15 +91,28 @@ pub struct Sight<'s> {
     pub endpoints: &'s Endpoints,
     /// The middlewares of a bridge; those of a command are started for it.
     pub bridge: Option<&'s Registry>,
+    /// ROS 2 of a command that looks at several places.
+    pub ros2: Option<&'s Arc<Ros2>>,
+    /// True once another look has found what is missing: nobody waits for the rest.
+    pub is_answered: &'s AtomicBool,
 }
 
-impl Sight<'_> {
+impl<'s> Sight<'s> {
+    /// A command's.
+    #[must_use]
+    pub fn of_command(endpoints: &'s Endpoints) -> Self {
+        static NEVER: AtomicBool = AtomicBool::new(false);
+        Self { endpoints, bridge: None, ros2: None, is_answered: &NEVER }
+    }
+
     fn open(&self, middleware: &str) -> Result<Observer, Failure> {
-        match self.bridge.and_then(|registry| registry.get(middleware).ok()) {
-            Some(middleware) => {
+        let of_bridge = self.bridge.and_then(|registry| registry.get(middleware).ok());
+        match (of_bridge, self.ros2.filter(|_| middleware == "ros2")) {
+            (Some(middleware), _) => {
                 Ok(Observer { middleware: Arc::clone(middleware), graph: None, ros1: None })
             }
-            None => middlewares::observer(self.endpoints, middleware),
+            (None, Some(ros2)) => Ok(Observer::of_ros2(ros2)),
+            (None, None) => middlewares::observer(self.endpoints, middleware),
         }
     }
 }
@@ -103,7 +120,6 @@ impl Sight<'_> {
 /// Finds out about one end.
 pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> End {
     let endpoints = sight.endpoints;
-    let begin = Instant::now();
     let mut end = End::new(wanted.address.clone());
     let middleware = wanted.address.middleware.as_str();
     match middlewares::doors(endpoints, middleware, wanted.is_service) {
@@ -117,7 +133,7 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
         }
         Err(fault) => end.away = Some(fault.to_string()),
     }
-    if end.away.is_some() || end.doors.iter().any(|knock| knock.answer != Answer::Open) {
+    if !end.is_open() {
         return end;
     }
     let mut observer = match sight.open(middleware) {
@@ -142,14 +158,17 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
     }
     let meant = wanted.address.name.clone();
     discovery.only(Box::new(move |other| other == meant || kinship(&meant, other).is_some()));
+    // From when the side is open: on a busy machine that takes a while, too.
+    let begin = Instant::now();
     let deadline = begin + PATIENCE;
+    let is_over = || sight.is_answered.load(Relaxed) || Instant::now() >= deadline;
     // Until all is told: who is missing is as telling as who is there.
     let mut side = DiscoveryWatch::new(discovery);
     let is_sought = middleware == "ros2" && wanted.role != Role::Client;
     let mut seen = watch(&mut end, &mut side, |end, told| {
         let is_late = is_sought && begin.elapsed() >= HERE_AT_FIRST && !wanted.is_there(end);
         let is_named = !is_sought || begin.elapsed() >= NAMED_WITHIN || !wanted.is_unnamed(end);
-        (told && is_named) || is_late || Instant::now() >= deadline
+        (told && is_named) || is_late || is_over()
     });
     if let (Some(graph), Ok(())) = (end.graph.clone(), &seen)
         && is_sought
@@ -157,7 +176,7 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
     {
         // Some nodes answer after a second; meanwhile it is looked for elsewhere, until this is over.
         let (is_narrow, is_there) = (graph.is_narrow(), AtomicBool::new(false));
-        let is_over = || is_there.load(Relaxed) || Instant::now() >= deadline;
+        let is_over = || is_there.load(Relaxed) || is_over();
         let own_until = if is_narrow { deadline - elsewhere::WIDE } else { deadline };
         let mut here = Some((side, observer));
         std::thread::scope(|scope| {
@@ -168,7 +187,10 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
                     let is_met = wanted.is_there(end);
                     is_there.fetch_or(is_met, Relaxed);
                     let is_named = begin.elapsed() >= NAMED_WITHIN || !wanted.is_unnamed(end);
-                    Instant::now() >= own_until || (is_met && told && is_named)
+                    // While others still tell of themselves, it may be among them.
+                    let late = Instant::now().checked_duration_since(own_until);
+                    let is_late = late.is_some_and(|late| told || is_narrow || late >= NEWS);
+                    sight.is_answered.load(Relaxed) || is_late || (is_met && told && is_named)
                 });
             }
             let mut wide = Vec::new();
@@ -251,7 +273,7 @@ fn watch(
         let waits = side.discovery.waiting_for();
         // A server that accepts connections may need a moment to answer.
         let told = side.has_told_all() && waits.is_none();
-        if is_over(end, told) || begin.elapsed() >= PATIENCE {
+        if is_over(end, told) || begin.elapsed() >= PATIENCE + NEWS {
             return match waits {
                 Some(what) => Err(format!("no answer from {what}")),
                 None => Ok(()),

@@ -8,7 +8,7 @@
 //!
 //!   drops    what the reasons of drops mean
 //!   names    names that are nearly the same
-//!   judge    facts -> verdict; reach: servers and addresses; words: ends and remedies
+//!   judge    facts -> verdict; reach: servers and addresses; state: a route that runs; words: ends and remedies
 //!   door     a server that has to answer first
 //!   look     facts about one end
 //!   elsewhere  the same name on ROS 2 in other domains
@@ -28,6 +28,7 @@ pub mod names;
 pub mod question;
 mod reach;
 mod running;
+mod state;
 mod words;
 
 use std::fmt;
@@ -112,7 +113,7 @@ pub struct Unheard {
 }
 
 /// One end of the way.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct End {
     /// Address of the end.
     pub address: EndpointAddress,
@@ -152,24 +153,12 @@ impl End {
     /// An end of which nothing is known yet.
     #[must_use]
     pub fn new(address: EndpointAddress) -> Self {
-        Self {
-            address,
-            type_name: None,
-            learned: None,
-            qos: None,
-            doors: Vec::new(),
-            away: None,
-            found: Vec::new(),
-            foreign: None,
-            registered: Vec::new(),
-            elsewhere: Vec::new(),
-            graph: None,
-            undefined: None,
-            silent: None,
-            heard: 0,
-            names: None,
-            is_service: false,
-        }
+        Self { address, ..Self::default() }
+    }
+
+    /// True where the servers of the side answer, and it works.
+    fn is_open(&self) -> bool {
+        self.away.is_none() && self.doors.iter().all(|knock| knock.answer == door::Answer::Open)
     }
 
     /// Endpoints of this name in a role.

@@ -1,5 +1,7 @@
 //! Names that are nearly the same.
 
+use strsim::damerau_levenshtein;
+
 /// Most letters by which two names may differ and still count as one misspelt.
 const MOST_LETTERS: usize = 2;
 /// Shortest name that may be misspelt: shorter ones are all alike.
@@ -49,9 +51,10 @@ pub fn kinship(one: &str, other: &str) -> Option<Kinship> {
     if !a.is_empty() && !b.is_empty() && (a.ends_with(&b) || b.ends_with(&a)) {
         return Some(Kinship::Namespace);
     }
-    let (a, b) = (one.chars().collect::<Vec<_>>(), other.chars().collect::<Vec<_>>());
-    let long_enough = a.len().min(b.len()) >= SHORTEST;
-    (long_enough && distance(&a, &b) <= MOST_LETTERS).then_some(Kinship::Letters)
+    let (a, b) = (one.chars().count(), other.chars().count());
+    // Long names that differ by more in length are not compared.
+    let may_be = a.min(b) >= SHORTEST && a.abs_diff(b) <= MOST_LETTERS;
+    (may_be && damerau_levenshtein(one, other) <= MOST_LETTERS).then_some(Kinship::Letters)
 }
 
 /// The nearest of `names` to `wanted`, with the difference.
@@ -65,29 +68,6 @@ pub fn nearest<'n>(
 
 fn parts(name: &str) -> Vec<&str> {
     name.split('/').filter(|part| !part.is_empty()).collect()
-}
-
-/// Number of letters to add, remove or change to come from `a` to `b`, as far as [`MOST_LETTERS`] is
-/// exceeded.
-fn distance(a: &[char], b: &[char]) -> usize {
-    if a.len().abs_diff(b.len()) > MOST_LETTERS {
-        return MOST_LETTERS + 1;
-    }
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, from) in a.iter().enumerate() {
-        let mut diagonal = i;
-        let mut left = i + 1;
-        let mut next = Vec::with_capacity(row.len());
-        next.push(left);
-        for (above, to) in row.iter().skip(1).zip(b) {
-            let changed = diagonal + usize::from(from != to);
-            left = changed.min(left + 1).min(above + 1);
-            next.push(left);
-            diagonal = *above;
-        }
-        row = next;
-    }
-    row.last().copied().unwrap_or_default()
 }
 
 #[cfg(test)]

@@ -7,23 +7,25 @@
 //! ```
 
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Instant;
 
-use wrapyfi_core::endpoint::{Discovered, DropReason, EndpointAddress, Role};
+use wrapyfi_core::endpoint::{Discovered, DropReason, EndpointAddress, Mutex, Role};
 use wrapyfi_core::engine::{Applier, Kind, Plan, Route, RouteIndex, Typing, may_be_read_as};
 use wrapyfi_core::middleware::yarp;
 use wrapyfi_core::types::{DataType, MessageType};
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
-use super::drops::drops;
+use super::drops::count;
 use super::look::{Sight, Wanted, graph, look};
+use super::state::came;
 use super::{End, Limited, RouteFacts, Unheard, Way, running};
 use crate::command::definitions;
 use crate::exit::Failure;
 use crate::in_force::InForce;
-use crate::middlewares::{self, Endpoints, Loaded, Undefined};
+use crate::middlewares::{self, Endpoints, Loaded, Undefined, is_ros};
 use crate::node::Node;
 use crate::on_graph::info;
 use crate::own_address::OwnAddress;
@@ -57,7 +59,7 @@ impl Question {
                 let address = address(name).map_err(Failure::Usage)?;
                 let mut endpoints = Endpoints::default();
                 endpoints.reached_at(self.own);
-                let sight = Sight { endpoints: &endpoints, bridge: None };
+                let sight = Sight::of_command(&endpoints);
                 Ok(of_address(&address, sight, definitions::store(&self.definitions)?))
             }
         }
@@ -65,27 +67,22 @@ impl Question {
 
     fn of_file(&self, path: &Path) -> Result<Way, Failure> {
         let file = path.display().to_string();
-        let mut undefined = Vec::new();
-        match middlewares::load_noting(path, &mut undefined) {
+        let mut undefined = None;
+        match middlewares::load_noting(path, &self.name, &mut undefined) {
             Ok(Loaded { mut endpoints, plan, types, .. }) => {
                 endpoints.reached_at(self.own);
                 endpoints.check_permitted(Some(path))?;
                 let node = Node::bridge().map_err(Failure::usage)?;
-                let sight = Sight { endpoints: &endpoints, bridge: None };
+                let sight = Sight::of_command(&endpoints);
                 let configured =
                     Configured { file: &file, plan: &plan, node: &node, sight, status: None };
                 configured.way(&self.name, types)
             }
             Err(failure) => {
-                let is_meant = |one: &&Undefined| one.means(&self.name);
-                let found = undefined.iter().find(is_meant).ok_or(failure)?;
-                let facts = RouteFacts {
-                    name: found.route.clone(),
-                    file,
-                    undefined: Some((found.type_name.clone(), found.reason.clone())),
-                    ..RouteFacts::default()
-                };
-                let title = found.route.clone();
+                let Undefined { route: title, type_name, reason } = undefined.ok_or(failure)?;
+                let undefined = Some((type_name, reason));
+                let facts =
+                    RouteFacts { name: title.clone(), file, undefined, ..RouteFacts::default() };
                 Ok(Way { title, route: Some(facts), ..Way::default() })
             }
         }
@@ -105,7 +102,7 @@ impl Question {
         // Nobody has to have the name.
         let wanted = Wanted { role: Role::Client, ..Wanted::new(address, false) };
         let endpoints = Endpoints::default();
-        let sight = Sight { endpoints: &endpoints, bridge: None };
+        let sight = Sight::of_command(&endpoints);
         let end = look(sight, &wanted, &mut types);
         let users = end.found.iter().filter(|one| one.type_name.as_deref() == Some(name));
         way.known.extend(users.map(|one| format!("ros2:{} has a {} of it", one.name, one.role)));
@@ -135,7 +132,8 @@ impl Configured<'_> {
     pub fn way(&self, name: &str, types: TypeStore) -> Result<Way, Failure> {
         let Self { file, plan, node, sight, .. } = *self;
         let index = plan.index(|address| node.resolve(address));
-        match route(plan, &index, name) {
+        let running = self.status.map(|status| status()).unwrap_or_default();
+        match route(plan, &index, &running, name) {
             Some((route, left_out)) => {
                 let mut facts = RouteFacts {
                     name: route.name.clone(),
@@ -193,12 +191,21 @@ impl Configured<'_> {
         let (at_source, at_destination) = (wanted(&route.from, provider), wanted(&route.to, taker));
         // Nothing is learned at the destination.
         let mut none = TypeStore::empty();
-        let ask = || running::asked(&sight.endpoints.ros2, route);
-        // Looking as far as multicast reaches needs an end of all others in the domain.
+        let start = || sight.endpoints.ros2.hidden().map(Arc::new).ok();
+        // Looking as far as multicast reaches needs an end of all others in the domain: then it is asked after.
         let is_beside = self.status.is_none() && !graph(sight.endpoints).is_narrow();
+        let ros2 = is_beside.then(start).flatten();
+        let is_answered = &AtomicBool::new(false);
+        let sight = Sight { ros2: ros2.as_ref(), is_answered, ..sight };
         let (mut source, mut destination, asked) = std::thread::scope(|scope| {
-            let source = scope.spawn(|| look(sight, &at_source, &mut types));
-            let asked = is_beside.then(|| scope.spawn(ask));
+            let source = scope.spawn(|| {
+                let sight = Sight { is_answered: &AtomicBool::new(false), ..sight };
+                let end = look(sight, &at_source, &mut types);
+                is_answered.store(!end.is_open(), Relaxed);
+                end
+            });
+            let ask = |ros2| scope.spawn(move || running::asked(ros2, route, is_answered));
+            let asked = ros2.as_deref().map(ask);
             let destination = look(sight, &at_destination, &mut none);
             let failed = |_panicked| {
                 let away = Some("looking at it failed: see the log".to_owned());
@@ -220,22 +227,24 @@ impl Configured<'_> {
         destination.learned = source.learned;
         source.qos = qos_at(route, &route.from);
         destination.qos = qos_at(route, &route.to);
-        let asked = || if self.status.is_none() && !is_beside { ask() } else { asked };
+        let asked = || match self.status.is_none() && !is_beside {
+            true => running::asked(start()?.as_ref(), route, is_answered),
+            false => asked,
+        };
         let running = status().or_else(|| {
             let (node, running) = asked()?;
             facts.node = node;
             Some(running)
         });
         if is_learned && !is_service && is_ros(&route.from) && is_ros(&route.to) {
-            // A listener may have told it before a publisher came.
-            let known = running.as_ref().map(|it| it.type_name.clone());
-            source.type_name = known.filter(|name| name.contains('/'));
-            let told = || source.of(provider).find_map(|one| one.type_name.clone());
-            destination.type_name = source.type_name.clone().or_else(told);
+            // A listener may have told the route before a publisher came.
+            let known = || Some(running.as_ref()?.type_name.clone());
+            let known = || known().filter(|name| name.contains('/'));
+            destination.type_name = destination.type_name.or_else(known);
         }
         let mut came_hz = None;
         if let (Some(before), Some(now)) = (before, &running) {
-            let came = now.received.saturating_sub(before.received);
+            let came = came(now).saturating_sub(came(&before));
             (source.heard, source.silent) = (came, Some(begin.elapsed()));
             came_hz = Some(came as f64 / begin.elapsed().as_secs_f64());
         }
@@ -263,7 +272,7 @@ fn address(text: &str) -> Result<EndpointAddress, String> {
         return Err(middlewares::unknown(&address.middleware).to_string());
     }
     // Elsewhere a name is what is written.
-    if address.middleware.starts_with("ros") && !address.name.starts_with('/') {
+    if is_ros(&address) && !address.name.starts_with('/') {
         address.name.insert(0, '/');
     }
     Ok(address)
@@ -272,30 +281,49 @@ fn address(text: &str) -> Result<EndpointAddress, String> {
 type LeftOutName = Option<(String, wrapyfi_core::engine::LeftOut)>;
 
 /// Route that a name means: by its name, its ends, or one of them; of a pattern the route that it makes for
-/// the name, or the reason that it makes none.
-fn route(plan: &Plan, index: &RouteIndex<'_>, name: &str) -> Option<(Route, LeftOutName)> {
+/// the name, or the reason that it makes none. Of two routes with the same end it is the one that is `running`.
+fn route(
+    plan: &Plan,
+    index: &RouteIndex<'_>,
+    running: &[RouteInfo],
+    name: &str,
+) -> Option<(Route, LeftOutName)> {
     let named = plan.routes.iter().find(|route| route.name == name || route.ends() == name);
-    if let Some(route) = named {
-        return Some((route.clone(), None));
+    if let Some(route) = named.cloned().or_else(|| made_between(plan, name)) {
+        return Some((route, None));
     }
     let address = address(name).ok()?;
-    if let Some(route) = index.written_at(&address) {
-        return Some((route.clone(), None));
-    }
-    let many = || {
-        let many = plan.routes.iter().filter(|route| route.is_many());
-        many.filter(|route| route.from.middleware == address.middleware)
+    let text = address.to_string();
+    let runs = || {
+        let from = running.iter().find(|one| one.source == text);
+        let one = from.or_else(|| running.iter().find(|one| one.destination == text))?;
+        made_between(plan, &one.key)
     };
-    for pattern in many() {
-        if let Some(target) = pattern.target(&address.name) {
-            let mut route = pattern.clone();
-            (route.from, route.to, route.names) = (address, target, None);
-            return Some((route, None));
-        }
+    let make = |made: fn(&Route, &EndpointAddress) -> Option<Route>| {
+        plan.routes.iter().find_map(|pattern| made(pattern, &address))
+    };
+    let written = index.written_at(&address).cloned();
+    let any = || make(Route::made_from).or_else(|| make(Route::made_to));
+    if let Some(route) = written.or_else(runs).or_else(any) {
+        return Some((route, None));
     }
+    let mut many = plan.routes.iter().filter(|one| one.from.middleware == address.middleware);
     let left_out = |pattern: &Route| Some((pattern.clone(), pattern.left_out(&address.name)?));
-    let (pattern, why) = many().find_map(left_out)?;
-    Some((pattern, Some((address.to_string(), why))))
+    let (pattern, why) = many.find_map(left_out)?;
+    Some((pattern, Some((text, why))))
+}
+
+/// Route that a pattern makes, by its name: its ends.
+fn made_between(plan: &Plan, name: &str) -> Option<Route> {
+    let (first, second) = name.split_once(" -> ")?;
+    let (first, second) = (address(first).ok()?, address(second).ok()?);
+    plan.routes.iter().find_map(|pattern| {
+        let (from, to) = match pattern.kind {
+            Kind::Topic(_) => (&first, &second),
+            Kind::Service(_) => (&second, &first),
+        };
+        pattern.made_from(from).filter(|made| made.to == *to)
+    })
 }
 
 /// Route of the same file that publishes where this one listens.
@@ -321,8 +349,8 @@ fn circle(index: &RouteIndex<'_>, route: &Route) -> Vec<String> {
 /// Limit of a route's rate where it has left messages out.
 fn limited(route: &Route, running: &RouteInfo, came_hz: Option<f64>) -> Option<Limited> {
     let max_rate_hz = route.policy.max_rate_hz?;
-    let (_, dropped) = drops(running).find(|(reason, _)| *reason == DropReason::RateLimit)?;
-    let dropped = dropped as f64 / running.received.max(dropped) as f64;
+    let dropped = Some(count(running, DropReason::RateLimit)).filter(|dropped| *dropped > 0)?;
+    let dropped = dropped as f64 / came(running).max(dropped) as f64;
     Some(Limited { max_rate_hz, came_hz, dropped })
 }
 
@@ -368,10 +396,6 @@ fn shown(source: &End, destination: &End) -> Option<String> {
     (!is_untyped || !fits).then(|| learned.ros_type().to_owned())
 }
 
-fn is_ros(end: &EndpointAddress) -> bool {
-    matches!(end.middleware.as_str(), "ros" | "ros2")
-}
-
 /// Quality of service that a route lays down at an end.
 fn qos_at(route: &Route, end: &EndpointAddress) -> Option<wrapyfi_core::endpoint::Qos> {
     if end.middleware != "ros2" || !matches!(route.kind, Kind::Topic(_)) {
@@ -406,13 +430,13 @@ pub(crate) fn explain(
     name: &str,
 ) -> Result<Way, Failure> {
     let (registry, plan) = (routes.registry(), routes.plan());
-    let in_force = in_force.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    let in_force = in_force.lock().clone();
     let InForce { file, endpoints, definitions } = &in_force;
     let configured = Configured {
         file,
         plan: &plan,
         node,
-        sight: Sight { endpoints, bridge: Some(&registry) },
+        sight: Sight { bridge: Some(&registry), ..Sight::of_command(endpoints) },
         status: Some(&|| routes.status().iter().map(info::of).collect()),
     };
     configured.way(name, definitions::store(definitions)?)
@@ -434,7 +458,19 @@ mod tests {
     }
 
     fn found(plan: &Plan, name: &str) -> Option<(String, bool)> {
-        route(plan, &index(plan), name).map(|(route, left_out)| (route.ends(), left_out.is_some()))
+        found_beside(plan, &[], name)
+    }
+
+    /// As [`found`], where routes run.
+    fn found_beside(plan: &Plan, keys: &[&str], name: &str) -> Option<(String, bool)> {
+        let info = |key: &&str| {
+            let [source, destination] =
+                key.split(" -> ").map(str::to_owned).collect::<Vec<_>>().try_into().unwrap();
+            RouteInfo { key: (*key).to_owned(), source, destination, ..RouteInfo::default() }
+        };
+        let running: Vec<_> = keys.iter().map(info).collect();
+        let found = route(plan, &index(plan), &running, name);
+        found.map(|(route, left_out)| (route.ends(), left_out.is_some()))
     }
 
     #[test]
@@ -450,6 +486,31 @@ mod tests {
         assert_eq!(found(&plan, "ros1:/x"), Some(("ros:/x -> ros2:/one/x".to_owned(), false)));
         assert!(found(&plan, "ros:/raw").is_some_and(|(_, is_left_out)| is_left_out));
         assert_eq!(found(&plan, "yarp:/x"), None);
+    }
+
+    #[test]
+    fn a_route_of_a_pattern_is_found_by_its_name_and_in_the_direction_that_runs() {
+        let both = plan(&[
+            "from: 'ros2:/(.*)', to: 'ros:/$1'",
+            "from: 'ros:/(.*)', to: 'ros2:/$1'",
+            "service: 'ros2:/(.*)', as: 'ros:/$1'",
+            "from: 'yarp:/(.*)', to: 'ros2:/of_yarp/$1', type: Text",
+        ]);
+        let (there, back) = ("ros2:/x -> ros:/x", "ros:/x -> ros2:/x");
+        let only = |ends: &str| Some((ends.to_owned(), false));
+        for name in [there, back, "ros:/ask -> ros2:/ask"] {
+            assert_eq!(found(&both, name), only(name));
+        }
+        for (runs, name, meant) in
+            [(back, "ros2:/x", back), (there, "ros2:/x", there), (there, "ros:/x", there)]
+        {
+            assert_eq!(found_beside(&both, &[runs], name), only(meant), "{name} beside {runs}");
+        }
+        // Of one of two ways nothing runs.
+        assert_eq!(found(&both, "ros2:/x"), only(there));
+        let of_yarp = plan(&["from: 'yarp:/(.*)', to: 'ros2:/of_yarp/$1', type: Text"]);
+        let wanted = only("yarp:/x -> ros2:/of_yarp/x");
+        assert_eq!(found(&of_yarp, "ros2:/of_yarp/x"), wanted);
     }
 
     #[test]

@@ -1,16 +1,15 @@
 //! Status of a route, as a bridge that runs it tells it: the bridge that looks, or those on the graph of ROS 2.
 
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-use wrapyfi_core::Limits;
 use wrapyfi_core::engine::{Kind, Route};
+use wrapyfi_core::middleware::ros2::Ros2;
 use wrapyfi_core::types::Map;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 use wrapyfi_interfaces::wrapyfi_msgs::srv::ListRoutes_Response;
 
 use super::PATIENCE;
-use crate::middlewares::Ros2Section;
-use crate::node::Node;
 use crate::on_graph::client::{Asker, LIST_ROUTES, bridges};
 
 /// Time for an answer of a bridge that was found late.
@@ -47,13 +46,17 @@ pub(super) fn of(route: &Route, all: Vec<RouteInfo>) -> Option<RouteInfo> {
 }
 
 /// Asks the bridges on the graph of ROS 2 for the route: the node of the one that has it, and its status. `None` where
-/// none tells of it in time.
-pub(super) fn asked(section: &Ros2Section, route: &Route) -> Option<(String, RouteInfo)> {
+/// none tells of it in time, and where it `is_answered` before.
+pub(super) fn asked(
+    ros2: &Ros2,
+    route: &Route,
+    is_answered: &AtomicBool,
+) -> Option<(String, RouteInfo)> {
     let until = Instant::now() + PATIENCE;
-    let ros2 = section.start(&Node::hidden().ok()?, Limits::default().message_bytes).ok()?;
-    let is_over = |_: bool, has_told: bool| has_told || Instant::now() >= until;
-    bridges(&ros2, is_over).ok()?.into_keys().find_map(|node| {
-        let mut asker = Asker::<ListRoutes_Response>::open(&ros2, &node, LIST_ROUTES).ok()?;
+    let is_over =
+        |_: bool, has_told: bool| has_told || is_answered.load(Relaxed) || Instant::now() >= until;
+    bridges(ros2, is_over).ok()?.into_keys().find_map(|node| {
+        let mut asker = Asker::<ListRoutes_Response>::open(ros2, &node, LIST_ROUTES).ok()?;
         let left = (until + ANSWER).saturating_duration_since(Instant::now());
         Some((node, of(route, asker.ask(Map::new(), left).ok()?.routes)?))
     })

@@ -18,10 +18,11 @@ mod sources;
 mod viewer;
 
 use std::io::IsTerminal as _;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
+use wrapyfi_core::endpoint::Mutex;
 use wrapyfi_core::engine::Engine;
 
 use self::sources::Sources;

@@ -8,7 +8,7 @@ use wrapyfi_core::Limits;
 use wrapyfi_core::endpoint::{
     Call, CallError, Context, LearnError, Middleware, Role as EndpointRole, ServiceSpec,
 };
-use wrapyfi_core::middleware::{ros1, yarp};
+use wrapyfi_core::middleware::yarp;
 use wrapyfi_core::types::{Map, Payload, ServiceKind, Value, fields_of_call};
 
 use super::{kind, shown, value, wait};
@@ -17,7 +17,7 @@ use crate::cli::CallArgs;
 use crate::command::definitions;
 use crate::describe::{describe, summary};
 use crate::exit::Failure;
-use crate::middlewares::{Middlewares, Role};
+use crate::middlewares::{Middlewares, Role, is_ros};
 use crate::output;
 use crate::shutdown::Shutdown;
 use crate::words::words;
@@ -32,7 +32,7 @@ pub fn run(args: &CallArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let begin = Instant::now();
     let named = match &args.service_type {
         Some(name) => Some(kind(name, &args.endpoint, &args.definitions)?),
-        None if ["ros2", ros1::NAME].contains(&args.endpoint.middleware.as_str()) => None,
+        None if is_ros(&args.endpoint) => None,
         None => Some(ServiceKind::NativeObject),
     };
     let request = request(args)?;

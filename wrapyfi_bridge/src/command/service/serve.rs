@@ -7,7 +7,6 @@ use wrapyfi_core::endpoint::{
     Call, Context, EndpointAddress, Request, ServeError, ServeResult, Server, ServiceSpec,
     TopicSpec,
 };
-use wrapyfi_core::middleware::ros1;
 use wrapyfi_core::types::{
     Payload, RosMessage, RosService, ServiceKind, Stamp, Value, fields_of_call, fields_of_return,
 };
@@ -19,7 +18,7 @@ use crate::canonical::canonical;
 use crate::cli::ServeArgs;
 use crate::command::WAIT_SLICE;
 use crate::exit::Failure;
-use crate::middlewares::{Middlewares, Role};
+use crate::middlewares::{Middlewares, Role, is_ros};
 use crate::shutdown::Shutdown;
 use crate::{input, output};
 
@@ -29,16 +28,16 @@ use crate::{input, output};
 /// Exit code 2 when type, service or reply is wrong, 1 when the transport fails.
 pub fn run(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let options = args.options.of(&args.endpoint.middleware)?;
-    let kind = match (&args.service_type, args.endpoint.middleware.as_str()) {
-        (Some(name), _) => kind(name, &args.endpoint, &args.definitions)?,
-        (None, "ros2" | ros1::NAME) => {
+    let kind = match &args.service_type {
+        Some(name) => kind(name, &args.endpoint, &args.definitions)?,
+        None if is_ros(&args.endpoint) => {
             return Err(Failure::Usage(format!(
                 "{}: --type is needed: NativeObject, Image, CompressedImage, AudioChunk, or any \
                  type as package/srv/Type",
                 args.endpoint
             )));
         }
-        (None, _) => ServiceKind::NativeObject,
+        None => ServiceKind::NativeObject,
     };
     let spec = ServiceSpec { options, ..ServiceSpec::new(&args.endpoint.name, kind) };
     let constant = constant(args, &spec)?;

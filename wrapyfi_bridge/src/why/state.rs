@@ -1,0 +1,119 @@
+//! Findings about a route that runs: what its bridge tells of it.
+
+use wrapyfi_core::endpoint::DropReason;
+use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
+
+use super::drops::{count, drops, meaning, mends};
+use super::{Cause, Finding, Limited, Step, Way};
+
+/// A step that may be in place.
+type Passed = Result<Option<String>, Finding>;
+
+/// Number of messages that came, without the programs that were refused.
+pub(super) fn came(running: &RouteInfo) -> u64 {
+    running.received.saturating_sub(count(running, DropReason::RefusedPeer))
+}
+
+/// True where a bridge runs the route and messages of others have come in on it.
+pub(super) fn hears_others(way: &Way) -> bool {
+    way.running.as_ref().is_some_and(|it| came(it) > count(it, DropReason::OwnPublication))
+}
+
+/// A route that cannot work as configured, whatever is there.
+pub(super) fn broken(way: &Way) -> Step {
+    let Some(running) = way.running.as_ref().filter(|running| running.state == "error") else {
+        return Ok(());
+    };
+    let what = format!("{} is in state error: {}", called(way, running), running.reason);
+    let remedy = "change what the reason names; the bridge turns to the changed file";
+    Err(Finding::new(Cause::State, what, "the configuration", remedy))
+}
+
+/// The program that was refused last.
+pub(super) fn refused(way: &Way) -> Option<Finding> {
+    let running = way.running.as_ref().filter(|it| !it.refused.is_empty())?;
+    let times = count(running, DropReason::RefusedPeer);
+    let what =
+        format!("{} refused {times} times, the last: {}", called(way, running), running.refused);
+    let remedy = format!("where it may: {}", running.allow);
+    Some(Finding::new(Cause::Refused, what, "the configuration, or that program", remedy))
+}
+
+/// True where messages of a route reach its destination.
+pub(super) fn is_used(way: &Way) -> bool {
+    way.running.as_ref().is_some_and(|running| came(running) > 0 && running.sent > 0)
+}
+
+/// State of a route in a bridge, and the messages that it drops.
+pub(super) fn state(way: &Way) -> Passed {
+    /// Share of messages from which on a route that calls itself active drops too many.
+    const MOST: f64 = 0.9;
+    let Some(running) = &way.running else { return Ok(None) };
+    let (route, reason) = (called(way, running), &running.reason);
+    let lost: Vec<_> = drops(running)
+        .filter_map(|(reason, count)| Some((reason, count, meaning(reason)?)))
+        .collect();
+    let is_degraded = running.state == "degraded";
+    if running.state == "waiting" {
+        let what = format!("{route} waits for {reason}");
+        let remedy = "provide it; the route begins by itself";
+        return Err(Finding::new(Cause::State, what, "see the reason", remedy));
+    }
+    let Some((most, _, meaning)) = lost.iter().max_by_key(|(_, count, _)| *count) else {
+        if !is_degraded {
+            return Ok(None);
+        }
+        let what = format!("{route} is degraded: {reason}");
+        let remedy = "remove what the reason names";
+        return Err(Finding::new(Cause::State, what, "see the reason", remedy));
+    };
+    let count: u64 = lost.iter().map(|(_, count, _)| count).sum();
+    let all: Vec<_> = lost.iter().map(|(reason, count, _)| format!("{count} {reason}")).collect();
+    let what = format!(
+        "messages of {route} are dropped: {count} of {} that came ({}); mostly because {meaning}",
+        came(running),
+        all.join(", ")
+    );
+    if !is_degraded && (count as f64) < MOST * came(running) as f64 {
+        return Ok(Some(what));
+    }
+    let what = if reason.is_empty() { what } else { format!("{what}; the last: {reason}") };
+    let who = "the route, or the program at its end";
+    let cause = match most {
+        DropReason::ServiceMapping => Cause::ServiceMapping,
+        _ => Cause::Drops,
+    };
+    Err(Finding::new(cause, what, who, mends(*most)))
+}
+
+/// Limit of the rate, where it leaves out most of the messages.
+pub(super) fn rate(way: &Way) -> Passed {
+    /// Share of messages from which on a limit is taken for a mistake.
+    const MOST: f64 = 0.9;
+    let Some(route) = &way.route else { return Ok(None) };
+    let Some(Limited { max_rate_hz, came_hz, dropped }) = route.limited else { return Ok(None) };
+    let came = came_hz.map(|hz| format!(", and {hz:.1} messages a second come"));
+    let what = format!(
+        "max_rate_hz is {max_rate_hz}{}: {:.0} % of all were left out",
+        came.unwrap_or_default(),
+        100.0 * dropped
+    );
+    if dropped < MOST {
+        return Ok(Some(what));
+    }
+    let enough = came_hz.unwrap_or(max_rate_hz / (1.0 - dropped).max(0.001));
+    let remedy = format!(
+        "write `max_rate_hz: {:.0}` or more on the route in {}, or leave it out",
+        enough.max(max_rate_hz).ceil(),
+        route.file
+    );
+    Err(Finding::new(Cause::RateLimit, what, "the route", remedy))
+}
+
+/// Route in words: of a pattern, the one that is meant.
+fn called(way: &Way, running: &RouteInfo) -> String {
+    match &way.route {
+        Some(route) if route.name != running.key => format!("the route {}", running.key),
+        _ => "the route".to_owned(),
+    }
+}
