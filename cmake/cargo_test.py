@@ -138,6 +138,7 @@ def main():
     parser.add_argument("--target-dir", required=True, type=pathlib.Path)
     parser.add_argument("--result", required=True, type=pathlib.Path)
     parser.add_argument("--rmw", default="", help="prefixes of the ROS 2 that it was built with, none for none")
+    parser.add_argument("--tested", default="", help="packages whose tests were built with it, by commas; none for all")
     parser.add_argument("--doc-tests", action="store_true", help="also those of all crates")
     options = parser.parse_args()
     crate = options.package
@@ -151,9 +152,9 @@ def main():
     )
     targets = next(p["targets"] for p in metadata["packages"] if p["name"] == crate)
     is_library = any("lib" in t["kind"] or "proc-macro" in t["kind"] for t in targets)
-    # Of the whole workspace wherever one crate can be chosen from it: for a crate alone Cargo unites
+    # Of all that was built wherever one crate can be chosen from it: for a crate alone Cargo unites
     # other features, and compiles again what `colcon build` has compiled.
-    built = ["--locked", "--workspace"]
+    built = ["--locked", *([f"--package={c}" for c in options.tested.split(",")] if options.tested else ["--workspace"])]
     if options.rmw:
         built += ["--features", "wrapyfi_bridge/rmw"]
     nextest = subprocess.run(

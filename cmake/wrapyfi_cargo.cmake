@@ -38,6 +38,8 @@ else()
   set(WRAPYFI_PROGRAMS_DIR "${WRAPYFI_CARGO_TARGET_DIR}/${WRAPYFI_CARGO_PROFILE}")
 endif()
 
+set(WRAPYFI_TESTED_CRATES "" CACHE STRING "Crates whose tests are built and run, wrapyfi_bridge among them; none for all")
+
 # Rustup's before PATH: distributions put their old cargo where a shell without ~/.cargo/env finds it.
 # It picks the tool chain when it runs, so asking in the workspace gives the version that will build it.
 find_program(CARGO_EXECUTABLE cargo HINTS "$ENV{CARGO_HOME}/bin" "$ENV{HOME}/.cargo/bin")
@@ -96,7 +98,11 @@ function(wrapyfi_cargo_build)
     # The whole workspace with its tests at once, because Cargo unites the features of what it builds: what
     # is built in two commands has other features in each, and is compiled twice. Tests are compiled here and
     # not by `colcon test`, which has a time limit.
-    set(_commands COMMAND ${_build} --workspace --all-targets ${WRAPYFI_FEATURES})
+    set(_packages --workspace)
+    if(WRAPYFI_TESTED_CRATES)
+      list(TRANSFORM WRAPYFI_TESTED_CRATES PREPEND "--package=" OUTPUT_VARIABLE _packages)
+    endif()
+    set(_commands COMMAND ${_build} ${_packages} --all-targets ${WRAPYFI_FEATURES})
   else()
     list(TRANSFORM WRAPYFI_INSTALLED_CRATES PREPEND "--package=" OUTPUT_VARIABLE _packages)
     # Services of Fast DDS nodes go through rmw where there is one: RustDDS is left out.
@@ -140,6 +146,9 @@ function(wrapyfi_cargo_install_crates)
 endfunction()
 
 function(wrapyfi_cargo_test _crate)
+  if(WRAPYFI_TESTED_CRATES AND NOT _crate IN_LIST WRAPYFI_TESTED_CRATES)
+    return()
+  endif()
   cmake_parse_arguments(_arg "DOC_TESTS" "TIMEOUT" "" ${ARGN})
   if(NOT _arg_TIMEOUT)
     set(_arg_TIMEOUT 600)
@@ -148,12 +157,15 @@ function(wrapyfi_cargo_test _crate)
   if(_arg_DOC_TESTS)
     set(_doc_tests --doc-tests)
   endif()
+  # Commas, because ament_add_test takes a list apart.
+  list(JOIN WRAPYFI_TESTED_CRATES "," _tested)
   get_executable_path(_python Python3::Interpreter BUILD)
   set(_result "${AMENT_TEST_RESULTS_DIR}/${PROJECT_NAME}/${_crate}.xunit.xml")
   ament_add_test(${_crate}
     COMMAND "${_python}" "${WRAPYFI_WORKSPACE}/cmake/cargo_test.py"
       --cargo "${CARGO_EXECUTABLE}" --target-dir "${WRAPYFI_CARGO_TARGET_DIR}"
-      --profile "${WRAPYFI_CARGO_PROFILE}" --package "${_crate}" --result "${_result}" "--rmw=${WRAPYFI_RMW_PREFIX_PATH}" ${_doc_tests}
+      --profile "${WRAPYFI_CARGO_PROFILE}" --package "${_crate}" --result "${_result}" "--rmw=${WRAPYFI_RMW_PREFIX_PATH}"
+      "--tested=${_tested}" ${_doc_tests}
     RESULT_FILE "${_result}"
     WORKING_DIRECTORY "${WRAPYFI_WORKSPACE}"
     TIMEOUT ${_arg_TIMEOUT})
