@@ -24,7 +24,7 @@ const OPTIONS: Options =
     Options { message_bytes: 1 << 16, elements: 1 << 13, bad_text: BadText::Replace };
 
 /// A definition text: read, or refused for a reason; what was read is described in ROS 2 and has a
-/// plan, and its own text reads as the same.
+/// plan.
 pub fn ros1_definition(data: &[u8]) {
     let Ok(text) = std::str::from_utf8(data) else { return };
     let (_, peak) = measure(|| {
@@ -34,9 +34,6 @@ pub fn ros1_definition(data: &[u8]) {
             Err(error) => return assert!(!error.to_string().is_empty()),
         };
         assert_eq!(definition.md5sum().len(), 32);
-        let again = Definition::from_header("fuzz_msgs/Fuzzed", &definition.resolved().full_text());
-        let again = again.expect("its own text can be read");
-        assert_eq!(again.md5sum(), definition.md5sum());
         match types.plan(&definition) {
             Ok(plan) => {
                 assert_eq!(plan.ros2_type().to_string(), "fuzz_msgs/msg/Fuzzed");

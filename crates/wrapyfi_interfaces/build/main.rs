@@ -11,6 +11,9 @@
 // Cargo reads its instructions from a build script's output.
 #![allow(clippy::print_stdout)]
 
+#[path = "../src/named.rs"]
+mod named;
+
 #[allow(dead_code, unreachable_pub)]
 #[path = "../src/description.rs"]
 mod description;

@@ -12,7 +12,6 @@ use std::error::Error;
 use std::hint::black_box;
 use std::time::Instant;
 
-use wrapyfi_interfaces::dynamic::TypePlan;
 use wrapyfi_interfaces::parser::{Dialect, TypeName};
 use wrapyfi_interfaces::store::ResolvedType;
 
@@ -45,7 +44,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let json = message.to_json();
     println!("{} with {JOINTS} joints, {} bytes", plan.type_name(), cdr.len());
 
-    measure("compile", ROUNDS / 100, || TypePlan::compile(joint_state.description()))?;
+    measure("compile", ROUNDS / 100, || joint_state.plan())?;
     measure("decode", ROUNDS, || plan.decode(&cdr, 1 << 20))?;
     measure("encode", ROUNDS, || plan.encode(&message))?;
     measure("to JSON text", ROUNDS / 10, || serde_json::to_string(&message))?;

@@ -1,67 +1,17 @@
 //! Errors of compiling a type, and of values that do not fit their type.
 
 use crate::cdr::{path_in_element, path_in_field};
+use crate::parser::TypeName;
 
-/// Error of compiling a type description into a plan.
+/// Error of compiling a type into a plan.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PlanError {
-    /// A type that is referred to is not described.
-    #[error("{user} has a field {field:?} of type {missing:?}, which is not described; add it")]
+    /// A type that is referred to is not among the definitions.
+    #[error("{missing} is not defined; add it")]
     Undefined {
         /// The type that is missing.
-        missing: String,
-        /// Type that refers to it.
-        user: String,
-        /// Field that does.
-        field: String,
-    },
-    /// A field has a type that plain CDR of ROS 2 messages does not have.
-    #[error(
-        "{message}.{field} has the type id {type_id}; known are 1 to 11, 13, 15 to 18, 21 and 22, \
-         plus 48, 96 or 144"
-    )]
-    TypeId {
-        /// The message.
-        message: String,
-        /// The field.
-        field: String,
-        /// Type id as described.
-        type_id: u8,
-    },
-    /// An array has no elements, or a size is beyond 32 bits.
-    #[error("{message}.{field} has the capacity {capacity}; it must be from 1 to 4294967295")]
-    Capacity {
-        /// The message.
-        message: String,
-        /// The field.
-        field: String,
-        /// Capacity as described.
-        capacity: u64,
-    },
-    /// Two fields have one name.
-    #[error("{message} has two fields {field:?}; rename one")]
-    Duplicate {
-        /// The message.
-        message: String,
-        /// The name.
-        field: String,
-    },
-    /// A default value is not of the type of its field.
-    #[error("the default value of {message}.{field} is not of the field's type; correct it")]
-    Default {
-        /// The message.
-        message: String,
-        /// The field.
-        field: String,
-    },
-    /// Messages are nested too deeply, or one contains itself.
-    #[error("{message} is nested more than {limit} messages deep, or contains itself")]
-    TooDeep {
-        /// The message that is one too deep.
-        message: String,
-        /// [`MAX_DEPTH`](crate::description::MAX_DEPTH).
-        limit: usize,
+        missing: TypeName,
     },
     /// So many messages are nested around so few bytes that a small serialised message would take
     /// up much memory.

@@ -1,7 +1,7 @@
 //! Messages of types that become known while running.
 //!
 //! ```text
-//!   TypeDescription ──TypePlan::compile──▶ TypePlan ─┬─ decode ◀── CDR bytes, either byte order
+//!   definitions ──ResolvedType::plan──▶ TypePlan ─┬─ decode ◀── CDR bytes, either byte order
 //!                                            ├─ encode ──▶ CDR parts, little-endian
 //!                                            ├─ from_json ◀─▶ to_json
 //!                                            └─ default_message
@@ -14,7 +14,7 @@
 //! there, or allowed, before memory is reserved for it.
 
 mod codec;
-mod compile_field;
+mod default;
 mod error;
 mod json_in;
 mod json_number;

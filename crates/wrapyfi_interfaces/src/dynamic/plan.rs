@@ -1,14 +1,14 @@
-//! Type descriptions to plans.
+//! Definitions to plans.
 
 use std::collections::{BTreeMap, HashMap};
 use std::fmt;
 use std::sync::Arc;
 
-use super::compile_field::{default_value, element, elements_of};
+use super::default::default_value;
 use super::shape::{ElementShape, FieldShape, Op, Run, Shape, same};
 use super::{DynamicMessage, PlanError};
-use crate::description::{HIDDEN_FIELD, IndividualTypeDescription, MAX_DEPTH, TypeDescription};
-use crate::parser::{Container, Primitive};
+use crate::description::HIDDEN_FIELD;
+use crate::parser::{Container, Element, MessageDefinition, Primitive, TypeName};
 
 /// Largest message whose sequences are empty, in bytes.
 pub const MAX_FIXED_SIZE: usize = 64 << 20;
@@ -55,21 +55,18 @@ impl fmt::Debug for TypePlan {
 }
 
 impl TypePlan {
-    /// Compiles a type. The description may come from anywhere: it is checked in full.
+    /// Compiles a type from definitions that [`describe`](crate::description::describe) took: all that
+    /// it refers to is there, none contains itself, and none is too deep.
     ///
     /// # Errors
-    /// When it lacks a type, has a type that ROS 2 messages do not have, is too deep, nests many
-    /// messages around few bytes, or has fixed arrays beyond [`MAX_FIXED_SIZE`] or
+    /// When it nests many messages around few bytes, or has fixed arrays beyond [`MAX_FIXED_SIZE`] or
     /// [`MAX_FIXED_VALUES`].
-    pub fn compile(description: &TypeDescription) -> Result<Self, PlanError> {
-        let root = &description.type_description;
-        let types = description
-            .referenced_type_descriptions
-            .iter()
-            .map(|described| (described.type_name.as_str(), described))
-            .collect();
-        let mut compiler = Compiler { types, done: BTreeMap::new() };
-        Ok(Self { shape: compiler.shape(root, 1)? })
+    pub(crate) fn compile(
+        name: &TypeName,
+        definitions: &BTreeMap<TypeName, MessageDefinition>,
+    ) -> Result<Self, PlanError> {
+        let mut compiler = Compiler { definitions, done: BTreeMap::new() };
+        Ok(Self { shape: compiler.shape(name)? })
     }
 
     /// ROS name of the type, for instance `sensor_msgs/msg/JointState`.
@@ -92,43 +89,40 @@ impl TypePlan {
 }
 
 struct Compiler<'d> {
-    types: BTreeMap<&'d str, &'d IndividualTypeDescription>,
-    /// Shapes and how many messages deep they are.
-    done: BTreeMap<&'d str, (Arc<Shape>, usize)>,
+    definitions: &'d BTreeMap<TypeName, MessageDefinition>,
+    done: BTreeMap<&'d TypeName, Arc<Shape>>,
 }
 
 impl<'d> Compiler<'d> {
-    fn shape(
-        &mut self,
-        described: &'d IndividualTypeDescription,
-        depth: usize,
-    ) -> Result<Arc<Shape>, PlanError> {
-        let name = described.type_name.as_str();
+    fn shape(&mut self, name: &TypeName) -> Result<Arc<Shape>, PlanError> {
+        let undefined = || PlanError::Undefined { missing: name.clone() };
+        let (name, definition) = self.definitions.get_key_value(name).ok_or_else(undefined)?;
+        if let Some(done) = self.done.get(name) {
+            return Ok(Arc::clone(done));
+        }
         let mut shape = Shape {
-            name: name.to_owned(),
+            name: name.to_string(),
             identity: [0; 32],
-            fields: Vec::with_capacity(described.fields.len()),
+            fields: Vec::with_capacity(definition.fields.len()),
             positions: HashMap::new(),
             ops: Vec::new(),
             min_size: 0,
             values: 1,
             default_size: 0,
         };
-        let mut height = 1;
-        let hidden = matches!(described.fields.as_slice(), [only] if only.name == HIDDEN_FIELD);
-        for field in described.fields.iter().filter(|_| !hidden) {
-            let nested = field.nested_type_name.as_str();
-            let element = if field.type_id % 48 == 1 {
-                let (nested, below) = self.nested(name, &field.name, nested, depth + 1)?;
-                height = height.max(below + 1);
-                ElementShape::Message(nested)
-            } else {
-                element(name, field)?
+        let hidden = matches!(definition.fields.as_slice(), [only] if only.name == HIDDEN_FIELD);
+        for field in definition.fields.iter().filter(|_| !hidden) {
+            let element = match &field.field_type.element {
+                // As type descriptions have it.
+                Element::Primitive(Primitive::Char) => ElementShape::Primitive(Primitive::Uint8),
+                Element::Primitive(primitive) => ElementShape::Primitive(*primitive),
+                Element::String { bound } => ElementShape::Text { wide: false, bound: *bound },
+                Element::WString { bound } => ElementShape::Text { wide: true, bound: *bound },
+                Element::Nested(nested) => ElementShape::Message(self.shape(nested)?),
             };
-            let container = elements_of(name, field)?;
-            let default = default_value(name, field, &element, container)?;
-            let field = FieldShape { name: field.name.clone(), element, container, default };
-            add(&mut shape, field)?;
+            let container = field.field_type.container;
+            let default = field.default.as_ref().and_then(|it| default_value(&element, it));
+            add(&mut shape, FieldShape { name: field.name.clone(), element, container, default })?;
         }
         // The hidden byte of a message without fields.
         shape.min_size = shape.min_size.max(1);
@@ -144,45 +138,15 @@ impl<'d> Compiler<'d> {
         }
         shape.identity = shape.digest();
         let shape = Arc::new(shape);
-        self.done.insert(name, (Arc::clone(&shape), height));
+        self.done.insert(name, Arc::clone(&shape));
         Ok(shape)
-    }
-
-    fn nested(
-        &mut self,
-        user: &str,
-        field: &str,
-        name: &str,
-        depth: usize,
-    ) -> Result<(Arc<Shape>, usize), PlanError> {
-        let described = self.types.get(name).copied();
-        let described = described.ok_or_else(|| PlanError::Undefined {
-            missing: name.to_owned(),
-            user: user.to_owned(),
-            field: field.to_owned(),
-        })?;
-        // A type that contains itself is infinitely deep.
-        let too_deep = || PlanError::TooDeep { message: name.to_owned(), limit: MAX_DEPTH };
-        if depth > MAX_DEPTH {
-            return Err(too_deep());
-        }
-        if !self.done.contains_key(name) {
-            self.shape(described, depth)?;
-        }
-        let (shape, height) = self.done.get(name).ok_or_else(too_deep)?;
-        if depth + height - 1 > MAX_DEPTH {
-            return Err(too_deep());
-        }
-        Ok((Arc::clone(shape), *height))
     }
 }
 
 /// Adds a field to a shape, its steps and its sizes.
 fn add(shape: &mut Shape, field: FieldShape) -> Result<(), PlanError> {
     let position = shape.fields.len();
-    if shape.positions.insert(field.name.clone(), position).is_some() {
-        return Err(PlanError::Duplicate { message: shape.name.clone(), field: field.name });
-    }
+    shape.positions.insert(field.name.clone(), position);
     match (single_primitive(&field), shape.ops.last_mut()) {
         (Some(primitive), Some(Op::Run(run))) => run.push(primitive),
         (Some(primitive), _) => {

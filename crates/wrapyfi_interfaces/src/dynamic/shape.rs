@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use hmac_sha256::Hash;
 
-use super::scalar::{Scalar, with_scalar};
+use super::scalar::with_scalar;
 use super::{DynamicMessage, DynamicValue, Primitives, ValueError};
 use crate::parser::{Container, Primitive};
 
@@ -172,10 +172,10 @@ impl FieldShape {
         };
         match (&self.element, count) {
             (ElementShape::Primitive(primitive), None) => {
-                with_scalar!(*primitive, T => T::ZERO.into())
+                with_scalar!(*primitive, T => T::default().into())
             }
             (ElementShape::Primitive(primitive), Some(count)) => {
-                with_scalar!(*primitive, T => Primitives::from(vec![T::ZERO; count])).into()
+                with_scalar!(*primitive, T => Primitives::from(vec![T::default(); count])).into()
             }
             (ElementShape::Text { .. }, None) => DynamicValue::Text(String::new()),
             (ElementShape::Text { .. }, Some(count)) => {

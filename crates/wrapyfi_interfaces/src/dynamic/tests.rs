@@ -4,7 +4,6 @@ use proptest::prelude::*;
 use serde_json::{Value, json};
 
 use super::*;
-use crate::description::{IndividualTypeDescription, TypeDescription};
 use crate::parser::{Dialect, TypeName};
 use crate::store::ResolvedType;
 use crate::{Message, test_data};
@@ -189,57 +188,21 @@ fn large_bytes_are_shared_both_ways() {
 }
 
 #[test]
-fn descriptions_from_anywhere_are_checked() {
-    let good = resolved("uint8 a\nInner inner\n========\nMSG: demo_msgs/Inner\nfloat64[4] x\n");
-    let refuse = |change: &dyn Fn(&mut TypeDescription)| {
-        let mut description = good.description().clone();
-        change(&mut description);
-        TypePlan::compile(&description).unwrap_err().to_string()
-    };
+fn small_definitions_cannot_become_large_messages() {
     assert_eq!(
-        refuse(&|d| d.referenced_type_descriptions.clear()),
-        "demo_msgs/msg/Thing has a field \"inner\" of type \"demo_msgs/msg/Inner\", which is not \
-         described; add it"
-    );
-    assert_eq!(
-        refuse(&|d| d.type_description.fields[0].type_id = 12),
-        "demo_msgs/msg/Thing.a has the type id 12; known are 1 to 11, 13, 15 to 18, 21 and 22, plus \
-         48, 96 or 144"
-    );
-    assert!(refuse(&|d| d.type_description.fields[0].type_id = 195).contains("type id 195"));
-    assert!(refuse(&|d| d.type_description.fields[1].name = "a".into()).contains("two fields"));
-    assert!(
-        refuse(&|d| d.referenced_type_descriptions[0].fields[0].capacity = 0)
-            .contains("the capacity 0")
-    );
-    assert_eq!(
-        refuse(&|d| d.referenced_type_descriptions[0].fields[0].capacity = 1 << 30),
+        resolved("Inner[1] inner\n========\nMSG: demo_msgs/Inner\nfloat64[1073741824] x\n")
+            .plan()
+            .unwrap_err()
+            .to_string(),
         "demo_msgs/msg/Inner has at least 8589934592 bytes, over the limit of 67108864; use \
          sequences for its largest arrays"
     );
-    let cycle = |d: &mut TypeDescription| {
-        let again = d.type_description.fields[1].clone();
-        d.referenced_type_descriptions[0].fields.push(again);
-    };
-    assert!(refuse(&cycle).contains("more than 64 messages deep, or contains itself"));
     // Each level doubles: small text, huge message.
-    let doubling = |d: &mut TypeDescription| {
-        d.referenced_type_descriptions = (0..60)
-            .map(|level| {
-                let mut field = d.type_description.fields[1].clone();
-                field.type_id = 49;
-                field.capacity = 2;
-                field.nested_type_name = format!("demo_msgs/msg/L{}", level + 1);
-                let type_name = match level {
-                    0 => "demo_msgs/msg/Inner".to_owned(),
-                    level => format!("demo_msgs/msg/L{level}"),
-                };
-                let fields = if level == 59 { vec![] } else { vec![field] };
-                IndividualTypeDescription { type_name, fields }
-            })
-            .collect();
-    };
-    assert!(refuse(&doubling).contains("values, over the limit of 1048576"));
+    let levels: String =
+        (1..60).map(|i| format!("========\nMSG: demo_msgs/L{i}\nL{}[2] a\n", i + 1)).collect();
+    let doubling = format!("L1[2] first\n{levels}========\nMSG: demo_msgs/L60\nuint8 x\n");
+    let error = resolved(&doubling).plan().unwrap_err().to_string();
+    assert!(error.contains("values, over the limit of 1048576"), "{error}");
 }
 
 #[test]

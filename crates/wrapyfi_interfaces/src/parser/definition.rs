@@ -3,6 +3,7 @@
 use std::fmt;
 
 use super::{DefaultValue, Literal, TypeName};
+use crate::named;
 
 /// A parsed `.msg` file, or a part of a service or an action.
 #[derive(Debug, Clone, PartialEq)]
@@ -87,65 +88,33 @@ pub enum Element {
     Nested(TypeName),
 }
 
-/// Primitive types under their `.msg` names.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[allow(missing_docs)] // the names are the documentation
-pub enum Primitive {
-    Bool,
-    Byte,
-    Char,
-    Int8,
-    Uint8,
-    Int16,
-    Uint16,
-    Int32,
-    Uint32,
-    Int64,
-    Uint64,
-    Float32,
-    Float64,
+named! {
+    /// Primitive types under their `.msg` names.
+    #[allow(missing_docs)] // the names are the documentation
+    pub enum Primitive {
+        Bool => "bool",
+        Byte => "byte",
+        Char => "char",
+        Int8 => "int8",
+        Uint8 => "uint8",
+        Int16 => "int16",
+        Uint16 => "uint16",
+        Int32 => "int32",
+        Uint32 => "uint32",
+        Int64 => "int64",
+        Uint64 => "uint64",
+        Float32 => "float32",
+        Float64 => "float64",
+    }
+    /// The name in definitions, for instance `uint8`.
+    pub fn name;
 }
 
 impl Primitive {
-    /// The name in definitions, for instance `uint8`.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Bool => "bool",
-            Self::Byte => "byte",
-            Self::Char => "char",
-            Self::Int8 => "int8",
-            Self::Uint8 => "uint8",
-            Self::Int16 => "int16",
-            Self::Uint16 => "uint16",
-            Self::Int32 => "int32",
-            Self::Uint32 => "uint32",
-            Self::Int64 => "int64",
-            Self::Uint64 => "uint64",
-            Self::Float32 => "float32",
-            Self::Float64 => "float64",
-        }
-    }
-
     /// The primitive of that `.msg` name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
-        Some(match name {
-            "bool" => Self::Bool,
-            "byte" => Self::Byte,
-            "char" => Self::Char,
-            "int8" => Self::Int8,
-            "uint8" => Self::Uint8,
-            "int16" => Self::Int16,
-            "uint16" => Self::Uint16,
-            "int32" => Self::Int32,
-            "uint32" => Self::Uint32,
-            "int64" => Self::Int64,
-            "uint64" => Self::Uint64,
-            "float32" => Self::Float32,
-            "float64" => Self::Float64,
-            _ => return None,
-        })
+        Self::ALL.into_iter().find(|primitive| primitive.name() == name)
     }
 
     /// Size in bytes, which is its alignment in CDR too.

@@ -3,31 +3,26 @@
 use std::fmt;
 
 use super::{Dialect, ParseFault};
+use crate::named;
 
-/// Kind of interface that a type is, or belongs to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum InterfaceKind {
-    /// An action (`.action`) or a part of one.
-    Action,
-    /// A message (`.msg`).
-    Message,
-    /// A service (`.srv`) or a part of one.
-    Service,
+named! {
+    /// Kind of interface that a type is, or belongs to.
+    #[derive(PartialOrd, Ord)]
+    pub enum InterfaceKind {
+        /// An action (`.action`) or a part of one.
+        Action => "action",
+        /// A message (`.msg`).
+        Message => "msg",
+        /// A service (`.srv`) or a part of one.
+        Service => "srv",
+    }
+    /// Middle part of a name and extension of the file: `action`, `msg` or `srv`.
+    pub fn as_str;
 }
 
 impl InterfaceKind {
-    /// Middle part of a name and extension of the file: `action`, `msg` or `srv`.
-    #[must_use]
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::Action => "action",
-            Self::Message => "msg",
-            Self::Service => "srv",
-        }
-    }
-
     fn from_part(part: &str) -> Option<Self> {
-        [Self::Action, Self::Message, Self::Service].into_iter().find(|kind| kind.as_str() == part)
+        Self::ALL.into_iter().find(|kind| kind.as_str() == part)
     }
 
     /// Endings of the names of the types that come out of one definition, longest first.

@@ -18,7 +18,7 @@ use super::error::DefinitionError;
 use super::names::ros1_name;
 use super::standard::hand_made;
 use crate::parser::{Dialect, Element, InterfaceKind, MessageDefinition, TypeName};
-use crate::store::{ResolvedType, TypeStore, definition_text, ros1_builtin};
+use crate::store::{ResolvedType, TypeStore, ros1_builtin};
 
 /// A message type of ROS 1.
 #[derive(Debug, Clone, PartialEq)]
@@ -239,7 +239,7 @@ fn full_text(name: &TypeName, resolved: &ResolvedType, texts: &BTreeMap<String, 
         definitions.get(name).into_iter().collect()
     };
     let written = || {
-        let parts = parts.iter().map(|part| definition_text(Dialect::Ros1, part));
+        let parts = parts.iter().map(|part| definition_text(part));
         parts.collect::<Vec<_>>().join("---\n")
     };
     let mut text = texts.get(&name.to_string()).cloned().unwrap_or_else(written);
@@ -251,11 +251,29 @@ fn full_text(name: &TypeName, resolved: &ResolvedType, texts: &BTreeMap<String, 
             continue;
         };
         let own = texts.get(&name.to_string()).cloned();
-        let own = own.unwrap_or_else(|| definition_text(Dialect::Ros1, definition));
+        let own = own.unwrap_or_else(|| definition_text(definition));
         text.push_str(&format!("\n{}\nMSG: {}\n{own}", "=".repeat(80), ros1_name(name)));
         waiting.extend(nested(definition));
     }
     text
+}
+
+/// One definition as text, without comments: constants first, as checksums want them.
+fn definition_text(definition: &MessageDefinition) -> String {
+    let constants = definition
+        .constants
+        .iter()
+        .map(|constant| format!("{} {}={}\n", constant.element, constant.name, constant.written));
+    let fields = definition.fields.iter().map(|field| {
+        let element = match &field.field_type.element {
+            Element::Nested(name) => {
+                ros1_builtin(name).map_or_else(|| ros1_name(name), str::to_owned)
+            }
+            element => element.to_string(),
+        };
+        format!("{element}{} {}\n", field.field_type.container, field.name)
+    });
+    constants.chain(fields).collect()
 }
 
 /// Types of the fields that ROS 1 does not have built in, the last field's first.

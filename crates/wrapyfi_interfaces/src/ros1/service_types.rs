@@ -1,15 +1,15 @@
 //! The ROS 2 service that a service of ROS 1 becomes, where no ROS 2 is installed for it.
 //!
 //! ```text
-//!   demo/Measure ─ request, response ─ made for ROS 2 ─▶ one definition text ─▶ demo/srv/Measure
+//!   demo/Measure ─ request, response ─ made for ROS 2 ─▶ demo/srv/Measure
 //! ```
 
 use std::collections::BTreeMap;
 
-use super::error::PairError;
+use super::error::{DefinitionError, PairError};
 use super::types::Types;
-use crate::parser::{Dialect, MessageDefinition, TypeName};
-use crate::store::{ResolvedType, definition_text};
+use crate::parser::{Dialect, ServiceDefinition};
+use crate::store::{Looked, ResolvedType};
 
 impl Types {
     /// The ROS 2 service for one of ROS 1, given by its ROS 1 name `package/Type`: as installed, else
@@ -26,28 +26,19 @@ impl Types {
             }
         }
         let name = names.first().unwrap_or(definition.name()).clone();
-        let mut parts = Vec::new();
-        let mut referenced: BTreeMap<TypeName, MessageDefinition> = BTreeMap::new();
-        for (ros1, suffix) in
-            [(definition.request(), "_Request"), (definition.response(), "_Response")]
-        {
-            let part = name.derived(suffix);
-            let made = self.made_for_ros2(ros1, &part)?;
-            for (other, nested) in made.definitions() {
-                if *other == part {
-                    parts.push(definition_text(Dialect::Ros2, nested));
-                } else {
-                    referenced.insert(other.clone(), nested.clone());
-                }
-            }
-        }
-        let mut text = parts.join("---\n");
-        for (other, nested) in &referenced {
-            text.push_str(&"=".repeat(80));
-            text.push_str(&format!("\nMSG: {}/{}\n", other.package(), other.name()));
-            text.push_str(&definition_text(Dialect::Ros2, nested));
-        }
-        Ok(ResolvedType::from_text(Dialect::Ros2, &name, &text)?)
+        let mut known = BTreeMap::new();
+        let mut part = |ros1, suffix| {
+            let part = self.made_for_ros2(ros1, &name.derived(suffix))?;
+            known.extend(part.definitions().clone());
+            let definition = part.definition().cloned();
+            definition
+                .ok_or_else(|| DefinitionError::Kind { name: name.clone(), expected: "service" })
+        };
+        let request = part(definition.request(), "_Request")?;
+        let response = part(definition.response(), "_Response")?;
+        let service = ServiceDefinition { name: name.clone(), request, response };
+        known.extend(service.messages().into_iter().map(|message| (message.name.clone(), message)));
+        Ok(ResolvedType::among(Dialect::Ros2, &name, &known, &Looked::default())?)
     }
 }
 

@@ -92,7 +92,7 @@ fn types_that_ros2_has_have_its_hash_without_a_ros2() {
     for vector in vectors().iter().filter(|vector| vector["hash"].is_string()) {
         let definition = types.definition(text(vector, "type")).unwrap();
         let ros2 = types.ros2_type(definition.resolved()).unwrap();
-        assert_eq!(ros2.type_hash(), text(vector, "hash"), "{}", ros2.full_text());
+        assert_eq!(ros2.type_hash(), text(vector, "hash"), "{:?}", ros2.definition());
         checked += 1;
     }
     assert!(checked > 150, "{checked}");

@@ -23,7 +23,7 @@ pub use error::{Looked, ResolveError};
 pub use files::{Disk, FileAccess};
 pub use md5::Md5Error;
 pub use resolved::ResolvedType;
-pub(crate) use text::{definition_text, ros1_builtin};
+pub(crate) use text::ros1_builtin;
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;

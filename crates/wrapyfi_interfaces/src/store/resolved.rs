@@ -2,12 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use super::text::{parse_full, ros1_builtin, write_full};
+use super::text::parse_full;
 use super::{Looked, Md5Error, ResolveError, bundled, md5};
 use crate::description::{DescribeError, MAX_TYPES, TypeDescription, describe};
 use crate::dynamic::{PlanError, TypePlan};
 use crate::hash::type_hash;
-use crate::parser::{Dialect, Element, InterfaceKind, MessageDefinition, TypeName};
+use crate::parser::{Dialect, Element, MessageDefinition, TypeName};
 
 /// A type whose every nested type is known, without cycles and not too deep.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,15 +34,24 @@ impl ResolvedType {
     /// # Errors
     /// When the text is too large, cannot be parsed, or lacks a type.
     pub fn from_text(dialect: Dialect, name: &TypeName, text: &str) -> Result<Self, ResolveError> {
-        let mut known = parse_full(dialect, name, text)?;
+        let known = parse_full(dialect, name, text)?;
         let looked = format!("it among the {} types of the definition text", known.len());
+        Self::among(dialect, name, &known, &Looked(vec![looked]))
+    }
+
+    /// A type of definitions that are given, beside those that every program has.
+    pub(crate) fn among(
+        dialect: Dialect,
+        name: &TypeName,
+        known: &BTreeMap<TypeName, MessageDefinition>,
+        looked: &Looked,
+    ) -> Result<Self, ResolveError> {
         Self::collect(dialect, name, |wanted, user| {
-            known.remove(wanted).or_else(|| bundled::definition(wanted)).ok_or_else(|| {
-                ResolveError::NotFound {
-                    name: wanted.clone(),
-                    user: user.cloned(),
-                    looked: Looked(vec![looked.clone()]),
-                }
+            let found = known.get(wanted).cloned().or_else(|| bundled::definition(wanted));
+            found.ok_or_else(|| ResolveError::NotFound {
+                name: wanted.clone(),
+                user: user.cloned(),
+                looked: looked.clone(),
             })
         })
     }
@@ -84,14 +93,7 @@ impl ResolvedType {
     #[must_use]
     pub fn part(&self, suffix: &str) -> Option<Self> {
         let part = self.name.derived(suffix);
-        Self::collect(self.dialect, &part, |wanted, user| {
-            self.definitions.get(wanted).cloned().ok_or_else(|| ResolveError::NotFound {
-                name: wanted.clone(),
-                user: user.cloned(),
-                looked: Looked::default(),
-            })
-        })
-        .ok()
+        Self::among(self.dialect, &part, &self.definitions, &Looked::default()).ok()
     }
 
     /// Name of the type.
@@ -129,7 +131,7 @@ impl ResolvedType {
     /// # Errors
     /// When its fixed arrays are too large.
     pub fn plan(&self) -> Result<TypePlan, PlanError> {
-        TypePlan::compile(&self.description)
+        TypePlan::compile(&self.name, &self.definitions)
     }
 
     /// The ROS 1 checksum of the definition as it stands. That of a ROS 2 definition is the one of
@@ -139,30 +141,5 @@ impl ResolvedType {
     /// For actions, and for types that ROS 1 cannot express.
     pub fn md5sum(&self) -> Result<String, Md5Error> {
         md5::md5sum(&self.name, &self.definitions)
-    }
-
-    /// The full definition text, without comments, as [`ResolvedType::from_text`] reads it. Of a
-    /// part of a service or an action, such as `SetBool_Request`, it has only that part.
-    #[must_use]
-    pub fn full_text(&self) -> String {
-        let name = &self.name;
-        let suffixes: &[&str] = match name.kind() {
-            InterfaceKind::Service if name.file_stem() == name.name() => &["_Request", "_Response"],
-            InterfaceKind::Action if name.file_stem() == name.name() => {
-                &["_Goal", "_Result", "_Feedback"]
-            }
-            _ => &[""],
-        };
-        let parts: Vec<&MessageDefinition> = suffixes
-            .iter()
-            .filter_map(|suffix| self.definitions.get(&name.derived(suffix)))
-            .collect();
-        // Parts of a service or an action come with its own text; ROS 1 has two types built in.
-        let referenced = self.definitions.values().filter(|definition| {
-            definition.name.kind() == InterfaceKind::Message
-                && definition.name != *name
-                && (self.dialect == Dialect::Ros2 || ros1_builtin(&definition.name).is_none())
-        });
-        write_full(self.dialect, &parts, referenced)
     }
 }

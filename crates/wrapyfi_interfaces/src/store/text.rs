@@ -13,8 +13,8 @@ use std::collections::BTreeMap;
 
 use super::{MAX_DEFINITION_SIZE, ResolveError};
 use crate::parser::{
-    DefaultValue, Dialect, Element, InterfaceKind, Literal, MessageDefinition, ParseError,
-    TypeName, parse_action, parse_message_as, parse_service,
+    Dialect, InterfaceKind, MessageDefinition, ParseError, TypeName, parse_action,
+    parse_message_as, parse_service,
 };
 
 /// Fewest `=` in a row that separate two definitions.
@@ -89,69 +89,11 @@ pub(super) fn parse_full(
     Ok(definitions)
 }
 
-/// Writes a full definition text, without comments. `referenced` are the other types.
-pub(super) fn write_full<'d>(
-    dialect: Dialect,
-    parts: &[&MessageDefinition],
-    referenced: impl Iterator<Item = &'d MessageDefinition>,
-) -> String {
-    let parts: Vec<String> = parts.iter().map(|part| definition_text(dialect, part)).collect();
-    let mut text = parts.join("---\n");
-    for message in referenced {
-        let name = &message.name;
-        text.push_str(&"=".repeat(80));
-        text.push_str(&format!("\nMSG: {}/{}\n", name.package(), name.name()));
-        text.push_str(&definition_text(dialect, message));
-    }
-    text
-}
-
-/// One definition as text, without comments: constants first, as ROS 1 checksums want them.
-pub(crate) fn definition_text(dialect: Dialect, definition: &MessageDefinition) -> String {
-    let constants = definition
-        .constants
-        .iter()
-        .map(|constant| format!("{} {}={}\n", constant.element, constant.name, constant.written));
-    let fields = definition.fields.iter().map(|field| {
-        let element = match &field.field_type.element {
-            Element::Nested(name) if dialect == Dialect::Ros1 => {
-                ros1_builtin(name).map_or_else(|| name_in_field(name), str::to_owned)
-            }
-            element => element.to_string(),
-        };
-        let default = match &field.default {
-            None => String::new(),
-            Some(DefaultValue::One(value)) => format!(" {}", literal(value)),
-            Some(DefaultValue::Many(values)) => {
-                let values: Vec<_> = values.iter().map(literal).collect();
-                format!(" [{}]", values.join(", "))
-            }
-        };
-        format!("{element}{} {}{default}\n", field.field_type.container, field.name)
-    });
-    constants.chain(fields).collect()
-}
-
-fn name_in_field(name: &TypeName) -> String {
-    format!("{}/{}", name.package(), name.name())
-}
-
 /// Name in ROS 1 of two messages of ROS 2.
 pub(crate) fn ros1_builtin(name: &TypeName) -> Option<&'static str> {
     match (name.package(), name.name()) {
         ("builtin_interfaces", "Time") => Some("time"),
         ("builtin_interfaces", "Duration") => Some("duration"),
         _ => None,
-    }
-}
-
-fn literal(value: &Literal) -> String {
-    match value {
-        Literal::Bool(value) => value.to_string(),
-        Literal::Integer(value) => value.to_string(),
-        Literal::Float(value) => format!("{value:?}"),
-        Literal::Text(text) => {
-            format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
-        }
     }
 }

@@ -244,9 +244,18 @@ fn odd_names_of_ros1_become_names_of_ros2() {
     let odd = types.show("Odd/my_type", "*", text).unwrap();
     let ros2 = types.ros2_type(odd.resolved()).unwrap();
     assert_eq!(ros2.name().to_string(), "odd/msg/MyType");
+    let fields = ros2.definitions().values().flat_map(|definition| {
+        let fields = definition.fields.iter();
+        fields.map(|field| format!("{}: {} {}", definition.name, field.field_type, field.name))
+    });
     assert_eq!(
-        ros2.full_text().lines().filter(|line| !line.starts_with('=')).collect::<Vec<_>>(),
-        ["uint8 frame_id", "odd/MyPart my_part", "uint8 k", "MSG: odd/MyPart", "uint8 x"]
+        fields.collect::<Vec<_>>(),
+        [
+            "odd/msg/MyPart: uint8 x",
+            "odd/msg/MyType: uint8 frame_id",
+            "odd/msg/MyType: odd/MyPart my_part",
+            "odd/msg/MyType: uint8 k"
+        ]
     );
     let plan = types.plan(&odd).unwrap();
     // Of two names that become one, the one that is allowed has it.
