@@ -11,6 +11,7 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use super::discovery_info::TOPIC;
 use super::graph::{DiscoveredEndpoint, Graph, GraphError, NodeWatch, ServiceMapping};
 use super::names::{self, RosName};
 use super::ros2::NAME;
@@ -39,14 +40,18 @@ impl Ros2Discovery {
         self.nodes.owner(gid).or_else(|| self.again.0.as_ref()?.owner(gid))
     }
 
-    /// Asks for the names of nodes on Fast DDS that have not come, once for each participant.
+    /// Asks for the names of nodes on Fast DDS that have not come, once for each participant that tells some.
     fn ask_again(&mut self, found: &[DiscoveredEndpoint]) -> Result<(), GraphError> {
         let is_fast = |it: &&DiscoveredEndpoint| {
             !it.is_own && it.service_mapping == Some(ServiceMapping::FastDds)
         };
-        let unnamed = found.iter().filter(is_fast).filter(|it| self.owner(&it.gid).is_none());
-        let unnamed: BTreeSet<[u8; 12]> =
-            unnamed.filter_map(|it| it.gid.first_chunk().copied()).collect();
+        let participant = |it: &DiscoveredEndpoint| it.gid.first_chunk::<12>().copied();
+        let (told_on, others): (Vec<_>, Vec<_>) =
+            found.iter().filter(is_fast).partition(|it| it.dds_topic == TOPIC);
+        let unnamed = others.into_iter().filter(|it| self.owner(&it.gid).is_none());
+        let unnamed: BTreeSet<[u8; 12]> = unnamed.filter_map(participant).collect();
+        let tells = told_on.into_iter().filter(|it| it.is_publisher).filter_map(participant);
+        let unnamed: BTreeSet<[u8; 12]> = tells.filter(|it| unnamed.contains(it)).collect();
         if !unnamed.is_subset(&self.again.1) {
             self.again = (Some(self.graph.nodes()?), unnamed);
         }
@@ -100,7 +105,7 @@ fn discovered(endpoint: DiscoveredEndpoint, node: Option<String>) -> Option<Disc
         }
         RosName::Replies(_) => return None,
         // Discovery's own, on every participant.
-        RosName::Dds(super::discovery_info::TOPIC) => return None,
+        RosName::Dds(TOPIC) => return None,
         RosName::Dds(name) => {
             let role = if endpoint.is_publisher { Role::Publisher } else { Role::Listener };
             // A name without a leading slash is no ROS name, and cannot be mistaken for one.
