@@ -17,8 +17,8 @@ use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_yarp::bottle::Vocab;
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 use wrapyfi_yarp::port::{
-    Acknowledge, Answer, InputOptions, Message, Network, OutputOptions, PortOptions, PortPayload,
-    Reading, Received,
+    Answer, InputOptions, Message, Network, OutputOptions, PortOptions, PortPayload, Reading,
+    Received,
 };
 use wrapyfi_yarp::server::{NameServer, NameServerOptions};
 use wrapyfi_yarp::sig::{Image, PixelCode, Stamp};
@@ -146,10 +146,10 @@ fn what_a_killed_reader_leaves_is_counted() {
     let (near, context) = (net.yarp(), Context::default());
     let mut source = near.open_publisher(&topic("/left", Map::new()), &context).unwrap();
     let reader = Runtime::new().unwrap();
-    let reading = Reading::Strict { queue: 1, acknowledge: Acknowledge::Taken };
-    let options = InputOptions { reading, ..InputOptions::default() };
+    // Nothing is acknowledged as long as the program has not done with it.
+    let busy = |_message, _wants_reply| std::future::pending::<Answer>();
     let network = net.network();
-    let port = reader.block_on(network.open_input("/killed", &options)).unwrap();
+    let port = reader.block_on(network.serve("/killed", &PortOptions::default(), busy)).unwrap();
     until(&context, "it connects", || {
         reader.block_on(network.connect("/left", "/killed", Some("tcp"))).is_ok()
     });
@@ -453,10 +453,7 @@ fn a_control_board_names_its_joints_and_is_moved() {
     let net = YarpNetwork::new();
     let (yarp, network) = (net.yarp(), net.network());
     let (here, there) = (Context::default(), Context::default());
-    let strict = InputOptions {
-        reading: Reading::Strict { queue: 16, acknowledge: Acknowledge::Queued },
-        ..InputOptions::default()
-    };
+    let strict = InputOptions { reading: Reading::Strict { queue: 16 }, ..InputOptions::default() };
     let tells = tokio::sync::watch::Sender::new(true);
     let gate = tells.clone();
     let answer = move |received, wants| {

@@ -8,8 +8,7 @@ use std::time::{Duration, Instant};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use wrapyfi_yarp::port::{
-    Acknowledge, Answer, InputOptions, Message, Network, OutputOptions, PortOptions, PortPayload,
-    Reading,
+    Answer, InputOptions, Message, Network, OutputOptions, PortOptions, PortPayload, Reading,
 };
 use wrapyfi_yarp::{Bottle, Dialect};
 
@@ -94,7 +93,7 @@ async fn bare_images(rounds: usize) -> Outcome<f64> {
 
 async fn images(rounds: usize, carrier: &str) -> Outcome<f64> {
     let network = Network::builder().build();
-    let reading = Reading::Strict { queue: 4, acknowledge: Acknowledge::Queued };
+    let reading = Reading::Strict { queue: 4 };
     let options = InputOptions { reading, ..InputOptions::default() };
     let reader = network.open_input("/view", &options).await?;
     let writer = network.open_output("/cam", &OutputOptions::default()).await?;

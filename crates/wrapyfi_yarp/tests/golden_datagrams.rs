@@ -9,8 +9,7 @@ use tokio::net::{TcpListener, TcpStream, UdpSocket};
 use wrapyfi_yarp::Limits;
 use wrapyfi_yarp::port::names::NameTable;
 use wrapyfi_yarp::port::{
-    Acknowledge, InputOptions, InputPort, Message, Network, OutputOptions, OutputPort, PortPayload,
-    Reading,
+    InputOptions, InputPort, Message, Network, OutputOptions, OutputPort, PortPayload, Reading,
 };
 use wrapyfi_yarp::wire::datagram::Assembler;
 use wrapyfi_yarp::wire::{Body, Command, header, number};
@@ -27,7 +26,7 @@ fn network(names: NameTable) -> Network {
 }
 
 async fn reader() -> InputPort {
-    let reading = Reading::Strict { queue: 100, acknowledge: Acknowledge::Queued };
+    let reading = Reading::Strict { queue: 100 };
     let options = InputOptions { reading, ..InputOptions::default() };
     network(NameTable::new()).open_input("/golden/dst", &options).await.unwrap()
 }

@@ -12,8 +12,8 @@ use bytes::Bytes;
 use tokio::net::{TcpListener, TcpStream};
 use wrapyfi_yarp::port::names::NameTable;
 use wrapyfi_yarp::port::{
-    Acknowledge, Answer, InputOptions, InputPort, Message, Network, OutputOptions, PortOptions,
-    PortPayload, Reading, Received,
+    Answer, InputOptions, InputPort, Message, Network, OutputOptions, PortOptions, PortPayload,
+    Reading, Received,
 };
 use wrapyfi_yarp::wire::number;
 use wrapyfi_yarp::{Bottle, Dialect, Limits, Value};
@@ -23,7 +23,7 @@ fn network(names: NameTable, dialect: Dialect) -> Network {
 }
 
 fn strict() -> InputOptions {
-    let reading = Reading::Strict { queue: 100, acknowledge: Acknowledge::Queued };
+    let reading = Reading::Strict { queue: 100 };
     InputOptions { reading, ..InputOptions::default() }
 }
 
@@ -433,7 +433,7 @@ async fn a_client_over_udp_is_refused() {
 
 /// A port as in the administrative captures, with a reader that it can connect to.
 async fn subject(network: &Network) -> (wrapyfi_yarp::port::Port, InputPort) {
-    let reading = Reading::Strict { queue: 100, acknowledge: Acknowledge::Queued };
+    let reading = Reading::Strict { queue: 100 };
     let options = OutputOptions::default();
     let port = network.open_port("/golden/subj", &options, reading).await.unwrap();
     let reader = network.open_input("/golden/dst2", &strict()).await.unwrap();

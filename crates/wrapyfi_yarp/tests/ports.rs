@@ -8,8 +8,8 @@ use crate::queued::queued;
 use wrapyfi_yarp::name::Environment;
 use wrapyfi_yarp::port::names::NameTable;
 use wrapyfi_yarp::port::{
-    Acknowledge, Answer, InputOptions, InputPort, Message, Network, OutputOptions, Overflow,
-    PayloadKind, PortOptions, PortPayload, Reading, RpcError,
+    Answer, InputOptions, InputPort, Message, Network, OutputOptions, Overflow, PayloadKind,
+    PortOptions, PortPayload, Reading, RpcError,
 };
 use wrapyfi_yarp::{Bottle, Limits, Value};
 
@@ -23,7 +23,7 @@ fn network() -> Network {
 }
 
 fn strict(queue: usize) -> InputOptions {
-    let reading = Reading::Strict { queue, acknowledge: Acknowledge::Queued };
+    let reading = Reading::Strict { queue };
     InputOptions { reading, ..InputOptions::default() }
 }
 
@@ -338,26 +338,6 @@ async fn the_newest_message_takes_the_place_of_older_ones() {
     assert_eq!(next(&reader).await.bottle().unwrap(), bottle("9"));
     assert!(reader.try_recv().is_none());
     assert_eq!((reader.received(), reader.superseded()), (10, 9));
-}
-
-#[tokio::test]
-async fn a_sender_waits_until_a_message_is_taken() {
-    let network = network();
-    let reading = Reading::Strict { queue: 4, acknowledge: Acknowledge::Taken };
-    let options = InputOptions { reading, ..InputOptions::default() };
-    let reader = network.open_input("/reader", &options).await.unwrap();
-    let writer = network.open_output("/writer", &OutputOptions::default()).await.unwrap();
-    writer.connect("tcp://reader").await.unwrap();
-    writer.write_bottle(&bottle("1")).unwrap();
-    let mut status = reader.connected();
-    within(status.wait_for(|now| now.inputs == 1)).await.unwrap();
-    while reader.received() == 0 {
-        tokio::task::yield_now().await;
-    }
-    assert_eq!(writer.status()[0].messages, 0, "not acknowledged");
-    assert_eq!(next(&reader).await.bottle().unwrap(), bottle("1"));
-    within(writer.flush()).await;
-    assert_eq!(writer.status()[0].messages, 1);
 }
 
 #[tokio::test]

@@ -11,8 +11,8 @@ use tokio::net::{TcpListener, TcpStream, UnixListener, UnixStream};
 use wrapyfi_yarp::name::Environment;
 use wrapyfi_yarp::port::names::NameTable;
 use wrapyfi_yarp::port::{
-    Acknowledge, Answer, InputOptions, InputPort, Network, OutputOptions, PortOptions, Reading,
-    RpcError, Timeouts,
+    Answer, InputOptions, InputPort, Network, OutputOptions, PortOptions, Reading, RpcError,
+    Timeouts,
 };
 use wrapyfi_yarp::{Bottle, Dialect, Limits};
 
@@ -45,7 +45,7 @@ fn bottle(text: &str) -> Bottle {
 }
 
 async fn input(network: &Network) -> InputPort {
-    let reading = Reading::Strict { queue: 8, acknowledge: Acknowledge::Queued };
+    let reading = Reading::Strict { queue: 8 };
     let options = InputOptions { reading, ..InputOptions::default() };
     network.open_input("/dst", &options).await.unwrap()
 }

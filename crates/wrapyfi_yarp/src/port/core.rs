@@ -27,6 +27,7 @@ use super::open::Admission;
 use super::outbox::{Outbox, Overflow};
 use super::output::Output;
 use super::session::{Answer, SessionOptions};
+use crate::wire::Carrier;
 use crate::{Bottle, Limits};
 
 /// A future that a handler of requests gives back.
@@ -49,8 +50,6 @@ pub(super) struct Role {
     pub(super) outputs: bool,
     /// True when there may be one output only, for requests.
     pub(super) client: bool,
-    /// Strict readers acknowledge when a message was taken.
-    pub(super) when_taken: bool,
     /// Room of each output's queue.
     pub(super) queue: usize,
     /// Message that gives way when the queue is full.
@@ -59,13 +58,7 @@ pub(super) struct Role {
 
 impl Default for Role {
     fn default() -> Self {
-        Self {
-            outputs: false,
-            client: false,
-            when_taken: false,
-            queue: 1,
-            overflow: Overflow::default(),
-        }
+        Self { outputs: false, client: false, queue: 1, overflow: Overflow::default() }
     }
 }
 
@@ -146,6 +139,6 @@ impl Core {
 
     /// A connection whose peer reads from now on.
     pub(super) fn reversed(&self, stream: TcpStream) -> Link {
-        Link::reversed(stream, self.network.link_options())
+        Link::reversed(stream, Carrier::Text, self.network.link_options())
     }
 }

@@ -3,10 +3,9 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use tokio::sync::{Notify, oneshot};
+use tokio::sync::Notify;
 
 use super::core::{Core, Input, Sink};
-use super::inbox::Delivery;
 use super::message::{PortPayload, Received};
 use super::session::{Answer, Data};
 use crate::wire::Body;
@@ -83,15 +82,7 @@ impl Entered {
             Sink::Handler(handler) => handler(received, reply).await,
             Sink::Nobody => Answer::Nothing,
             Sink::Inbox(inbox) => {
-                let (told, taken) = match core.role.when_taken {
-                    true => Some(oneshot::channel()).unzip(),
-                    false => (None, None),
-                };
-                let is_open = inbox.put(Delivery { received, taken: told }).await;
-                // Dropped with the queue when the port closes: then nobody is left to be told.
-                if let Some(taken) = taken.filter(|_| is_open) {
-                    taken.await.ok();
-                }
+                inbox.put(received).await;
                 Answer::Nothing
             }
         }
@@ -105,7 +96,7 @@ impl Entered {
             Sink::Handler(handler) => drop(handler(received, false).await),
             Sink::Nobody => {}
             Sink::Inbox(inbox) => {
-                if !inbox.try_put(Delivery { received, taken: None }) {
+                if !inbox.try_put(received) {
                     self.core.counters.add("inbox_full");
                 }
             }

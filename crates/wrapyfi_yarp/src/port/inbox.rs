@@ -8,7 +8,7 @@
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-use tokio::sync::{Notify, Semaphore, oneshot};
+use tokio::sync::{Notify, Semaphore};
 
 use wrapyfi_retry::Mutex;
 
@@ -20,37 +20,17 @@ pub enum Reading {
     /// The newest unread message only; senders never wait. YARP's `BufferedPort`.
     #[default]
     Newest,
-    /// Every message. Senders on tcp and `text_ack` wait while the queue is full; on `fast_tcp` the
+    /// Every message, acknowledged as soon as it is in the queue. Senders on tcp and `text_ack` wait while the queue is full; on `fast_tcp` the
     /// sockets fill first; datagrams are dropped and counted.
     Strict {
         /// Most messages that wait, at least 1.
         queue: usize,
-        /// Time of the acknowledgement.
-        acknowledge: Acknowledge,
     },
-}
-
-/// Time at which a strict port acknowledges.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Acknowledge {
-    /// Acknowledges as soon as the message is in the queue: a `BufferedPort` in strict mode.
-    #[default]
-    Queued,
-    /// Acknowledges when the message was taken out: an unbuffered `Port`.
-    Taken,
-}
-
-/// A message with what its connection waits for.
-#[derive(Debug)]
-pub(super) struct Delivery {
-    pub(super) received: Received,
-    /// Signal that the message has left the queue.
-    pub(super) taken: Option<oneshot::Sender<()>>,
 }
 
 #[derive(Debug)]
 pub(super) struct Inbox {
-    queue: Mutex<VecDeque<Delivery>>,
+    queue: Mutex<VecDeque<Received>>,
     filled: Notify,
     room: Semaphore,
     newest_only: bool,
@@ -63,7 +43,7 @@ impl Inbox {
     pub(super) fn new(reading: Reading) -> Self {
         let (newest_only, places) = match reading {
             Reading::Newest => (true, 1),
-            Reading::Strict { queue, .. } => (false, queue.clamp(1, 1 << 20)),
+            Reading::Strict { queue } => (false, queue.clamp(1, 1 << 20)),
         };
         Self {
             queue: Mutex::default(),
@@ -76,41 +56,40 @@ impl Inbox {
         }
     }
 
-    /// Puts a message in, when there is room for it; false when the port closed.
-    pub(super) async fn put(&self, delivery: Delivery) -> bool {
+    /// Puts a message in, when there is room for it; it is lost when the port closed.
+    pub(super) async fn put(&self, received: Received) {
         if !self.newest_only {
-            let Ok(permit) = self.room.acquire().await else { return false };
+            let Ok(permit) = self.room.acquire().await else { return };
             permit.forget();
         }
-        self.push(delivery);
-        true
+        self.push(received);
     }
 
     /// Puts a message in when there is room now; false when there is none.
-    pub(super) fn try_put(&self, delivery: Delivery) -> bool {
+    pub(super) fn try_put(&self, received: Received) -> bool {
         if !self.newest_only {
             let Ok(permit) = self.room.try_acquire() else { return false };
             permit.forget();
         }
-        self.push(delivery);
+        self.push(received);
         true
     }
 
-    fn push(&self, delivery: Delivery) {
+    fn push(&self, received: Received) {
         self.received.fetch_add(1, Ordering::Relaxed);
         let mut queue = self.queue.lock();
         if self.newest_only {
             let superseded = queue.drain(..).count() as u64;
             self.superseded.fetch_add(superseded, Ordering::Relaxed);
         }
-        queue.push_back(delivery);
+        queue.push_back(received);
         drop(queue);
         self.filled.notify_one();
     }
 
-    pub(super) fn try_take(&self) -> Option<Delivery> {
+    pub(super) fn try_take(&self) -> Option<Received> {
         let mut queue = self.queue.lock();
-        let mut delivery = queue.pop_front()?;
+        let received = queue.pop_front()?;
         let more = !queue.is_empty();
         drop(queue);
         if !self.newest_only {
@@ -119,18 +98,14 @@ impl Inbox {
         if more {
             self.filled.notify_one();
         }
-        if let Some(taken) = delivery.taken.take() {
-            // The connection may be gone: then nobody waits for it.
-            taken.send(()).ok();
-        }
-        Some(delivery)
+        Some(received)
     }
 
     /// The next message; `None` once the port is closed and nothing waits.
-    pub(super) async fn take(&self) -> Option<Delivery> {
+    pub(super) async fn take(&self) -> Option<Received> {
         loop {
-            if let Some(delivery) = self.try_take() {
-                return Some(delivery);
+            if let Some(received) = self.try_take() {
+                return Some(received);
             }
             if self.closed.load(Ordering::Acquire) {
                 // Whoever waits besides learns it, too.

@@ -62,18 +62,18 @@ pub enum LinkError {
 
 /// Settings that all links of a network have in common.
 #[derive(Debug, Clone)]
-pub(super) struct LinkOptions {
-    pub(super) dialect: Dialect,
-    pub(super) limits: Limits,
+pub(crate) struct LinkOptions {
+    pub(crate) dialect: Dialect,
+    pub(crate) limits: Limits,
     /// Longest time of connecting and of the answer to the header.
-    pub(super) timeout: Duration,
+    pub(crate) timeout: Duration,
     /// Folder of the unix sockets.
-    pub(super) runtime_folder: Option<PathBuf>,
+    pub(crate) runtime_folder: Option<PathBuf>,
 }
 
 /// An open connection of a stream carrier.
 #[derive(Debug)]
-pub(super) struct Link {
+pub(crate) struct Link {
     stream: Stream,
     buffer: BytesMut,
     carrier: Carrier,
@@ -83,7 +83,7 @@ pub(super) struct Link {
 
 impl Link {
     /// Connects and shakes hands; also gives the number of the answer, udp's port.
-    pub(super) async fn open(
+    pub(crate) async fn open(
         address: &str,
         carrier: Carrier,
         sender: &Sender,
@@ -120,9 +120,9 @@ impl Link {
     }
 
     /// A connection turned around: the header was the peer's.
-    pub(super) fn reversed(stream: TcpStream, options: LinkOptions) -> Self {
+    pub(crate) fn reversed(stream: TcpStream, carrier: Carrier, options: LinkOptions) -> Self {
         liveness::set_writer(&stream);
-        Self::over(Stream::Tcp(stream), Carrier::Text, options)
+        Self::over(Stream::Tcp(stream), carrier, options)
     }
 
     fn over(stream: Stream, carrier: Carrier, options: LinkOptions) -> Self {
@@ -144,7 +144,7 @@ impl Link {
     }
 
     /// Writes a message. Not cancel-safe.
-    pub(super) async fn write(
+    pub(crate) async fn write(
         &mut self,
         command: &Command,
         payload: &Bytes,
@@ -167,7 +167,7 @@ impl Link {
     }
 
     /// Waits for an acknowledgement, on carriers that have them. Not cancel-safe on text.
-    pub(super) async fn acknowledged(&mut self) -> Result<(), LinkError> {
+    pub(crate) async fn acknowledged(&mut self) -> Result<(), LinkError> {
         if !self.carrier.acknowledges() {
             return Ok(());
         }
@@ -287,7 +287,7 @@ impl Link {
     }
 
     /// Says goodbye and closes.
-    pub(super) async fn quit(mut self) -> Result<(), LinkError> {
+    pub(crate) async fn quit(mut self) -> Result<(), LinkError> {
         let goodbye = match self.carrier.is_text() {
             true => text::message(&Command::Quit, None),
             false if self.carrier.is_unix() => bare::head(&Command::Quit),
@@ -298,7 +298,7 @@ impl Link {
     }
 
     /// Waits until the peer closes or is gone, throwing away what it says; why. Cancel-safe.
-    pub(super) async fn ended(&mut self) -> LinkError {
+    pub(crate) async fn ended(&mut self) -> LinkError {
         loop {
             self.buffer.clear();
             if let Err(error) = self.fill(1024).await {

@@ -70,7 +70,7 @@ mod datagrams;
 mod entered;
 mod inbox;
 mod inspect;
-mod link;
+pub(crate) mod link;
 mod message;
 pub mod names;
 mod network;
@@ -95,7 +95,7 @@ mod unix;
 
 pub use core::Connected;
 pub use counters::Counters;
-pub use inbox::{Acknowledge, Reading};
+pub use inbox::Reading;
 pub use inspect::{Inspection, Modes};
 pub use link::LinkError;
 pub use message::{Fate, Loss, Message, PayloadKind, PortPayload, Received};

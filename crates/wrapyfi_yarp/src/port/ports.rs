@@ -11,7 +11,7 @@ use tokio::sync::watch;
 
 use super::core::{Connected, Role, Sink};
 use super::counters::Counters;
-use super::inbox::{Acknowledge, Inbox, Reading};
+use super::inbox::{Inbox, Reading};
 use super::message::{Message, PortPayload, Received};
 use super::network::Network;
 use super::open::{OpenError, PortOptions};
@@ -71,13 +71,6 @@ pub struct Port {
     inbox: Arc<Inbox>,
 }
 
-fn input(reading: Reading) -> (Arc<Inbox>, Sink, bool) {
-    let inbox = Arc::new(Inbox::new(reading));
-    let when_taken = matches!(reading, Reading::Strict { acknowledge: Acknowledge::Taken, .. });
-    let sink = Sink::Inbox(Arc::clone(&inbox));
-    (inbox, sink, when_taken)
-}
-
 impl Network {
     /// Opens a port that sends. `...` as a name lets the name server choose one.
     ///
@@ -102,9 +95,9 @@ impl Network {
         name: &str,
         options: &InputOptions,
     ) -> Result<InputPort, OpenError> {
-        let (inbox, sink, when_taken) = input(options.reading);
-        let role = Role { when_taken, ..Role::default() };
-        let owner = Owner::open(self, name, &options.port, role, sink).await?;
+        let inbox = Arc::new(Inbox::new(options.reading));
+        let sink = Sink::Inbox(Arc::clone(&inbox));
+        let owner = Owner::open(self, name, &options.port, Role::default(), sink).await?;
         Ok(InputPort { owner, inbox })
     }
 
@@ -118,10 +111,10 @@ impl Network {
         output: &OutputOptions,
         reading: Reading,
     ) -> Result<Port, OpenError> {
-        let (inbox, sink, when_taken) = input(reading);
+        let inbox = Arc::new(Inbox::new(reading));
+        let sink = Sink::Inbox(Arc::clone(&inbox));
         let OutputOptions { port, queue, overflow } = output;
-        let (queue, overflow) = (*queue, *overflow);
-        let role = Role { outputs: true, when_taken, queue, overflow, ..Role::default() };
+        let role = Role { outputs: true, queue: *queue, overflow: *overflow, ..Role::default() };
         let owner = Owner::open(self, name, port, role, sink).await?;
         Ok(Port { owner, inbox })
     }
@@ -252,13 +245,13 @@ macro_rules! readers {
         impl $port {
             /// The next message; `None` once the port is closed. Cancel-safe.
             pub async fn recv(&self) -> Option<Received> {
-                self.inbox.take().await.map(|delivery| delivery.received)
+                self.inbox.take().await
             }
 
             /// A message that is here already.
             #[must_use]
             pub fn try_recv(&self) -> Option<Received> {
-                self.inbox.try_take().map(|delivery| delivery.received)
+                self.inbox.try_take()
             }
 
             /// Messages that came, those included that newer ones took the place of.

@@ -20,6 +20,7 @@ use super::commands::Outcome;
 use super::shared::{SessionEntry, Shared};
 use super::{events, http};
 use crate::Bottle;
+use crate::port::link::Link;
 use crate::port::session::{Answer, Event, Session, SessionError, SessionOptions};
 use crate::wire::admin::{self, AdminRequest, Direction};
 use crate::wire::{Body, Carrier, Command, Opening};
@@ -176,7 +177,8 @@ async fn converse(mut session: Session, shared: &Arc<Shared>) -> Result<(), Sess
                 };
                 let (name, text) = (session.sender().name, session.carrier_text());
                 let Some(stream) = session.into_tcp() else { return Ok(()) };
-                shared.readers.add(name, (carrier, text), stream, shared);
+                let link = Link::reversed(stream, carrier, events::link_options(shared));
+                shared.readers.add(name, text, link, shared);
                 return Ok(());
             }
             Event::Command(command) => {
