@@ -1,16 +1,18 @@
 //! Enums whose variants have a name each.
 
-/// Makes an enum of a table: its variants, each beside its name, and the method that gives the name.
+/// Makes an enum of a table: its variants, each beside its name, the method that gives the name, and,
+/// where a second one is named, the function that finds the variant of a name.
 ///
 /// ```
 /// wrapyfi_interfaces::named! {
 ///     /// Colour of a light.
 ///     pub enum Light { Red => "red", Green => "green" }
 ///     /// Name in configurations.
-///     pub fn name;
+///     pub fn name, from_name;
 /// }
 /// assert_eq!(Light::ALL.map(Light::name), ["red", "green"]);
 /// assert_eq!(Light::Red.to_string(), "red");
+/// assert_eq!(Light::from_name("green"), Some(Light::Green));
 /// ```
 #[macro_export]
 macro_rules! named {
@@ -20,7 +22,7 @@ macro_rules! named {
             $($(#[$doc:meta])* $variant:ident $(= $number:literal)? => $name:literal),* $(,)?
         }
         $(#[$method_doc:meta])*
-        pub fn $method:ident;
+        pub fn $method:ident $(, $from:ident)?;
     ) => {
         $(#[$head])*
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -39,6 +41,14 @@ macro_rules! named {
                     $(Self::$variant => $name,)*
                 }
             }
+
+            $(
+                /// Variant with this name.
+                #[must_use]
+                pub fn $from(name: &str) -> Option<Self> {
+                    Self::ALL.into_iter().find(|one| one.$method() == name)
+                }
+            )?
         }
 
         impl std::fmt::Display for $enum {

@@ -5,52 +5,42 @@ use std::collections::{BTreeMap, VecDeque};
 use std::fmt::Write as _;
 
 use clap::ValueEnum;
+use wrapyfi_interfaces::named;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
 /// Number of rates that are kept of each route: two minutes of a reply a second.
 const HISTORY: usize = 120;
 
-/// Column by which routes are sorted, the largest first but for names.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
-pub enum Sort {
-    /// Name of the route.
-    #[default]
-    Name,
-    /// Messages a second.
-    Rate,
-    /// Bytes a second.
-    Bytes,
-    /// Time from arrival to hand-over of 99 in 100 messages.
-    Latency,
-    /// Messages that wait.
-    Queued,
-    /// Messages that were dropped.
-    Dropped,
-    /// State, those with an error first.
-    State,
+named! {
+    /// Column by which routes are sorted, the largest first but for names.
+    #[derive(Default, ValueEnum)]
+    pub enum Sort {
+        /// Name of the route.
+        #[default]
+        Name => "name",
+        /// Messages a second.
+        Rate => "rate",
+        /// Bytes a second.
+        Bytes => "bytes",
+        /// Time from arrival to hand-over of 99 in 100 messages.
+        Latency => "latency",
+        /// Messages that wait.
+        Queued => "queued",
+        /// Messages that were dropped.
+        Dropped => "dropped",
+        /// State, those with an error first.
+        State => "state",
+    }
+    /// Name of the column.
+    pub fn word;
 }
 
 impl Sort {
     /// The column after this one, in the order of the table.
     #[must_use]
     pub fn next(self) -> Self {
-        let all = Self::value_variants();
-        let place = all.iter().position(|one| *one == self).unwrap_or(0);
-        all.get(place + 1).copied().unwrap_or_default()
-    }
-
-    /// Name of the column.
-    #[must_use]
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Name => "name",
-            Self::Rate => "rate",
-            Self::Bytes => "bytes",
-            Self::Latency => "latency",
-            Self::Queued => "queued",
-            Self::Dropped => "dropped",
-            Self::State => "state",
-        }
+        let place = Self::ALL.iter().position(|one| *one == self).unwrap_or(0);
+        Self::ALL.get(place + 1).copied().unwrap_or_default()
     }
 }
 

@@ -96,110 +96,87 @@ impl Primitives {
             values.iter().take(count).copied().collect::<Vec<_>>().into()
         })
     }
+}
 
-    /// Name of the elements' type in definitions; `uint8` for `byte` and `char` too.
-    #[must_use]
-    pub fn element_name(&self) -> &'static str {
-        match self {
-            Self::Bool(_) => "bool",
-            Self::I8(_) => "int8",
-            Self::Bytes(_) => "uint8",
-            Self::I16(_) => "int16",
-            Self::U16(_) => "uint16",
-            Self::I32(_) => "int32",
-            Self::U32(_) => "uint32",
-            Self::I64(_) => "int64",
-            Self::U64(_) => "uint64",
-            Self::F32(_) => "float32",
-            Self::F64(_) => "float64",
+/// The primitives, by Rust type, variant and name in definitions; `uint8`, whose arrays are [`Bytes`],
+/// stands apart.
+macro_rules! primitives {
+    ($($from:ty => $variant:ident, $name:literal;)*) => {
+        $(
+            impl From<Vec<$from>> for Primitives {
+                fn from(values: Vec<$from>) -> Self {
+                    Self::$variant(values)
+                }
+            }
+        )*
+
+        impl Primitives {
+            /// Name of the elements' type in definitions; `uint8` for `byte` and `char` too.
+            #[must_use]
+            pub fn element_name(&self) -> &'static str {
+                match self {
+                    Self::Bytes(_) => "uint8",
+                    $(Self::$variant(_) => $name,)*
+                }
+            }
         }
-    }
+
+        impl DynamicValue {
+            /// Name of the type in definitions, of a single primitive.
+            fn primitive_name(&self) -> Option<&'static str> {
+                match self {
+                    Self::U8(_) => Some("uint8"),
+                    $(Self::$variant(_) => Some($name),)*
+                    _ => None,
+                }
+            }
+        }
+
+        conversions! {
+            $($from => |value| Self::$variant(value);)*
+            $(Vec<$from> => |values| Self::Primitives(values.into());)*
+        }
+    };
 }
 
 macro_rules! conversions {
-    ($($from:ty => $variant:ident;)*) => {$(
-        impl From<Vec<$from>> for Primitives {
-            fn from(values: Vec<$from>) -> Self {
-                Self::$variant(values)
-            }
-        }
-
-        impl From<Vec<$from>> for DynamicValue {
-            fn from(values: Vec<$from>) -> Self {
-                Self::Primitives(values.into())
-            }
-        }
-
+    ($($from:ty => |$value:ident| $into:expr;)*) => {$(
         impl From<$from> for DynamicValue {
-            fn from(value: $from) -> Self {
-                Self::$variant(value)
+            fn from($value: $from) -> Self {
+                $into
             }
         }
     )*};
 }
 
+primitives! {
+    bool => Bool, "bool";
+    i8 => I8, "int8";
+    i16 => I16, "int16";
+    u16 => U16, "uint16";
+    i32 => I32, "int32";
+    u32 => U32, "uint32";
+    i64 => I64, "int64";
+    u64 => U64, "uint64";
+    f32 => F32, "float32";
+    f64 => F64, "float64";
+}
+
 conversions! {
-    bool => Bool; i8 => I8; i16 => I16; u16 => U16; i32 => I32; u32 => U32;
-    i64 => I64; u64 => U64; f32 => F32; f64 => F64;
-}
-
-impl From<u8> for DynamicValue {
-    fn from(value: u8) -> Self {
-        Self::U8(value)
-    }
-}
-
-impl From<&str> for DynamicValue {
-    fn from(text: &str) -> Self {
-        Self::Text(text.to_owned())
-    }
-}
-
-impl From<String> for DynamicValue {
-    fn from(text: String) -> Self {
-        Self::Text(text)
-    }
-}
-
-impl From<DynamicMessage> for DynamicValue {
-    fn from(message: DynamicMessage) -> Self {
-        Self::Message(message)
-    }
-}
-
-impl From<Primitives> for DynamicValue {
-    fn from(values: Primitives) -> Self {
-        Self::Primitives(values)
-    }
+    u8 => |value| Self::U8(value);
+    Vec<u8> => |values| Self::Primitives(values.into());
+    Bytes => |bytes| Self::Primitives(Primitives::Bytes(bytes));
+    Primitives => |values| Self::Primitives(values);
+    &str => |text| Self::Text(text.to_owned());
+    String => |text| Self::Text(text);
+    Vec<String> => |texts| Self::Texts(texts);
+    DynamicMessage => |message| Self::Message(message);
+    Vec<DynamicMessage> => |messages| Self::Messages(messages);
 }
 
 impl From<Vec<u8>> for Primitives {
     fn from(values: Vec<u8>) -> Self {
         Self::Bytes(Bytes::from(values))
-    }
-}
-
-impl From<Vec<u8>> for DynamicValue {
-    fn from(values: Vec<u8>) -> Self {
-        Self::Primitives(values.into())
-    }
-}
-
-impl From<Bytes> for DynamicValue {
-    fn from(bytes: Bytes) -> Self {
-        Self::Primitives(Primitives::Bytes(bytes))
-    }
-}
-
-impl From<Vec<String>> for DynamicValue {
-    fn from(texts: Vec<String>) -> Self {
-        Self::Texts(texts)
-    }
-}
-
-impl From<Vec<DynamicMessage>> for DynamicValue {
-    fn from(messages: Vec<DynamicMessage>) -> Self {
-        Self::Messages(messages)
     }
 }
 
@@ -251,17 +228,6 @@ impl DynamicValue {
     /// Name of the value's kind, in the words of definitions.
     pub(super) fn kind_name(&self) -> String {
         match self {
-            Self::Bool(_) => "bool".to_owned(),
-            Self::I8(_) => "int8".to_owned(),
-            Self::U8(_) => "uint8".to_owned(),
-            Self::I16(_) => "int16".to_owned(),
-            Self::U16(_) => "uint16".to_owned(),
-            Self::I32(_) => "int32".to_owned(),
-            Self::U32(_) => "uint32".to_owned(),
-            Self::I64(_) => "int64".to_owned(),
-            Self::U64(_) => "uint64".to_owned(),
-            Self::F32(_) => "float32".to_owned(),
-            Self::F64(_) => "float64".to_owned(),
             Self::Text(_) => "string".to_owned(),
             Self::Message(message) => message.type_name().to_owned(),
             Self::Primitives(values) => format!("{} {}", values.len(), values.element_name()),
@@ -270,6 +236,7 @@ impl DynamicValue {
                 None => "0 messages".to_owned(),
                 Some(first) => format!("{} {}", values.len(), first.type_name()),
             },
+            primitive => primitive.primitive_name().unwrap_or_default().to_owned(),
         }
     }
 }

@@ -107,16 +107,10 @@ named! {
         Float64 => "float64",
     }
     /// The name in definitions, for instance `uint8`.
-    pub fn name;
+    pub fn name, from_name;
 }
 
 impl Primitive {
-    /// The primitive of that `.msg` name.
-    #[must_use]
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|primitive| primitive.name() == name)
-    }
-
     /// Size in bytes, which is its alignment in CDR too.
     #[must_use]
     pub fn size(self) -> usize {

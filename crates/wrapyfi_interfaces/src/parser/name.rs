@@ -17,14 +17,10 @@ named! {
         Service => "srv",
     }
     /// Middle part of a name and extension of the file: `action`, `msg` or `srv`.
-    pub fn as_str;
+    pub fn as_str, from_part;
 }
 
 impl InterfaceKind {
-    fn from_part(part: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|kind| kind.as_str() == part)
-    }
-
     /// Endings of the names of the types that come out of one definition, longest first.
     fn suffixes(self) -> &'static [&'static str] {
         match self {

@@ -148,14 +148,6 @@ pub struct Transcoded {
     pub wrapped_times: u32,
 }
 
-impl Transcoded {
-    /// True when nothing was changed.
-    #[must_use]
-    pub fn is_exact(&self) -> bool {
-        *self == Self::default()
-    }
-}
-
 impl fmt::Debug for PairPlan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Inner { ros1, ros2, to_ros2, to_ros1, notes, .. } = &*self.inner;

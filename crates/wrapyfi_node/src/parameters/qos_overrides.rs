@@ -6,93 +6,71 @@
 //!   the endpoint's profile: what may be changed  ─┘   with what is in force    what was changed
 //! ```
 
-use std::fmt;
+use wrapyfi_interfaces::named;
 
 use super::{DeclareError, ParameterDescriptor, ParameterStore, SHOWN};
 use crate::{ParameterType, ParameterValue};
 
-/// End of a topic that an endpoint is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[allow(missing_docs)]
-pub enum EndpointRole {
-    Publisher,
-    Subscription,
-}
-
-impl fmt::Display for EndpointRole {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Publisher => "publisher",
-            Self::Subscription => "subscription",
-        })
+named! {
+    /// End of a topic that an endpoint is.
+    #[allow(missing_docs)]
+    pub enum EndpointRole {
+        Publisher => "publisher",
+        Subscription => "subscription",
     }
+    /// Word in the names of parameters.
+    pub fn word;
 }
 
-macro_rules! words {
-    ($(#[$doc:meta])* $visibility:vis $name:ident { $($variant:ident = $word:literal,)* }) => {
-        $(#[$doc])*
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-        #[allow(missing_docs)] // the names are the documentation
-        $visibility enum $name {
-            $($variant,)*
-        }
-
-        impl $name {
-            const WORDS: &'static [&'static str] = &[$($word,)*];
-
-            fn word(self) -> &'static str {
-                match self {
-                    $(Self::$variant => $word,)*
-                }
-            }
-
-            fn from_word(word: &str) -> Option<Self> {
-                match word {
-                    $($word => Some(Self::$variant),)*
-                    _ => None,
-                }
-            }
-        }
-    };
-}
-
-words! {
+named! {
     /// Delivery effort.
-    pub ReliabilityOverride {
-        SystemDefault = "system_default",
-        Reliable = "reliable",
-        BestEffort = "best_effort",
-        BestAvailable = "best_available",
+    #[allow(missing_docs)] // the names are the documentation
+    pub enum ReliabilityOverride {
+        SystemDefault => "system_default",
+        Reliable => "reliable",
+        BestEffort => "best_effort",
+        BestAvailable => "best_available",
     }
+    /// Word in parameters.
+    pub fn word, from_word;
 }
 
-words! {
+named! {
     /// Treatment of a listener that comes late: transient local sends it the last messages.
-    pub DurabilityOverride {
-        SystemDefault = "system_default",
-        TransientLocal = "transient_local",
-        Volatile = "volatile",
-        BestAvailable = "best_available",
+    #[allow(missing_docs)] // the names are the documentation
+    pub enum DurabilityOverride {
+        SystemDefault => "system_default",
+        TransientLocal => "transient_local",
+        Volatile => "volatile",
+        BestAvailable => "best_available",
     }
+    /// Word in parameters.
+    pub fn word, from_word;
 }
 
-words! {
+named! {
     /// Number of messages that an endpoint keeps until they are delivered.
-    pub HistoryOverride {
-        SystemDefault = "system_default",
-        KeepLast = "keep_last",
-        KeepAll = "keep_all",
+    #[allow(missing_docs)] // the names are the documentation
+    pub enum HistoryOverride {
+        SystemDefault => "system_default",
+        KeepLast => "keep_last",
+        KeepAll => "keep_all",
     }
+    /// Word in parameters.
+    pub fn word, from_word;
 }
 
-words! {
+named! {
     /// Way in which a publisher asserts that it is alive.
-    pub LivelinessOverride {
-        SystemDefault = "system_default",
-        Automatic = "automatic",
-        ManualByTopic = "manual_by_topic",
-        BestAvailable = "best_available",
+    #[allow(missing_docs)] // the names are the documentation
+    pub enum LivelinessOverride {
+        SystemDefault => "system_default",
+        Automatic => "automatic",
+        ManualByTopic => "manual_by_topic",
+        BestAvailable => "best_available",
     }
+    /// Word in parameters.
+    pub fn word, from_word;
 }
 
 /// Policies of quality of service, each where it is given.
@@ -169,19 +147,21 @@ pub enum QosOverrideError {
     Declare(#[from] DeclareError),
 }
 
-words! {
+named! {
     /// A policy, by its name.
-    Policy {
-        AvoidRosNamespaceConventions = "avoid_ros_namespace_conventions",
-        Deadline = "deadline",
-        Depth = "depth",
-        Durability = "durability",
-        History = "history",
-        Lifespan = "lifespan",
-        Liveliness = "liveliness",
-        LivelinessLeaseDuration = "liveliness_lease_duration",
-        Reliability = "reliability",
+    enum Policy {
+        AvoidRosNamespaceConventions => "avoid_ros_namespace_conventions",
+        Deadline => "deadline",
+        Depth => "depth",
+        Durability => "durability",
+        History => "history",
+        Lifespan => "lifespan",
+        Liveliness => "liveliness",
+        LivelinessLeaseDuration => "liveliness_lease_duration",
+        Reliability => "reliability",
     }
+    /// Word in the names of parameters.
+    pub fn word;
 }
 
 impl Policy {
@@ -193,10 +173,10 @@ impl Policy {
             Self::Deadline | Self::Lifespan | Self::LivelinessLeaseDuration => {
                 "a time in nanoseconds: an integer from 0".to_owned()
             }
-            Self::Durability => DurabilityOverride::WORDS.join(", "),
-            Self::History => HistoryOverride::WORDS.join(", "),
-            Self::Liveliness => LivelinessOverride::WORDS.join(", "),
-            Self::Reliability => ReliabilityOverride::WORDS.join(", "),
+            Self::Durability => DurabilityOverride::ALL.map(DurabilityOverride::word).join(", "),
+            Self::History => HistoryOverride::ALL.map(HistoryOverride::word).join(", "),
+            Self::Liveliness => LivelinessOverride::ALL.map(LivelinessOverride::word).join(", "),
+            Self::Reliability => ReliabilityOverride::ALL.map(ReliabilityOverride::word).join(", "),
         }
     }
 }
@@ -275,10 +255,8 @@ impl ParameterStore {
         let prefix = format!("qos_overrides.{topic}.{role}{id}.");
         // A subscription has no lifespan.
         let has = |one: &Policy| *one != Policy::Lifespan || role == EndpointRole::Publisher;
-        let may_change = || {
-            let all = Policy::WORDS.iter().filter_map(|word| Policy::from_word(word));
-            all.filter(|one| has(one) && profile.get(*one).is_some())
-        };
+        let may_change =
+            || Policy::ALL.into_iter().filter(|one| has(one) && profile.get(*one).is_some());
         let mut changed = QosOverrides::default();
         // All policies are checked before any is declared, so that an error declares none.
         for (parameter, value) in self.overrides() {
