@@ -62,8 +62,6 @@ mod pint;
 #[cfg(feature = "tables")]
 mod pyarrow;
 mod set;
-#[cfg(feature = "tables")]
-mod stack;
 mod standard;
 #[cfg(feature = "torch")]
 mod torch;

@@ -101,7 +101,7 @@ named! {
         S16Le => "S16LE",
     }
     /// Name in `wrapyfi_msgs/msg/AudioChunk.encoding`: `FLOAT32LE` or `S16LE`.
-    pub fn name;
+    pub fn name, from_name;
 }
 
 impl SampleFormat {
@@ -112,12 +112,6 @@ impl SampleFormat {
             Self::F32Le => 4,
             Self::S16Le => 2,
         }
-    }
-
-    /// Format with this name.
-    #[must_use]
-    pub fn from_name(name: &str) -> Option<Self> {
-        [Self::F32Le, Self::S16Le].into_iter().find(|format| format.name() == name)
     }
 }
 

@@ -24,7 +24,7 @@ named! {
         C128 => "complex128",
     }
     /// NumPy's name, for instance `float32`; `bfloat16` as the libraries that add it call it.
-    pub fn name;
+    pub fn name, from_name;
 }
 
 impl Dtype {
@@ -47,17 +47,6 @@ impl Dtype {
             Self::C64 | Self::C128 => self.size() / 2,
             _ => self.size(),
         }
-    }
-
-    /// Type with this NumPy name.
-    ///
-    /// ```
-    /// use wrapyfi_data::types::Dtype;
-    /// assert_eq!(Dtype::from_name("float32"), Some(Dtype::F32));
-    /// ```
-    #[must_use]
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|dtype| dtype.name() == name)
     }
 
     /// Code in the header of a `.npy` file, little-endian; `None` for `bfloat16`, which NumPy

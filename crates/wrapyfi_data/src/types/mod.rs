@@ -12,6 +12,8 @@
 //!
 //! Payload bytes are [`bytes::Bytes`]: passing a value on shares them.
 
+#[cfg(feature = "tables")]
+pub(crate) mod arrow;
 mod audio;
 #[cfg(feature = "candle")]
 mod candle;
@@ -70,7 +72,7 @@ pub use ros_message::RosMessage;
 pub use ros_service::RosService;
 pub use ros_type::{MAX_ROS_TYPES, RosType, RosTypeError};
 pub use ros_value::{RosValueError, fields_of, fields_of_call, fields_of_return, value_of};
-pub use service_kind::{ParseServiceError, ServiceKind, ServiceKindError};
+pub use service_kind::ServiceKind;
 pub use shape::ShapeError;
 pub use stamp::Stamp;
 pub use table::Table;

@@ -8,7 +8,7 @@ use super::{
 };
 use wrapyfi_interfaces::did_you_mean;
 use wrapyfi_interfaces::named;
-use wrapyfi_interfaces::store::{ResolveError, TypeStore};
+use wrapyfi_interfaces::store::{ResolveError, ResolvedType, TypeStore};
 
 /// The content of one message, independent of the middleware that carries it.
 #[derive(Debug, Clone, PartialEq)]
@@ -69,22 +69,25 @@ named! {
         RosMessage => "ROSMessage",
     }
     /// Wrapyfi's name: `NativeObject`, `Image`, `AudioChunk`, `Properties`, `ROSMessage`.
-    pub fn name;
+    pub fn name, from_name;
 }
 
 /// Error of reading the name of a type; the text lists the known ones.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{text:?} is no message type; {hint}accepted are {accepted}")]
+#[error("{text:?} is no {wanted}; {hint}accepted are {accepted}")]
 pub struct ParseTypeError {
     text: String,
+    wanted: &'static str,
     hint: String,
     accepted: String,
 }
 
+const MESSAGE_TYPE: &str = "message type";
+
 impl ParseTypeError {
-    fn new(text: &str, accepted: &[&str]) -> Self {
+    pub(super) fn new(text: &str, wanted: &'static str, accepted: &[&str]) -> Self {
         let hint = did_you_mean(text, accepted);
-        Self { text: text.into(), hint, accepted: accepted.join(", ") }
+        Self { text: text.into(), wanted, hint, accepted: accepted.join(", ") }
     }
 }
 
@@ -92,8 +95,8 @@ impl FromStr for DataType {
     type Err = ParseTypeError;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let named = Self::ALL.into_iter().find(|kind| kind.name() == text);
-        named.ok_or_else(|| ParseTypeError::new(text, &Self::ALL.map(Self::name)))
+        Self::from_name(text)
+            .ok_or_else(|| ParseTypeError::new(text, MESSAGE_TYPE, &Self::ALL.map(Self::name)))
     }
 }
 
@@ -227,13 +230,18 @@ impl MessageType {
     }
 }
 
-/// Error of reading the name of a message type.
+/// Error of reading the name of a message or service type.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MessageTypeError {
     /// The name is neither one of Wrapyfi's nor that of a ROS type.
-    #[error("{0}, and every ROS 2 type as package/msg/Type")]
-    Unknown(#[from] ParseTypeError),
+    #[error("{error}, and every ROS 2 {form}")]
+    Unknown {
+        /// Fault of the name.
+        error: ParseTypeError,
+        /// Form of the names of ROS types, for instance `type as package/msg/Type`.
+        form: &'static str,
+    },
     /// The definition of the ROS type cannot be found.
     #[error(transparent)]
     Definition(#[from] Box<ResolveError>),
@@ -249,15 +257,22 @@ impl MessageType {
     /// # Errors
     /// When the text is no name of a type, or the definition cannot be found or used.
     pub fn resolve(text: &str, store: &mut TypeStore) -> Result<Self, MessageTypeError> {
-        match text.parse() {
-            Ok(known) => Ok(known),
-            // A name without slash was meant to be one of Wrapyfi's.
-            Err(unknown) if !text.contains('/') => Err(unknown.into()),
-            Err(_) => {
-                let resolved = store.resolve_name(text).map_err(Box::new)?;
-                Ok(Self::Ros(RosType::new(&resolved)?))
-            }
-        }
+        resolve(text, store, "type as package/msg/Type", |found| RosType::new(found).map(Self::Ros))
+    }
+}
+
+/// Reads one of Wrapyfi's names, or makes a type of the definition with that name.
+pub(super) fn resolve<T: FromStr<Err = ParseTypeError>>(
+    text: &str,
+    store: &mut TypeStore,
+    form: &'static str,
+    of: impl FnOnce(&ResolvedType) -> Result<T, RosTypeError>,
+) -> Result<T, MessageTypeError> {
+    match text.parse() {
+        Ok(known) => Ok(known),
+        // A name without slash was meant to be one of Wrapyfi's.
+        Err(error) if !text.contains('/') => Err(MessageTypeError::Unknown { error, form }),
+        Err(_) => Ok(of(&store.resolve_name(text).map_err(Box::new)?)?),
     }
 }
 
@@ -282,6 +297,7 @@ impl FromStr for MessageType {
         all.find(|&kind| spellings(kind).any(|spelling| spelling == text)).ok_or_else(|| {
             ParseTypeError::new(
                 text,
+                MESSAGE_TYPE,
                 &Self::ALL.into_iter().flat_map(spellings).collect::<Vec<_>>(),
             )
         })

@@ -1,11 +1,11 @@
 //! A ROS 2 service type known at run time, as small as a name.
 
-use std::collections::HashMap;
-use std::sync::{Mutex, OnceLock, PoisonError};
+use std::collections::BTreeMap;
+use std::sync::Mutex;
 
 use wrapyfi_interfaces::store::ResolvedType;
 
-use super::ros_type::{MAX_ROS_TYPES, RosType, RosTypeError, interned};
+use super::ros_type::{Interned, RosType, RosTypeError, intern, interned};
 
 /// A ROS 2 service type with its request and its response, kept as [`RosType`] is.
 ///
@@ -28,36 +28,23 @@ struct Known {
     response: RosType,
 }
 
-type Services = HashMap<(String, String), RosService>;
-
 impl RosService {
     /// Enters the service of a definition; the same definition gives the same service.
     ///
     /// # Errors
-    /// When the definition is no service, its parts cannot be compiled, or [`MAX_ROS_TYPES`] are
-    /// known.
+    /// When the definition is no service, its parts cannot be compiled, or [`super::MAX_ROS_TYPES`]
+    /// are known.
     pub fn new(resolved: &ResolvedType) -> Result<Self, RosTypeError> {
-        static SERVICES: OnceLock<Mutex<Services>> = OnceLock::new();
-        let name = resolved.name().to_string();
-        let part = |suffix: &str| match resolved.part(suffix) {
-            Some(part) => RosType::new(&part),
-            None => Err(RosTypeError::NoService { name: name.clone() }),
-        };
-        let (request, response) = (part("_Request")?, part("_Response")?);
-        let services = SERVICES.get_or_init(Mutex::default);
-        // No code under the lock panics half-way, so a poisoned map is complete.
-        let mut services = services.lock().unwrap_or_else(PoisonError::into_inner);
-        let key = (name.clone(), resolved.type_hash());
-        if let Some(known) = services.get(&key) {
-            return Ok(*known);
-        }
-        if services.len() >= MAX_ROS_TYPES {
-            return Err(RosTypeError::TooMany { name, limit: MAX_ROS_TYPES });
-        }
-        let known = Known { name, resolved: resolved.clone(), request, response };
-        let known = Self(Box::leak(Box::new(known)));
-        services.insert(key, known);
-        Ok(known)
+        static SERVICES: Interned<Known> = Mutex::new(BTreeMap::new());
+        let known = intern(&SERVICES, resolved, |name| {
+            let part = |suffix: &str| match resolved.part(suffix) {
+                Some(part) => RosType::new(&part),
+                None => Err(RosTypeError::NoService { name: name.to_owned() }),
+            };
+            let (request, response) = (part("_Request")?, part("_Response")?);
+            Ok(Known { name: name.to_owned(), resolved: resolved.clone(), request, response })
+        });
+        known.map(Self)
     }
 
     /// ROS name, for instance `std_srvs/srv/SetBool`.

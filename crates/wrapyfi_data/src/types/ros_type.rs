@@ -9,8 +9,8 @@
 //! Types are kept for the life of the process, each definition once, so that a type can be copied and
 //! compared like a word. Their number is bounded: a peer cannot fill the memory by naming types.
 
-use std::collections::HashMap;
-use std::sync::{Mutex, OnceLock, PoisonError};
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
 
 use wrapyfi_interfaces::dynamic::{PlanError, TypePlan};
 use wrapyfi_interfaces::parser::InterfaceKind;
@@ -80,7 +80,28 @@ pub enum RosTypeError {
     },
 }
 
-type Types = HashMap<(String, String), RosType>;
+/// Types that the process knows, by name and hash.
+pub(super) type Interned<T> = Mutex<BTreeMap<(String, String), &'static T>>;
+
+/// Finds the type of a definition, or enters the one that `make` makes.
+pub(super) fn intern<T>(
+    types: &Interned<T>,
+    resolved: &ResolvedType,
+    make: impl FnOnce(&str) -> Result<T, RosTypeError>,
+) -> Result<&'static T, RosTypeError> {
+    // No code under the lock panics half-way, so a poisoned map is complete.
+    let mut types = types.lock().unwrap_or_else(PoisonError::into_inner);
+    let key = (resolved.name().to_string(), resolved.type_hash());
+    if let Some(known) = types.get(&key) {
+        return Ok(known);
+    }
+    if types.len() >= MAX_ROS_TYPES {
+        return Err(RosTypeError::TooMany { name: key.0, limit: MAX_ROS_TYPES });
+    }
+    let known: &T = Box::leak(Box::new(make(&key.0)?));
+    types.insert(key, known);
+    Ok(known)
+}
 
 impl RosType {
     /// Enters the type of a definition; the same definition gives the same type.
@@ -88,38 +109,32 @@ impl RosType {
     /// # Errors
     /// When the definition is no message or cannot be compiled, or [`MAX_ROS_TYPES`] are known.
     pub fn new(resolved: &ResolvedType) -> Result<Self, RosTypeError> {
-        static TYPES: OnceLock<Mutex<Types>> = OnceLock::new();
-        let (name, hash) = (resolved.name().to_string(), resolved.type_hash());
-        // Their parts are messages: requests, goals, events.
+        static TYPES: Interned<Known> = Mutex::new(BTreeMap::new());
+        // Parts of services and actions are messages: requests, goals, events.
         let (kind, file) = (resolved.name().kind(), resolved.name().file_stem());
         if kind != InterfaceKind::Message && file == resolved.name().name() {
-            return Err(RosTypeError::NoMessage { name });
+            return Err(RosTypeError::NoMessage { name: resolved.name().to_string() });
         }
-        let types = TYPES.get_or_init(Mutex::default);
-        // No code under the lock panics half-way, so a poisoned map is complete.
-        let mut types = types.lock().unwrap_or_else(PoisonError::into_inner);
-        let key = (name, hash);
-        if let Some(known) = types.get(&key) {
-            return Ok(*known);
-        }
-        if types.len() >= MAX_ROS_TYPES {
-            return Err(RosTypeError::TooMany { name: key.0, limit: MAX_ROS_TYPES });
-        }
-        let plan = resolved.plan().map_err(|fault| RosTypeError::Definition {
-            name: key.0.clone(),
-            fault: Box::new(fault),
-        })?;
-        let (name, hash) = key.clone();
-        let dds = dds_name(&name);
-        let defaults = plan.default_message();
-        let has_header = defaults.get("header.stamp.nanosec").is_some()
-            && defaults.get("header.frame_id").is_some();
-        let has_stamp = defaults.get("stamp.nanosec").is_some();
-        let resolved = resolved.clone();
-        let known = Known { name, dds, hash, resolved, plan, has_header, has_stamp };
-        let known = Self(Box::leak(Box::new(known)));
-        types.insert(key, known);
-        Ok(known)
+        let known = intern(&TYPES, resolved, |name| {
+            let plan = resolved.plan().map_err(|fault| RosTypeError::Definition {
+                name: name.to_owned(),
+                fault: Box::new(fault),
+            })?;
+            let defaults = plan.default_message();
+            let has_header = defaults.get("header.stamp.nanosec").is_some()
+                && defaults.get("header.frame_id").is_some();
+            let has_stamp = defaults.get("stamp.nanosec").is_some();
+            Ok(Known {
+                name: name.to_owned(),
+                dds: dds_name(name),
+                hash: resolved.type_hash(),
+                resolved: resolved.clone(),
+                plan,
+                has_header,
+                has_stamp,
+            })
+        });
+        known.map(Self)
     }
 
     /// ROS name, for instance `sensor_msgs/msg/JointState`.

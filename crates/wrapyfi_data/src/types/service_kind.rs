@@ -3,10 +3,9 @@
 use std::fmt;
 use std::str::FromStr;
 
-use wrapyfi_interfaces::did_you_mean;
-use wrapyfi_interfaces::store::{ResolveError, TypeStore};
+use wrapyfi_interfaces::store::TypeStore;
 
-use super::{DataType, MessageType, RosService, RosTypeError};
+use super::{DataType, MessageType, MessageTypeError, ParseTypeError, RosService};
 
 /// Type that `--type` of `call` and `serve` names: the kind of payload that a function of Wrapyfi
 /// returns, and the ROS service that carries it on the ROS 2 side.
@@ -110,36 +109,16 @@ impl ServiceKind {
     }
 }
 
-/// Error of reading the name of a service type.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ServiceKindError {
-    /// The name is neither one of Wrapyfi's nor that of a ROS service.
-    #[error("{0}, and every ROS 2 service as package/srv/Type")]
-    Unknown(#[from] ParseServiceError),
-    /// The definition cannot be found.
-    #[error(transparent)]
-    Definition(#[from] Box<ResolveError>),
-    /// The definition cannot be used.
-    #[error(transparent)]
-    Unusable(#[from] RosTypeError),
-}
-
 impl ServiceKind {
     /// Reads a kind as [`ServiceKind::from_str`] does; any other name of a ROS service is looked up
     /// in `store`.
     ///
     /// # Errors
     /// When the text is no name of a service, or the definition cannot be found or used.
-    pub fn resolve(text: &str, store: &mut TypeStore) -> Result<Self, ServiceKindError> {
-        match text.parse() {
-            Ok(known) => Ok(known),
-            Err(unknown) if !text.contains('/') => Err(unknown.into()),
-            Err(_) => {
-                let resolved = store.resolve_name(text).map_err(Box::new)?;
-                Ok(Self::Ros(RosService::new(&resolved)?))
-            }
-        }
+    pub fn resolve(text: &str, store: &mut TypeStore) -> Result<Self, MessageTypeError> {
+        super::payload::resolve(text, store, "service as package/srv/Type", |found| {
+            RosService::new(found).map(Self::Ros)
+        })
     }
 }
 
@@ -150,24 +129,14 @@ impl fmt::Display for ServiceKind {
     }
 }
 
-/// Error of reading the name of one of Wrapyfi's service types; the text lists them.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{text:?} is no function of Wrapyfi; {hint}accepted are {accepted}")]
-pub struct ParseServiceError {
-    text: String,
-    hint: String,
-    accepted: String,
-}
-
 impl FromStr for ServiceKind {
-    type Err = ParseServiceError;
+    type Err = ParseTypeError;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let named = |kind: &Self| kind.short_name() == Some(text) || kind.ros_type() == text;
         Self::ALL.into_iter().find(named).ok_or_else(|| {
-            let names = Self::ALL.map(|kind| kind.to_string());
-            let (hint, accepted) = (did_you_mean(text, &names), names.join(", "));
-            ParseServiceError { text: text.into(), hint, accepted }
+            let names = Self::ALL.map(|kind| kind.short_name().unwrap_or(kind.ros_type()));
+            ParseTypeError::new(text, "function of Wrapyfi", &names)
         })
     }
 }

@@ -257,28 +257,19 @@ fn code(code: &str) -> Result<Descr, String> {
         return Err(unknown());
     }
     let size: usize = digits.parse().ok().ok_or_else(unknown)?;
-    let number = match (kind, size) {
-        ('b', 1) => Some(Dtype::Bool),
-        ('i', 1) => Some(Dtype::I8),
-        ('i', 2) => Some(Dtype::I16),
-        ('i', 4) => Some(Dtype::I32),
-        ('i', 8) => Some(Dtype::I64),
-        ('u', 1) => Some(Dtype::U8),
-        ('u', 2) => Some(Dtype::U16),
-        ('u', 4) => Some(Dtype::U32),
-        ('u', 8) => Some(Dtype::U64),
-        ('f', 2) => Some(Dtype::F16),
-        ('f', 4) => Some(Dtype::F32),
-        ('f', 8) => Some(Dtype::F64),
-        ('c', 8) => Some(Dtype::C64),
-        ('c', 16) => Some(Dtype::C128),
+    let plain = format!("{kind}{size}");
+    let is_plain =
+        |dtype: &Dtype| dtype.npy_descr().and_then(|known| known.get(1..)) == Some(plain.as_str());
+    let number = Dtype::ALL.into_iter().find(is_plain);
+    match (kind, size) {
+        _ if number.is_some() => {}
         // Extended precision, whose layout depends on the machine.
-        ('f', 10..=16) | ('c', 20..=32) | ('M' | 'm', 8) | ('S' | 'a' | 'V', _) => None,
+        ('f', 10..=16) | ('c', 20..=32) | ('M' | 'm', 8) | ('S' | 'a' | 'V', _) => {}
         ('U', _) => {
             let itemsize = size.checked_mul(4).ok_or_else(unknown)?;
             return Ok(Descr { itemsize, number: None });
         }
         _ => return Err(unknown()),
-    };
+    }
     Ok(Descr { itemsize: size, number: number.map(|dtype| (dtype, big_endian)) })
 }

@@ -97,12 +97,6 @@ impl Pickle {
         self.end
     }
 
-    /// Number of objects, four constants included.
-    #[must_use]
-    pub fn node_count(&self) -> usize {
-        self.nodes.len()
-    }
-
     pub(super) fn kind(&self, id: NodeId) -> &Kind {
         // No number without a node is ever made; `None` is the least harmful answer.
         self.nodes.get(id.0 as usize).unwrap_or(&Kind::None)

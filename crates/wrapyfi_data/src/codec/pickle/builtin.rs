@@ -42,27 +42,6 @@ impl Node<'_> {
         Ok(Slice { start: start?, stop: stop?, step: step? })
     }
 
-    /// Reads a `range` as start, stop and step.
-    ///
-    /// # Errors
-    /// As [`Self::slice`].
-    pub fn range(&self) -> Result<(i64, i64, i64)> {
-        let [start, stop, step] = self.call("builtins.range")?.args().exact()?;
-        match (start.int()?, stop.int()?, step.int()?) {
-            (_, _, 0) => Err(step.unexpected("a step other than 0")),
-            range => Ok(range),
-        }
-    }
-
-    /// Reads a `complex` as real and imaginary part.
-    ///
-    /// # Errors
-    /// As [`Self::slice`].
-    pub fn complex(&self) -> Result<(f64, f64)> {
-        let [real, imaginary] = self.call("builtins.complex")?.args().exact()?;
-        Ok((real.float()?, imaginary.float()?))
-    }
-
     /// Reads a `decimal.Decimal` as its text: `1.50`, `NaN`.
     ///
     /// # Errors

@@ -1,6 +1,6 @@
 //! Errors of reading and understanding pickles.
 
-use super::super::{DecodeError, EncodeError};
+use super::super::DecodeError;
 
 /// Error of reading a pickle. Every variant names the place: a byte of the pickle, as
 /// `pickletools.dis` counts them, or the path of an object inside it.
@@ -112,9 +112,4 @@ impl From<PickleError> for DecodeError {
     fn from(error: PickleError) -> Self {
         error.at("$")
     }
-}
-
-/// Error for a thing that this protocol has no way to write.
-pub(super) fn unwritable(what: impl Into<String>, remedy: &str) -> EncodeError {
-    EncodeError::unrepresentable("pickle", what, remedy)
 }

@@ -35,7 +35,7 @@
 //! | --- | --- |
 //! | `numpy…_reconstruct` with its state, `_frombuffer` (orders C, F, K), `scalar` | `Node::array`: a tensor, another array with its `descr`, or a list of objects |
 //! | `numpy.dtype`, structured, with units of time, `ml_dtypes.bfloat16` | `Node::dtype` |
-//! | `slice`, `range`, `complex`, `decimal.Decimal` | the method of that name |
+//! | `slice`, `decimal.Decimal` | the method of that name |
 //! | `datetime`, `date`, `time`, `timedelta`, with a `timezone` | the method of that name |
 //!
 //! Arrays become row-major and, where they are numbers, little-endian. Their bytes are shared where they
@@ -47,7 +47,6 @@
 //! | --- | --- |
 //! | pickle and buffers together | `max_message_mib` |
 //! | memory of the objects, without the bytes they share | four times that, and 64 bytes for each byte of the pickle |
-//! | a value made of them (`Node::to_value`) | four times `max_message_mib`, nesting 64: a list of lists of lists of one text is small as a pickle and endless as a value |
 //! | an integer written as text | 4300 digits, Python's own limit |
 //! | a dtype | 65536 characters as `descr`, 16 levels |
 //! | dimensions of an array | 64 |
@@ -56,19 +55,9 @@
 //!
 //! # What is written
 //!
-//! `pickle::Writer` writes protocols 2, 4 and 5, without frames, for `pickle.loads`: Python's own types,
-//! names, calls with state, and arrays. `Pickle::write` writes again what was read, each object once.
-//!
-//! | | protocol 2 | protocol 4 | protocol 5 |
-//! | --- | --- | --- | --- |
-//! | `bytes` | `_codecs.encode(text, 'latin1')` | `BINBYTES` | `BINBYTES` |
-//! | `bytearray`, buffer | `builtins.bytearray(bytes)` | the same | `BYTEARRAY8`; `NEXT_BUFFER`, content beside it |
-//! | set, frozenset | `__builtin__.set([…])` | `EMPTY_SET`, `FROZENSET` | the same |
-//! | keyword arguments | refused | `NEWOBJ_EX` | `NEWOBJ_EX` |
-//!
-//! Arrays are written in the pickle by `_reconstruct`, or beside it by `_frombuffer`, with the module names
-//! of NumPy 1. NumPy 2 reads both; for the second it gives a `DeprecationWarning`, which Python hides unless
-//! asked. `bfloat16` is written as `float32`; structured arrays, and tuples that hold themselves, are refused.
+//! Protocol 5, without frames, for `pickle.loads`: Python's own types, names, calls, and arrays whose elements
+//! lie beside the pickle, by `_frombuffer`, with the module names of NumPy 1. NumPy 2 reads these, and gives a
+//! `DeprecationWarning`, which Python hides unless asked.
 
 mod arena;
 mod atoms;
@@ -84,13 +73,11 @@ mod names;
 mod node;
 mod numpy;
 mod opcode;
-mod rewrite;
 mod scan;
 mod text;
 mod trail;
-mod value;
+#[cfg(feature = "tables")]
 mod write;
-mod write_numpy;
 
 use bytes::Bytes;
 
@@ -103,7 +90,8 @@ pub use globals::{Allowed, Global};
 pub use items::{Items, Pairs};
 pub use node::{Node, View};
 pub use numpy::PickledArray;
-pub use write::{Pickled, Protocol, Writer};
+#[cfg(feature = "tables")]
+pub(crate) use write::Writer;
 
 use crate::Limits;
 

@@ -1,321 +1,188 @@
-//! Writes pickles that Python loads: data, and the names that make objects of it.
+//! Writer of pickles that Python loads, part by part, as the machine that reads them works: the parts lie
+//! on its stack, and one instruction makes a value of them. Objects that call constructors on objects keep
+//! the order of their parts so.
 //!
 //! ```text
-//!   Writer: values and containers in order ─▶ opcodes     buffers beside them (protocol 5)
+//!   to.global("pandas", "RangeIndex").mark().int(0).int(3).int(1).tuple_since_mark().reduce()
 //! ```
 
 use bytes::Bytes;
 use num_bigint::BigInt;
 
-use super::super::EncodeError;
-use super::error::unwritable;
 use super::opcode as op;
 
-/// Format of a pickle. All of them are read by any Python 3 that knows them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Protocol {
-    /// Protocol of Python 2.3, which `torch.save` writes.
-    V2 = 2,
-    /// Protocol of Python 3.4, which `paddle.save` writes.
-    V4 = 4,
-    /// Protocol of Python 3.8, which Wrapyfi writes: buffers may travel beside the pickle.
-    V5 = 5,
-}
+/// Protocol of Python 3.8, which Wrapyfi writes: buffers may travel beside the pickle.
+const PROTOCOL: u8 = 5;
 
-/// A pickle, and the buffers that travel beside it.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Pickled {
-    /// The pickle.
-    pub data: Vec<u8>,
-    /// Out-of-band buffers in their order; none before protocol 5.
-    pub buffers: Vec<Bytes>,
-}
-
-/// Writes one pickle. Each method writes one object; containers write theirs inside a closure.
-///
-/// ```
-/// use wrapyfi_data::codec::pickle::{Protocol, Writer};
-///
-/// let mut writer = Writer::new(Protocol::V2);
-/// writer.tuple(|tuple| {
-///     tuple.str("speed");
-///     tuple.float(1.5);
-/// });
-/// let pickle = writer.finish()?;
-/// assert_eq!(pickle.data, b"\x80\x02(X\x05\0\0\0speedG?\xf8\0\0\0\0\0\0t.");
-/// # Ok::<(), wrapyfi_data::EncodeError>(())
-/// ```
+/// A pickle of protocol 5 in the making.
 #[derive(Debug)]
-pub struct Writer {
-    protocol: Protocol,
+pub(crate) struct Writer {
     out: Vec<u8>,
     buffers: Vec<Bytes>,
-    /// The first thing that could not be written.
-    fault: Option<EncodeError>,
+    /// Number of objects in the memo.
+    memo: u32,
 }
 
 impl Writer {
     /// An empty pickle.
-    #[must_use]
-    pub fn new(protocol: Protocol) -> Self {
-        Self { protocol, out: vec![op::PROTO, protocol as u8], buffers: Vec::new(), fault: None }
+    pub(crate) fn new() -> Self {
+        Self { out: vec![op::PROTO, PROTOCOL], buffers: Vec::new(), memo: 0 }
     }
 
-    /// Protocol of the pickle.
-    #[must_use]
-    pub fn protocol(&self) -> Protocol {
-        self.protocol
+    /// Ends the pickle after the one object that was written; returns it and the buffers beside it.
+    pub(crate) fn finish(mut self) -> (Vec<u8>, Vec<Bytes>) {
+        self.op(op::STOP);
+        (self.out, self.buffers)
     }
 
-    /// Ends the pickle after the one object that was written.
-    ///
-    /// # Errors
-    /// When something inside has no form in this protocol.
-    pub fn finish(mut self) -> Result<Pickled, EncodeError> {
-        self.out.push(op::STOP);
-        match self.fault {
-            Some(fault) => Err(fault),
-            None => Ok(Pickled { data: self.out, buffers: self.buffers }),
-        }
-    }
-
-    pub(crate) fn op(&mut self, code: u8) {
+    fn op(&mut self, code: u8) -> &mut Self {
         self.out.push(code);
+        self
     }
 
-    pub(crate) fn raw(&mut self, bytes: &[u8]) {
+    fn raw(&mut self, bytes: &[u8]) -> &mut Self {
         self.out.extend_from_slice(bytes);
+        self
     }
 
-    pub(super) fn fail(&mut self, what: impl Into<String>, remedy: &str) {
-        self.fault.get_or_insert_with(|| unwritable(what, remedy));
+    /// Bytes behind their length, which takes one byte, four, or eight.
+    fn counted(&mut self, [short, long, huge]: [u8; 3], bytes: &[u8]) -> &mut Self {
+        match (u8::try_from(bytes.len()), u32::try_from(bytes.len())) {
+            (Ok(length), _) => self.raw(&[short, length]),
+            (_, Ok(length)) => self.op(long).raw(&length.to_le_bytes()),
+            _ => self.op(huge).raw(&(bytes.len() as u64).to_le_bytes()),
+        };
+        self.raw(bytes)
     }
 
-    /// `None`.
-    pub fn none(&mut self) {
-        self.op(op::NONE);
+    pub(crate) fn none(&mut self) -> &mut Self {
+        self.op(op::NONE)
     }
 
-    /// `True` or `False`.
-    pub fn bool(&mut self, value: bool) {
-        self.op(if value { op::NEWTRUE } else { op::NEWFALSE });
+    pub(crate) fn bool(&mut self, value: bool) -> &mut Self {
+        self.op(if value { op::NEWTRUE } else { op::NEWFALSE })
     }
 
-    /// An integer.
-    pub fn int(&mut self, value: i64) {
+    pub(crate) fn int(&mut self, value: i64) -> &mut Self {
         if let Ok(value) = u8::try_from(value) {
-            self.raw(&[op::BININT1, value]);
+            self.raw(&[op::BININT1, value])
         } else if let Ok(value) = i32::try_from(value) {
-            self.op(op::BININT);
-            self.raw(&value.to_le_bytes());
+            self.op(op::BININT).raw(&value.to_le_bytes())
         } else {
-            self.raw(&[op::LONG1, 8]);
-            self.raw(&value.to_le_bytes());
+            self.raw(&[op::LONG1, 8]).raw(&value.to_le_bytes())
         }
     }
 
-    /// A size or an index.
-    pub fn size(&mut self, value: usize) {
-        match i64::try_from(value) {
-            Ok(value) => self.int(value),
-            Err(_) => self.big_int(&value.into()),
-        }
+    /// Writes a size or an index.
+    pub(crate) fn size(&mut self, value: usize) -> &mut Self {
+        self.int(i64::try_from(value).unwrap_or(i64::MAX))
     }
 
-    /// An integer of any size.
-    pub fn big_int(&mut self, value: &BigInt) {
-        let bytes = value.to_signed_bytes_le();
-        self.counted(op::LONG1, op::LONG4, None, &bytes);
+    /// Writes an integer of any size; one of four GiB, which has no form, is beyond every limit.
+    pub(crate) fn big_int(&mut self, value: &BigInt) -> &mut Self {
+        self.counted([op::LONG1, op::LONG4, op::LONG4], &value.to_signed_bytes_le())
     }
 
-    /// A float.
-    pub fn float(&mut self, value: f64) {
-        self.op(op::BINFLOAT);
-        self.raw(&value.to_be_bytes());
+    pub(crate) fn float(&mut self, value: f64) -> &mut Self {
+        self.op(op::BINFLOAT).raw(&value.to_be_bytes())
     }
 
-    /// Text.
-    pub fn str(&mut self, text: &str) {
-        self.utf8(text.as_bytes());
+    pub(crate) fn str(&mut self, text: &str) -> &mut Self {
+        self.counted([op::SHORT_BINUNICODE, op::BINUNICODE, op::BINUNICODE8], text.as_bytes())
     }
 
-    /// Text that may have lone surrogates, as UTF-16 code units.
-    pub fn utf16(&mut self, units: &[u16]) {
-        let mut bytes = Vec::with_capacity(units.len() * 3);
-        for unit in char::decode_utf16(units.iter().copied()) {
-            match unit {
-                Ok(c) => bytes.extend_from_slice(c.encode_utf8(&mut [0; 4]).as_bytes()),
-                // What it would be in UTF-8: Python's `surrogatepass`.
-                Err(lone) => {
-                    let [low, high] = lone.unpaired_surrogate().to_le_bytes();
-                    bytes.extend([0xED, 0x80 | high << 2 & 0x3C | low >> 6, 0x80 | low & 0x3F]);
-                }
-            }
-        }
-        self.utf8(&bytes);
+    pub(crate) fn bytes(&mut self, bytes: &[u8]) -> &mut Self {
+        self.counted([op::SHORT_BINBYTES, op::BINBYTES, op::BINBYTES8], bytes)
     }
 
-    fn utf8(&mut self, bytes: &[u8]) {
-        if self.protocol >= Protocol::V4 {
-            self.counted(op::SHORT_BINUNICODE, op::BINUNICODE, Some(op::BINUNICODE8), bytes);
-        } else {
-            self.counted(op::BINUNICODE, op::BINUNICODE, None, bytes);
-        }
+    /// Adds a buffer beside the pickle.
+    pub(crate) fn buffer(&mut self, content: Bytes) -> &mut Self {
+        self.buffers.push(content);
+        self.op(op::NEXT_BUFFER)
     }
 
-    /// `bytes`.
-    pub fn bytes(&mut self, bytes: &[u8]) {
-        if self.protocol >= Protocol::V4 {
-            self.counted(op::SHORT_BINBYTES, op::BINBYTES, Some(op::BINBYTES8), bytes);
-            return;
-        }
-        // Python 2 had no bytes of their own: they are made of text, one character each.
-        let text: String = bytes.iter().copied().map(char::from).collect();
-        self.call("_codecs", "encode", |args| {
-            args.str(&text);
-            args.str("latin1");
-        });
+    /// Writes a function or class by name.
+    pub(crate) fn global(&mut self, module: &str, name: &str) -> &mut Self {
+        self.str(module).str(name).op(op::STACK_GLOBAL)
     }
 
-    /// A `bytearray`.
-    pub fn byte_array(&mut self, bytes: &[u8]) {
-        if self.protocol >= Protocol::V5 {
-            self.op(op::BYTEARRAY8);
-            self.raw(&(bytes.len() as u64).to_le_bytes());
-            self.raw(bytes);
-        } else {
-            self.call("builtins", "bytearray", |args| args.bytes(bytes));
-        }
+    /// Marks the begin of a tuple, list or dict.
+    pub(crate) fn mark(&mut self) -> &mut Self {
+        self.op(op::MARK)
     }
 
-    /// A buffer that may be written to: beside the pickle in protocol 5, a `bytearray` before.
-    pub fn buffer(&mut self, content: Bytes) {
-        if self.protocol >= Protocol::V5 {
-            self.op(op::NEXT_BUFFER);
-            self.buffers.push(content);
-        } else {
-            self.byte_array(&content);
-        }
+    pub(crate) fn tuple_since_mark(&mut self) -> &mut Self {
+        self.op(op::TUPLE)
     }
 
-    /// Bytes behind their length. A short length takes one byte where `short` and `long` differ.
-    fn counted(&mut self, short: u8, long: u8, huge: Option<u8>, bytes: &[u8]) {
-        match (u8::try_from(bytes.len()), u32::try_from(bytes.len()), huge) {
-            (Ok(length), _, _) if short != long => self.raw(&[short, length]),
-            (_, Ok(length), _) => {
-                self.op(long);
-                self.raw(&length.to_le_bytes());
-            }
-            (_, _, Some(huge)) => {
-                self.op(huge);
-                self.raw(&(bytes.len() as u64).to_le_bytes());
-            }
-            _ => {
-                let what = format!("text or an integer of {} bytes", bytes.len());
-                return self.fail(what, "protocol 4 or later can hold the text");
-            }
-        }
-        self.raw(bytes);
+    pub(crate) fn list_since_mark(&mut self) -> &mut Self {
+        self.op(op::LIST)
     }
 
-    /// A `list` of what `items` writes.
-    pub fn list(&mut self, items: impl FnOnce(&mut Self)) {
-        self.op(op::EMPTY_LIST);
-        self.append(items);
+    /// Makes a dict of key, value, key, value, … since the mark.
+    pub(crate) fn dict_since_mark(&mut self) -> &mut Self {
+        self.op(op::DICT)
     }
 
-    /// A `tuple` of what `items` writes.
-    pub fn tuple(&mut self, items: impl FnOnce(&mut Self)) {
-        self.op(op::MARK);
+    /// Makes a `tuple` of the last `count` parts, 1 to 3.
+    pub(crate) fn tuple(&mut self, count: u8) -> &mut Self {
+        self.op(op::TUPLE1 - 1 + count.clamp(1, 3))
+    }
+
+    /// Applies the function below the tuple on top to that tuple.
+    pub(crate) fn reduce(&mut self) -> &mut Self {
+        self.op(op::REDUCE)
+    }
+
+    /// Drops the part on top.
+    pub(crate) fn pop(&mut self) -> &mut Self {
+        self.op(op::POP)
+    }
+
+    /// Puts the part on top into the memo, where it stays; [`Self::recall`] pushes it again.
+    pub(crate) fn remember(&mut self) -> u32 {
+        let number = self.memo;
+        self.memo += 1;
+        self.op(op::MEMOIZE);
+        number
+    }
+
+    /// Pushes the object with this number in the memo.
+    pub(crate) fn recall(&mut self, number: u32) -> &mut Self {
+        self.op(op::LONG_BINGET).raw(&number.to_le_bytes())
+    }
+
+    /// Writes a `numpy.ndarray` over a buffer beside the pickle. `descr` is NumPy's: `<f8`,
+    /// `<M8[ns]`. Names of modules are those of NumPy 1, which NumPy 2 still knows.
+    pub(crate) fn array(&mut self, descr: &str, length: usize, data: Bytes) -> &mut Self {
+        self.global("numpy.core.numeric", "_frombuffer").mark().buffer(data).dtype(descr);
+        self.mark().size(length).tuple_since_mark().str("C").tuple_since_mark().reduce()
+    }
+
+    /// Writes a `numpy.ndarray` of the `count` objects that `items` writes.
+    pub(crate) fn objects(&mut self, count: usize, items: impl FnOnce(&mut Self)) -> &mut Self {
+        self.global("numpy.core.multiarray", "_reconstruct").mark().global("numpy", "ndarray");
+        self.mark().int(0).tuple_since_mark().bytes(b"b").tuple_since_mark().reduce();
+        self.mark().int(1).mark().size(count).tuple_since_mark().dtype("|O8").bool(false).mark();
         items(self);
-        self.op(op::TUPLE);
+        self.list_since_mark().tuple_since_mark().op(op::BUILD)
     }
 
-    /// A `dict` of what `pairs` writes: key, value, key, value.
-    pub fn dict(&mut self, pairs: impl FnOnce(&mut Self)) {
-        self.op(op::EMPTY_DICT);
-        self.set_items(pairs);
-    }
-
-    /// A `set` of what `members` writes.
-    pub fn set(&mut self, members: impl FnOnce(&mut Self)) {
-        if self.protocol >= Protocol::V4 {
-            self.raw(&[op::EMPTY_SET, op::MARK]);
-            members(self);
-            self.op(op::ADDITEMS);
-        } else {
-            self.call("__builtin__", "set", |args| args.list(members));
+    /// Writes a `numpy.dtype` by order, code, and unit of a time.
+    fn dtype(&mut self, descr: &str) -> &mut Self {
+        let (order, code) = descr.split_at_checked(1).unwrap_or_default();
+        let (code, unit) = code
+            .split_once('[')
+            .map_or((code, None), |(code, unit)| (code, unit.strip_suffix(']')));
+        self.global("numpy", "dtype").mark().str(code).bool(false).bool(true);
+        self.tuple_since_mark().reduce();
+        self.mark().int(if unit.is_some() { 4 } else { 3 }).str(order).none().none().none();
+        // What NumPy itself writes: size and alignment are left to the code.
+        self.int(-1).int(-1).int(if code == "O8" { 63 } else { 0 });
+        if let Some(unit) = unit {
+            self.mark().op(op::EMPTY_DICT).mark().bytes(unit.as_bytes()).int(1).int(1).int(1);
+            self.tuple_since_mark().tuple_since_mark();
         }
-    }
-
-    /// A `frozenset` of what `members` writes.
-    pub fn frozen_set(&mut self, members: impl FnOnce(&mut Self)) {
-        if self.protocol >= Protocol::V4 {
-            self.op(op::MARK);
-            members(self);
-            self.op(op::FROZENSET);
-        } else {
-            self.call("__builtin__", "frozenset", |args| args.list(members));
-        }
-    }
-
-    /// The name of a function or class.
-    pub fn global(&mut self, module: &'static str, name: &'static str) {
-        if self.protocol >= Protocol::V4 {
-            self.str(module);
-            self.str(name);
-            self.op(op::STACK_GLOBAL);
-        } else {
-            self.op(op::GLOBAL);
-            for text in [module, name] {
-                self.raw(text.as_bytes());
-                self.op(b'\n');
-            }
-        }
-    }
-
-    /// Writes a call of the function or class with the arguments that `args` writes.
-    pub fn call(&mut self, module: &'static str, name: &'static str, args: impl FnOnce(&mut Self)) {
-        self.global(module, name);
-        self.tuple(args);
-        self.op(op::REDUCE);
-    }
-
-    /// An instance of a class, made without its `__init__`.
-    pub fn instance(
-        &mut self,
-        module: &'static str,
-        name: &'static str,
-        args: impl FnOnce(&mut Self),
-    ) {
-        self.global(module, name);
-        self.tuple(args);
-        self.op(op::NEWOBJ);
-    }
-
-    /// Gives the object that was just written the state that `state` writes.
-    pub fn state(&mut self, state: impl FnOnce(&mut Self)) {
-        state(self);
-        self.op(op::BUILD);
-    }
-
-    /// Appends what `items` writes to the object that was just written.
-    pub fn append(&mut self, items: impl FnOnce(&mut Self)) {
-        self.op(op::MARK);
-        items(self);
-        self.op(op::APPENDS);
-    }
-
-    /// Sets the pairs that `pairs` writes in the object that was just written.
-    pub fn set_items(&mut self, pairs: impl FnOnce(&mut Self)) {
-        self.op(op::MARK);
-        pairs(self);
-        self.op(op::SETITEMS);
-    }
-
-    /// Writes a reference to an object beside the pickle, by the id that `id` writes.
-    pub fn persistent(&mut self, id: impl FnOnce(&mut Self)) {
-        id(self);
-        self.op(op::BINPERSID);
+        self.tuple_since_mark().op(op::BUILD)
     }
 }

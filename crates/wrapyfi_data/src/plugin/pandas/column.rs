@@ -11,17 +11,12 @@
 use std::sync::Arc;
 
 use arrow_array::cast::AsArray as _;
-use arrow_array::types::{
-    ArrowPrimitiveType, DurationMicrosecondType, DurationMillisecondType, DurationNanosecondType,
-    DurationSecondType, Float16Type, Float32Type, Float64Type, Int8Type, Int16Type, Int32Type,
-    Int64Type, TimestampMicrosecondType, TimestampMillisecondType, TimestampNanosecondType,
-    TimestampSecondType, UInt8Type, UInt16Type, UInt32Type, UInt64Type,
-};
+use arrow_array::types::Int64Type;
 use arrow_array::{
     Array as _, ArrayRef, BooleanArray, DictionaryArray, Int8Array, Int16Array, Int32Array,
-    Int64Array, PrimitiveArray,
+    Int64Array, make_array,
 };
-use arrow_buffer::{ArrowNativeType as _, BooleanBuffer, NullBuffer, ScalarBuffer};
+use arrow_buffer::{BooleanBuffer, NullBuffer};
 use arrow_schema::DataType;
 use bytes::Bytes;
 
@@ -31,7 +26,7 @@ use super::frame::{Column, Index, range_length};
 use super::index::index;
 use super::objects::{self, Missing};
 use crate::codec::pickle::{Node, PickleCall, PickleError, PickledArray, View};
-use crate::types::{Dtype, NumpyArray, Tensor};
+use crate::types::{Dtype, NumpyArray, Tensor, arrow};
 
 type Result<T> = std::result::Result<T, PickleError>;
 
@@ -98,20 +93,9 @@ pub(super) fn typed(values: &Node<'_>, dtype: &Node<'_>, budget: &Budget) -> Res
 fn in_zone(array: &ArrayRef, dtype: &str) -> Option<ArrayRef> {
     let (unit, zone) = dtype.strip_prefix("datetime64[")?.strip_suffix(']')?.split_once(", ")?;
     let zone = zone.strip_prefix("UTC").filter(|offset| !offset.is_empty()).unwrap_or(zone);
-    let counts = array.as_primitive::<Int64Type>().values().clone();
-    let nulls = not_a_time(&counts);
-    macro_rules! stamps {
-        ($kind:ty) => {
-            Arc::new(PrimitiveArray::<$kind>::new(counts, nulls).with_timezone(zone)) as ArrayRef
-        };
-    }
-    Some(match unit {
-        "s" => stamps!(TimestampSecondType),
-        "ms" => stamps!(TimestampMillisecondType),
-        "us" => stamps!(TimestampMicrosecondType),
-        "ns" => stamps!(TimestampNanosecondType),
-        _ => return None,
-    })
+    let nulls = not_a_time(array.as_primitive::<Int64Type>().values().iter().copied());
+    let zoned = DataType::Timestamp(arrow::unit(unit)?, Some(zone.into()));
+    array.to_data().into_builder().data_type(zoned).nulls(nulls).build().ok().map(make_array)
 }
 
 /// `__pyx_unpickle_NDArrayBacked(class, checksum, None)`, state `(dtype, ndarray, …)`.
@@ -157,15 +141,15 @@ fn periods(values: &Node<'_>, dtype: &Node<'_>, budget: &Budget) -> Result<Vec<T
     let counted = from_numpy(values, budget, None)?.into_iter().map(|(array, _)| {
         let counts = array.as_primitive_opt::<Int64Type>();
         let counts = counts.ok_or_else(|| values.unexpected("periods as int64"))?.values().clone();
-        let nulls = not_a_time(&counts);
+        let nulls = not_a_time(counts.iter().copied());
         Ok((Arc::new(Int64Array::new(counts, nulls)) as ArrayRef, name.to_owned()))
     });
     counted.collect()
 }
 
 /// Validity of counts of a unit of time; `None` where no count is missing.
-fn not_a_time(counts: &[i64]) -> Option<NullBuffer> {
-    let valid = NullBuffer::from_iter(counts.iter().map(|&count| count != i64::MIN));
+fn not_a_time(counts: impl Iterator<Item = i64>) -> Option<NullBuffer> {
+    let valid = NullBuffer::from_iter(counts.map(|count| count != i64::MIN));
     (valid.null_count() > 0).then_some(valid)
 }
 
@@ -291,32 +275,24 @@ fn numbers(node: &Node<'_>, tensor: &Tensor, rows: &Rows, row: usize) -> Result<
             let bits = data.iter().map(|&byte| byte != 0).collect::<BooleanBuffer>();
             Arc::new(BooleanArray::new(bits, None))
         }
-        Dtype::I8 => primitive::<Int8Type>(data, None),
-        Dtype::I16 => primitive::<Int16Type>(data, None),
-        Dtype::I32 => primitive::<Int32Type>(data, None),
-        Dtype::I64 => primitive::<Int64Type>(data, None),
-        Dtype::U8 => primitive::<UInt8Type>(data, None),
-        Dtype::U16 => primitive::<UInt16Type>(data, None),
-        Dtype::U32 => primitive::<UInt32Type>(data, None),
-        Dtype::U64 => primitive::<UInt64Type>(data, None),
-        Dtype::F16 => primitive::<Float16Type>(data, None),
-        Dtype::F32 => primitive::<Float32Type>(data, None),
-        Dtype::F64 => primitive::<Float64Type>(data, None),
-        Dtype::BF16 | Dtype::C64 | Dtype::C128 => {
-            return Err(node.unexpected("numbers that Arrow has, not complex ones"));
+        dtype => {
+            let number = arrow::number_type(dtype.name())
+                .ok_or_else(|| node.unexpected("numbers that Arrow has, not complex ones"))?;
+            fixed(node, number, rows.length, data, None)?
         }
     };
     Ok((array, tensor.dtype().name().to_owned()))
 }
 
-/// Elements where they lie, or copied where they lie unaligned.
-fn primitive<T: ArrowPrimitiveType>(data: Bytes, nulls: Option<NullBuffer>) -> ArrayRef {
-    let size = T::Native::get_byte_width();
-    let aligned = data.as_ptr().align_offset(align_of::<T::Native>()) == 0;
-    let buffer =
-        if aligned { arrow_buffer::Buffer::from(data) } else { arrow_buffer::Buffer::from(&*data) };
-    let length = buffer.len() / size;
-    Arc::new(PrimitiveArray::<T>::new(ScalarBuffer::new(buffer, 0, length), nulls))
+fn fixed(
+    node: &Node<'_>,
+    data_type: DataType,
+    length: usize,
+    data: Bytes,
+    nulls: Option<NullBuffer>,
+) -> Result<ArrayRef> {
+    let array = arrow::fixed(data_type, length, data, nulls);
+    array.map(make_array).map_err(|error| node.unexpected(error.to_string()))
 }
 
 /// `datetime64` and `timedelta64`; NaT is missing.
@@ -331,42 +307,19 @@ fn times(
     let descr = array.descr.trim_matches('\'');
     let unit = descr.split_once('[').and_then(|(_, unit)| unit.strip_suffix(']'));
     let wrong = || node.unexpected("times in s, ms, us or ns, little-endian");
-    let unit = unit.ok_or_else(wrong)?;
-    let (chunks, _) = data.as_chunks::<8>();
-    let valid = chunks.iter().map(|&chunk| i64::from_le_bytes(chunk) != i64::MIN);
-    let nulls = NullBuffer::from_iter(valid);
-    let nulls = (nulls.null_count() > 0).then_some(nulls);
-    macro_rules! stamps {
-        ($kind:ty) => {{
-            let size = <$kind as ArrowPrimitiveType>::Native::get_byte_width();
-            let aligned = data.as_ptr().align_offset(size) == 0;
-            let buffer = if aligned {
-                arrow_buffer::Buffer::from(data.clone())
-            } else {
-                arrow_buffer::Buffer::from(&*data)
-            };
-            let values = ScalarBuffer::new(buffer, 0, rows.length);
-            let array = PrimitiveArray::<$kind>::new(values, nulls);
-            Arc::new(array.with_timezone_opt(zone.cloned())) as ArrayRef
-        }};
-    }
-    let array = match (descr.get(..3), unit) {
-        (Some("<M8"), "s") => stamps!(TimestampSecondType),
-        (Some("<M8"), "ms") => stamps!(TimestampMillisecondType),
-        (Some("<M8"), "us") => stamps!(TimestampMicrosecondType),
-        (Some("<M8"), "ns") => stamps!(TimestampNanosecondType),
-        (Some("<m8"), "s") => primitive::<DurationSecondType>(data, nulls),
-        (Some("<m8"), "ms") => primitive::<DurationMillisecondType>(data, nulls),
-        (Some("<m8"), "us") => primitive::<DurationMicrosecondType>(data, nulls),
-        (Some("<m8"), "ns") => primitive::<DurationNanosecondType>(data, nulls),
+    let name = unit.ok_or_else(wrong)?;
+    let unit = arrow::unit(name).ok_or_else(wrong)?;
+    let (data_type, dtype) = match (descr.get(..3), zone) {
+        (Some("<M8"), None) => (DataType::Timestamp(unit, None), format!("datetime64[{name}]")),
+        (Some("<M8"), Some(zone)) => {
+            (DataType::Timestamp(unit, Some(Arc::clone(zone))), zoned(name, zone))
+        }
+        (Some("<m8"), _) => (DataType::Duration(unit), format!("timedelta64[{name}]")),
         _ => return Err(wrong()),
     };
-    let dtype = match (descr.get(1..2), zone) {
-        (Some("m"), _) => format!("timedelta64[{unit}]"),
-        (_, Some(zone)) => zoned(unit, zone),
-        (_, None) => format!("datetime64[{unit}]"),
-    };
-    Ok((array, dtype))
+    let (counts, _) = data.as_chunks::<8>();
+    let nulls = not_a_time(counts.iter().map(|&count| i64::from_le_bytes(count)));
+    Ok((fixed(node, data_type, rows.length, data, nulls)?, dtype))
 }
 
 /// Values and a mask that is true where they are missing.
@@ -395,7 +348,7 @@ fn masked(node: &Node<'_>, call: &PickleCall<'_>, budget: &Budget) -> Result<Typ
             .replacen("int", "Int", 1)
             .replacen("float", "Float", 1),
     };
-    Ok((arrow_array::make_array(data), name))
+    Ok((make_array(data), name))
 }
 
 /// Codes into the categories of a `CategoricalDtype`; -1 is missing.

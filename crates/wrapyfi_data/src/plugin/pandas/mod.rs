@@ -26,10 +26,9 @@ mod write;
 
 use super::budget::Budget;
 use super::numpy_pickle::in_pickle;
-use super::pyarrow::pickled;
-use super::stack::Stack;
+use super::pyarrow::{parts_of, pickled};
 use super::{Body, Part, Plugin, PluginError, Unpacking};
-use crate::codec::pickle::Allowed;
+use crate::codec::pickle::{Allowed, Writer};
 use crate::types::Value;
 use frame::Frame;
 
@@ -51,9 +50,9 @@ impl Plugin for Pandas {
 
     fn encode(&self, value: &Value) -> Result<Vec<Part>, PluginError> {
         let table = value.as_table().ok_or_else(|| PluginError::not_mine("table", value))?;
-        let mut to = Stack::new();
+        let mut to = Writer::new();
         write::frame(&mut to, &Frame::from_table(table)?)?;
-        to.into_parts()
+        Ok(parts_of(to))
     }
 }
 

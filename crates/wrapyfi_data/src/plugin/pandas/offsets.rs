@@ -5,8 +5,7 @@
 //! ```
 
 use super::super::PluginError;
-use super::super::stack::Stack;
-use crate::codec::pickle::{Node, PickleError};
+use crate::codec::pickle::{Node, PickleError, Writer};
 
 /// Kind of the suffix behind the code: `W-MON`, `QE-DEC`, `SME-15`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -114,7 +113,7 @@ fn is_zero(delta: &Node<'_>) -> bool {
 }
 
 /// Writes the offset that `text` says.
-pub(super) fn write(to: &mut Stack, text: &str) -> Result<(), PluginError> {
+pub(super) fn write(to: &mut Writer, text: &str) -> Result<(), PluginError> {
     let unknown = || {
         PluginError::unsupported(
             format!("times whose freq is {text:?}"),

@@ -17,14 +17,12 @@ use std::collections::HashSet;
 
 use arrow_array::cast::AsArray as _;
 use arrow_array::types::{
-    ArrowDictionaryKeyType, Float16Type, Float32Type, Float64Type, Int8Type, Int16Type, Int32Type,
-    Int64Type, UInt8Type, UInt16Type, UInt32Type, UInt64Type,
+    ArrowDictionaryKeyType, Float64Type, Int8Type, Int16Type, Int32Type, Int64Type, UInt8Type,
+    UInt16Type, UInt32Type,
 };
-use arrow_array::{Array, ArrayRef, ArrowPrimitiveType};
-use arrow_schema::{DataType, TimeUnit};
-use bytes::Bytes;
+use arrow_array::{Array, ArrayRef};
+use arrow_schema::DataType;
 
-use super::super::stack::Stack;
 use super::super::{PluginError, pyarrow};
 use super::column::{ARROW, PERIOD, zoned};
 use super::frame::{Column, Frame, Index, Kind};
@@ -32,11 +30,12 @@ use super::offsets;
 use crate::codec::json;
 use crate::codec::pickle::Writer;
 use crate::types::Value;
+use crate::types::arrow::{self, unit_name};
 
 type Result<T = ()> = std::result::Result<T, PluginError>;
 
 /// Writes a data frame, a series or an index.
-pub(super) fn frame(to: &mut Stack, frame: &Frame) -> Result {
+pub(super) fn frame(to: &mut Writer, frame: &Frame) -> Result {
     match (frame.kind, &frame.columns[..]) {
         (Kind::Index, _) => index(to, &frame.index),
         (Kind::Series, [only]) => {
@@ -52,7 +51,7 @@ pub(super) fn frame(to: &mut Stack, frame: &Frame) -> Result {
     }
 }
 
-fn data_frame(to: &mut Stack, frame: &Frame, columns: &[Column]) -> Result {
+fn data_frame(to: &mut Writer, frame: &Frame, columns: &[Column]) -> Result {
     let mut seen = HashSet::new();
     for column in columns {
         let key = json::encode(&column.label).unwrap_or_default();
@@ -84,7 +83,7 @@ fn data_frame(to: &mut Stack, frame: &Frame, columns: &[Column]) -> Result {
 }
 
 /// The row of labels: a range where it is one, as pandas itself makes it.
-fn labels(to: &mut Stack, frame: &Frame, columns: &[Column]) -> Result {
+fn labels(to: &mut Writer, frame: &Frame, columns: &[Column]) -> Result {
     let counted = columns.iter().zip(0..).all(|(column, n)| column.label == Value::Int(n));
     if counted {
         let stop = i64::try_from(columns.len()).unwrap_or(i64::MAX);
@@ -115,7 +114,7 @@ fn labels(to: &mut Stack, frame: &Frame, columns: &[Column]) -> Result {
     Ok(())
 }
 
-fn index(to: &mut Stack, index: &Index) -> Result {
+fn index(to: &mut Writer, index: &Index) -> Result {
     match index {
         Index::Range { start, stop, step, name } => range(to, *start, *stop, *step, name),
         Index::Column(column, None) => labelled(to, column, &column.label),
@@ -163,7 +162,7 @@ fn index(to: &mut Stack, index: &Index) -> Result {
 }
 
 /// `pandas.Index(values, dtype, copy, name)`.
-fn labelled(to: &mut Stack, column: &Column, name: &Value) -> Result {
+fn labelled(to: &mut Writer, column: &Column, name: &Value) -> Result {
     to.global("pandas", "Index").mark();
     values(to, column)?;
     dtype(to, column);
@@ -175,9 +174,9 @@ fn labelled(to: &mut Stack, column: &Column, name: &Value) -> Result {
 
 /// `_new_Index(class, {argument: value, …})`.
 fn made_by_name(
-    to: &mut Stack,
+    to: &mut Writer,
     class: &'static str,
-    arguments: impl FnOnce(&mut Stack) -> Result,
+    arguments: impl FnOnce(&mut Writer) -> Result,
 ) -> Result {
     to.global("pandas.core.indexes.base", "_new_Index").global("pandas", class).mark();
     arguments(to)?;
@@ -185,14 +184,14 @@ fn made_by_name(
     Ok(())
 }
 
-fn range(to: &mut Stack, start: i64, stop: i64, step: i64, name: &Value) -> Result {
+fn range(to: &mut Writer, start: i64, stop: i64, step: i64, name: &Value) -> Result {
     to.global("pandas", "RangeIndex").mark().int(start).int(stop).int(step).none().bool(false);
     label(to, name)?;
     to.tuple_since_mark().reduce();
     Ok(())
 }
 
-fn label(to: &mut Stack, named: &Value) -> Result {
+fn label(to: &mut Writer, named: &Value) -> Result {
     match named {
         Value::Null => to.none(),
         Value::Bool(value) => to.bool(*value),
@@ -223,7 +222,7 @@ fn no_label(label: &Value) -> PluginError {
 }
 
 /// The type to ask for, where pandas would not find it in the values.
-fn dtype(to: &mut Stack, column: &Column) {
+fn dtype(to: &mut Writer, column: &Column) {
     let own = match column.array.data_type() {
         _ if column.dtype.ends_with(ARROW) => None,
         DataType::Timestamp(unit, Some(zone)) => Some(zoned(unit_name(*unit), zone)),
@@ -252,17 +251,8 @@ fn masked_class(column: &Column) -> Option<&'static str> {
     (has_mask || column.array.null_count() > 0).then_some(class)
 }
 
-fn unit_name(unit: TimeUnit) -> &'static str {
-    match unit {
-        TimeUnit::Second => "s",
-        TimeUnit::Millisecond => "ms",
-        TimeUnit::Microsecond => "us",
-        TimeUnit::Nanosecond => "ns",
-    }
-}
-
 /// The values of a column as something that pandas takes.
-fn values(to: &mut Stack, column: &Column) -> Result {
+fn values(to: &mut Writer, column: &Column) -> Result {
     let array = &column.array;
     if column.dtype.ends_with(ARROW) {
         return of_pyarrow(to, array);
@@ -287,7 +277,7 @@ fn values(to: &mut Stack, column: &Column) -> Result {
 }
 
 /// The values where none is missing, whatever stands there.
-fn plain(to: &mut Stack, column: &Column) -> Result {
+fn plain(to: &mut Writer, column: &Column) -> Result {
     let array = &column.array;
     match array.data_type() {
         DataType::Utf8 | DataType::LargeUtf8 | DataType::Binary | DataType::LargeBinary => {
@@ -298,17 +288,6 @@ fn plain(to: &mut Stack, column: &Column) -> Result {
                 array.as_boolean().iter().map(|value| u8::from(value == Some(true))).collect();
             to.array("|b1", array.len(), bytes.into());
         }
-        DataType::Int8 => numbers::<Int8Type>(to, array, "|i1"),
-        DataType::Int16 => numbers::<Int16Type>(to, array, "<i2"),
-        DataType::Int32 => numbers::<Int32Type>(to, array, "<i4"),
-        DataType::Int64 => numbers::<Int64Type>(to, array, "<i8"),
-        DataType::UInt8 => numbers::<UInt8Type>(to, array, "|u1"),
-        DataType::UInt16 => numbers::<UInt16Type>(to, array, "<u2"),
-        DataType::UInt32 => numbers::<UInt32Type>(to, array, "<u4"),
-        DataType::UInt64 => numbers::<UInt64Type>(to, array, "<u8"),
-        DataType::Float16 => numbers::<Float16Type>(to, array, "<f2"),
-        DataType::Float32 => numbers::<Float32Type>(to, array, "<f4"),
-        DataType::Float64 => numbers::<Float64Type>(to, array, "<f8"),
         // With a zone the numbers are what pandas takes for instants; times would be local.
         DataType::Timestamp(_, Some(_)) => times(to, array, "<i8"),
         DataType::Timestamp(unit, None) => {
@@ -316,6 +295,14 @@ fn plain(to: &mut Stack, column: &Column) -> Result {
         }
         DataType::Duration(unit) => times(to, array, &format!("<m8[{}]", unit_name(*unit))),
         DataType::Dictionary(..) => return categories(to, column),
+        number if number.is_integer() || number.is_floating() => {
+            let elements = arrow::elements(array);
+            let descr = elements.as_ref().and_then(|elements| elements.dtype().npy_descr());
+            let (Some(elements), Some(descr)) = (elements, descr) else {
+                return of_pyarrow(to, array);
+            };
+            to.array(descr, array.len(), elements.data().clone());
+        }
         // Types that NumPy has not: lists, structs, decimals, days.
         _ => return of_pyarrow(to, array),
     }
@@ -323,20 +310,15 @@ fn plain(to: &mut Stack, column: &Column) -> Result {
 }
 
 /// pandas's array over one of PyArrow.
-fn of_pyarrow(to: &mut Stack, array: &ArrayRef) -> Result {
+fn of_pyarrow(to: &mut Writer, array: &ArrayRef) -> Result {
     to.global("pandas.arrays", "ArrowExtensionArray");
     pyarrow::write_array(to, &array.to_data())?;
     to.tuple(1).reduce();
     Ok(())
 }
 
-fn numbers<T: ArrowPrimitiveType>(to: &mut Stack, array: &ArrayRef, descr: &str) {
-    let values = array.as_primitive::<T>().values();
-    to.array(descr, array.len(), Bytes::copy_from_slice(values.inner().as_slice()));
-}
-
 /// Counts of a unit of time; missing ones are NaT.
-fn times(to: &mut Stack, array: &ArrayRef, descr: &str) {
+fn times(to: &mut Writer, array: &ArrayRef, descr: &str) {
     let data = array.to_data();
     let all = data.buffers().first().map(arrow_buffer::Buffer::as_slice).unwrap_or_default();
     let (counts, _) = all.as_chunks::<8>();
@@ -348,12 +330,14 @@ fn times(to: &mut Stack, array: &ArrayRef, descr: &str) {
 }
 
 /// Python objects, one each.
-fn objects(to: &mut Stack, column: &Column) -> Result {
+fn objects(to: &mut Writer, column: &Column) -> Result {
     let array = &column.array;
-    let missing = |to: &mut Writer| match column.dtype.as_str() {
-        "object(nan)" | "str" => to.float(f64::NAN),
-        "object(NA)" => to.global("pandas", "NA"),
-        _ => to.none(),
+    let missing = |to: &mut Writer| {
+        match column.dtype.as_str() {
+            "object(nan)" | "str" => to.float(f64::NAN),
+            "object(NA)" => to.global("pandas", "NA"),
+            _ => to.none(),
+        };
     };
     macro_rules! each {
         ($values:expr, |$to:ident, $value:ident| $write:expr) => {{
@@ -361,7 +345,7 @@ fn objects(to: &mut Stack, column: &Column) -> Result {
             to.objects(array.len(), |$to| {
                 for value in values.iter() {
                     match value {
-                        Some($value) => $write,
+                        Some($value) => _ = $write,
                         None => missing($to),
                     }
                 }
@@ -389,7 +373,7 @@ fn objects(to: &mut Stack, column: &Column) -> Result {
 }
 
 /// `pandas.Categorical.from_codes(codes, categories, ordered)`.
-fn categories(to: &mut Stack, column: &Column) -> Result {
+fn categories(to: &mut Writer, column: &Column) -> Result {
     let data_type = column.array.data_type();
     let (codes, values) = codes(&column.array).ok_or_else(|| {
         PluginError::unsupported(
@@ -406,7 +390,7 @@ fn categories(to: &mut Stack, column: &Column) -> Result {
 }
 
 /// The codes of a dictionary of this type, as wide as they were; unsigned ones have room for -1.
-fn write_codes(to: &mut Stack, data_type: &DataType, codes: &[i64]) {
+fn write_codes(to: &mut Writer, data_type: &DataType, codes: &[i64]) {
     let key = match data_type {
         DataType::Dictionary(key, _) => &**key,
         other => other,

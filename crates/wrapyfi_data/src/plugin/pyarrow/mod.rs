@@ -29,9 +29,8 @@ use arrow_schema::{ArrowError, Field, Schema};
 
 use super::budget::Budget;
 use super::numpy_pickle::in_pickle;
-use super::stack::Stack;
 use super::{Body, Part, Plugin, PluginError, Unpacking};
-use crate::codec::pickle::{self, Allowed};
+use crate::codec::pickle::{self, Allowed, Writer};
 use crate::types::{Origin, Table, Value};
 
 pub(super) use read::array;
@@ -56,9 +55,9 @@ impl Plugin for PyArrow {
 
     fn encode(&self, value: &Value) -> Result<Vec<Part>, PluginError> {
         let table = value.as_table().ok_or_else(|| PluginError::not_mine("table", value))?;
-        let mut to = Stack::new();
+        let mut to = Writer::new();
         write::table(&mut to, table)?;
-        to.into_parts()
+        Ok(parts_of(to))
     }
 }
 
@@ -71,6 +70,13 @@ pub(super) fn pickled(
     let data = body.latin1(0)?;
     let buffers = (1..body.len()).map(|part| body.base64(part)).collect::<Result<Vec<_>, _>>()?;
     pickle::read(&data, &buffers, allowed, context.limits).map_err(in_pickle)
+}
+
+/// The parts in which [`pickled`] finds what was written.
+pub(super) fn parts_of(pickle: Writer) -> Vec<Part> {
+    let (data, buffers) = pickle.finish();
+    let buffers = buffers.into_iter().map(Part::base64);
+    std::iter::once(Part::Latin1(data.into())).chain(buffers).collect()
 }
 
 /// A table of one column.

@@ -25,9 +25,8 @@ use arrow_schema::{ArrowError, DataType, Fields, TimeUnit};
 
 use super::super::PluginError;
 use super::super::budget::Budget;
-use super::super::stack::Stack;
 use super::types;
-use crate::codec::pickle::{Node, PickleCall, PickleError, View};
+use crate::codec::pickle::{Node, PickleCall, PickleError, View, Writer};
 
 type Result<T> = std::result::Result<T, PickleError>;
 
@@ -298,7 +297,7 @@ fn decimal(node: &Node<'_>, scale: i8) -> Result<i128> {
 }
 
 /// Writes the one element of `array`.
-pub(super) fn write(to: &mut Stack, array: &ArrayRef) -> std::result::Result<(), PluginError> {
+pub(super) fn write(to: &mut Writer, array: &ArrayRef) -> std::result::Result<(), PluginError> {
     to.global("pyarrow.lib", "scalar");
     value(to, array, 0)?;
     types::write_type(to, array.data_type())?;
@@ -307,7 +306,7 @@ pub(super) fn write(to: &mut Stack, array: &ArrayRef) -> std::result::Result<(),
 }
 
 /// Element `row` as Python has it.
-fn value(to: &mut Stack, array: &ArrayRef, row: usize) -> std::result::Result<(), PluginError> {
+fn value(to: &mut Writer, array: &ArrayRef, row: usize) -> std::result::Result<(), PluginError> {
     if array.is_null(row) || *array.data_type() == DataType::Null {
         to.none();
         return Ok(());
@@ -380,7 +379,7 @@ fn recount(array: &ArrayRef, data_type: &DataType) -> std::result::Result<ArrayR
     })
 }
 
-fn list(to: &mut Stack, elements: &ArrayRef) -> std::result::Result<(), PluginError> {
+fn list(to: &mut Writer, elements: &ArrayRef) -> std::result::Result<(), PluginError> {
     to.mark();
     for row in 0..elements.len() {
         value(to, elements, row)?;

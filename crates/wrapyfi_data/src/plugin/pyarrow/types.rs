@@ -11,8 +11,8 @@ use arrow_schema::{DataType, Field, Fields, Metadata, Schema, TimeUnit};
 
 use super::super::PluginError;
 use super::super::budget::Budget;
-use super::super::stack::Stack;
-use crate::codec::pickle::{Node, PickleError};
+use crate::codec::pickle::{Node, PickleError, Writer};
+use crate::types::arrow::{unit, unit_name};
 
 /// Deepest nesting of a type.
 const MAX_DEPTH: usize = 64;
@@ -57,26 +57,6 @@ const ALIASES: [(&str, &str); 8] = [
 ];
 
 type Result<T> = std::result::Result<T, PickleError>;
-
-/// A unit of time by PyArrow's name.
-pub(super) fn unit(name: &str) -> Option<TimeUnit> {
-    Some(match name {
-        "s" => TimeUnit::Second,
-        "ms" => TimeUnit::Millisecond,
-        "us" => TimeUnit::Microsecond,
-        "ns" => TimeUnit::Nanosecond,
-        _ => return None,
-    })
-}
-
-pub(super) fn unit_name(unit: TimeUnit) -> &'static str {
-    match unit {
-        TimeUnit::Second => "s",
-        TimeUnit::Millisecond => "ms",
-        TimeUnit::Microsecond => "us",
-        TimeUnit::Nanosecond => "ns",
-    }
-}
 
 /// Reads a type.
 pub(super) fn data_type(node: &Node<'_>, budget: &Budget) -> Result<DataType> {
@@ -239,7 +219,7 @@ pub(in crate::plugin) fn type_name(data_type: &DataType) -> String {
 
 /// Writes a type.
 pub(super) fn write_type(
-    to: &mut Stack,
+    to: &mut Writer,
     data_type: &DataType,
 ) -> std::result::Result<(), PluginError> {
     const LIB: &str = "pyarrow.lib";
@@ -302,7 +282,7 @@ pub(super) fn write_type(
     Ok(())
 }
 
-fn write_fields(to: &mut Stack, fields: &Fields) -> std::result::Result<(), PluginError> {
+fn write_fields(to: &mut Writer, fields: &Fields) -> std::result::Result<(), PluginError> {
     to.mark();
     for field in fields {
         write_field(to, field)?;
@@ -312,7 +292,7 @@ fn write_fields(to: &mut Stack, fields: &Fields) -> std::result::Result<(), Plug
 }
 
 /// Writes a field.
-fn write_field(to: &mut Stack, field: &Field) -> std::result::Result<(), PluginError> {
+fn write_field(to: &mut Writer, field: &Field) -> std::result::Result<(), PluginError> {
     to.global("pyarrow.lib", "field").mark().str(field.name());
     write_type(to, field.data_type())?;
     to.bool(field.is_nullable());
@@ -323,7 +303,7 @@ fn write_field(to: &mut Stack, field: &Field) -> std::result::Result<(), PluginE
 
 /// Writes a schema.
 pub(super) fn write_schema(
-    to: &mut Stack,
+    to: &mut Writer,
     schema: &Schema,
 ) -> std::result::Result<(), PluginError> {
     to.global("pyarrow.lib", "schema");
@@ -333,7 +313,7 @@ pub(super) fn write_schema(
     Ok(())
 }
 
-fn write_metadata(to: &mut Stack, metadata: &Metadata) {
+fn write_metadata(to: &mut Writer, metadata: &Metadata) {
     if metadata.is_empty() {
         to.none();
         return;

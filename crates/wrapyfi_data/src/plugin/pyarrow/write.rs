@@ -7,14 +7,14 @@ use arrow_schema::DataType;
 use bytes::Bytes;
 
 use super::super::PluginError;
-use super::super::stack::Stack;
 use super::{scalar, types};
+use crate::codec::pickle::Writer;
 use crate::types::Table;
 
 const LIB: &str = "pyarrow.lib";
 
 /// Writes what the table was, by its origin's `kind`.
-pub(super) fn table(to: &mut Stack, table: &Table) -> Result<(), PluginError> {
+pub(super) fn table(to: &mut Writer, table: &Table) -> Result<(), PluginError> {
     let kind = table.origin.get("kind").unwrap_or("Table");
     let columns = table.batch.columns();
     match (kind, columns) {
@@ -48,7 +48,7 @@ pub(super) fn table(to: &mut Stack, table: &Table) -> Result<(), PluginError> {
     }
 }
 
-fn chunked(to: &mut Stack, data: &ArrayData) -> Result<(), PluginError> {
+fn chunked(to: &mut Writer, data: &ArrayData) -> Result<(), PluginError> {
     to.global(LIB, "chunked_array").mark();
     array(to, data)?;
     to.list_since_mark();
@@ -58,7 +58,7 @@ fn chunked(to: &mut Stack, data: &ArrayData) -> Result<(), PluginError> {
 }
 
 /// Writes an array.
-pub(in crate::plugin) fn array(to: &mut Stack, data: &ArrayData) -> Result<(), PluginError> {
+pub(in crate::plugin) fn array(to: &mut Writer, data: &ArrayData) -> Result<(), PluginError> {
     to.global(LIB, "_restore_array");
     parts(to, data)?;
     to.tuple(1).reduce();
@@ -67,7 +67,7 @@ pub(in crate::plugin) fn array(to: &mut Stack, data: &ArrayData) -> Result<(), P
 
 /// `(type, length, null count, offset, [buffers], [children], dictionary)`, from the first element
 /// on: a part of an array is copied out of it.
-fn parts(to: &mut Stack, data: &ArrayData) -> Result<(), PluginError> {
+fn parts(to: &mut Writer, data: &ArrayData) -> Result<(), PluginError> {
     let whole = data.offset() == 0 && data.nulls().is_none_or(|nulls| nulls.offset() == 0);
     let copied;
     let data = if whole {
@@ -109,7 +109,7 @@ fn parts(to: &mut Stack, data: &ArrayData) -> Result<(), PluginError> {
     Ok(())
 }
 
-fn buffer(to: &mut Stack, content: &[u8]) {
+fn buffer(to: &mut Writer, content: &[u8]) {
     to.global(LIB, "py_buffer").buffer(Bytes::copy_from_slice(content)).tuple(1).reduce();
 }
 

@@ -6,7 +6,7 @@ use serde::forward_to_deserialize_any;
 
 use super::de_access::{Elements, EnumContent, Pairs};
 use super::{TypedError, exact};
-use crate::types::{Dtype, Tensor, Value};
+use crate::types::{Dtype, Tensor, Value, nested_list};
 
 /// Gives a value to whatever is deserialised.
 pub(super) struct FromValue {
@@ -57,29 +57,15 @@ fn visit_big<'de, V: Visitor<'de>>(value: &BigInt, visitor: V) -> Result<V::Valu
 
 /// NumPy's scalars are 0-d arrays on the wire.
 fn visit_scalar<'de, V: Visitor<'de>>(tensor: &Tensor, visitor: V) -> Result<V::Value, TypedError> {
-    macro_rules! first {
-        ($kind:ty) => {
-            tensor.to_vec::<$kind>().and_then(|elements| elements.first().copied())
-        };
-    }
-    let none = || TypedError::new(format!("an array of {} without elements", tensor.dtype()));
     match tensor.dtype() {
-        Dtype::Bool => visitor.visit_bool(first!(bool).ok_or_else(none)?),
-        Dtype::I8 => visitor.visit_i8(first!(i8).ok_or_else(none)?),
-        Dtype::I16 => visitor.visit_i16(first!(i16).ok_or_else(none)?),
-        Dtype::I32 => visitor.visit_i32(first!(i32).ok_or_else(none)?),
-        Dtype::I64 => visitor.visit_i64(first!(i64).ok_or_else(none)?),
-        Dtype::U8 => visitor.visit_u8(first!(u8).ok_or_else(none)?),
-        Dtype::U16 => visitor.visit_u16(first!(u16).ok_or_else(none)?),
-        Dtype::U32 => visitor.visit_u32(first!(u32).ok_or_else(none)?),
-        Dtype::U64 => visitor.visit_u64(first!(u64).ok_or_else(none)?),
-        Dtype::F16 => visitor.visit_f32(first!(half::f16).ok_or_else(none)?.to_f32()),
-        Dtype::BF16 => visitor.visit_f32(first!(half::bf16).ok_or_else(none)?.to_f32()),
-        Dtype::F32 => visitor.visit_f32(first!(f32).ok_or_else(none)?),
-        Dtype::F64 => visitor.visit_f64(first!(f64).ok_or_else(none)?),
         // A complex number is the pair that num-complex deserialises from.
         Dtype::C64 => visitor.visit_seq(Elements::parts_of_complex(tensor, Dtype::F32)),
         Dtype::C128 => visitor.visit_seq(Elements::parts_of_complex(tensor, Dtype::F64)),
+        dtype => {
+            let value = nested_list(tensor)
+                .ok_or_else(|| TypedError::new(format!("an array of {dtype} without elements")))?;
+            FromValue { value, key: false }.deserialize_any(visitor)
+        }
     }
 }
 

@@ -32,32 +32,12 @@ use arrow_buffer::{
     ArrowNativeType as _, BooleanBuffer, Buffer, NullBuffer, OffsetBuffer, ToByteSlice as _,
 };
 use arrow_data::ArrayData;
-use arrow_schema::{ArrowError, DataType, Field, Schema, TimeUnit};
+use arrow_schema::{ArrowError, DataType, Field, Schema};
 use bytes::Bytes;
 
 use super::{origin_body, read_origin, text};
+use crate::types::arrow::{self, unit_name};
 use crate::types::{Dtype, Map, Table, Tensor, Value};
-
-/// Types whose values are plain numbers: name, Arrow's type, what a tensor holds.
-const NUMBERS: [(&str, DataType, Dtype); 17] = [
-    ("int8", DataType::Int8, Dtype::I8),
-    ("int16", DataType::Int16, Dtype::I16),
-    ("int32", DataType::Int32, Dtype::I32),
-    ("int64", DataType::Int64, Dtype::I64),
-    ("uint8", DataType::UInt8, Dtype::U8),
-    ("uint16", DataType::UInt16, Dtype::U16),
-    ("uint32", DataType::UInt32, Dtype::U32),
-    ("uint64", DataType::UInt64, Dtype::U64),
-    ("float16", DataType::Float16, Dtype::F16),
-    ("float32", DataType::Float32, Dtype::F32),
-    ("float64", DataType::Float64, Dtype::F64),
-    ("date32", DataType::Date32, Dtype::I32),
-    ("date64", DataType::Date64, Dtype::I64),
-    ("time32[s]", DataType::Time32(TimeUnit::Second), Dtype::I32),
-    ("time32[ms]", DataType::Time32(TimeUnit::Millisecond), Dtype::I32),
-    ("time64[us]", DataType::Time64(TimeUnit::Microsecond), Dtype::I64),
-    ("time64[ns]", DataType::Time64(TimeUnit::Nanosecond), Dtype::I64),
-];
 
 /// Deepest nesting of categories, lists and structs.
 const MAX_DEPTH: usize = 16;
@@ -115,7 +95,7 @@ fn column(field: &Field, array: &ArrayRef, depth: usize) -> Option<Map> {
         DataType::Dictionary(..) => {
             let dictionary = array.as_any_dictionary();
             let keys = make_array(dictionary.keys().to_data());
-            column.insert("data", numbers(&keys, depth)?);
+            column.insert("data", arrow::elements(&keys)?);
             column.insert("codes", type_name(keys.data_type())?);
             let values = Field::new("", dictionary.values().data_type().clone(), true);
             let categories = self::column(&values, dictionary.values(), depth + 1)?;
@@ -154,7 +134,7 @@ fn column(field: &Field, array: &ArrayRef, depth: usize) -> Option<Map> {
             let bytes = Bytes::copy_from_slice(bytes);
             column.insert("data", Tensor::new(Dtype::U8, [bytes.len()], bytes).ok()?);
         }
-        _ => _ = column.insert("data", numbers(array, depth)?),
+        _ => _ = column.insert("data", arrow::elements(array)?),
     }
     if array.null_count() > 0 && *array.data_type() != DataType::Null {
         let valid: Vec<u8> = (0..array.len()).map(|row| u8::from(array.is_valid(row))).collect();
@@ -178,30 +158,7 @@ fn tensor_of<O: OffsetSizeTrait>(dtype: Dtype, offsets: &[O]) -> Option<Tensor> 
     Tensor::new(dtype, [offsets.len()], bytes).ok()
 }
 
-/// The elements of an array of fixed width, missing ones included.
-fn numbers(array: &ArrayRef, _depth: usize) -> Option<Tensor> {
-    let dtype = dtype_of(array.data_type())?;
-    let data = array.to_data();
-    let begin = data.offset().checked_mul(dtype.size())?;
-    let length = array.len().checked_mul(dtype.size())?;
-    let bytes = data.buffers().first()?.as_slice().get(begin..begin.checked_add(length)?)?;
-    Tensor::new(dtype, [array.len()], Bytes::copy_from_slice(bytes)).ok()
-}
-
-fn dtype_of(data_type: &DataType) -> Option<Dtype> {
-    match data_type {
-        DataType::Timestamp(..) | DataType::Duration(_) => Some(Dtype::I64),
-        other => NUMBERS.iter().find(|(_, known, _)| known == other).map(|(.., dtype)| *dtype),
-    }
-}
-
 fn type_name(data_type: &DataType) -> Option<String> {
-    let unit = |unit: &TimeUnit| match unit {
-        TimeUnit::Second => "s",
-        TimeUnit::Millisecond => "ms",
-        TimeUnit::Microsecond => "us",
-        TimeUnit::Nanosecond => "ns",
-    };
     Some(match data_type {
         DataType::Utf8 => "utf8".into(),
         DataType::LargeUtf8 => "large_utf8".into(),
@@ -213,29 +170,23 @@ fn type_name(data_type: &DataType) -> Option<String> {
         DataType::FixedSizeList(..) => "fixed_size_list".into(),
         DataType::Struct(_) => "struct".into(),
         DataType::Binary => "binary".into(),
-        DataType::Timestamp(of, None) => format!("timestamp[{}]", unit(of)),
-        DataType::Timestamp(of, Some(zone)) => format!("timestamp[{}, {zone}]", unit(of)),
-        DataType::Duration(of) => format!("duration[{}]", unit(of)),
-        other => NUMBERS.iter().find(|(_, known, _)| known == other)?.0.to_owned(),
+        DataType::Timestamp(of, None) => format!("timestamp[{}]", unit_name(*of)),
+        DataType::Timestamp(of, Some(zone)) => format!("timestamp[{}, {zone}]", unit_name(*of)),
+        DataType::Duration(of) => format!("duration[{}]", unit_name(*of)),
+        other => arrow::number_name(other)?.to_owned(),
     })
 }
 
 fn type_of(name: &str) -> Option<DataType> {
-    if let Some((_, found, _)) = NUMBERS.iter().find(|(known, ..)| *known == name) {
-        return Some(found.clone());
+    if let Some(found) = arrow::number_type(name) {
+        return Some(found);
     }
     let (kind, rest) = name.split_once('[')?;
     let (unit, zone) = match rest.strip_suffix(']')?.split_once(", ") {
         Some((unit, zone)) => (unit, Some(Arc::from(zone))),
         None => (rest.strip_suffix(']')?, None),
     };
-    let unit = match unit {
-        "s" => TimeUnit::Second,
-        "ms" => TimeUnit::Millisecond,
-        "us" => TimeUnit::Microsecond,
-        "ns" => TimeUnit::Nanosecond,
-        _ => return None,
-    };
+    let unit = arrow::unit(unit)?;
     match (kind, zone) {
         ("timestamp", zone) => Some(DataType::Timestamp(unit, zone)),
         ("duration", None) => Some(DataType::Duration(unit)),
@@ -442,16 +393,11 @@ fn fixed(
     data_type: &DataType,
     valid: Option<NullBuffer>,
 ) -> Result<ArrayData, String> {
-    let dtype = dtype_of(data_type).ok_or_else(|| format!("{data_type} is no number"))?;
+    let dtype = arrow::dtype_of(data_type).ok_or_else(|| format!("{data_type} is no number"))?;
     let tensor = tensor(data, dtype)?;
     if valid.as_ref().is_some_and(|valid| valid.len() != tensor.element_count()) {
         return Err("valid has another length than data".into());
     }
-    ArrayData::builder(data_type.clone())
-        .len(tensor.element_count())
-        .add_buffer(Buffer::from(tensor.data().clone()))
-        .nulls(valid)
-        .align_buffers(true)
-        .build()
+    arrow::fixed(data_type.clone(), tensor.element_count(), tensor.data().clone(), valid)
         .map_err(|error| error.to_string())
 }

@@ -1,0 +1,94 @@
+//! Arrow's types of fixed width, and their arrays over the bytes of tensors.
+
+use arrow_array::{Array as _, ArrayRef};
+use arrow_buffer::{Buffer, NullBuffer};
+use arrow_data::ArrayData;
+use arrow_schema::{ArrowError, DataType, TimeUnit};
+use bytes::Bytes;
+
+use super::{Dtype, Tensor};
+
+/// Types whose values are plain numbers: name, Arrow's type, what a tensor holds. The numbers of
+/// NumPy have its names.
+const NUMBERS: [(&str, DataType, Dtype); 17] = [
+    ("int8", DataType::Int8, Dtype::I8),
+    ("int16", DataType::Int16, Dtype::I16),
+    ("int32", DataType::Int32, Dtype::I32),
+    ("int64", DataType::Int64, Dtype::I64),
+    ("uint8", DataType::UInt8, Dtype::U8),
+    ("uint16", DataType::UInt16, Dtype::U16),
+    ("uint32", DataType::UInt32, Dtype::U32),
+    ("uint64", DataType::UInt64, Dtype::U64),
+    ("float16", DataType::Float16, Dtype::F16),
+    ("float32", DataType::Float32, Dtype::F32),
+    ("float64", DataType::Float64, Dtype::F64),
+    ("date32", DataType::Date32, Dtype::I32),
+    ("date64", DataType::Date64, Dtype::I64),
+    ("time32[s]", DataType::Time32(TimeUnit::Second), Dtype::I32),
+    ("time32[ms]", DataType::Time32(TimeUnit::Millisecond), Dtype::I32),
+    ("time64[us]", DataType::Time64(TimeUnit::Microsecond), Dtype::I64),
+    ("time64[ns]", DataType::Time64(TimeUnit::Nanosecond), Dtype::I64),
+];
+
+const UNITS: [(&str, TimeUnit); 4] = [
+    ("s", TimeUnit::Second),
+    ("ms", TimeUnit::Millisecond),
+    ("us", TimeUnit::Microsecond),
+    ("ns", TimeUnit::Nanosecond),
+];
+
+/// A unit of time by NumPy's and PyArrow's name: `s`, `ms`, `us` or `ns`.
+pub(crate) fn unit(name: &str) -> Option<TimeUnit> {
+    UNITS.iter().find(|(known, _)| *known == name).map(|(_, unit)| *unit)
+}
+
+/// Name of a unit of time.
+pub(crate) fn unit_name(unit: TimeUnit) -> &'static str {
+    UNITS.iter().find(|(_, known)| *known == unit).map_or("", |(name, _)| name)
+}
+
+/// Type of plain numbers with this name.
+pub(crate) fn number_type(name: &str) -> Option<DataType> {
+    NUMBERS.iter().find(|(known, ..)| *known == name).map(|(_, found, _)| found.clone())
+}
+
+/// Name of a type of plain numbers.
+pub(crate) fn number_name(data_type: &DataType) -> Option<&'static str> {
+    NUMBERS.iter().find(|(_, known, _)| known == data_type).map(|(name, ..)| *name)
+}
+
+/// Element type of the tensor that holds the values of a type; `None` for one without a fixed width.
+pub(crate) fn dtype_of(data_type: &DataType) -> Option<Dtype> {
+    match data_type {
+        DataType::Timestamp(..) | DataType::Duration(_) => Some(Dtype::I64),
+        other => NUMBERS.iter().find(|(_, known, _)| known == other).map(|(.., dtype)| *dtype),
+    }
+}
+
+/// Elements of an array of fixed width, missing ones included.
+pub(crate) fn elements(array: &ArrayRef) -> Option<Tensor> {
+    let dtype = dtype_of(array.data_type())?;
+    let data = array.to_data();
+    let begin = data.offset().checked_mul(dtype.size())?;
+    let length = array.len().checked_mul(dtype.size())?;
+    let bytes = data.buffers().first()?.as_slice().get(begin..begin.checked_add(length)?)?;
+    Tensor::new(dtype, [array.len()], Bytes::copy_from_slice(bytes)).ok()
+}
+
+/// An array of fixed width whose elements stay where they lie, or are copied where they lie unaligned.
+///
+/// # Errors
+/// When `data` is shorter than `length` elements.
+pub(crate) fn fixed(
+    data_type: DataType,
+    length: usize,
+    data: Bytes,
+    nulls: Option<NullBuffer>,
+) -> Result<ArrayData, ArrowError> {
+    ArrayData::builder(data_type)
+        .len(length)
+        .add_buffer(Buffer::from(data))
+        .nulls(nulls)
+        .align_buffers(true)
+        .build()
+}
