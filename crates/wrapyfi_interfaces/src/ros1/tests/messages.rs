@@ -323,7 +323,6 @@ proptest! {
     ) {
         let mut types = Types::new(Rules::built_in(), TypeStore::empty());
         let names: Vec<_> = crate::ros1::standard::names()
-            .into_iter()
             .filter(|(kind, _, _)| *kind == "msg")
             .collect();
         let (_, package, name) = names[which.index(names.len())];
