@@ -210,8 +210,9 @@ impl Drop for Listed {
 /// Asked of the kernel for sockets: RustDDS sends large samples in one burst.
 const SOCKET_BUFFER: usize = 4 << 20;
 
-/// Unacknowledged samples after which a writer waits, where the depth says less.
-const MIN_WINDOW: i32 = 64;
+/// Unacknowledged samples after which a writer waits, where the depth says less. RustDDS waits for a reader that was
+/// killed until its lease is over, 20 s on Fast DDS: this many replies go to the others meanwhile.
+const MIN_WINDOW: i32 = 512;
 
 fn qos(depth: u32) -> QosPolicies {
     let depth = i32::try_from(depth.max(1)).unwrap_or(i32::MAX);

@@ -1,22 +1,26 @@
 //! Replies of one server, kept until their clients hear.
 //!
 //! ```text
-//!   send ─ the client hears ─▶ CdrServer
-//!     └─ not yet ─▶ kept ─ flush, the client hears ─▶ CdrServer ─ refused ─▶ Unsent, counted
-//!                     └─ too long, too many ─▶ unheard, counted
+//!   send ─ the client hears ─▶ CdrServer ◀─────┐
+//!     └─ not yet, or there is no room ─▶ kept ─┴─ flush ─ refused ─▶ Unsent, counted
+//!                                         └─ too long, too many ─▶ unheard, counted
 //! ```
 //!
 //! Discovery may bring a request before its client's other half, and a reply that nobody hears is
-//! lost.
+//! lost. Other clients that do not acknowledge, because they have just come or were killed, take the
+//! room in which replies wait: those to the living wait for it.
 
 use std::collections::VecDeque;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 
 use super::LOOK_AGAIN;
 use crate::graph::{CdrRequest, CdrServer, GraphError, Peers, RequestId};
 use wrapyfi_endpoint::{Clock, Share, Throttle};
+
+/// Time between two tries where clients do not acknowledge; each try waits in DDS as well.
+const TRY_AGAIN: Duration = Duration::from_millis(100);
 
 /// A reply on its way.
 pub(in super::super) struct Reply {
@@ -48,6 +52,8 @@ pub(in super::super) struct Replies {
     unheard: u64,
     /// A client hears since some were kept: others may, too.
     news: bool,
+    /// There was no room for the last reply: those after it wait behind it.
+    is_full: bool,
     complaints: Throttle,
     clock: Clock,
 }
@@ -68,6 +74,7 @@ impl Replies {
             share: Share::default(),
             unheard: 0,
             news: false,
+            is_full: false,
             complaints: Throttle::default(),
             clock: clock.clone(),
         }
@@ -78,13 +85,19 @@ impl Replies {
         self.server.take()
     }
 
-    /// Sends a reply, now or as soon as its client hears.
+    /// Sends a reply, now or as soon as its client hears and there is room.
     pub(in super::super) fn send(&mut self, reply: Reply) -> Result<(), GraphError> {
-        if self.server.hears(&reply.id) {
+        if !self.is_full && self.server.hears(&reply.id) {
             self.news = !self.kept.is_empty();
-            let sent = self.server.reply(&reply.id, &[&reply.cdr]);
-            self.unheard += u64::from(sent.is_err());
-            return sent;
+            match self.server.reply(&reply.id, &[&reply.cdr]) {
+                Err(GraphError::Timeout { .. }) if reply.until > self.clock.now() => {
+                    self.is_full = true;
+                }
+                sent => {
+                    self.unheard += u64::from(sent.is_err());
+                    return sent;
+                }
+            }
         }
         // Those beyond are replies to clients that will never hear.
         while self.kept.len() >= self.limit || !self.share.take(reply.cdr.len()) {
@@ -101,21 +114,27 @@ impl Replies {
     pub(in super::super) fn flush(&mut self) -> Vec<Unsent> {
         let now = self.clock.now();
         let (mut unsent, mut heard) = (Vec::new(), false);
+        self.is_full = false;
         for reply in std::mem::take(&mut self.kept) {
-            let bytes = reply.cdr.len();
-            if self.server.hears(&reply.id) {
-                heard = true;
-                self.share.give(bytes);
-                if let Err(error) = self.server.reply(&reply.id, &[&reply.cdr]) {
+            let (hears, is_due) = (self.server.hears(&reply.id), reply.until > now);
+            let sent =
+                (hears && !self.is_full).then(|| self.server.reply(&reply.id, &[&reply.cdr]));
+            heard |= sent.is_some();
+            self.is_full |= matches!(sent, Some(Err(GraphError::Timeout { .. })));
+            match sent {
+                None | Some(Err(GraphError::Timeout { .. })) if is_due => {
+                    self.kept.push_back(reply);
+                    continue;
+                }
+                None if hears => self.lose(&"other clients of the service held it up"),
+                None => self.lose(&"its client never heard it"),
+                Some(Err(error)) => {
                     self.lose(&error);
                     unsent.push(Unsent { id: reply.id, error });
                 }
-            } else if reply.until > now {
-                self.kept.push_back(reply);
-            } else {
-                self.share.give(bytes);
-                self.lose(&"its client never heard it");
+                Some(Ok(())) => {}
             }
+            self.share.give(reply.cdr.len());
         }
         self.news = heard && !self.kept.is_empty();
         unsent
@@ -125,7 +144,11 @@ impl Replies {
     /// client may have confirmed that it hears.
     pub(in super::super) fn deadline(&self) -> Option<Instant> {
         let over = self.kept.iter().map(|reply| reply.until).min()?;
-        let look_again = if self.news { Some(LOOK_AGAIN) } else { self.server.look_again() };
+        let look_again = match (self.is_full, self.news) {
+            (true, _) => Some(TRY_AGAIN),
+            (false, true) => Some(LOOK_AGAIN),
+            (false, false) => self.server.look_again(),
+        };
         let soon = look_again.map(|wait| self.clock.now() + wait);
         Some(soon.map_or(over, |soon| soon.min(over)))
     }
@@ -173,6 +196,8 @@ mod tests {
     struct Scripted {
         hears: Arc<AtomicBool>,
         refuses: Arc<AtomicBool>,
+        is_full: Arc<AtomicBool>,
+        tries: Arc<AtomicU64>,
         look_again: Option<Duration>,
         sent: Arc<Mutex<Vec<i64>>>,
         lost: Arc<AtomicU64>,
@@ -192,8 +217,12 @@ mod tests {
         }
 
         fn reply(&mut self, id: &RequestId, _: &[&[u8]]) -> Result<(), GraphError> {
+            self.tries.fetch_add(1, Relaxed);
             if self.refuses.load(Relaxed) {
                 return Err(refusal());
+            }
+            if self.is_full.load(Relaxed) {
+                return Err(GraphError::Timeout { topic: "/add".into(), timeout_ms: 500 });
             }
             self.sent.lock().unwrap().push(id.sequence);
             Ok(())
@@ -209,7 +238,7 @@ mod tests {
     }
 
     fn refusal() -> GraphError {
-        GraphError::Timeout { topic: "/add".into(), timeout_ms: 500 }
+        GraphError::TooLarge { topic: "/add".into(), actual: 2, limit: 1 }
     }
 
     fn reply(sequence: i64, until: Instant) -> Reply {
@@ -267,6 +296,29 @@ mod tests {
         assert_eq!((replies.kept(), replies.unheard()), (0, 1));
         assert_eq!(replies.flush(), []);
         assert_eq!(replies.unheard(), 1);
+    }
+
+    #[test]
+    fn replies_wait_in_their_order_while_other_clients_do_not_acknowledge() {
+        let graph = Scripted::default();
+        graph.hears.store(true, Relaxed);
+        graph.is_full.store(true, Relaxed);
+        let mut replies = Replies::new(Box::new(graph.clone()), "/add", 4, &Clock::default());
+        let later = Instant::now() + Duration::from_secs(1000);
+        for sequence in 1..=3 {
+            replies.send(reply(sequence, later)).unwrap();
+        }
+        assert_eq!((replies.kept(), replies.unheard()), (3, 0));
+        assert_eq!(replies.flush(), []);
+        assert_eq!(graph.tries.load(Relaxed), 2, "each try waits in DDS: one for all of them");
+        assert!(replies.deadline().unwrap() < later);
+        graph.is_full.store(false, Relaxed);
+        assert_eq!(replies.flush(), []);
+        replies.send(reply(4, later)).unwrap();
+        assert_eq!(*graph.sent.lock().unwrap(), [1, 2, 3, 4]);
+        graph.is_full.store(true, Relaxed);
+        assert!(replies.send(reply(5, Instant::now())).is_err(), "its time was over");
+        assert_eq!((replies.kept(), replies.unheard()), (0, 1));
     }
 
     #[test]
