@@ -116,13 +116,13 @@ impl Replies {
         let (mut unsent, mut heard) = (Vec::new(), false);
         self.is_full = false;
         for reply in std::mem::take(&mut self.kept) {
-            let (hears, is_due) = (self.server.hears(&reply.id), reply.until > now);
+            let (hears, has_time) = (self.server.hears(&reply.id), reply.until > now);
             let sent =
                 (hears && !self.is_full).then(|| self.server.reply(&reply.id, &[&reply.cdr]));
             heard |= sent.is_some();
             self.is_full |= matches!(sent, Some(Err(GraphError::Timeout { .. })));
             match sent {
-                None | Some(Err(GraphError::Timeout { .. })) if is_due => {
+                None | Some(Err(GraphError::Timeout { .. })) if has_time => {
                     self.kept.push_back(reply);
                     continue;
                 }
