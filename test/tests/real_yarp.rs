@@ -1,7 +1,7 @@
 //! YARP's own tools around our programs: with its name server and with ours.
 
 use serde_json::json;
-use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros2, run, yarp};
+use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros2, run, until_route, yarp};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Yarp];
 
@@ -355,6 +355,43 @@ fn a_bridge_carries_what_tools_write_and_read(env: &TestEnv) -> Result {
     exists(env, &said)?;
     let read = env.yarp_tool("yarp", &["read", "...", &said])?;
     prints(&read, "down again")
+}
+
+/// Programs of YARP do not register again: the new name server knows the writer's port only when the test is over.
+#[test]
+fn a_new_name_server_ends_no_route_whose_port_lives() -> Result {
+    run("a_new_name_server_ends_no_route_whose_port_lives", NEEDS, |env| {
+        let mut server = yarps_server(env)?;
+        let typed = env.topic("typed");
+        let mut write = env.yarp_tool("yarp", &["write", &typed])?;
+        exists(env, &typed)?;
+        let pattern = Route::new(&yarp("/(.*)"), &ros2("/$1"), "Text");
+        let bridge = env.bridge(&env.embedded().route(pattern))?;
+        let endpoint = ros2(&typed);
+        let echo = env.wrapyfi(["echo", &endpoint, "--type", "Text", "--json"])?;
+        let route = format!("{} -> {endpoint}", yarp(&typed));
+        until_route(&bridge, &route, |route| {
+            route.is_some_and(|route| route["state"] == "active")
+        })?;
+        write.tell("before")?;
+        echo.objects(1).map_err(|error| error.context(bridge.tail()))?;
+        server.kill()?;
+        server = yarps_server(env)?;
+        // Twice as long as a route lives without its source.
+        for heard in 2..=11 {
+            write.tell("and on")?;
+            echo.objects(heard).map_err(|error| error.context(bridge.tail()))?;
+            std::thread::sleep(std::time::Duration::from_secs(1));
+        }
+        told(env, &["name", "list"], |said| said.contains("/root") && !said.contains(&typed))?;
+        let log = bridge.stderr();
+        assert!(!log.contains("route ended"), "{log}");
+        // The program ends, and nobody tells.
+        write.kill()?;
+        until_route(&bridge, &route, |route| route.is_none())?;
+        drop(server);
+        Ok(())
+    })
 }
 
 /// A simulated head under YARP's own control board server.

@@ -16,6 +16,7 @@ use wrapyfi_core::types::{Map, MessageType, Payload, RosMessage, ServiceKind, Te
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_yarp::bottle::Vocab;
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
+use wrapyfi_yarp::port::names::NameRequest;
 use wrapyfi_yarp::port::{
     Answer, InputOptions, Message, Network, OutputOptions, PortOptions, PortPayload, Reading,
     Received,
@@ -198,6 +199,106 @@ fn a_name_server_may_end_and_come_back() {
         flows(&mut *source, (&mut *sink, &here), 10..15);
         assert_eq!(here.counters.snapshot().received, 15, "each of them once");
     }
+}
+
+/// Programs of YARP do not register again: what a new name server does not know is there for as long as it
+/// answers where it was, is reached there, and is the same one when it is registered again.
+#[test]
+fn ports_that_a_new_name_server_does_not_know_stay_while_they_live() {
+    let mut net = YarpNetwork::new();
+    let (yarp, network, here) = (net.yarp(), net.network(), Context::default());
+    // Two programs: one of them is killed.
+    let (robot, camera) = (Runtime::new().unwrap(), Runtime::new().unwrap());
+    let talk = robot.block_on(network.open_output("/talk", &OutputOptions::default())).unwrap();
+    let heard = Arc::new(AtomicUsize::new(0));
+    let count = Arc::clone(&heard);
+    let plain = PortOptions::default();
+    let ear = network.serve("/ear/in", &plain, move |_, _| {
+        count.fetch_add(1, Relaxed);
+        std::future::ready(Answer::Nothing)
+    });
+    let ear = robot.block_on(ear).unwrap();
+    let requests = PortOptions { rpc: true, ..PortOptions::default() };
+    let rpc = network.serve("/rpc", &requests, async |received: Received, _| {
+        Answer::Bottle(received.bottle().unwrap_or_default())
+    });
+    let rpc = robot.block_on(rpc).unwrap();
+    let shown = camera.block_on(network.open_output("/eye", &OutputOptions::default())).unwrap();
+    let mut look = yarp.discover().unwrap();
+    let mut found = |names: &[(&str, Role)]| {
+        let found = look.endpoints().unwrap();
+        let mut found: Vec<_> =
+            found.iter().map(|one| (one.name.as_str(), one.role, one.count)).collect();
+        // Readers and clients of ours are none of these.
+        found.retain(|(name, ..)| !name.starts_with("/kept"));
+        found == names.iter().map(|(name, role)| (*name, *role, 1)).collect::<Vec<_>>()
+    };
+    let live = [("/ear/in", Role::Listener), ("/rpc", Role::Server), ("/talk", Role::Publisher)];
+    let all = [live[0], ("/eye", Role::Publisher), live[1], live[2]];
+    until(&here, "all are found", || found(&all));
+    let port = |name: &str| Map::from([("port", Value::from(name))]);
+    let first_here = Context::default();
+    let mut first = yarp.open_listener(&topic("/talk", port("/kept/1")), &first_here).unwrap();
+    open_way(&first_here, || first.link());
+    net.end();
+    net.begin();
+    let names = net.names();
+    let is_known = |name: &str| net.runtime.block_on(names.query(name)).unwrap().is_some();
+    until(&here, "the listener is registered again", || is_known("/kept/1"));
+    assert!(!is_known("/talk") && !is_known("/rpc") && !is_known("/ear/in"));
+    assert!(found(&all), "all of them live");
+    camera.shutdown_timeout(Duration::ZERO);
+    drop(shown);
+    until(&here, "the port of the killed program is gone", || found(&live));
+
+    // Whoever comes now reaches them, and so does who came before.
+    let second_here = Context::default();
+    let mut second = yarp.open_listener(&topic("/talk", port("/kept/2")), &second_here).unwrap();
+    open_way(&second_here, || second.link());
+    let hello = Message::new(PortPayload::object(
+        Bottle::from(vec!["\"hello\"".into()]).encode(Dialect::V3).unwrap(),
+    ));
+    let mut hear = |times: usize| {
+        for _ in 0..times {
+            assert_eq!(talk.write_object(hello.clone()).targets, 2);
+            until(&first_here, "the first hears it", || first.take().unwrap().is_some());
+            until(&second_here, "the second hears it", || second.take().unwrap().is_some());
+        }
+        [&first_here, &second_here].map(|context| context.counters.snapshot().received)
+    };
+    // The writer enters a reader after it has answered.
+    until(&here, "it writes to both", || talk.connected().borrow().outputs == 2);
+    assert_eq!(hear(3), [3, 3]);
+    let mut source = yarp.open_publisher(&topic("/ear/in", Map::new()), &here).unwrap();
+    open_way(&here, || source.link());
+    source.publish(&number(1)).unwrap();
+    until(&here, "it is heard", || heard.load(Relaxed) == 1);
+    let options = port("/kept/3");
+    let spec = ServiceSpec { options, ..ServiceSpec::new("/rpc", ServiceKind::NativeObject) };
+    let mut client = yarp.open_client(&spec, &here).unwrap();
+    let ticket = client.send(&Request::new([7.into()]), TIMEOUT).unwrap();
+    let mut reply = None;
+    until(&here, "the reply", || {
+        reply = client.take_only(ticket);
+        reply.is_some()
+    });
+    assert!(reply.unwrap().is_ok());
+    assert!(found(&live), "what answers stays");
+
+    // One that is registered again is the one that it was.
+    let request = NameRequest {
+        name: "/talk".to_owned(),
+        host: Some(talk.address().ip().to_string()),
+        port: Some(talk.address().port()),
+        ..NameRequest::default()
+    };
+    net.runtime.block_on(names.register(&request)).unwrap();
+    net.runtime.block_on(names.announce("/talk", true)).unwrap();
+    assert_eq!(hear(5), [8, 8], "each of them once");
+    assert!(found(&live));
+    robot.shutdown_timeout(Duration::ZERO);
+    drop((talk, ear, rpc));
+    until(&here, "those that are not registered are gone", || found(&live[2..]));
 }
 
 /// An endpoint opened before there is a name server says so, and works when one comes.

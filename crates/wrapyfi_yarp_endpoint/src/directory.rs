@@ -7,18 +7,23 @@
 //! ```
 //!
 //! One connection tells all changes, so that nobody has to ask again and again whether a port is
-//! there. When the name server ends and comes back, everybody is rung: a new one knows nothing.
+//! there. When the name server ends and comes back, everybody is rung: a new one knows nothing. Programs of
+//! YARP do not register again, so that a port which the lost name server knew stays here for as long as it
+//! answers where it was ([`super::unlisted`]).
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Weak};
 use std::time::Duration;
 
 use tokio::sync::Notify;
+use tokio::task::JoinSet;
 use wrapyfi_yarp::name::events::NameEvents;
-use wrapyfi_yarp::name::{NameClient, NameEvent, Registrar};
+use wrapyfi_yarp::name::{NameClient, NameEvent};
 use wrapyfi_yarp::port::names::Registration;
 
 use super::options::brings_files;
+use super::shared::Shared;
+use super::unlisted;
 use wrapyfi_endpoint::Mutex;
 use wrapyfi_endpoint::backoff::Backoff;
 
@@ -34,16 +39,26 @@ pub(super) struct Entry {
     /// Differs from that of whatever had the name before: what was known of that port is not known of
     /// this one.
     pub(super) number: u64,
-    /// Address of the port, where it is known: events do not tell it.
-    pub(super) contact: Option<String>,
-    /// True when the port is registered under carrier mjpeg: files are asked of it, and it may be
-    /// no port of YARP at all.
-    pub(super) has_files: bool,
+    /// Place of the port, where it is known: events do not tell it.
+    pub(super) at: Option<Registration>,
+    /// True for a port that the name server before this one knew, and this one does not.
+    pub(super) is_unlisted: bool,
 }
 
 impl Entry {
-    fn located(number: u64, port: &Registration) -> Self {
-        Self { number, contact: Some(port.contact()), has_files: brings_files(&port.carrier) }
+    pub(super) fn new(number: u64, at: Option<Registration>) -> Self {
+        Self { number, at, is_unlisted: false }
+    }
+
+    /// Address of the port, where it is known.
+    pub(super) fn contact(&self) -> Option<String> {
+        self.at.as_ref().map(Registration::contact)
+    }
+
+    /// True when the port is registered under carrier mjpeg: files are asked of it, and it may be no port of
+    /// YARP at all.
+    pub(super) fn has_files(&self) -> bool {
+        self.at.as_ref().is_some_and(|at| brings_files(&at.carrier))
     }
 }
 
@@ -72,27 +87,41 @@ struct Inner {
 }
 
 impl Inner {
-    /// Takes over the ports of a list, without multicast groups; whether names came or went. A port that
-    /// is where it was is the one that it was.
-    fn enter(&mut self, ports: Vec<Registration>) -> bool {
+    /// Takes over the ports of a list, without multicast groups; whether names came or went. Where it `is_first`
+    /// of its name server, those that it leaves out are unlisted from now on.
+    fn enter(&mut self, ports: Vec<Registration>, is_first: bool) -> bool {
         self.changes += 1;
         let mut before = std::mem::take(&mut self.names);
         let mut changed = false;
         for port in ports.into_iter().filter(|port| port.carrier != "mcast") {
             let known = before.remove(&port.name);
-            changed |= known.is_none();
-            let mut entry = Entry::located(0, &port);
-            entry.number = match known {
-                Some(known) if known.contact.is_none() => known.number,
-                Some(known) if entry == (Entry { number: 0, ..known.clone() }) => known.number,
-                _ => {
-                    self.entered += 1;
-                    self.entered
-                }
-            };
-            self.names.insert(port.name, entry);
+            changed |= known.as_ref().is_none_or(|known| known.is_unlisted);
+            self.enter_port(port, known);
         }
-        changed || !before.is_empty()
+        let left = before.len();
+        before.retain(|_, entry| entry.is_unlisted || is_first && entry.at.is_some());
+        changed |= before.len() < left;
+        before.values_mut().for_each(|entry| entry.is_unlisted = true);
+        self.names.append(&mut before);
+        changed
+    }
+
+    /// Enters a registered port. One that is where it was is the one that it was.
+    fn enter_port(&mut self, port: Registration, known: Option<Entry>) {
+        let number = match known {
+            Some(known) if known.at.as_ref().is_none_or(|at| *at == port) => known.number,
+            _ => {
+                self.entered += 1;
+                self.entered
+            }
+        };
+        self.names.insert(port.name.clone(), Entry::new(number, Some(port)));
+    }
+
+    fn ring(&self, name: &str) {
+        if let Some(watchers) = self.watchers.get(name) {
+            watchers.iter().filter_map(Weak::upgrade).for_each(|bell| _ = ring(&bell));
+        }
     }
 }
 
@@ -119,14 +148,19 @@ impl Directory {
         self.inner.lock().names.contains_key(name)
     }
 
+    /// True for a port that the name server before this one knew, and this one does not.
+    pub(super) fn is_unlisted(&self, name: &str) -> bool {
+        self.entry(name).is_some_and(|entry| entry.is_unlisted)
+    }
+
     /// The port of this name.
     pub(super) fn entry(&self, name: &str) -> Option<Entry> {
         self.inner.lock().names.get(name).cloned()
     }
 
     /// Enters where the name server has found the port of an entry; the entry.
-    pub(super) fn locate(&self, name: &str, number: u64, found: &Registration) -> Entry {
-        let located = Entry::located(number, found);
+    pub(super) fn locate(&self, name: &str, number: u64, found: Registration) -> Entry {
+        let located = Entry::new(number, Some(found));
         let mut inner = self.inner.lock();
         if let Some(entry) = inner.names.get_mut(name).filter(|entry| entry.number == number) {
             entry.clone_from(&located);
@@ -211,7 +245,7 @@ impl Directory {
         let name = match event {
             NameEvent::Added(name) => {
                 inner.entered += 1;
-                let entry = Entry { number: inner.entered, contact: None, has_files: false };
+                let entry = Entry::new(inner.entered, None);
                 inner.names.insert(name.clone(), entry);
                 name
             }
@@ -220,24 +254,45 @@ impl Directory {
                 name
             }
         };
-        if let Some(watchers) = inner.watchers.get(&name) {
-            watchers.iter().filter_map(Weak::upgrade).for_each(|bell| _ = ring(&bell));
+        inner.ring(&name);
+    }
+
+    /// Enters that a port which was unlisted is registered again.
+    fn listed(&self, port: Registration) {
+        let mut inner = self.inner.lock();
+        let (name, known) = (port.name.clone(), inner.names.remove(&port.name));
+        inner.changes += 1;
+        inner.enter_port(port, known);
+        inner.ring(&name);
+    }
+
+    /// Forgets a port that is unlisted still.
+    pub(super) fn forget_unlisted(&self, name: &str, number: u64) {
+        let mut inner = self.inner.lock();
+        if inner.names.get(name).is_some_and(|entry| entry.is_unlisted && entry.number == number) {
+            inner.names.remove(name);
+            inner.changes += 1;
+            inner.ring(name);
         }
     }
 
-    fn found(&self, ports: Vec<Registration>) {
+    /// The ports of a name server that was reached; those that it does not know, as the one before did.
+    fn found(&self, ports: Vec<Registration>) -> Vec<(String, Entry)> {
         let mut inner = self.inner.lock();
         inner.times += 1;
         inner.reached = Some(inner.times);
         inner.failure = None;
-        inner.enter(ports);
+        inner.enter(ports, true);
+        let unlisted = inner.names.iter().filter(|(_, entry)| entry.is_unlisted);
+        let unlisted = unlisted.map(|(name, entry)| (name.clone(), entry.clone())).collect();
         drop(inner);
         self.ring_all();
+        unlisted
     }
 
     /// Takes over names of the same name server, where they are others than are known.
     fn amended(&self, ports: Vec<Registration>) {
-        if self.inner.lock().enter(ports) {
+        if self.inner.lock().enter(ports, false) {
             self.ring_all();
         }
     }
@@ -274,35 +329,36 @@ fn ring(bell: &Notify) -> bool {
 const LOOKS_AGAIN: [Duration; 2] = [Duration::from_millis(200), Duration::from_secs(2)];
 
 /// Keeps the directory up to date for as long as it is run.
-pub(super) async fn follow(directory: Arc<Directory>, client: NameClient, registrar: Registrar) {
+pub(super) async fn follow(shared: Arc<Shared>) {
     let mut backoff = Backoff::of_name("names").starting_at(Duration::from_millis(50));
-    let mut status = registrar.status();
+    let mut status = shared.registrar.status();
     loop {
         let lost = status.borrow_and_update().lost;
-        let told = listen(&directory, &client, &mut backoff);
+        let told = listen(&shared, &mut backoff);
         // A machine that vanished closes nothing; the registrar asks it now and then.
         let silent = status.wait_for(|status| status.lost > lost);
         tokio::select! {
-            error = told => directory.lost(&error),
-            Ok(_) = silent => directory.lost(&"its connection was lost"),
+            error = told => shared.directory.lost(&error),
+            Ok(_) = silent => shared.directory.lost(&"its connection was lost"),
         }
         backoff.pause().await;
     }
 }
 
 /// Hears one name server until it ends.
-async fn listen(
-    directory: &Directory,
-    client: &NameClient,
-    backoff: &mut Backoff,
-) -> Box<dyn std::fmt::Display + Send> {
+async fn listen(shared: &Arc<Shared>, backoff: &mut Backoff) -> Box<dyn std::fmt::Display + Send> {
+    let (client, directory) = (shared.registrar.client(), &shared.directory);
     let mut events = match NameEvents::open(client).await {
         Ok(events) => events,
         Err(error) => return Box::new(error),
     };
+    // They end with this name server: the next one may know the ports.
+    let mut watches = JoinSet::new();
     match client.list("").await {
         Ok(found) => {
-            directory.found(found);
+            for (name, entry) in directory.found(found) {
+                watches.spawn(unlisted::until_gone(Arc::clone(shared), name, entry));
+            }
         }
         Err(error) => return Box::new(error),
     }
@@ -314,6 +370,12 @@ async fn listen(
         let look_at = begin + next_look.copied().unwrap_or_default();
         tokio::select! {
             event = events.next() => match event {
+                Ok(NameEvent::Added(name)) if directory.is_unlisted(&name) => {
+                    match client.query(&name).await {
+                        Ok(port) => port.into_iter().for_each(|port| directory.listed(port)),
+                        Err(error) => return Box::new(error),
+                    }
+                }
                 Ok(event) => directory.apply(event),
                 Err(error) => return Box::new(error),
             },
@@ -341,17 +403,41 @@ mod tests {
     #[test]
     fn a_port_keeps_its_number_until_it_is_another_one() {
         let mut inner = Inner::default();
-        assert!(inner.enter(vec![port("/a", 1), port("/b", 2)]));
+        assert!(inner.enter(vec![port("/a", 1), port("/b", 2)], true));
         let number = |inner: &Inner, name: &str| inner.names[name].number;
         let (a, b) = (number(&inner, "/a"), number(&inner, "/b"));
         assert_ne!(a, b);
-        assert!(!inner.enter(vec![port("/a", 1), port("/b", 3)]), "the same names");
+        assert!(!inner.enter(vec![port("/a", 1), port("/b", 3)], false), "the same names");
         assert_eq!(number(&inner, "/a"), a);
         assert_ne!(number(&inner, "/b"), b, "it is elsewhere");
-        inner.names.get_mut("/a").unwrap().contact = None;
+        inner.names.get_mut("/a").unwrap().at = None;
         let group = Registration { carrier: "mcast".into(), ..port("/group", 4) };
-        assert!(inner.enter(vec![port("/a", 7), group]), "/b went");
+        assert!(inner.enter(vec![port("/a", 7), group], false), "/b went");
         assert_eq!(number(&inner, "/a"), a, "its address was not known before");
         assert_eq!(inner.names.len(), 1);
+    }
+
+    #[test]
+    fn what_a_new_name_server_does_not_know_is_unlisted_until_it_does() {
+        let mut inner = Inner::default();
+        let unlisted = |inner: &Inner| {
+            let unlisted = inner.names.iter().filter(|(_, entry)| entry.is_unlisted);
+            unlisted.map(|(name, _)| name.clone()).collect::<Vec<_>>()
+        };
+        inner.enter(vec![port("/a", 1), port("/b", 2), port("/nowhere", 3)], true);
+        inner.names.get_mut("/nowhere").unwrap().at = None;
+        let number = inner.names["/a"].number;
+        assert!(inner.enter(vec![port("/b", 2)], true));
+        assert_eq!(unlisted(&inner), ["/a"]);
+        assert!(!inner.enter(vec![port("/b", 2)], false), "nothing is new");
+        assert!(inner.enter(vec![], false), "/b went");
+        assert_eq!((unlisted(&inner), inner.names.len()), (vec!["/a".to_owned()], 1));
+        inner.enter(vec![], true);
+        assert_eq!(unlisted(&inner), ["/a"], "also at the next one");
+        assert!(inner.enter(vec![port("/a", 1)], false), "it is known again");
+        assert_eq!(inner.names["/a"], Entry::new(number, Some(port("/a", 1))));
+        inner.enter(vec![], true);
+        inner.enter(vec![port("/a", 9)], false);
+        assert_ne!(inner.names["/a"].number, number, "it is elsewhere");
     }
 }

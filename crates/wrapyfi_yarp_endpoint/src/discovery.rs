@@ -169,7 +169,7 @@ pub(super) fn doubt(shared: &Arc<Shared>, name: &str) {
     }
     let (tasks, shared, name) = (Arc::clone(shared), Arc::clone(shared), name.to_owned());
     tasks.tasks.spawn_aside(async move {
-        if let Some(contact) = shared.located(&name).await.and_then(|entry| entry.contact) {
+        if let Some(contact) = shared.located(&name).await.and_then(|entry| entry.contact()) {
             _ = shared.network.until_closed(&contact).await;
         }
         let is_refused = interview(&shared, &name, false).await == Err(Silence::Refused);
@@ -189,11 +189,11 @@ async fn interview(shared: &Shared, name: &str, whole: bool) -> Result<Inspectio
         match shared.located(name).await {
             None => Err(AdminError::Unknown(name.to_owned())),
             // A server of files over HTTP may understand nothing else.
-            Some(entry) if entry.has_files => {
+            Some(entry) if entry.has_files() => {
                 let modes = Some(Modes { input: false, output: true, rpc: false });
                 Ok(Inspection { modes, type_name: Some(FILES.into()), ..Inspection::default() })
             }
-            Some(entry) => shared.network.inspect(name, entry.contact.as_deref(), whole).await,
+            Some(entry) => shared.network.inspect(name, entry.contact().as_deref(), whole).await,
         }
     };
     match tokio::time::timeout(PATIENCE, asked).await {

@@ -82,7 +82,7 @@ pub(super) fn learn(shared: &Arc<Shared>, port: &str) -> Result<String, LearnErr
 
 /// Listens to a port until it has sent a message that tells its type, or is another one.
 async fn listen(shared: Arc<Shared>, port: String, entry: Entry, first: Arc<Notify>) {
-    let Entry { number, contact, .. } = entry;
+    let (number, contact) = (entry.number, entry.contact());
     let heard = &shared.types.heard;
     let Ok(turn) = heard.room.acquire().await else { return };
     let ear = match ear(&shared).await {

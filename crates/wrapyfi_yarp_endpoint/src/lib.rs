@@ -15,7 +15,7 @@
 //! | `config`, `options` | settings of the middleware; of a topic or service |
 //! | `shared`, `name`, `error` | what all endpoints share; which names ports may have; why YARP does not start |
 //! | `payload` | bytes of messages ⇄ payloads |
-//! | `directory` | the names there are, and who waits for one |
+//! | `directory`, `unlisted` | the names there are, and who waits for one; ports that a new name server does not know |
 //! | `survey`, `role`, `discovery` | what ports say of themselves, and what that makes them |
 //! | `types`, `first_message`, `learning` | what ports send |
 //! | `device` | what devices tell of themselves: `board`, `joint_limits` of joints, `intrinsics` of cameras |
@@ -60,6 +60,7 @@ mod shared_output;
 mod survey;
 mod tasks;
 mod types;
+mod unlisted;
 
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
@@ -69,12 +70,12 @@ use tokio::runtime::{Builder, Handle, Runtime};
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_yarp::name::registrar::RegistrarOptions;
 use wrapyfi_yarp::name::{Environment, NameClient, Registrar};
-use wrapyfi_yarp::port::names::Names;
 use wrapyfi_yarp::port::{Network, Timeouts};
 use wrapyfi_yarp::server::{NameServer, NameServerOptions};
 
 use self::config::Listening;
 use self::shared::Shared;
+use self::unlisted::KnownNames;
 pub use config::YarpConfig;
 pub use error::YarpError;
 pub use log_port::LogPort;
@@ -145,12 +146,15 @@ impl Yarp {
         };
         let conf = client.server();
         let address = format!("{}:{}", conf.host, conf.port);
-        let (shared, names) = {
+        let shared = {
             let _inside = runtime.enter();
-            let registrar = Registrar::start(client.clone(), RegistrarOptions::default());
-            let names: Arc<dyn Names> = Arc::new(registrar.clone());
+            let directory = Arc::new(directory::Directory::new(&client, is_afar));
+            let registrar = Registrar::start(client, RegistrarOptions::default());
             let network = Network::builder()
-                .shared_names(names)
+                .names(KnownNames {
+                    registrar: registrar.clone(),
+                    directory: Arc::clone(&directory),
+                })
                 .dialect(config.dialect)
                 .limits(wrapyfi_yarp::Limits {
                     max_message_bytes: config.max_message_bytes,
@@ -168,7 +172,6 @@ impl Yarp {
                 Some(ip) => network.host(ip.to_string()).build(),
                 None => network.build(),
             };
-            let directory = Arc::new(directory::Directory::new(&client, is_afar));
             let tasks = tasks::Tasks::new(runtime.handle().clone());
             let (own, send_queue) = (own::OwnPorts::default(), config.send_queue.max(1));
             let shared = Shared {
@@ -185,14 +188,13 @@ impl Yarp {
                 is_afar,
                 refused,
             };
-            (Arc::new(shared), client)
+            Arc::new(shared)
         };
-        let (directory, registrar) = (Arc::clone(&shared.directory), shared.registrar.clone());
-        let told = Arc::clone(&directory);
+        let (told, followed) = (Arc::clone(&shared.directory), Arc::clone(&shared));
         shared.tasks.spawn_aside(restarted(
             "the list of YARP's ports".to_owned(),
             move |what| told.lost(&what),
-            move || directory::follow(Arc::clone(&directory), names.clone(), registrar.clone()),
+            move || directory::follow(Arc::clone(&followed)),
         ));
         Ok(Self { shared, server, runtime: Some(runtime), address })
     }

@@ -31,7 +31,7 @@ pub(super) async fn until_open<P, F: Future<Output = Result<P, OpenError>>>(
                     "the name {name}, which another program's port has: end that one, or set \
                      option port"
                 ));
-                taken = shared.located(&name).await.and_then(|entry| entry.contact);
+                taken = shared.located(&name).await.and_then(|entry| entry.contact());
             }
             Err(error) => {
                 let away = shared.directory.waiting_for();

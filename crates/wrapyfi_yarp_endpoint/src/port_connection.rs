@@ -67,7 +67,7 @@ impl PortConnection {
     /// True when the other port, as it is now, is a source of files that may be no port of YARP.
     async fn reads_files(&self, shared: &Shared) -> bool {
         let is_source = self.own == self.destination;
-        is_source && shared.located(self.other()).await.is_some_and(|other| other.has_files)
+        is_source && shared.located(self.other()).await.is_some_and(|other| other.has_files())
     }
 
     /// Sees to it, for as long as it is run. `is_connected` says whether it is there, `changed` when to
@@ -92,8 +92,10 @@ impl PortConnection {
             let has_files = self.reads_files(shared).await;
             let usual = if has_files { "mjpeg" } else { "tcp" };
             let carrier = self.carrier.as_deref().unwrap_or(usual);
-            // A name server connects those that have announced themselves, and who is no port never does.
-            let persistent = self.persistent && !has_files;
+            // A name server connects those that have announced themselves: who is no port never does, nor does
+            // one that a name server before this one knew.
+            let is_unlisted = shared.directory.is_unlisted(self.other());
+            let persistent = self.persistent && !has_files && !is_unlisted;
             let wish = reached.map(|reached| (reached, carrier));
             if persistent && subscribed != wish {
                 let to = format!("{carrier}:/{}", self.destination);

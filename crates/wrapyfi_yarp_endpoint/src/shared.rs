@@ -69,11 +69,11 @@ impl Shared {
     /// The port of this name and its address, for which the name server is asked where it is not known.
     pub(super) async fn located(&self, name: &str) -> Option<Entry> {
         let entry = self.directory.entry(name)?;
-        if entry.contact.is_some() {
+        if entry.at.is_some() {
             return Some(entry);
         }
         let found = self.network.query(name).await.ok().flatten()?;
-        Some(self.directory.locate(name, entry.number, &found))
+        Some(self.directory.locate(name, entry.number, found))
     }
 
     /// Hint for the error about a port that does not answer: the likely reason and the remedy, else
@@ -93,7 +93,7 @@ impl Shared {
 
     /// True for a port that is known to be registered at an address of its own machine alone.
     pub(super) fn is_on_loopback(&self, name: &str) -> bool {
-        let contact = self.directory.entry(name).and_then(|entry| entry.contact);
+        let contact = self.directory.entry(name).and_then(|entry| entry.contact());
         let at = contact.and_then(|contact| contact.parse::<SocketAddr>().ok());
         at.is_some_and(|at| at.ip().is_loopback())
     }

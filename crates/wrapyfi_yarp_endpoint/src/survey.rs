@@ -224,7 +224,7 @@ mod tests {
     use super::*;
 
     fn ports(number: u64) -> BTreeMap<String, Entry> {
-        BTreeMap::from([("/a".to_owned(), Entry { number, contact: None, has_files: false })])
+        BTreeMap::from([("/a".to_owned(), Entry::new(number, None))])
     }
 
     #[test]

@@ -227,10 +227,7 @@ impl NameClient {
             format!("list {prefix}")
         };
         let answer = self.one_line(&command, "\n").await?;
-        let read = |line: &bytes::Bytes| {
-            reply::registration(line).ok_or_else(|| self.nonsense(&command, line))
-        };
-        answer.lines.iter().map(read).collect()
+        answer.lines.iter().map(|line| self.located(&command, line)).collect()
     }
 
     /// Sets a property of a port to these values, which the name server sorts. None where the port
@@ -374,16 +371,17 @@ impl NameClient {
             None if answer.end.starts_with(b"***") => Ok(None),
             None => Err(self.nonsense(command, &answer.end)),
             Some(line) if line.starts_with(b"refused") => Err(self.refused(command, answer)),
-            Some(line) => match reply::registration(line) {
-                Some(mut registration) => {
-                    if let Some(ip) = self.0.hosts.get(&registration.host) {
-                        registration.host = ip.to_string();
-                    }
-                    Ok(Some(registration))
-                }
-                None => Err(self.nonsense(command, line)),
-            },
+            Some(line) => self.located(command, line).map(Some),
         }
+    }
+
+    /// The registration that a line of an answer tells, at the address that its host has here.
+    fn located(&self, command: &str, line: &bytes::Bytes) -> Result<Registration, NameError> {
+        let mut at = reply::registration(line).ok_or_else(|| self.nonsense(command, line))?;
+        if let Some(ip) = self.0.hosts.get(&at.host) {
+            at.host = ip.to_string();
+        }
+        Ok(at)
     }
 
     /// The line that asks for it.

@@ -60,6 +60,15 @@ pub enum LinkError {
     },
 }
 
+impl LinkError {
+    /// True when nobody is at the address.
+    #[must_use]
+    pub fn is_refused(&self) -> bool {
+        let Self::Connect { error, .. } = self else { return false };
+        error.kind() == std::io::ErrorKind::ConnectionRefused
+    }
+}
+
 /// Settings that all links of a network have in common.
 #[derive(Debug, Clone)]
 pub(crate) struct LinkOptions {

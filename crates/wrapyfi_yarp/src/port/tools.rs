@@ -59,8 +59,7 @@ impl AdminError {
     /// True when nobody is at the port's address.
     #[must_use]
     pub fn is_refused(&self) -> bool {
-        let Self::Port { error: LinkError::Connect { error, .. }, .. } = self else { return false };
-        error.kind() == std::io::ErrorKind::ConnectionRefused
+        matches!(self, Self::Port { error, .. } if error.is_refused())
     }
 }
 

@@ -1,0 +1,97 @@
+//! Ports that a new name server does not know, because their programs registered with the one before.
+//!
+//! ```text
+//!   name server ends, a new one comes ─▶ its list lacks /cam, which the one before had at 127.0.0.1:10003
+//!        │                                    registers again ─▶ the port that it was
+//!        └─▶ a connection to 127.0.0.1:10003 ─┤
+//!                                             ends, and nobody is there ─▶ gone
+//! ```
+//!
+//! Programs of YARP register once. Their ports, and the connections that these have, live on without a name
+//! server: what is carried from them would end, and cannot come back, if they were taken for gone.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::net::TcpStream;
+use wrapyfi_yarp::name::Registrar;
+use wrapyfi_yarp::port::LinkError;
+use wrapyfi_yarp::port::names::{Later, NameRequest, Names, Registration};
+
+use super::directory::{Directory, Entry};
+use super::shared::Shared;
+
+/// Time between two tries to reach a port.
+const PAUSE: Duration = Duration::from_secs(1);
+/// Tries after which a port is gone that neither answers nor refuses.
+const TRIES: u32 = 3;
+
+/// Waits until nobody is at the address of an unlisted port any more, and has the directory forget it then. Ends
+/// earlier where the port is registered again.
+pub(super) async fn until_gone(shared: Arc<Shared>, name: String, entry: Entry) {
+    let bell = shared.directory.watch(&name);
+    let Some(contact) = entry.contact() else { return };
+    let mut failures = 0;
+    while shared.directory.entry(&name).is_some_and(|now| now == entry) {
+        let ended = async {
+            if !entry.has_files() {
+                return shared.network.until_closed(&contact).await;
+            }
+            // A server of files over HTTP may be no port of YARP.
+            let connected = TcpStream::connect(&contact).await;
+            connected
+                .map(drop)
+                .map_err(|error| LinkError::Connect { address: contact.clone(), error })
+        };
+        tokio::select! {
+            () = bell.notified() => continue,
+            ended = ended => match ended {
+                Ok(()) => failures = 0,
+                Err(error) => {
+                    failures += 1;
+                    if error.is_refused() || failures >= TRIES {
+                        tracing::debug!(port = name, %error, "no name server knows it");
+                        return shared.directory.forget_unlisted(&name, entry.number);
+                    }
+                }
+            },
+        }
+        tokio::time::sleep(PAUSE).await;
+    }
+}
+
+/// The names of the name server, and those of the ports that are unlisted.
+pub(super) struct KnownNames {
+    pub(super) registrar: Registrar,
+    pub(super) directory: Arc<Directory>,
+}
+
+impl Names for KnownNames {
+    fn register<'a>(&'a self, request: &'a NameRequest) -> Later<'a, Registration> {
+        self.registrar.register(request)
+    }
+
+    fn query<'a>(&'a self, name: &'a str) -> Later<'a, Option<Registration>> {
+        Box::pin(async move {
+            let found = self.registrar.query(name).await?;
+            let known = || self.directory.entry(name).filter(|entry| entry.is_unlisted)?.at;
+            Ok(found.or_else(known))
+        })
+    }
+
+    fn unregister<'a>(&'a self, name: &'a str) -> Later<'a, ()> {
+        self.registrar.unregister(name)
+    }
+
+    fn announce<'a>(&'a self, name: &'a str, alive: bool) -> Later<'a, ()> {
+        self.registrar.announce(name, alive)
+    }
+
+    fn set<'a>(&'a self, name: &'a str, key: &'a str, values: &'a [String]) -> Later<'a, ()> {
+        self.registrar.set(name, key, values)
+    }
+
+    fn get<'a>(&'a self, name: &'a str, key: &'a str) -> Later<'a, Vec<String>> {
+        self.registrar.get(name, key)
+    }
+}
