@@ -55,15 +55,15 @@ pub(super) const FAREWELL: Duration = Duration::from_secs(1);
 #[derive(Debug)]
 pub(super) struct BrokerLink {
     broker: String,
-    /// True where connections have CURVE.
-    has_keys: bool,
+    /// Our public key, where connections have CURVE.
+    key: Option<String>,
     state: AtomicU8,
 }
 
 impl BrokerLink {
     pub(super) fn new(broker: &str, keys: Option<&Arc<Keys>>) -> Arc<Self> {
-        let (broker, has_keys) = (broker.to_owned(), keys.is_some());
-        Arc::new(Self { broker, has_keys, state: AtomicU8::new(DOWN) })
+        let (broker, key) = (broker.to_owned(), keys.map(|keys| keys.public()));
+        Arc::new(Self { broker, key, state: AtomicU8::new(DOWN) })
     }
 
     pub(super) fn is_up(&self) -> bool {
@@ -90,8 +90,9 @@ impl BrokerLink {
             )),
             KEYS => Some(format!(
                 "the broker at {}, which does not take our CURVE keys: `server_key` must be its public key, and our \
-                 public key one of its `clients`",
-                self.broker
+                 public key one of its `clients`: - {{ key: \"{}\" }}",
+                self.broker,
+                self.key.as_deref().unwrap_or_default()
             )),
             STARVED => Some(format!(
                 "a connection to the broker at {}: {}",
@@ -125,7 +126,7 @@ impl BrokerLink {
         self.note(match self.state() {
             UP => DOWN,
             state @ (SECURED | KEYS) => state,
-            _ if self.has_keys => KEYS,
+            _ if self.key.is_some() => KEYS,
             _ => REFUSED,
         })
     }
@@ -151,7 +152,7 @@ impl BrokerLink {
             || is(SocketEvent::HANDSHAKE_FAILED_PROTOCOL)
             || is(SocketEvent::HANDSHAKE_FAILED_AUTH)
         {
-            self.note(if self.has_keys { KEYS } else { REFUSED })
+            self.note(if self.key.is_some() { KEYS } else { REFUSED })
         } else if is(SocketEvent::CLOSED) {
             self.note(UNANSWERED)
         } else {

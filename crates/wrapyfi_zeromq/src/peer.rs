@@ -10,7 +10,7 @@ use std::collections::{BTreeSet, VecDeque};
 use std::io::{ErrorKind, IoSlice, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 
@@ -30,6 +30,9 @@ const MAX_SUBSCRIPTIONS: usize = 4096;
 const MAX_FRAME_BYTES: usize = 64 * 1024 + OVERHEAD;
 /// Reads from one connection before the others have their turn.
 const READS: usize = 16;
+/// Time since the turn began after which one peer is read no further: large messages under CURVE take their time, and
+/// others would not get through their handshakes.
+const TURN: Duration = Duration::from_millis(5);
 /// Question whether a peer lives: the command, and no time to live.
 const PING: &[u8] = b"\x04PING\0\0";
 /// Pieces given to one write.
@@ -280,6 +283,9 @@ impl<S: Read + Write> Peer<S> {
                     }
                     if !is_within && count < scratch.len() && !to_the_end {
                         return Ok(false);
+                    }
+                    if now.elapsed() >= TURN {
+                        return Ok(true);
                     }
                 }
                 Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(false),
@@ -535,6 +541,22 @@ mod tests {
             assert!(peer.is_alive(asked_at + options::HEARTBEAT_TIMEOUT / 2));
             assert_eq!(peer.is_alive(asked_at + options::HEARTBEAT_TIMEOUT), lives, "{minor}");
             assert!(peer.outbox.is_empty(), "it is asked once");
+        }
+    }
+
+    #[test]
+    fn a_peer_with_much_to_say_is_read_no_further_once_its_turn_is_over() {
+        for (begun_before, is_over) in [(Duration::ZERO, false), (2 * TURN, true)] {
+            let port = TcpListener::bind("127.0.0.1:0").unwrap();
+            let stream = TcpStream::connect(port.local_addr().unwrap()).unwrap();
+            let (mut other, address) = port.accept().unwrap();
+            other.write_all(&zmtp::greeting(zmtp::NULL, false)).unwrap();
+            stream.set_nonblocking(true).unwrap();
+            let now = Instant::now();
+            let mut peer = Peer::new(stream, address, now);
+            let more = peer.read(&mut [0; 8], &mut Vec::new(), true, now - begun_before);
+            assert!(matches!(more, Ok(more) if more == is_over));
+            assert_eq!(peer.stage == Stage::Greeting, is_over);
         }
     }
 
