@@ -151,6 +151,18 @@ pub struct Refused {
     pub allow: String,
 }
 
+impl Refused {
+    /// Programs that are kept: those that differ in the line that would let them in.
+    const MOST: usize = 4;
+
+    /// All of them as one, the last first; `None` where there is none.
+    fn joined(all: &[Self]) -> Option<Self> {
+        let each =
+            |text: fn(&Self) -> &str| all.iter().rev().map(text).collect::<Vec<_>>().join("; ");
+        (!all.is_empty()).then(|| Self { who: each(|it| &it.who), allow: each(|it| &it.allow) })
+    }
+}
+
 /// Live counters of one route or endpoint, shared with the I/O threads that feed it.
 #[derive(Debug, Default)]
 pub struct Counters {
@@ -163,7 +175,7 @@ pub struct Counters {
     drops: [AtomicU64; DropReason::ALL.len()],
     qos_events: [AtomicU64; QosEvent::ALL.len()],
     latency: Latency,
-    refused: Mutex<Option<Refused>>,
+    refused: Mutex<Vec<Refused>>,
 }
 
 impl Counters {
@@ -215,16 +227,21 @@ impl Counters {
         self.unread.fetch_add(1, Relaxed);
     }
 
-    /// Counts the connection or the message of a program that may not, and keeps who was the last.
+    /// Counts the connection or the message of a program that may not, and keeps who were the last, each once.
     pub fn refused_peer(&self, refused: Refused) {
         self.received(0);
         self.dropped(DropReason::RefusedPeer);
-        *self.refused.lock() = Some(refused);
+        let mut kept = self.refused.lock();
+        kept.retain(|other| other.allow != refused.allow);
+        if kept.len() >= Refused::MOST {
+            kept.remove(0);
+        }
+        kept.push(refused);
     }
 
-    /// Takes the program that was refused last.
-    pub fn take_refused(&self) -> Option<Refused> {
-        self.refused.lock().take()
+    /// Takes the programs that were refused last.
+    pub fn take_refused(&self) -> Vec<Refused> {
+        std::mem::take(&mut self.refused.lock())
     }
 
     /// Counts one dropped message.
@@ -258,7 +275,7 @@ impl Counters {
             drops: happened(DropReason::ALL, &self.drops),
             qos_events: happened(QosEvent::ALL, &self.qos_events),
             latency: self.latency.summary(),
-            refused: self.refused.lock().clone(),
+            refused: Refused::joined(&self.refused.lock()),
         }
     }
 }
@@ -286,7 +303,8 @@ pub struct CountersSnapshot {
     pub qos_events: Vec<(QosEvent, u64)>,
     /// Time from arrival here to hand-over.
     pub latency: LatencySummary,
-    /// Program that was refused last, counted as [`DropReason::RefusedPeer`].
+    /// Programs that were refused, the last first, counted as [`DropReason::RefusedPeer`]: at most four that differ in
+    /// the line that would let them in.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub refused: Option<Refused>,
 }
@@ -364,6 +382,26 @@ mod tests {
         counters.sent(7, Duration::ZERO);
         let now = counters.snapshot();
         assert_eq!((now.sent, now.sent_bytes, now.dropped()), (1, 7, 2));
+    }
+
+    #[test]
+    fn programs_that_were_refused_are_kept_each_once_the_last_first() {
+        let counters = Counters::default();
+        assert_eq!(counters.snapshot().refused, None);
+        let refuse = |who: &str, key: &str| {
+            counters.refused_peer(Refused { who: who.to_owned(), allow: format!("key {key}") });
+        };
+        let all = || counters.snapshot().refused.map(|it| (it.who, it.allow)).unwrap();
+        for (who, key) in [("a:1", "A"), ("b:1", "B"), ("a:2", "A")] {
+            refuse(who, key);
+        }
+        assert_eq!(all(), ("a:2; b:1".to_owned(), "key A; key B".to_owned()));
+        assert_eq!(counters.snapshot().dropped_for(DropReason::RefusedPeer), 3);
+        for key in ["C", "D", "E"] {
+            refuse(key, key);
+        }
+        assert_eq!(all().0, "E; D; C; a:2");
+        assert_eq!(counters.take_refused().len(), 4);
     }
 
     #[test]

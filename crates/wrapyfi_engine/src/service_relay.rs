@@ -101,7 +101,7 @@ impl ServiceRelay {
     /// Brings the route one step on.
     pub fn step(&mut self, now: Instant) -> Step {
         self.reconcile(now);
-        if let Some(refused) = self.back.counters.take_refused() {
+        for refused in self.back.counters.take_refused() {
             // The counters of the route are those of its other end.
             self.front.counters.refused_peer(refused);
         }
