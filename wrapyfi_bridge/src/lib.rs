@@ -23,13 +23,15 @@
 //!   lines     lines that a thread of their own writes
 //!   output    lines on stdout
 //!   input     JSON, .npy, PNG, JPEG, WAV -> a payload
-//!   table     route status as a table or as JSON
+//!   status_line  route status as JSON
+//!   columns   rows of text as lines
 //! ```
 //!
 //! A library only so that its two programs share it; it promises no stable interface.
 
 pub mod canonical;
 pub mod cli;
+pub mod columns;
 pub mod command;
 pub mod describe;
 pub mod discovery_watch;
@@ -54,7 +56,7 @@ pub mod page;
 pub mod reload;
 pub mod shutdown;
 pub mod sros2;
-pub mod table;
+pub mod status_line;
 pub mod top;
 pub mod why;
 pub mod words;

@@ -19,7 +19,7 @@ use crate::on_graph::{OnGraph, Parts};
 use crate::page::{self, Page};
 use crate::reload::{Reload, Source, Watch};
 use crate::shutdown::Shutdown;
-use crate::{logging, table};
+use crate::{logging, status_line};
 
 /// Most routes without a message that get a line of their own at the end.
 const FEW_IDLE: usize = 10;
@@ -125,13 +125,13 @@ pub fn run(
             break;
         }
         if let Some(json) = &json {
-            json.write(table::json_line(&running.status(), logging::panics()));
+            json.write(status_line::json_line(&running.status(), logging::panics()));
         }
     }
     drop((watch, on_graph, page));
     let last = running.stop();
     if let Some(json) = &json {
-        json.write(table::json_line(&last, logging::panics()));
+        json.write(status_line::json_line(&last, logging::panics()));
         json.finish(LAST_LINE);
     }
     // A pattern carries nothing itself, and many routes of patterns nothing either.

@@ -14,6 +14,7 @@ use wrapyfi_core::middleware::yarp::{self, YarpConfig};
 
 use super::WAIT_SLICE;
 use crate::cli::ListArgs;
+use crate::columns::aligned;
 use crate::discovery_watch::DiscoveryWatch;
 use crate::exit::Failure;
 use crate::middlewares::{self, Middlewares, Role};
@@ -149,18 +150,8 @@ fn table(out: &mut String, middleware: &str, carried_by: Option<&str>, found: &[
     // Writing to a String cannot fail.
     let _infallible = writeln!(out, "{middleware}: {} endpoint{plural}{on}", found.len());
     let rows: Vec<[String; 5]> = found.iter().map(row).collect();
-    let mut widths = [0; 5];
-    for row in &rows {
-        for (width, cell) in widths.iter_mut().zip(row) {
-            *width = (*width).max(cell.chars().count());
-        }
-    }
-    for row in &rows {
-        let mut line = String::new();
-        for (cell, width) in row.iter().zip(widths) {
-            let _infallible = write!(line, "  {cell:width$}");
-        }
-        let _infallible = writeln!(out, "{}", line.trim_end());
+    for line in aligned(&rows, 5) {
+        let _infallible = writeln!(out, "  {line}");
     }
 }
 

@@ -8,6 +8,8 @@ use clap::ValueEnum;
 use wrapyfi_interfaces::named;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
+use crate::columns::aligned;
+
 /// Number of rates that are kept of each route: two minutes of a reply a second.
 const HISTORY: usize = 120;
 
@@ -77,7 +79,7 @@ impl Row {
         pairs.map(|(reason, count)| format!("{reason} {count}")).collect::<Vec<_>>().join(", ")
     }
 
-    /// Program that was refused last, and the line that would let it in.
+    /// Programs that were refused, the last first, and the lines that would let them in.
     #[must_use]
     pub fn refused(&self) -> String {
         let RouteInfo { refused, allow, .. } = &self.info;
@@ -176,24 +178,13 @@ impl Routes {
     /// The shown routes as a table of text, reasons, drops and refusals below their routes.
     #[must_use]
     pub fn table(&self) -> String {
-        let rows: Vec<_> = self.shown().into_iter().map(|row| (row, row.cells())).collect();
-        let mut widths = COLUMNS.map(str::len);
-        for (_, cells) in &rows {
-            for (width, cell) in widths.iter_mut().zip(cells) {
-                *width = (*width).max(cell.chars().count());
-            }
-        }
-        let line = |cells: &[String]| {
-            let pad = |(place, (cell, width)): (usize, (&String, &usize))| match place < TEXTS {
-                true => format!("{cell:<width$}"),
-                false => format!("{cell:>width$}"),
-            };
-            let cells: Vec<_> = cells.iter().zip(&widths).enumerate().map(pad).collect();
-            cells.join("  ").trim_end().to_owned()
-        };
-        let mut text = line(&COLUMNS.map(str::to_owned));
-        for (row, cells) in &rows {
-            let _infallible = write!(text, "\n{}", line(cells));
+        let rows = self.shown();
+        let cells = std::iter::once(COLUMNS.map(str::to_owned));
+        let cells: Vec<_> = cells.chain(rows.iter().map(|row| row.cells())).collect();
+        let mut lines = aligned(&cells, TEXTS).into_iter();
+        let mut text = lines.next().unwrap_or_default();
+        for (row, line) in rows.into_iter().zip(lines) {
+            let _infallible = write!(text, "\n{line}");
             for note in [row.info.reason.clone(), row.drops(), row.refused()] {
                 if !note.is_empty() {
                     let _infallible = write!(text, "\n    {note}");

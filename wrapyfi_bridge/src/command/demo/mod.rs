@@ -32,9 +32,11 @@ use crate::exit::Failure;
 use crate::in_force::InForce;
 use crate::middlewares::{DemoMiddlewares, Endpoints};
 use crate::node::Node;
+use crate::on_graph::info;
+use crate::output;
 use crate::page::{self, Page};
 use crate::shutdown::Shutdown;
-use crate::{output, table};
+use crate::top::routes::Routes;
 
 /// Runs for `--seconds`, or until the process is asked to end.
 ///
@@ -59,7 +61,7 @@ pub fn run(args: &DemoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
 
     let start = Instant::now();
     let end = args.seconds.map(|seconds| start + seconds);
-    let mut screen = Screen::new();
+    let (mut screen, mut routes) = (Screen::new(), Routes::default());
     let mut tick = start;
     loop {
         let next = tick + Duration::from_secs(1);
@@ -68,13 +70,14 @@ pub fn run(args: &DemoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         let ended = viewer.watch(until, shutdown);
         let elapsed = tick.elapsed();
         tick = Instant::now();
+        routes.update(running.status().iter().map(info::of).collect());
         screen.show(&format!(
             "{:.0} s: ZeroMQ broker on {}, YARP name server on {}, ROS 2 {}\n\n{}\n{}",
             start.elapsed().as_secs_f64(),
             middlewares.broker(),
             middlewares.name_server(),
             middlewares.graph(),
-            table::table(&running.status()),
+            routes.table(),
             viewer.table(elapsed),
         ))?;
         if ended || end.is_some_and(|end| tick >= end) {
