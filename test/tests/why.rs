@@ -139,6 +139,89 @@ fn of_running(env: &TestEnv, name: &str, cause: &str) -> Result<Value> {
     }
 }
 
+/// Answer to a question of a shell that maps services as CycloneDDS does.
+fn answered<const N: usize>(env: &TestEnv, args: [&str; N]) -> Result<Value> {
+    let mut why = env.wrapyfi(["why", "--json"].into_iter().chain(args))?;
+    why.exit_code()?;
+    Ok(serde_json::from_str(why.stdout().trim())?)
+}
+
+/// Bridges are heard on a topic: services have another mapping there, and whoever else listens is none.
+#[test]
+fn a_bridge_is_heard_whatever_its_services_are_mapped_to() -> Result {
+    run("a_bridge_is_heard_whatever_its_services_are_mapped_to", &[Need::Program], |env| {
+        const FAST: &str = "rmw_fastrtps_cpp";
+        let (words, light) = (env.topic("words"), env.topic("light"));
+        let _broker = env.broker()?;
+        let _talker = env.wrapyfi([
+            "pub",
+            &ros2(&words),
+            "--type",
+            "Text",
+            "--value",
+            "\"x\"",
+            "--rate",
+            "10",
+        ])?;
+        let _ear = env.wrapyfi(["echo", &ros2(&words), "--type", "Text"])?;
+        let _wanted = env.wrapyfi(["echo", &zeromq(&words), "--type", "Text"])?;
+        let config = env
+            .foreign()
+            .requests(env)
+            .route(Route::new(&ros2(&words), &zeromq(&words), "Text").with("name", "words"))
+            .route(Route::service(&zeromq("/light"), &ros2(&light), "std_srvs/srv/SetBool"));
+        let file = env.write("bridge.yaml", config.yaml())?.display().to_string();
+        let told = answered(env, ["words", "--config", &file])?;
+        assert_eq!(told["cause"], "no_bridge", "{told}");
+        assert!(told["what"].to_string().contains("none is on the graph of ROS 2"), "{told}");
+
+        let bridge = env.wrapyfi_as(FAST, ["bridge", "--config", &file, "--json"])?;
+        until_route(&bridge, "words", |route| route.is_some_and(|it| it["state"] == "active"))?;
+        let told = answered(env, ["words", "--config", &file])?;
+        let passed = told["passed"].to_string();
+        assert!(passed.contains("a bridge runs the route: ") && told["cause"].is_null(), "{told}");
+
+        let change = ["call", "ros2:/wrapyfi_bridge/change_state", "--value"];
+        let value = r#"{"transition": {"id": 4}}"#;
+        let mut call = env.wrapyfi_as(FAST, change.into_iter().chain([value]))?;
+        call.exits_with(0).map_err(|e| e.context(bridge.tail()))?;
+        let bare = ros2(&light);
+        for told in [answered(env, ["words", "--config", &file])?, answered(env, [&bare])?] {
+            assert_eq!(told["remedy"], "ros2 lifecycle set /wrapyfi_bridge activate", "{told}");
+            assert!(told["what"].to_string().contains("/wrapyfi_bridge is inactive"), "{told}");
+        }
+        Ok(())
+    })
+}
+
+/// A master that was restarted knows nobody, while the connections that there were go on.
+#[test]
+fn a_master_that_was_restarted_is_not_believed_before_the_bridge() -> Result {
+    run("a_master_that_was_restarted_is_not_believed_before_the_bridge", WITH_ROS, |env| {
+        let mut roscore = env.roscore()?;
+        let topic = env.topic("chat");
+        let route = Route::new(&ros1(&topic), &ros2(&topic), "std_msgs/msg/String");
+        let bridge = env.bridge(&env.embedded().route(route.with("name", "chat")))?;
+        let talk = format!("publish --topic {topic} --node talker --rate 10");
+        let _talker = env.rospy(&talk, Some("{\"data\": \"hello\"}"))?;
+        let _listener = env.wrapyfi(["echo", &ros2(&topic), "--type", "Text"])?;
+        until_route(&bridge, "chat", |route| {
+            route.is_some_and(|it| it["counters"]["sent"].as_u64() > Some(20))
+        })?;
+        roscore.kill()?;
+        let file = env.path("bridge.yaml").display().to_string();
+        let told = answered(env, ["chat", "--config", &file])?;
+        assert_eq!(told["cause"], "server_away", "{told}");
+        let _again = env.roscore()?;
+        let told = answered(env, ["chat", "--config", &file])?;
+        let passed = told["passed"].to_string();
+        assert!(told["cause"].is_null(), "{told}");
+        assert!(passed.contains("messages pass, but nobody publishes"), "{told}");
+        assert!(passed.contains("that the ROS 1 master knows: it was restarted"), "{told}");
+        Ok(())
+    })
+}
+
 /// A bridge with the route `name`, who listens behind it, and who publishes an object before it.
 fn an_object_to_ros2(env: &TestEnv, name: &str, message_type: &str) -> Result<[Process; 3]> {
     let topic = env.topic(name);

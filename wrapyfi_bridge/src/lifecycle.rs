@@ -13,6 +13,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
 
+use wrapyfi_core::endpoint::Wake;
 use wrapyfi_interfaces::named;
 
 named! {
@@ -127,13 +128,13 @@ impl Outcome {
     }
 }
 
-/// State of a node now, which any thread may look at.
+/// State of a node now, which any thread may look at, and the bell that rings where it stays in another one.
 #[derive(Debug, Clone)]
-pub struct Lifecycle(Arc<AtomicU8>);
+pub struct Lifecycle(Arc<AtomicU8>, Wake);
 
 impl Default for Lifecycle {
     fn default() -> Self {
-        Self(Arc::new(AtomicU8::new(State::Unconfigured.id())))
+        Self(Arc::new(AtomicU8::new(State::Unconfigured.id())), Wake::new())
     }
 }
 
@@ -143,6 +144,12 @@ impl Lifecycle {
     pub fn state(&self) -> State {
         let id = self.0.load(Relaxed);
         State::ALL.into_iter().find(|state| state.id() == id).unwrap_or(State::Unknown)
+    }
+
+    /// Bell that rings where the node stays in another state.
+    #[must_use]
+    pub fn changes(&self) -> &Wake {
+        &self.1
     }
 
     /// Transitions that can be asked for in the state of now.
@@ -172,6 +179,7 @@ impl Lifecycle {
             self.0.store(next.goal.id(), Relaxed);
             tell(next);
             if next.goal.is_primary() {
+                self.1.ring();
                 return first == Some(Outcome::Success);
             }
             let outcome = work(next.goal);
@@ -190,7 +198,7 @@ mod tests {
     use super::*;
 
     fn in_state(state: State) -> Lifecycle {
-        Lifecycle(Arc::new(AtomicU8::new(state.id())))
+        Lifecycle(Arc::new(AtomicU8::new(state.id())), Wake::new())
     }
 
     /// For each state and each transition that can be asked for: the states on success, failure, and error whose

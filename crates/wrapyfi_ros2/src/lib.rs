@@ -119,6 +119,7 @@ pub use domain::DomainError;
 pub use environment::Adapter;
 pub use node_endpoints::NodeEndpoints;
 pub use node_handle::NodeHandle;
+pub use pacing::ACKNOWLEDGES_NOTHING;
 pub use parameters::{
     ParameterClient, ParameterClientError, ParameterResult, RefusedParameter, RemoteParameters,
 };

@@ -32,6 +32,10 @@ use wrapyfi_endpoint::Reliability;
 /// up everything that the same thread propagates.
 pub(super) const MAX_BLOCKING: Duration = Duration::from_millis(500);
 
+/// Words of the reason for which a route is degraded where a subscriber on Fast DDS is left behind; its node stands
+/// before them.
+pub const ACKNOWLEDGES_NOTHING: &str = "acknowledges nothing";
+
 /// Receive buffer in bytes that Linux gives a socket that asks for nothing.
 const RMEM_DEFAULT: usize = 212_992;
 
@@ -152,24 +156,23 @@ impl Pacing {
         let rests =
             |reader: &&FastReader| reader.rests_until.is_some_and(|until| now < until + WINDOW);
         let (reader, what) = if let Some(resting) = self.readers.iter().find(rests) {
-            let what = "acknowledges nothing: it stands still, has ended without a word or is far too slow for \
-                        messages of";
-            (
-                Some(resting),
-                format!("{what} {bytes} bytes; the other subscribers do not wait for it"),
-            )
+            let what = format!(
+                "{ACKNOWLEDGES_NOTHING}: it has ended without a word, stands still or is far too slow for messages of \
+                 {bytes} bytes; the other subscribers do not wait for it; end it or start it again, or"
+            );
+            (Some(resting), what)
         } else if self.load.is_slow(now) {
             let slowest = self.readers.iter().find(|reader| Some(reader.gid) == self.slowest);
             let what = format!(
                 "takes longer for messages of {bytes} bytes than there is between two: the newest go, one after the \
-                 other"
+                 other;"
             );
             (slowest, what)
         } else {
             return None;
         };
         let node = reader.and_then(|reader| reader.name.as_deref()).unwrap_or("a subscriber");
-        Some(format!("{node} runs Fast DDS and {what}; {}", remedy(bytes)))
+        Some(format!("{node} runs Fast DDS and {what} {}", remedy(bytes)))
     }
 
     /// Waits for the readers that have not acknowledged the last message. One that is late holds up the others once:

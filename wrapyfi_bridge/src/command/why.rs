@@ -13,7 +13,7 @@ use crate::middlewares::Middlewares;
 use crate::on_graph::client::Asker;
 use crate::output;
 use crate::why::judge::judge;
-use crate::why::question::Question;
+use crate::why::question::ask;
 use crate::why::{Finding, Verdict};
 
 /// Longest time that a bridge elsewhere may take.
@@ -28,15 +28,7 @@ pub fn run(args: &WhyArgs) -> Result<(), Failure> {
     let begin = Instant::now();
     let verdict = match &args.node {
         Some(node) => elsewhere(node, &args.name)?,
-        None => {
-            let question = Question {
-                name: args.name.clone(),
-                config: args.config.clone(),
-                definitions: args.definitions.clone(),
-                own: args.own,
-            };
-            judge(&question.ask()?)
-        }
+        None => judge(&ask(args)?),
     };
     show(&verdict, args.json, begin)
 }

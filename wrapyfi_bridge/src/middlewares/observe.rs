@@ -13,7 +13,6 @@ use wrapyfi_core::endpoint::Middleware;
 use wrapyfi_core::middleware::ros1::{self, Ros1};
 use wrapyfi_core::middleware::ros2::Ros2;
 use wrapyfi_core::middleware::ros2::environment::DiscoveryRange;
-use wrapyfi_core::middleware::ros2::graph::Graph;
 use wrapyfi_core::middleware::yarp;
 use wrapyfi_core::middleware::zeromq::BrokerMode;
 use wrapyfi_yarp::name::conf::locate;
@@ -54,24 +53,8 @@ pub struct Door {
     pub is_own: bool,
 }
 
-/// A middleware that only looks.
-pub struct Observer {
-    /// The middleware.
-    pub middleware: Arc<dyn Middleware>,
-    /// Graph underneath where it is ROS 2.
-    pub graph: Option<Arc<dyn Graph>>,
-    /// The same where it is ROS 1.
-    pub ros1: Option<Arc<Ros1>>,
-}
-
-impl Observer {
-    /// ROS 2 that looks.
-    #[must_use]
-    pub fn of_ros2(ros2: &Arc<Ros2>) -> Self {
-        let graph = Some(Arc::clone(ros2.graph()));
-        Self { graph, middleware: Arc::clone(ros2) as Arc<dyn Middleware>, ros1: None }
-    }
-}
+/// A middleware that only looks, and the same once more where it is ROS 1.
+pub type Observer = (Arc<dyn Middleware>, Option<Arc<Ros1>>);
 
 /// Servers that `middleware` needs: for services if `is_service`, else for topics. None on ROS 2.
 ///
@@ -128,31 +111,26 @@ pub fn doors(
 /// Exit code 2 for settings that cannot work, 1 when it does not start.
 pub fn observer(endpoints: &Endpoints, middleware: &str) -> Result<Observer, Failure> {
     let largest = Limits::default().message_bytes;
-    let of = |middleware| Observer { middleware, graph: None, ros1: None };
     match middleware {
         "zeromq" => {
             let observer = Some(Role::Observer);
             let mut config = endpoints.zeromq.config(observer, largest, &endpoints.hosts)?;
             (config.broker, config.service_broker) = (BrokerMode::Foreign, BrokerMode::Foreign);
-            Ok(of(Arc::new(start("zeromq", &config)?)))
+            Ok((Arc::new(start("zeromq", &config)?), None))
         }
         yarp::NAME => {
             let mut config = endpoints.yarp.config(largest, &endpoints.hosts)?;
             config.embedded = false;
-            Ok(of(Arc::new(YarpSection::start_with(&config, false)?)))
+            Ok((Arc::new(YarpSection::start_with(&config, false)?), None))
         }
         ros1::NAME => {
             let mut config = endpoints.ros.config(&endpoints.hosts)?;
             // The name of the bridge's node would end that node.
             config.node = None;
             let ros1 = Arc::new(start(ros1::NAME, &config)?);
-            let middleware = Arc::clone(&ros1) as Arc<dyn Middleware>;
-            Ok(Observer { ros1: Some(ros1), ..of(middleware) })
+            Ok((Arc::clone(&ros1) as Arc<dyn Middleware>, Some(ros1)))
         }
-        "ros2" => {
-            let ros2 = Arc::new(endpoints.ros2.hidden()?);
-            Ok(Observer::of_ros2(&ros2))
-        }
+        "ros2" => Ok((Arc::new(endpoints.ros2.hidden()?), None)),
         other => Err(unknown(other)),
     }
 }

@@ -91,7 +91,9 @@ impl OnGraph {
     /// # Errors
     /// When the system refuses a thread.
     pub fn start(parts: Parts) -> Result<Self, Failure> {
-        let (context, stop) = (Context::default(), Arc::<AtomicBool>::default());
+        let wake = parts.lifecycle.changes().clone();
+        let (context, stop) =
+            (Context { wake, ..Context::default() }, Arc::<AtomicBool>::default());
         let registry = parts.routes.registry();
         let advertise = Advertise { node: &parts.node, registry: &registry, context: &context };
         let diagnostics = advertise.open::<DiagnosticArray>("/diagnostics", Qos::default());
@@ -144,9 +146,12 @@ impl OnGraph {
                 !leave.load(Relaxed)
             };
             restarted("the thread of /diagnostics", pause, || {
-                let mut next = Instant::now() + EVERY;
+                let (mut next, mut told) = (Instant::now() + EVERY, work.lifecycle.state());
                 while !leave.load(Relaxed) {
-                    if Instant::now() >= next {
+                    let state = work.lifecycle.state();
+                    let is_new = state != told && state.is_primary();
+                    if is_new || Instant::now() >= next {
+                        told = state;
                         work.publish();
                         // A thread that was held up makes up for nothing.
                         next = (next + EVERY).max(Instant::now());
@@ -331,6 +336,12 @@ fn mark() -> Option<BridgeMark> {
     Some(BridgeMark { bridge: BridgeMark::number(), path })
 }
 
+/// Type of messages `M`.
+pub(crate) fn ros_type<M: Message>() -> Result<RosType, String> {
+    let resolved = TypeStore::generated().resolve_name(M::ROS_TYPE);
+    RosType::new(&resolved.map_err(|error| error.to_string())?).map_err(|error| error.to_string())
+}
+
 /// Opens topics of a node.
 struct Advertise<'n> {
     node: &'n Node,
@@ -342,9 +353,7 @@ impl Advertise<'_> {
     /// Opens a publisher of messages `M`.
     fn open<M: Message>(&self, name: &'static str, qos: Qos) -> Option<Topic> {
         let opened = || -> Result<_, String> {
-            let resolved = TypeStore::generated().resolve_name(M::ROS_TYPE);
-            let ros_type = RosType::new(&resolved.map_err(|error| error.to_string())?);
-            let ros_type = ros_type.map_err(|error| error.to_string())?;
+            let ros_type = ros_type::<M>()?;
             let topic = self.node.resolve_topic(name).map_err(|error| error.to_string())?;
             let spec = TopicSpec::new(topic, MessageType::Ros(ros_type));
             let spec = TopicSpec { mark: mark(), qos, ..spec };

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use bytes::Bytes;
 use hyper::StatusCode;
 use serde::Serialize;
+use serde_json::json;
 use tokio::sync::Semaphore;
 use wrapyfi_core::engine::RouteStatus;
 use wrapyfi_retry::contained;
@@ -82,17 +83,6 @@ struct Told<'a> {
     middlewares: BTreeMap<&'static str, Option<String>>,
     panics: u64,
     routes: Vec<Row<'a>>,
-}
-
-/// Content of `/why.json`.
-#[derive(Debug, Default, Serialize)]
-struct Why {
-    passed: Vec<String>,
-    what: String,
-    who: String,
-    remedy: String,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    fault: Option<String>,
 }
 
 impl Answers {
@@ -176,8 +166,7 @@ impl Answers {
     }
 
     async fn why(&self, query: &str) -> Answer {
-        let fault =
-            |text: &str| Answer::json(&Why { fault: Some(text.to_owned()), ..Why::default() });
+        let fault = |text: &str| Answer::json(&json!({ "fault": text }));
         let now = self.now();
         let place = ids(query).next().and_then(|id| now.places.get(id));
         let Some(route) = place.and_then(|place| now.routes.get(*place)) else {
@@ -189,25 +178,16 @@ impl Answers {
         let (parts, name) = (Arc::clone(&self.parts), route.name.clone());
         let asked = tokio::task::spawn_blocking(move || {
             let _turn = turn;
-            contained(|| why(&parts, &name)).flatten()
+            let Parts { node, routes, in_force, .. } = &*parts;
+            let ask = || explain(node, routes, in_force, &name).map_err(|fault| fault.to_string());
+            contained(|| ask().map(|way| judge(&way))).flatten()
         });
         match asked.await {
-            Ok(Ok(why)) => Answer::json(&why),
+            Ok(Ok(verdict)) => Answer::json(&verdict),
             Ok(Err(text)) => fault(&text),
             Err(error) => fault(&error.to_string()),
         }
     }
-}
-
-/// Thing that is missing on the way of the route called `name`.
-fn why(parts: &Parts, name: &str) -> Result<Why, String> {
-    let way = explain(&parts.node, &parts.routes, &parts.in_force, name);
-    let verdict = judge(&way.map_err(|failure| failure.to_string())?);
-    let why = Why { passed: verdict.passed, ..Why::default() };
-    Ok(match verdict.finding {
-        Some(found) => Why { what: found.what, who: found.who, remedy: found.remedy, ..why },
-        None => why,
-    })
 }
 
 /// Number of a route as long as the program runs: sixteen digits, whatever its name is made of.

@@ -2,6 +2,7 @@
 
 use std::io::ErrorKind;
 use std::net::{IpAddr, SocketAddr, TcpStream};
+use std::sync::Arc;
 use std::time::Duration;
 
 use wrapyfi_core::network::{Hosts, is_of_this_machine};
@@ -10,6 +11,9 @@ use crate::middlewares::{Door, Server};
 
 /// Longest time that a connection may take to be accepted.
 const CONNECT: Duration = Duration::from_millis(800);
+
+/// First and last byte of what a ZeroMQ socket begins with, and its length.
+const SIGNATURE: (u8, u8, usize) = (0xff, 0x7f, 10);
 
 /// Result of connecting to an address.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -35,17 +39,30 @@ pub struct Knock {
     pub answer: Answer,
     /// True where the host is this machine.
     pub is_here: bool,
+    /// Connection on which a ZeroMQ broker greets.
+    pub greeting: Option<Arc<TcpStream>>,
 }
 
 impl Knock {
-    /// Connects to a server, and closes at once.
+    /// Connects to a server.
     #[must_use]
     pub fn at(door: Door, hosts: &Hosts) -> Self {
         // A broker that is bound to all interfaces is reached through loopback.
         let host = if door.host == "*" { "127.0.0.1" } else { &door.host };
-        let (answer, ip) = connect(host, door.port, hosts);
+        let (answer, ip, stream) = connected(host, door.port, hosts);
         let is_here = ip.is_some_and(is_of_this_machine);
-        Self { door, answer, is_here }
+        let is_broker = matches!(door.server, Server::Broker | Server::ServiceBroker);
+        let greeting = stream.filter(|it| is_broker && it.set_nonblocking(true).is_ok());
+        Self { door, answer, is_here, greeting: greeting.map(Arc::new) }
+    }
+
+    /// True once a ZeroMQ socket has greeted, which it does as soon as it has time for us.
+    #[must_use]
+    pub fn has_greeted(&self) -> bool {
+        let (first, last, length) = SIGNATURE;
+        let mut begun = [0; SIGNATURE.2];
+        let count = self.greeting.as_ref().and_then(|it| it.peek(&mut begun).ok());
+        count == Some(length) && begun.first() == Some(&first) && begun.last() == Some(&last)
     }
 
     /// Server in words, with its address.
@@ -67,23 +84,27 @@ pub fn name(server: Server) -> &'static str {
     }
 }
 
-/// Connects to a host, and closes at once; with the host's address where it has one.
+/// Connects to a host, and closes at once.
 #[must_use]
-pub fn connect(host: &str, port: u16, hosts: &Hosts) -> (Answer, Option<IpAddr>) {
+pub fn connect(host: &str, port: u16, hosts: &Hosts) -> Answer {
+    connected(host, port, hosts).0
+}
+
+fn connected(host: &str, port: u16, hosts: &Hosts) -> (Answer, Option<IpAddr>, Option<TcpStream>) {
     let ip = match resolve(host, hosts) {
         Ok(ip) if ip.is_unspecified() => IpAddr::from([127, 0, 0, 1]),
         Ok(ip) => ip,
-        Err(reason) => return (Answer::Unresolved(reason), None),
+        Err(reason) => return (Answer::Unresolved(reason), None, None),
     };
     let answer = match TcpStream::connect_timeout(&SocketAddr::new(ip, port), CONNECT) {
-        Ok(_closed) => Answer::Open,
+        Ok(stream) => return (Answer::Open, Some(ip), Some(stream)),
         Err(error) => match error.kind() {
             ErrorKind::ConnectionRefused => Answer::Refused,
             ErrorKind::TimedOut | ErrorKind::WouldBlock => Answer::Silent,
             _ => Answer::NoWay(error.to_string()),
         },
     };
-    (answer, Some(ip))
+    (answer, Some(ip), None)
 }
 
 /// Resolves a host, as long as that takes no longer than a connection may: a name server of the system
@@ -113,10 +134,33 @@ mod tests {
         let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
         let port = listener.local_addr().unwrap().port();
         let hosts = Hosts::default();
-        assert_eq!(connect("127.0.0.1", port, &hosts).0, Answer::Open);
+        assert_eq!(connect("127.0.0.1", port, &hosts), Answer::Open);
         drop(listener);
-        assert_eq!(connect("127.0.0.1", port, &hosts).0, Answer::Refused);
-        let (answer, ip) = connect("no-such-host.invalid", port, &hosts);
-        assert!(matches!(answer, Answer::Unresolved(_)) && ip.is_none(), "{answer:?}");
+        assert_eq!(connect("127.0.0.1", port, &hosts), Answer::Refused);
+        let answer = connect("no-such-host.invalid", port, &hosts);
+        assert!(matches!(answer, Answer::Unresolved(_)), "{answer:?}");
+    }
+
+    #[test]
+    fn a_socket_of_zeromq_greets_and_another_program_does_not() {
+        let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+        let port = listener.local_addr().unwrap().port();
+        let host = "127.0.0.1".to_owned();
+        let door = Door { server: Server::Broker, host, port, is_own: false };
+        for (said, is_greeting) in [
+            (&b"\xff\0\0\0\0\0\0\0\x01\x7f\x03"[..], true),
+            (b"HTTP/1.1 400", false),
+            (b"\xff", false),
+        ] {
+            let knock = Knock::at(door.clone(), &Hosts::default());
+            assert!(!knock.has_greeted());
+            let (mut peer, _) = listener.accept().unwrap();
+            std::io::Write::write_all(&mut peer, said).unwrap();
+            let begin = std::time::Instant::now();
+            while knock.has_greeted() != is_greeting && begin.elapsed() < CONNECT {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            assert_eq!(knock.has_greeted(), is_greeting, "{said:?}");
+        }
     }
 }

@@ -10,12 +10,13 @@ use wrapyfi_core::engine::{LeftOut, TO_BE_ACTIVATED};
 use wrapyfi_core::middleware::ros2::remedy;
 
 use crate::lifecycle::State;
+use crate::middlewares::Server;
 use crate::on_graph::not_active;
 
 use super::door::{Answer, name as server_name};
 use super::names::nearest;
 use super::reach::{opened, reachable};
-use super::state::{broken, came, hears_others, is_used, rate, refused, state};
+use super::state::{broken, hears_others, is_carried, is_used, rate, refused, runs, state};
 use super::words::{between, example, is_same_type, nobody, owner, people, provider, types_differ};
 use super::{Cause, Elsewhere, End, Finding, Graph, Registered, RouteFacts, Step, Verdict, Way};
 
@@ -50,6 +51,8 @@ impl Walk<'_> {
         let way = self.way;
         if let Some(route) = &way.route {
             of_file(route)?;
+            self.passed
+                .extend(way.running.as_ref().filter(|_| way.destination.is_some()).map(runs));
         }
         broken(way)?;
         let refused = refused(way);
@@ -62,6 +65,10 @@ impl Walk<'_> {
             true => (Role::Server, Role::Client),
         };
         self.side(source)?;
+        if way.route.is_none() {
+            // The bridge that would be there says why it is not.
+            state(way)?;
+        }
         self.somebody(source, provider)?;
         self.reached(source, provider)?;
         self.types(source, provider)?;
@@ -90,6 +97,7 @@ impl Walk<'_> {
             Some(destination) => {
                 self.bridge(source, destination)?;
                 self.side(destination)?;
+                self.callers(destination)?;
                 if !way.is_service {
                     self.somebody(destination, taker)?;
                     self.reached(destination, taker)?;
@@ -128,7 +136,26 @@ impl Walk<'_> {
         }
         let Some(away) = &end.away else { return Ok(()) };
         let middleware = &end.address.middleware;
+        let what = format!("{middleware} does not work: {away}");
+        if let Some(time) = end.slow {
+            let what = format!(
+                "{middleware} is slow: {away}: it greets as a ZeroMQ broker does, and had no time for us in {} ms",
+                time.as_millis()
+            );
+            if is_carried(self.way) {
+                self.pass(format!("messages pass, though {what}"));
+                return Ok(());
+            }
+            let who = "a broker with too much to do, or a machine";
+            let remedy = "ask again; `top` shows what keeps the machine busy";
+            return Err(Finding::new(Cause::Slow, what, who, remedy));
+        }
         let remedy = match end.doors.first() {
+            Some(_) if end.is_broker => {
+                "do what the reason says; keys are those of `endpoints: zeromq: curve` there, and of it or of \
+                 WRAPYFI_ZEROMQ_CURVE_SERVER_KEY and WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE here"
+                    .to_owned()
+            }
             Some(knock) => format!(
                 "look what runs on port {} of {}; it has to be a {}",
                 knock.door.port,
@@ -138,12 +165,7 @@ impl Walk<'_> {
             None => "see the reason; `wrapyfi list` shows the same".to_owned(),
         };
         let who = format!("the settings of {middleware}, or its server");
-        Err(Finding::new(
-            Cause::Middleware,
-            format!("{middleware} does not work: {away}"),
-            who,
-            remedy,
-        ))
+        Err(Finding::new(Cause::Middleware, what, who, remedy))
     }
 
     /// Somebody in a role at an end.
@@ -197,6 +219,17 @@ impl Walk<'_> {
             self.pass(format!("{address} has {}", people(&there, role)));
             return Ok(());
         }
+        if is_carried(self.way) && end.slow.is_some() {
+            return Ok(());
+        }
+        if let Some(server) = registry(end).filter(|_| is_carried(self.way)) {
+            let who = provider(end, role);
+            self.pass(format!(
+                "messages pass, but {nobody} that the {server} knows: it was restarted, and who comes new does not find \
+                 {who} until that is started again"
+            ));
+            return Ok(());
+        }
         // Services of ZeroMQ have no names: whoever answers at the broker is one.
         if self.way.is_service && address.middleware == "zeromq" {
             return Ok(());
@@ -242,7 +275,14 @@ impl Walk<'_> {
     fn reached(&mut self, end: &End, role: Role) -> Step {
         let registered: Vec<_> = end.registered.iter().filter(|one| one.role == role).collect();
         for one in &registered {
-            reachable(end, one)?;
+            match reachable(end, one) {
+                // What it was registered for is known to pass: another one of its name does that.
+                Err(gone) if is_carried(self.way) => {
+                    self.pass(format!("messages pass all the same, but {}", gone.what));
+                    return Ok(());
+                }
+                outcome => outcome?,
+            }
         }
         if let Some(Registered { host, port, .. }) = registered.first() {
             self.pass(format!("{host}:{port} answers"));
@@ -301,6 +341,29 @@ impl Walk<'_> {
         Err(Finding::new(Cause::ServiceMapping, what, "either end", remedy))
     }
 
+    /// Mapping of services to DDS of those who call where the route serves.
+    fn callers(&mut self, end: &End) -> Step {
+        let address = &end.address;
+        let Some(clients) = end.clients else {
+            let served = end.foreign.map(|(server, _)| server.rmw());
+            let needs = |rmw| {
+                format!("who calls {address} needs RMW_IMPLEMENTATION={rmw}, unlike this shell")
+            };
+            self.passed.extend(served.map(needs));
+            return Ok(());
+        };
+        let client = end.of(Role::Client).next();
+        let (who, rmw) = (client.map_or_else(|| "its client".to_owned(), owner), clients.rmw());
+        let what = format!(
+            "{who} speaks {rmw}, and {address} is served in another mapping of services: requests of one are not \
+             understood by the other"
+        );
+        let remedy = format!(
+            "export RMW_IMPLEMENTATION={rmw} where the bridge starts, or that of the bridge where {who} does"
+        );
+        Err(Finding::new(Cause::ServiceMapping, what, "either end", remedy))
+    }
+
     /// Quality of service of those who are there, against that of the route.
     fn quality(&mut self, end: &End, role: Role) -> Step {
         let Some(own) = &end.qos else { return Ok(()) };
@@ -334,15 +397,12 @@ impl Walk<'_> {
 
     /// Types and quality of service of the programs at one endpoint.
     fn among_themselves(&mut self, end: &End, provider: Role, taker: Role) -> Step {
-        let (providers, takers): (Vec<_>, Vec<_>) =
-            (end.of(provider).collect(), end.of(taker).collect());
-        let pairs =
-            || providers.iter().flat_map(|one| takers.iter().map(move |other| (*one, *other)));
-        if pairs().next().is_none() {
-            return Ok(());
-        }
-        let Some(first) = pairs().find(|(one, other)| !types_differ(one, other)) else {
-            let Some((one, other)) = pairs().next() else { return Ok(()) };
+        let takers: Vec<_> = end.of(taker).collect();
+        let pairs = end.of(provider).flat_map(|one| takers.iter().map(move |other| (one, *other)));
+        let pairs: Vec<_> = pairs.collect();
+        let Some((one, other)) = pairs.first() else { return Ok(()) };
+        let mut typed = pairs.iter().filter(|(one, other)| !types_differ(one, other)).peekable();
+        let Some((first, second)) = typed.peek() else {
             let name = |one: &Discovered| one.type_name.clone().unwrap_or_default();
             let what = format!(
                 "{} has type {}, {} wants {}",
@@ -351,22 +411,20 @@ impl Walk<'_> {
                 owner(other),
                 name(other)
             );
-            let remedy = "give both the same type, or one of them another name".to_owned();
+            let remedy = "give both the same type, or one of them another name";
             return Err(Finding::new(Cause::Type, what, "either program", remedy));
         };
+        let (one, other) = (*first, *second);
         let unmet = |one: &Discovered, other: &Discovered| match (one.qos, other.qos) {
             (Some(offered), Some(asked)) => mismatches(&offered, &asked),
             _ => Vec::new(),
         };
-        let fits =
-            pairs().any(|(one, other)| !types_differ(one, other) && unmet(one, other).is_empty());
-        if fits {
+        if typed.any(|(one, other)| unmet(one, other).is_empty()) {
             self.pass("type and quality of service fit");
             return Ok(());
         }
-        let (one, other) = first;
         let (Some(offered), Some(asked)) = (one.qos, other.qos) else { return Ok(()) };
-        let Some(policy) = mismatches(&offered, &asked).first().copied() else { return Ok(()) };
+        let Some(policy) = unmet(one, other).first().copied() else { return Ok(()) };
         let what = format!(
             "{} offers {}, {} asks for {}",
             owner(one),
@@ -379,12 +437,25 @@ impl Walk<'_> {
 
     /// A bridge that runs the route.
     fn bridge(&mut self, source: &End, destination: &End) -> Step {
-        if let Some(running) = &self.way.running {
-            let (received, sent) = (came(running), running.sent);
-            self.pass(format!("a bridge runs the route: {received} in, {sent} out"));
-            return Ok(());
+        let Way { running: None, others, route: Some(route), .. } = self.way else { return Ok(()) };
+        let remedy = format!("wrapyfi bridge --config {}", route.file);
+        if let Some(others) = others {
+            let names = others.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
+            let graph = [source, destination].into_iter().find_map(|end| end.graph.as_ref());
+            let domain = graph.map_or(String::new(), |it| format!(" (domain {})", it.domain_id));
+            let what = match names.is_empty() {
+                true => format!("no bridge runs the route: none is on the graph of ROS 2{domain}"),
+                false => format!("no bridge runs the route: {names}{domain} has others"),
+            };
+            // One that is to be configured has no routes yet.
+            let begins = |(node, state): (&String, &String)| {
+                (state == State::Unconfigured.label())
+                    .then(|| not_active(State::Unconfigured, node))
+            };
+            let begins = others.iter().find_map(begins).map(|it| format!("; or {}", it.remedy));
+            let remedy = remedy + &begins.unwrap_or_default();
+            return Err(Finding::new(Cause::NoBridge, what, "a bridge", remedy));
         }
-        let Some(route) = &self.way.route else { return Ok(()) };
         let (at_source, at_destination) = match self.way.is_service {
             false => (Role::Listener, Role::Publisher),
             true => (Role::Client, Role::Server),
@@ -395,22 +466,21 @@ impl Walk<'_> {
             || !destination.doors.iter().all(|knock| knock.answer == Answer::Open)
             || (!tells(source) && !tells(destination));
         if seen {
-            self.pass(
-                "the route may run: no bridge on the graph of ROS 2 tells its state (`--node NODE` asks one)",
-            );
+            self.pass("the route may run: no bridge tells its state (`--node NODE` asks one)");
             return Ok(());
         }
         let what = format!(
             "no bridge runs the route: nobody listens to {} for it, and nobody has {} at the other end",
             source.address, destination.address
         );
-        let remedy = format!("wrapyfi bridge --config {}", route.file);
         Err(Finding::new(Cause::NoBridge, what, "a bridge", remedy))
     }
 
     /// Other bridges whose node has the same name.
     fn namesakes(&self, ends: [&End; 2]) -> Step {
-        let Some(RouteFacts { node, is_own, .. }) = &self.way.route else { return Ok(()) };
+        let Way { node, route: Some(RouteFacts { is_own, .. }), .. } = self.way else {
+            return Ok(());
+        };
         // Each bridge publishes its status once; one that looks does not see its own.
         let status = format!("{node}/status");
         let is_status = |one: &&Discovered| one.name == status && one.role == Role::Publisher;
@@ -451,8 +521,8 @@ impl Walk<'_> {
 
 /// A bridge that is not activated, whatever is there.
 fn inactive(way: &Way) -> Option<Finding> {
-    let (route, running) = (way.route.as_ref()?, way.running.as_ref()?);
-    (running.reason == TO_BE_ACTIVATED).then(|| not_active(State::Inactive, &route.node))
+    let running = way.running.as_ref()?;
+    (running.reason == TO_BE_ACTIVATED).then(|| not_active(State::Inactive, &way.node))
 }
 
 /// Causes that the file alone tells.
@@ -499,6 +569,12 @@ fn defined(undefined: &Option<(String, String)>) -> Step {
          folder: `definitions: [DIR]` in the configuration, `--definitions DIR` of a command"
     );
     Err(Finding::new(Cause::Definition, what, who, remedy))
+}
+
+/// Name of the server at which those who have the name of an end are registered, where there is one.
+fn registry(end: &End) -> Option<&'static str> {
+    let is_registry = |server: &Server| matches!(server, Server::Master | Server::NameServer);
+    end.doors.iter().map(|knock| knock.door.server).find(is_registry).map(server_name)
 }
 
 fn cause_of_nobody(role: Role) -> Cause {

@@ -60,7 +60,7 @@ fn whole() -> Way {
 
 fn knock(server: Server, host: &str, answer: Answer, is_here: bool, is_own: bool) -> Knock {
     let door = Door { server, host: host.to_owned(), port: 5555, is_own };
-    Knock { door, answer, is_here }
+    Knock { door, answer, is_here, greeting: None }
 }
 
 fn master(host: &str, answer: Answer, is_here: bool) -> Knock {
@@ -224,6 +224,23 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
             Cause::Middleware,
             "ros does not work: no answer from master",
             "it has to be a ROS 1 master",
+        ),
+        (
+            of_destination(|it| {
+                (it.away, it.is_broker) = (Some("no answer from broker".into()), true);
+                it.slow = Some(Duration::from_millis(1800));
+            }),
+            Cause::Slow,
+            "greets as a ZeroMQ broker does, and had no time for us in 1800 ms",
+            "ask again",
+        ),
+        (
+            of_destination(|it| {
+                (it.away, it.is_broker) = (Some("no answer from broker: keys".into()), true);
+            }),
+            Cause::Middleware,
+            "no answer from broker: keys",
+            "do what the reason says",
         ),
         (
             of_source(nobody),
@@ -481,6 +498,15 @@ fn a_route_that_is_not_well_lacks_something_whatever_is_there() {
             ],
         ),
         (
+            of(
+                "degraded",
+                "/eye runs Fast DDS and acknowledges nothing: it has ended",
+                &[("send_queue_full", 60)],
+            ),
+            Cause::State,
+            ["acknowledges nothing: it has ended", "end /eye or start it again"],
+        ),
+        (
             of("active", "", &[("mismatch", 95)]),
             Cause::Drops,
             ["95 of 100", "`type` or `encoding`"],
@@ -531,14 +557,117 @@ fn a_refused_program_is_named_with_its_line_also_where_others_were_served() {
     }
 }
 
+/// A status of the route in a bridge.
+fn running(state: &str, reason: &str, received: u64, sent: u64) -> Option<RouteInfo> {
+    let [state, reason] = [state, reason].map(str::to_owned);
+    Some(RouteInfo {
+        key: "lamp".to_owned(),
+        state,
+        reason,
+        received,
+        sent,
+        ..RouteInfo::default()
+    })
+}
+
+#[test]
+fn the_bridges_that_are_heard_say_whether_one_runs_the_route() {
+    let beside = |others: &[(&str, &str)]| {
+        let name = |(node, state): &(&str, &str)| ((*node).to_owned(), (*state).to_owned());
+        // Whoever else listens is no bridge.
+        judge(&Way { others: Some(others.iter().map(name).collect()), ..whole() }).finding.unwrap()
+    };
+    for (others, what, remedy) in [
+        (&[][..], "none is on the graph of ROS 2 (domain 3)", "wrapyfi bridge --config b.yaml"),
+        (
+            &[("/a", "active"), ("/b", "inactive")],
+            "/a, /b (domain 3) has others",
+            "--config b.yaml",
+        ),
+        (&[("/a", "unconfigured")], "/a", "; or ros2 lifecycle set /a configure, then activate"),
+    ] {
+        let found = beside(others);
+        assert_eq!(found.cause, Cause::NoBridge, "{found:?}");
+        assert!(found.what.contains(what) && found.remedy.contains(remedy), "{found:?}");
+    }
+}
+
+#[test]
+fn a_bridge_that_would_offer_a_name_says_why_it_does_not() {
+    let of = |state: &str, reason: &str| {
+        let way = of_source(|it| it.found.clear());
+        let (node, running) = ("/eye".to_owned(), running(state, reason, 0, 0));
+        judge(&Way { route: None, destination: None, node, running, ..way }).finding.unwrap()
+    };
+    let found = of("waiting", TO_BE_ACTIVATED);
+    assert!(found.what.contains("the bridge /eye is inactive"), "{found:?}");
+    assert_eq!(found.remedy, "ros2 lifecycle set /eye activate");
+    let found = of("waiting", "the broker at tcp://x");
+    assert!(found.what.contains("the route lamp of /eye waits for the broker"), "{found:?}");
+    assert_eq!(of("active", "").cause, Cause::NobodyPublishes);
+}
+
+#[test]
+fn what_passes_is_believed_before_the_list_of_a_master_that_was_restarted() {
+    let of = |state: &str, sent: u64, change: &dyn Fn(&mut End)| {
+        let mut way = of_destination(change);
+        way.running = running(state, "", 40, sent);
+        judge(&way)
+    };
+    let forgotten = |it: &mut End| it.found.retain(|one| one.role != Role::Listener);
+    let passes = of("active", 40, &forgotten);
+    assert_eq!(passes.finding, None, "{passes}");
+    let said = passes.passed.join("\n");
+    for words in ["40 in, 40 out", "nobody listens to ros:/out that the ROS 1 master knows"] {
+        assert!(said.contains(words), "{words:?} is not in {said}");
+    }
+    for (state, sent) in [("waiting", 40), ("active", 0)] {
+        let found = of(state, sent, &forgotten).finding.unwrap();
+        assert_eq!(found.cause, Cause::NobodyListens, "{found:?}");
+    }
+    let slow = |it: &mut End| {
+        forgotten(it);
+        (it.away, it.slow) = (Some("no answer from broker".into()), Some(Duration::from_secs(2)));
+    };
+    assert_eq!(of("active", 40, &slow).finding, None);
+    assert_eq!(of("active", 0, &slow).finding.unwrap().cause, Cause::Slow);
+    let gone = |it: &mut End| {
+        it.registered = vec![registered(Role::Listener, "127.0.0.1", false, Answer::Refused)];
+    };
+    assert_eq!(of("active", 40, &gone).finding, None);
+    assert_eq!(of("active", 0, &gone).finding.unwrap().cause, Cause::PeerUnreachable);
+}
+
+#[test]
+fn a_client_of_another_mapping_than_the_bridge_is_named() {
+    let of = |foreign, clients| {
+        let mut way = of_destination(|it| {
+            it.found = vec![endpoint("/out", Role::Client, TEXT, QosPreset::Default)];
+            (it.foreign, it.clients) = (foreign, clients);
+        });
+        way.source.as_mut().unwrap().found =
+            vec![endpoint("/in", Role::Server, TEXT, QosPreset::Default)];
+        (way.is_service, way.running) = (true, running("active", "", 0, 0));
+        judge(&way)
+    };
+    assert_eq!(of(None, None).finding, None);
+    let foreign = Some((ServiceMapping::FastDds, ServiceMapping::Cyclone));
+    let ours = of(foreign, None);
+    assert_eq!(ours.finding, None);
+    assert!(ours.to_string().contains("needs RMW_IMPLEMENTATION=rmw_fastrtps_cpp"), "{ours}");
+    let found = of(foreign, Some(ServiceMapping::Cyclone)).finding.unwrap();
+    assert_eq!(found.cause, Cause::ServiceMapping);
+    assert!(found.what.contains("/client_node speaks rmw_cyclonedds_cpp"), "{found:?}");
+}
+
 #[test]
 fn two_bridges_of_one_node_name_are_named() {
     let with = |bridges: usize, running: bool, is_own: bool| {
         let status = || Discovered::new("/wrapyfi_bridge/status", Role::Publisher);
         let mut way = of_source(|it| it.found.extend((0..bridges).map(|_| status())));
         way.running = running.then(RouteInfo::default);
-        let route = way.route.as_mut().unwrap();
-        (route.node, route.is_own) = ("/wrapyfi_bridge".to_owned(), is_own);
+        way.node = "/wrapyfi_bridge".to_owned();
+        way.route.as_mut().unwrap().is_own = is_own;
         judge(&way).finding
     };
     for running in [false, true] {

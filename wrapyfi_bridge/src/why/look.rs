@@ -18,7 +18,7 @@ use wrapyfi_core::endpoint::{
 use wrapyfi_core::middleware::ros1::Ros1;
 use wrapyfi_core::middleware::ros2::Ros2;
 use wrapyfi_core::middleware::ros2::environment::{self, DiscoveryRange};
-use wrapyfi_core::middleware::ros2::graph;
+use wrapyfi_core::middleware::ros2::graph::{self, ServiceMapping};
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 
@@ -30,7 +30,7 @@ use crate::exit::Failure;
 use crate::middlewares::{self, Endpoints, Observer, Server};
 
 /// Time between two looks.
-const LOOK: Duration = Duration::from_millis(20);
+pub(super) const LOOK: Duration = Duration::from_millis(20);
 /// Time after which a name that nobody has in the own domain of ROS 2 is looked for in others, too: some nodes answer a
 /// new one after a second.
 const HERE_AT_FIRST: Duration = Duration::from_millis(200);
@@ -40,6 +40,10 @@ const NAMED_WITHIN: Duration = Duration::from_millis(1300);
 /// Time for which it goes on, after [`PATIENCE`], where endpoints still come: nodes tell of themselves slowly on a busy
 /// machine.
 const NEWS: Duration = Duration::from_millis(1000);
+/// Time for which a ZeroMQ broker that has greeted is waited for after [`PATIENCE`]: what is left of two seconds.
+const SLOW: Duration = Duration::from_millis(400);
+/// Time within which a broker tells what passes there, once it is reached.
+const BROKER_TELLS_WITHIN: Duration = Duration::from_secs(1);
 /// Time for which messages are listened for.
 const LISTEN: Duration = Duration::from_millis(600);
 /// Most addresses of one name that are connected to.
@@ -108,10 +112,8 @@ impl<'s> Sight<'s> {
     fn open(&self, middleware: &str) -> Result<Observer, Failure> {
         let of_bridge = self.bridge.and_then(|registry| registry.get(middleware).ok());
         match (of_bridge, self.ros2.filter(|_| middleware == "ros2")) {
-            (Some(middleware), _) => {
-                Ok(Observer { middleware: Arc::clone(middleware), graph: None, ros1: None })
-            }
-            (None, Some(ros2)) => Ok(Observer::of_ros2(ros2)),
+            (Some(middleware), _) => Ok((Arc::clone(middleware), None)),
+            (None, Some(ros2)) => Ok((Arc::clone(ros2) as Arc<dyn Middleware>, None)),
             (None, None) => middlewares::observer(self.endpoints, middleware),
         }
     }
@@ -133,23 +135,20 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
         }
         Err(fault) => end.away = Some(fault.to_string()),
     }
-    if !end.is_open() {
+    // Services of ZeroMQ have no names to be found.
+    if !end.is_open() || (middleware == "zeromq" && wanted.is_service) {
         return end;
     }
-    let mut observer = match sight.open(middleware) {
-        Ok(observer) => observer,
+    end.graph = (middleware == "ros2").then(|| graph(endpoints));
+    let opened = sight.open(middleware).map_err(|fault| fault.to_string());
+    let discovered = opened.and_then(|(observer, ros1)| {
+        let discovery = observer.discover().map_err(|fault| fault.to_string())?;
+        Ok((observer, ros1, discovery))
+    });
+    let (observer, ros1, mut discovery) = match discovered {
+        Ok(discovered) => discovered,
         Err(fault) => {
-            end.away = Some(fault.to_string());
-            return end;
-        }
-    };
-    if middleware == "ros2" {
-        end.graph = Some(graph(endpoints));
-    }
-    let mut discovery = match observer.middleware.discover() {
-        Ok(discovery) => discovery,
-        Err(fault) => {
-            end.away = Some(fault.to_string());
+            end.away = Some(fault);
             return end;
         }
     };
@@ -160,8 +159,14 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
     discovery.only(Box::new(move |other| other == meant || kinship(&meant, other).is_some()));
     // From when the side is open: on a busy machine that takes a while, too.
     let begin = Instant::now();
-    let deadline = begin + PATIENCE;
-    let is_over = || sight.is_answered.load(Relaxed) || Instant::now() >= deadline;
+    let deadline = begin + end.graph.as_ref().map_or(PATIENCE, patience);
+    let doors = end.doors.clone();
+    // A broker with much to do is slow with a handshake, too.
+    let is_slow = || deadline.elapsed() < SLOW && doors.iter().all(Knock::has_greeted);
+    let is_over = || {
+        let is_late = Instant::now() >= deadline;
+        sight.is_answered.load(Relaxed) || (is_late && (doors.is_empty() || !is_slow()))
+    };
     // Until all is told: who is missing is as telling as who is there.
     let mut side = DiscoveryWatch::new(discovery);
     let is_sought = middleware == "ros2" && wanted.role != Role::Client;
@@ -175,39 +180,28 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
         && !wanted.is_there(&end)
     {
         // Some nodes answer after a second; meanwhile it is looked for elsewhere, until this is over.
-        let (is_narrow, is_there) = (graph.is_narrow(), AtomicBool::new(false));
+        let is_there = AtomicBool::new(false);
         let is_over = || is_there.load(Relaxed) || is_over();
-        let own_until = if is_narrow { deadline - elsewhere::WIDE } else { deadline };
-        let mut here = Some((side, observer));
         std::thread::scope(|scope| {
-            let ros2 = &endpoints.ros2;
-            let far = scope.spawn(|| elsewhere::look(ros2, &graph, wanted, false, &is_over));
-            if let Some((side, _)) = &mut here {
-                seen = watch(&mut end, side, |end, told| {
-                    let is_met = wanted.is_there(end);
-                    is_there.fetch_or(is_met, Relaxed);
-                    let is_named = begin.elapsed() >= NAMED_WITHIN || !wanted.is_unnamed(end);
-                    // While others still tell of themselves, it may be among them.
-                    let late = Instant::now().checked_duration_since(own_until);
-                    let is_late = late.is_some_and(|late| told || is_narrow || late >= NEWS);
-                    sight.is_answered.load(Relaxed) || is_late || (is_met && told && is_named)
-                });
-            }
-            let mut wide = Vec::new();
-            if is_narrow && sight.bridge.is_none() && !wanted.is_there(&end) {
-                // Another configuration of the same domain needs an end of this one.
-                here = None;
-                wide = elsewhere::look(ros2, &graph, wanted, true, &is_over);
-            }
+            let far =
+                scope.spawn(|| elsewhere::look(&endpoints.ros2, &graph, wanted, false, &is_over));
+            seen = watch(&mut end, &mut side, |end, told| {
+                let is_met = wanted.is_there(end);
+                is_there.fetch_or(is_met, Relaxed);
+                let is_named = begin.elapsed() >= NAMED_WITHIN || !wanted.is_unnamed(end);
+                // While others still tell of themselves, it may be among them.
+                let late = Instant::now().checked_duration_since(deadline);
+                let is_late = late.is_some_and(|late| told || graph.is_narrow() || late >= NEWS);
+                sight.is_answered.load(Relaxed) || is_late || (is_met && told && is_named)
+            });
             end.elsewhere = far.join().unwrap_or_default();
-            end.elsewhere.extend(wide);
         });
-        let Some(still) = here else { return end };
-        (side, observer) = still;
     }
     drop(side);
     if let Err(fault) = seen {
-        end.away = Some(fault);
+        let is_broker = !end.doors.is_empty() && end.doors.iter().all(Knock::has_greeted);
+        end.slow = (is_broker && begin.elapsed() >= PATIENCE).then(|| begin.elapsed());
+        (end.away, end.is_broker) = (Some(fault), is_broker);
         return end;
     }
     tidy(&mut end);
@@ -216,21 +210,39 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
         (wanted.is_service, wanted.role, end.is_service) = (true, Role::Server, true);
     }
     let wanted = &wanted;
-    addresses(&mut end, endpoints, observer.ros1.as_deref());
-    if let (Some(graph), true) = (&observer.graph, wanted.is_service) {
-        mapping(&mut end, graph.as_ref());
+    addresses(&mut end, endpoints, ros1.as_deref());
+    if let (Some(ros2), true) = (sight.ros2, middleware == "ros2" && wanted.is_service) {
+        mapping(&mut end, ros2.graph().as_ref());
     }
     // The master of ROS 1 does not tell the types of services: their servers do.
     if wanted.is_learned || (wanted.is_service && end.address.middleware == "ros") {
-        learn(&mut end, observer.middleware.as_ref(), wanted, types);
+        learn(&mut end, observer.as_ref(), wanted, types);
     }
     if wanted.listens && end.of(Role::Publisher).next().is_some() {
-        listen(&mut end, observer.middleware.as_ref(), types);
+        listen(&mut end, observer.as_ref(), types);
     }
     if wanted.is_there(&end) {
         end.elsewhere.clear();
     }
     end
+}
+
+/// Looks as far as multicast reaches for somebody who is missing where this program sees less; true where it did. An end
+/// of the domain that is open in this process would have it see as little as that.
+pub(super) fn widen(endpoints: &Endpoints, wanted: &Wanted, end: &mut End) -> bool {
+    let is_missing = wanted.role != Role::Client && !wanted.is_there(end);
+    let Some(graph) = end.graph.as_ref().filter(|graph| is_missing && graph.is_narrow()) else {
+        return false;
+    };
+    let until = Instant::now() + elsewhere::WIDE;
+    let is_over = || Instant::now() >= until;
+    end.elsewhere.extend(elsewhere::look(&endpoints.ros2, graph, wanted, true, &is_over));
+    true
+}
+
+/// Time for which the own domain is looked at: as much is left for [`widen`] as it takes.
+pub(super) fn patience(graph: &Graph) -> Duration {
+    if graph.is_narrow() { PATIENCE - elsewhere::WIDE } else { PATIENCE }
 }
 
 /// Network of ROS 2 as this program sees it.
@@ -267,15 +279,24 @@ fn watch(
 ) -> Result<(), String> {
     let wake = Wake::new();
     let begin = Instant::now();
+    let mut reached = None;
     loop {
         side.look().map_err(|error| error.to_string())?;
         end.found.clone_from(&side.found);
         let waits = side.discovery.waiting_for();
         // A server that accepts connections may need a moment to answer.
         let told = side.has_told_all() && waits.is_none();
+        if waits.is_none() {
+            reached.get_or_insert_with(Instant::now);
+        }
         if is_over(end, told) || begin.elapsed() >= PATIENCE + NEWS {
+            let is_new = reached.is_some_and(|at| at.elapsed() < BROKER_TELLS_WITHIN);
             return match waits {
                 Some(what) => Err(format!("no answer from {what}")),
+                // Its table would have come, or what passes on one that has no table.
+                None if is_new && !told && end.address.middleware == "zeromq" => {
+                    Err("no word from the broker of what passes there".to_owned())
+                }
                 None => Ok(()),
             };
         }
@@ -342,7 +363,7 @@ fn addresses(end: &mut End, endpoints: &Endpoints, ros1: Option<&Ros1>) {
             .into_iter()
             .map(|(role, who, host, port)| {
                 scope.spawn(move || {
-                    let (answer, _) = connect(&host, port, &endpoints.hosts);
+                    let answer = connect(&host, port, &endpoints.hosts);
                     Registered { role, who, host, port, is_told_afar: is_afar, answer }
                 })
             })
@@ -368,18 +389,23 @@ fn ports(end: &End, endpoints: &Endpoints) -> Vec<(String, u16)> {
     }
 }
 
-/// Mapping of the servers, where all of them have another than this node.
+/// Mapping of the servers and of the clients, where all of them have another than this node, and than the servers.
 fn mapping(end: &mut End, ros2: &dyn graph::Graph) {
     let Ok(all) = ros2.endpoints() else { return };
-    let ours = ros2.service_mapping();
     let requests = format!("rq{}Request", end.address.name);
-    let servers = all.iter().filter(|one| !one.is_publisher && one.dds_topic == requests);
-    let theirs: Vec<_> = servers.filter_map(|server| server.service_mapping).collect();
-    if let Some(first) = theirs.first()
-        && theirs.iter().all(|mapping| *mapping != ours)
-    {
-        end.foreign = Some((*first, ours));
-    }
+    let of = |is_client: bool, but: ServiceMapping| {
+        let of_side = all.iter().filter(|one| one.is_publisher == is_client);
+        let told: Vec<_> = of_side
+            .filter(|one| one.dds_topic == requests)
+            .filter_map(|one| one.service_mapping)
+            .collect();
+        let are_others = told.iter().all(|mapping| *mapping != but);
+        told.first().copied().filter(|_| are_others)
+    };
+    let ours = ros2.service_mapping();
+    let servers = of(false, ours);
+    end.foreign = servers.map(|theirs| (theirs, ours));
+    end.clients = of(true, servers.unwrap_or(ours));
 }
 
 /// Type that is announced or shown, and its definition.

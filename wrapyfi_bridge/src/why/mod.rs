@@ -31,6 +31,7 @@ mod running;
 mod state;
 mod words;
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::time::Duration;
 
@@ -59,8 +60,13 @@ pub struct Way {
     pub source: Option<End>,
     /// End at which messages go out; `None` where an endpoint alone was asked for.
     pub destination: Option<End>,
+    /// Full name on ROS 2 of the node of the bridge that runs the route, or would.
+    pub node: String,
     /// Status of the route in a bridge that runs it, or of the first route of a pattern that is not well.
     pub running: Option<RouteInfo>,
+    /// Bridges on the graph of ROS 2 of which none has the route, by node, with their states; `None` where some may be
+    /// unknown.
+    pub others: Option<BTreeMap<String, String>>,
     /// File of which no route means the endpoint that was asked for.
     pub without_route: Option<String>,
     /// Parts that are known to be in place before the walk.
@@ -82,8 +88,6 @@ pub struct RouteFacts {
     pub limit: Option<(usize, usize)>,
     /// Route of the same bridge that publishes where this one listens, and does not hear.
     pub unheard: Option<Unheard>,
-    /// Full name of the bridge's node on ROS 2.
-    pub node: String,
     /// True where the bridge that runs the route looks; a command sees the endpoints of that bridge, too.
     pub is_own: bool,
     /// Limit of the rate, and the messages that it has left out.
@@ -127,10 +131,16 @@ pub struct End {
     pub doors: Vec<Knock>,
     /// Reason that the side does not work, in its own words.
     pub away: Option<String>,
+    /// True where what has no use for us greets as ZeroMQ does.
+    pub is_broker: bool,
+    /// Time after which a handshake with such a broker was not over.
+    pub slow: Option<Duration>,
     /// Endpoints of the whole side.
     pub found: Vec<Discovered>,
     /// Mapping of services that servers of the name speak, and ours.
     pub foreign: Option<(ServiceMapping, ServiceMapping)>,
+    /// Mapping of services that clients of the name speak, where its servers have another.
+    pub clients: Option<ServiceMapping>,
     /// Addresses of those who have the name.
     pub registered: Vec<Registered>,
     /// Endpoints of the name that are found in another domain or range.
@@ -274,6 +284,7 @@ pub enum Cause {
     ServerAway,
     LoopbackElsewhere,
     Middleware,
+    Slow,
     NobodyPublishes,
     NobodyOffers,
     OtherName,

@@ -6,10 +6,10 @@
 //!   package/msg/Name                                         ┘
 //! ```
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use wrapyfi_core::endpoint::{Discovered, DropReason, EndpointAddress, Mutex, Role};
 use wrapyfi_core::engine::{Applier, Kind, Plan, Route, RouteIndex, Typing, may_be_read_as};
@@ -19,95 +19,84 @@ use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
 use super::drops::count;
-use super::look::{Sight, Wanted, graph, look};
+use super::look::{Sight, Wanted, graph, look, patience, widen};
 use super::state::came;
 use super::{End, Limited, RouteFacts, Unheard, Way, running};
+use crate::cli::WhyArgs;
 use crate::command::definitions;
 use crate::exit::Failure;
 use crate::in_force::InForce;
 use crate::middlewares::{self, Endpoints, Loaded, Undefined, is_ros};
 use crate::node::Node;
 use crate::on_graph::info;
-use crate::own_address::OwnAddress;
 
-/// Question of a command.
-#[derive(Debug, Clone)]
-pub struct Question {
-    /// Name of a route, address of an endpoint, or a type.
-    pub name: String,
-    /// Configuration file that has the route.
-    pub config: Option<PathBuf>,
-    /// Folders of definitions.
-    pub definitions: Vec<PathBuf>,
-    /// Address at which others reach the nodes that look.
-    pub own: OwnAddress,
+/// Time within which most bridges have told their routes: they are heard for as long even where the answer is known.
+const AT_ONCE: Duration = Duration::from_millis(300);
+
+/// Finds out what can be found out about what a command is asked.
+///
+/// # Errors
+/// Exit code 2 where the name means nothing, or the configuration has other faults.
+pub fn ask(asked: &WhyArgs) -> Result<Way, Failure> {
+    let name = asked.name.as_str();
+    if let Some(file) = &asked.config {
+        return of_file(asked, file);
+    }
+    match name.split('/').collect::<Vec<_>>()[..] {
+        [package, "msg" | "srv", _] if !package.contains(':') => of_type(asked),
+        _ => {
+            let address = address(name).map_err(Failure::Usage)?;
+            let mut endpoints = Endpoints::default();
+            endpoints.reached_at(asked.own);
+            let sight = Sight::of_command(&endpoints);
+            Ok(of_address(&address, sight, definitions::store(&asked.definitions)?))
+        }
+    }
 }
 
-impl Question {
-    /// Finds out what can be found out about it.
-    ///
-    /// # Errors
-    /// Exit code 2 where the name means nothing, or the configuration has other faults.
-    pub fn ask(&self) -> Result<Way, Failure> {
-        let name = self.name.as_str();
-        if let Some(file) = &self.config {
-            return self.of_file(file);
+fn of_file(asked: &WhyArgs, path: &Path) -> Result<Way, Failure> {
+    let file = path.display().to_string();
+    let mut undefined = None;
+    match middlewares::load_noting(path, &asked.name, &mut undefined) {
+        Ok(Loaded { mut endpoints, plan, types, .. }) => {
+            endpoints.reached_at(asked.own);
+            endpoints.check_permitted(Some(path))?;
+            let node = Node::bridge().map_err(Failure::usage)?;
+            let sight = Sight::of_command(&endpoints);
+            let configured =
+                Configured { file: &file, plan: &plan, node: &node, sight, status: None };
+            configured.way(&asked.name, types)
         }
-        match name.split('/').collect::<Vec<_>>()[..] {
-            [package, "msg" | "srv", _] if !package.contains(':') => self.of_type(name),
-            _ => {
-                let address = address(name).map_err(Failure::Usage)?;
-                let mut endpoints = Endpoints::default();
-                endpoints.reached_at(self.own);
-                let sight = Sight::of_command(&endpoints);
-                Ok(of_address(&address, sight, definitions::store(&self.definitions)?))
-            }
+        Err(failure) => {
+            let Undefined { route: title, type_name, reason } = undefined.ok_or(failure)?;
+            let undefined = Some((type_name, reason));
+            let facts =
+                RouteFacts { name: title.clone(), file, undefined, ..RouteFacts::default() };
+            Ok(Way { title, route: Some(facts), ..Way::default() })
         }
     }
+}
 
-    fn of_file(&self, path: &Path) -> Result<Way, Failure> {
-        let file = path.display().to_string();
-        let mut undefined = None;
-        match middlewares::load_noting(path, &self.name, &mut undefined) {
-            Ok(Loaded { mut endpoints, plan, types, .. }) => {
-                endpoints.reached_at(self.own);
-                endpoints.check_permitted(Some(path))?;
-                let node = Node::bridge().map_err(Failure::usage)?;
-                let sight = Sight::of_command(&endpoints);
-                let configured =
-                    Configured { file: &file, plan: &plan, node: &node, sight, status: None };
-                configured.way(&self.name, types)
-            }
-            Err(failure) => {
-                let Undefined { route: title, type_name, reason } = undefined.ok_or(failure)?;
-                let undefined = Some((type_name, reason));
-                let facts =
-                    RouteFacts { name: title.clone(), file, undefined, ..RouteFacts::default() };
-                Ok(Way { title, route: Some(facts), ..Way::default() })
-            }
-        }
+fn of_type(asked: &WhyArgs) -> Result<Way, Failure> {
+    let name = asked.name.as_str();
+    let mut types = definitions::store(&asked.definitions)?;
+    definitions::add_standard(name, &asked.definitions, &mut types);
+    let mut way = Way { title: name.to_owned(), ..Way::default() };
+    if let Err(error) = types.resolve_name(name) {
+        let undefined = Some((name.to_owned(), error.to_string()));
+        way.route = Some(RouteFacts { undefined, ..RouteFacts::default() });
+        return Ok(way);
     }
-
-    fn of_type(&self, name: &str) -> Result<Way, Failure> {
-        let mut types = definitions::store(&self.definitions)?;
-        definitions::add_standard(name, &self.definitions, &mut types);
-        let mut way = Way { title: name.to_owned(), ..Way::default() };
-        if let Err(error) = types.resolve_name(name) {
-            let undefined = Some((name.to_owned(), error.to_string()));
-            way.route = Some(RouteFacts { undefined, ..RouteFacts::default() });
-            return Ok(way);
-        }
-        way.known.push("its definition is found".to_owned());
-        let address = EndpointAddress { middleware: "ros2".to_owned(), name: "/".to_owned() };
-        // Nobody has to have the name.
-        let wanted = Wanted { role: Role::Client, ..Wanted::new(address, false) };
-        let endpoints = Endpoints::default();
-        let sight = Sight::of_command(&endpoints);
-        let end = look(sight, &wanted, &mut types);
-        let users = end.found.iter().filter(|one| one.type_name.as_deref() == Some(name));
-        way.known.extend(users.map(|one| format!("ros2:{} has a {} of it", one.name, one.role)));
-        Ok(way)
-    }
+    way.known.push("its definition is found".to_owned());
+    let address = EndpointAddress { middleware: "ros2".to_owned(), name: "/".to_owned() };
+    // Nobody has to have the name.
+    let wanted = Wanted { role: Role::Client, ..Wanted::new(address, false) };
+    let endpoints = Endpoints::default();
+    let sight = Sight::of_command(&endpoints);
+    let end = look(sight, &wanted, &mut types);
+    let users = end.found.iter().filter(|one| one.type_name.as_deref() == Some(name));
+    way.known.extend(users.map(|one| format!("ros2:{} has a {} of it", one.name, one.role)));
+    Ok(way)
 }
 
 /// Routes, seen from where they run or would run.
@@ -139,7 +128,6 @@ impl Configured<'_> {
                     name: route.name.clone(),
                     file: file.to_owned(),
                     left_out,
-                    node: node.name().fqn(),
                     is_own: self.status.is_some(),
                     ..RouteFacts::default()
                 };
@@ -191,29 +179,28 @@ impl Configured<'_> {
         let (at_source, at_destination) = (wanted(&route.from, provider), wanted(&route.to, taker));
         // Nothing is learned at the destination.
         let mut none = TypeStore::empty();
-        let start = || sight.endpoints.ros2.hidden().map(Arc::new).ok();
-        // Looking as far as multicast reaches needs an end of all others in the domain: then it is asked after.
-        let is_beside = self.status.is_none() && !graph(sight.endpoints).is_narrow();
-        let ros2 = is_beside.then(start).flatten();
-        let is_answered = &AtomicBool::new(false);
-        let sight = Sight { ros2: ros2.as_ref(), is_answered, ..sight };
-        let (mut source, mut destination, asked) = std::thread::scope(|scope| {
-            let source = scope.spawn(|| {
-                let sight = Sight { is_answered: &AtomicBool::new(false), ..sight };
-                let end = look(sight, &at_source, &mut types);
-                is_answered.store(!end.is_open(), Relaxed);
-                end
+        let find = |all| running::of(route, all);
+        let uses_ros2 = self.plan.uses("ros2");
+        let ((mut source, mut destination), heard) =
+            beside_bridges(sight, uses_ros2, &find, |sight| {
+                std::thread::scope(|scope| {
+                    let source = scope.spawn(|| {
+                        let own = Sight { is_answered: &AtomicBool::new(false), ..sight };
+                        let end = look(own, &at_source, &mut types);
+                        sight.is_answered.store(!end.is_open(), Relaxed);
+                        end
+                    });
+                    let destination = look(sight, &at_destination, &mut none);
+                    let failed = |_panicked| {
+                        let away = Some("looking at it failed: see the log".to_owned());
+                        End { away, ..End::new(at_source.address.clone()) }
+                    };
+                    (source.join().unwrap_or_else(failed), destination)
+                })
             });
-            let ask = |ros2| scope.spawn(move || running::asked(ros2, route, is_answered));
-            let asked = ros2.as_deref().map(ask);
-            let destination = look(sight, &at_destination, &mut none);
-            let failed = |_panicked| {
-                let away = Some("looking at it failed: see the log".to_owned());
-                End { away, ..End::new(at_source.address.clone()) }
-            };
-            let asked = asked.and_then(|asked| asked.join().ok().flatten());
-            (source.join().unwrap_or_else(failed), destination, asked)
-        });
+        if self.status.is_none() && !widen(sight.endpoints, &at_source, &mut source) {
+            widen(sight.endpoints, &at_destination, &mut destination);
+        }
         if let Some(names) = &route.names {
             let of_role = source.found.iter().filter(|one| one.role == provider);
             let mut matching: Vec<_> =
@@ -227,15 +214,10 @@ impl Configured<'_> {
         destination.learned = source.learned;
         source.qos = qos_at(route, &route.from);
         destination.qos = qos_at(route, &route.to);
-        let asked = || match self.status.is_none() && !is_beside {
-            true => running::asked(start()?.as_ref(), route, is_answered),
-            false => asked,
+        let (node, running) = match heard.running {
+            Some((node, running)) => (node, Some(running)),
+            None => (node.name().fqn(), status()),
         };
-        let running = status().or_else(|| {
-            let (node, running) = asked()?;
-            facts.node = node;
-            Some(running)
-        });
         if is_learned && !is_service && is_ros(&route.from) && is_ros(&route.to) {
             // A listener may have told the route before a publisher came.
             let known = || Some(running.as_ref()?.type_name.clone());
@@ -254,8 +236,9 @@ impl Configured<'_> {
             true => route.ends(),
             false => format!("{}: {}", route.name, route.ends()),
         };
-        let (route, source) = (Some(facts), Some(source));
-        Way { title, is_service, route, source, destination, running, ..Way::default() }
+        let (route, source, others) = (Some(facts), Some(source), heard.others);
+        let way = Way { title, is_service, route, source, destination, ..Way::default() };
+        Way { node, running, others, ..way }
     }
 }
 
@@ -405,7 +388,32 @@ fn qos_at(route: &Route, end: &EndpointAddress) -> Option<wrapyfi_core::endpoint
     (!spec.match_peers).then(|| spec.pinned.apply(spec.qos))
 }
 
-/// Facts about an endpoint that no route of a file has.
+/// Result of a look, with what the bridges on the graph of ROS 2 tell meanwhile where a command looks: their own word
+/// for a route goes before what others tell of it.
+fn beside_bridges<R>(
+    sight: Sight<'_>,
+    uses_ros2: bool,
+    find: running::Find<'_>,
+    look: impl FnOnce(Sight<'_>) -> R,
+) -> (R, running::Heard) {
+    let is_asked = uses_ros2 && sight.bridge.is_none();
+    let ros2 = is_asked.then(|| sight.endpoints.ros2.hidden().map(Arc::new).ok()).flatten();
+    let (begin, patience) = (Instant::now(), patience(&graph(sight.endpoints)));
+    let is_answered = &AtomicBool::new(false);
+    let sight = Sight { ros2: ros2.as_ref(), is_answered, ..sight };
+    let is_over = &|| {
+        let longest = if is_answered.load(Relaxed) { AT_ONCE } else { patience };
+        begin.elapsed() >= longest
+    };
+    std::thread::scope(|scope| {
+        let hear = |ros2| scope.spawn(move || running::heard(ros2, find, is_over));
+        let heard = ros2.as_deref().map(hear);
+        let seen = look(sight);
+        (seen, heard.and_then(|heard| heard.join().ok()).unwrap_or_default())
+    })
+}
+
+/// Facts about an endpoint that no route of a file has; where nobody is there, with the route of a bridge that would be.
 fn of_address(address: &EndpointAddress, sight: Sight<'_>, mut types: TypeStore) -> Way {
     let wanted = Wanted {
         role: Role::Publisher,
@@ -414,15 +422,35 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, mut types: TypeStore)
         is_open: true,
         ..Wanted::new(address.clone(), false)
     };
-    let end = look(sight, &wanted, &mut types);
-    let is_service = end.is_service;
-    Way { title: address.to_string(), is_service, source: Some(end), ..Way::default() }
+    let text = address.to_string();
+    let find = |all: Vec<RouteInfo>| {
+        let offers = |one: &RouteInfo| match one.kind == "service" {
+            true => one.source == text,
+            false => one.destination == text,
+        };
+        let refuses = |one: &RouteInfo| one.source == text && !one.refused.is_empty();
+        all.into_iter().find(|one| offers(one) || refuses(one))
+    };
+    let (mut end, heard) = beside_bridges(sight, true, &find, |sight| {
+        let end = look(sight, &wanted, &mut types);
+        sight.is_answered.store(true, Relaxed);
+        end
+    });
+    if sight.bridge.is_none() {
+        widen(sight.endpoints, &wanted, &mut end);
+    }
+    let mut way = Way { title: text, is_service: end.is_service, ..Way::default() };
+    if end.found.iter().all(|one| !wanted.is_met(one)) {
+        let running = heard.running.map(|(node, running)| (node, Some(running)));
+        (way.node, way.running) = running.unwrap_or_default();
+    }
+    Way { source: Some(end), ..way }
 }
 
 /// Finds out about a name, from where the bridge runs and with what it runs.
 ///
 /// # Errors
-/// As [`Question::ask`].
+/// As [`ask`].
 pub(crate) fn explain(
     node: &Node,
     routes: &Applier,

@@ -1,19 +1,80 @@
 //! Status of a route, as a bridge that runs it tells it: the bridge that looks, or those on the graph of ROS 2.
+//!
+//! Those on the graph are heard on `~/status`, not asked by a service: services are understood in one mapping alone, and
+//! who asks may have set another one.
 
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::time::{Duration, Instant};
+use std::collections::BTreeMap;
 
+use wrapyfi_core::endpoint::{
+    Context, History, Listener, Middleware as _, Qos, QosPreset, Role, TopicSpec,
+};
 use wrapyfi_core::engine::{Kind, Route};
 use wrapyfi_core::middleware::ros2::Ros2;
-use wrapyfi_core::types::Map;
-use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
-use wrapyfi_interfaces::wrapyfi_msgs::srv::ListRoutes_Response;
+use wrapyfi_core::types::{MessageType, Payload};
+use wrapyfi_interfaces::Message as _;
+use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
 
-use super::PATIENCE;
-use crate::on_graph::client::{Asker, LIST_ROUTES, bridges};
+use super::look::LOOK;
+use crate::on_graph::ros_type;
 
-/// Time for an answer of a bridge that was found late.
-const ANSWER: Duration = Duration::from_millis(400);
+/// End of the name of the topic that has the status of a bridge; its node stands before it.
+const STATUS: &str = "/status";
+/// Most bytes of a status that are read.
+const MAX_BYTES: usize = 16 << 20;
+/// Most bridges of one name that are heard.
+const NAMESAKES: usize = 10;
+
+/// Route among those that a bridge has.
+pub(super) type Find<'f> = &'f (dyn Fn(Vec<RouteInfo>) -> Option<RouteInfo> + Sync);
+
+/// Account of the bridges on the graph of ROS 2 about a route.
+#[derive(Debug, Default)]
+pub(super) struct Heard {
+    /// Node of the bridge that has it, and its status there.
+    pub(super) running: Option<(String, RouteInfo)>,
+    /// Bridges without it, each with its state; `None` where one of them has told nothing, or all may not be found.
+    pub(super) others: Option<BTreeMap<String, String>>,
+}
+
+/// Hears the bridges on the graph until one has the route, or it `is_over`.
+pub(super) fn heard(ros2: &Ros2, find: Find<'_>, is_over: &dyn Fn() -> bool) -> Heard {
+    let (Ok(mut discovery), Ok(ros_type)) = (ros2.discover(), ros_type::<BridgeStatus>()) else {
+        return Heard::default();
+    };
+    discovery.only(Box::new(|name| name.ends_with(STATUS)));
+    let context = Context::default();
+    let qos = Qos { history: History::KeepLast(NAMESAKES as u32), ..QosPreset::Latched.into() };
+    let mut bridges: BTreeMap<String, (Box<dyn Listener>, Option<String>)> = BTreeMap::new();
+    loop {
+        let Ok(found) = discovery.endpoints() else { return Heard::default() };
+        for one in found {
+            let is_status = one.role == Role::Publisher
+                && one.type_name.as_deref() == Some(BridgeStatus::ROS_TYPE);
+            let Some(node) = one.name.strip_suffix(STATUS).filter(|_| is_status) else { continue };
+            if !bridges.contains_key(node) {
+                let spec =
+                    TopicSpec { qos, ..TopicSpec::new(&one.name, MessageType::Ros(ros_type)) };
+                let Ok(listener) = ros2.open_listener(&spec, &context) else { continue };
+                bridges.insert(node.to_owned(), (listener, None));
+            }
+        }
+        for (node, (listener, state)) in &mut bridges {
+            while let Ok(Some(sample)) = listener.take() {
+                let Payload::RosMessage(message) = &sample.payload else { continue };
+                let Ok(status) = BridgeStatus::decode(&message.cdr, MAX_BYTES) else { continue };
+                *state = Some(status.state);
+                if let Some(route) = find(status.routes) {
+                    return Heard { running: Some((node.clone(), route)), others: None };
+                }
+            }
+        }
+        if is_over() {
+            let told = bridges.into_iter().map(|(node, (_, state))| Some((node, state?)));
+            return Heard { running: None, others: told.collect() };
+        }
+        context.wake.wait(LOOK);
+    }
+}
 
 /// Status of a route among those of a bridge: the one between the same ends. Of a pattern that is well it is that of
 /// the first of its routes that is not.
@@ -43,23 +104,6 @@ pub(super) fn of(route: &Route, all: Vec<RouteInfo>) -> Option<RouteInfo> {
         Some(own) if is_ill(&own) => Some(own),
         own => ill.or(own),
     }
-}
-
-/// Asks the bridges on the graph of ROS 2 for the route: the node of the one that has it, and its status. `None` where
-/// none tells of it in time, and where it `is_answered` before.
-pub(super) fn asked(
-    ros2: &Ros2,
-    route: &Route,
-    is_answered: &AtomicBool,
-) -> Option<(String, RouteInfo)> {
-    let until = Instant::now() + PATIENCE;
-    let is_over =
-        |_: bool, has_told: bool| has_told || is_answered.load(Relaxed) || Instant::now() >= until;
-    bridges(ros2, is_over).ok()?.into_keys().find_map(|node| {
-        let mut asker = Asker::<ListRoutes_Response>::open(ros2, &node, LIST_ROUTES).ok()?;
-        let left = (until + ANSWER).saturating_duration_since(Instant::now());
-        Some((node, of(route, asker.ask(Map::new(), left).ok()?.routes)?))
-    })
 }
 
 #[cfg(test)]

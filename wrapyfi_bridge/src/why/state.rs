@@ -1,6 +1,7 @@
 //! Findings about a route that runs: what its bridge tells of it.
 
 use wrapyfi_core::endpoint::DropReason;
+use wrapyfi_core::middleware::ros2::ACKNOWLEDGES_NOTHING;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
 use super::drops::{count, drops, meaning, mends};
@@ -19,6 +20,19 @@ pub(super) fn hears_others(way: &Way) -> bool {
     way.running.as_ref().is_some_and(|it| came(it) > count(it, DropReason::OwnPublication))
 }
 
+/// True where a bridge runs the route and its messages pass, now or since both ends were there last: the state of one whose
+/// publisher has left is another within a second.
+pub(super) fn is_carried(way: &Way) -> bool {
+    is_used(way) && way.running.as_ref().is_some_and(|running| running.state == "active")
+}
+
+/// Route that a bridge runs, in words.
+pub(super) fn runs(running: &RouteInfo) -> String {
+    let (received, sent, rate) = (came(running), running.sent, running.messages_per_s);
+    let now = if rate > 0.0 { format!(", {rate:.1} a second now") } else { String::new() };
+    format!("a bridge runs the route: {received} in, {sent} out{now}")
+}
+
 /// A route that cannot work as configured, whatever is there.
 pub(super) fn broken(way: &Way) -> Step {
     let Some(running) = way.running.as_ref().filter(|running| running.state == "error") else {
@@ -29,14 +43,13 @@ pub(super) fn broken(way: &Way) -> Step {
     Err(Finding::new(Cause::State, what, "the configuration", remedy))
 }
 
-/// The program that was refused last.
+/// The programs that were refused.
 pub(super) fn refused(way: &Way) -> Option<Finding> {
     let running = way.running.as_ref().filter(|it| !it.refused.is_empty())?;
     let times = count(running, DropReason::RefusedPeer);
-    let what =
-        format!("{} refused {times} times, the last: {}", called(way, running), running.refused);
-    let remedy = format!("where it may: {}", running.allow);
-    Some(Finding::new(Cause::Refused, what, "the configuration, or that program", remedy))
+    let what = format!("{} refused {times} times: {}", called(way, running), running.refused);
+    let remedy = format!("where they may: {}", running.allow);
+    Some(Finding::new(Cause::Refused, what, "the configuration, or those programs", remedy))
 }
 
 /// True where messages of a route reach its destination.
@@ -58,6 +71,14 @@ pub(super) fn state(way: &Way) -> Passed {
         let what = format!("{route} waits for {reason}");
         let remedy = "provide it; the route begins by itself";
         return Err(Finding::new(Cause::State, what, "see the reason", remedy));
+    }
+    if is_degraded && let Some((reader, _)) = reason.split_once(ACKNOWLEDGES_NOTHING) {
+        let node = reader.split(' ').next().filter(|node| node.starts_with('/'));
+        let node = node.unwrap_or("the program that subscribes");
+        let what = format!("{route} is degraded: {reason}");
+        let remedy =
+            format!("end {node} or start it again; the bridge goes on without it meanwhile");
+        return Err(Finding::new(Cause::State, what, node, remedy));
     }
     let Some((most, _, meaning)) = lost.iter().max_by_key(|(_, count, _)| *count) else {
         if !is_degraded {
@@ -113,7 +134,8 @@ pub(super) fn rate(way: &Way) -> Passed {
 /// Route in words: of a pattern, the one that is meant.
 fn called(way: &Way, running: &RouteInfo) -> String {
     match &way.route {
-        Some(route) if route.name != running.key => format!("the route {}", running.key),
-        _ => "the route".to_owned(),
+        Some(route) if route.name == running.key => "the route".to_owned(),
+        Some(_) => format!("the route {}", running.key),
+        None => format!("the route {} of {}", running.key, way.node),
     }
 }
