@@ -54,34 +54,34 @@ impl Default for Selection {
 }
 
 impl MiddlewareBridge {
+    /// Executable, name in addresses, and name in words.
+    const fn names(self) -> [&'static str; 3] {
+        match self {
+            Self::Ros1 => ["ros1_bridge", "ros", "ROS 1"],
+            Self::Yarp => ["yarp_bridge", "yarp", "YARP"],
+            Self::ZeroMq => ["zeromq_bridge", "zeromq", "ZeroMQ"],
+        }
+    }
+
     /// Name of the executable, and of its node.
     #[must_use]
     pub fn node(self) -> &'static str {
-        match self {
-            Self::Ros1 => "ros1_bridge",
-            Self::Yarp => "yarp_bridge",
-            Self::ZeroMq => "zeromq_bridge",
-        }
+        let [node, ..] = self.names();
+        node
     }
 
     /// Sentence about the executable, for its help.
     #[must_use]
-    pub fn about(self) -> &'static str {
-        match self {
-            Self::Ros1 => "Bridges all of ROS 1 into ROS 2 and back, as a ROS 2 node.",
-            Self::Yarp => "Bridges all of YARP into ROS 2 and back, as a ROS 2 node.",
-            Self::ZeroMq => "Bridges all of ZeroMQ into ROS 2 and back, as a ROS 2 node.",
-        }
+    pub fn about(self) -> String {
+        let [.., name] = self.names();
+        format!("Bridges all of {name} into ROS 2 and back, as a ROS 2 node.")
     }
 
     /// Name of the middleware in addresses.
     #[must_use]
     pub fn middleware(self) -> &'static str {
-        match self {
-            Self::Ros1 => "ros",
-            Self::Yarp => "yarp",
-            Self::ZeroMq => "zeromq",
-        }
+        let [_, middleware, _] = self.names();
+        middleware
     }
 
     /// The routes, as a configuration has them.

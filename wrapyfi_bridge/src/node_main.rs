@@ -46,7 +46,7 @@ fn run_executable(bridge: Option<MiddlewareBridge>) -> Result<(), Failure> {
     crate::files::raise_limit();
     let ros = parse(std::env::args_os().skip(1))?;
     let (name, about) = match bridge {
-        None => ("bridge", "Runs the routes of a configuration file, as a ROS 2 node."),
+        None => ("bridge", "Runs the routes of a configuration file, as a ROS 2 node.".to_owned()),
         Some(bridge) => (bridge.node(), bridge.about()),
     };
     let words = std::iter::once(name).chain(ros.program_args.iter().map(String::as_str));

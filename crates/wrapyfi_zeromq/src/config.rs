@@ -8,6 +8,8 @@
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 use std::path::PathBuf;
 
+use serde::Deserialize;
+
 use super::curve_config::CurveConfig;
 use super::error::BrokerError;
 use super::options::FRAME_SLACK;
@@ -20,7 +22,8 @@ use wrapyfi_endpoint::network::{
 pub const NAME: &str = "zeromq";
 
 /// Permission for this process to run the broker.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum BrokerMode {
     /// Runs the broker unless one is there already; takes over when that one goes away.
     #[default]

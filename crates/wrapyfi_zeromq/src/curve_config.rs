@@ -2,10 +2,13 @@
 
 use std::path::PathBuf;
 
+use serde::Deserialize;
+
 use super::curve::Keys;
 
 /// Keys of this process on ZeroMQ, and what other keys may do at a broker of ours.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct CurveConfig {
     /// File with the secret key of this process, which nobody else may read
     /// (`WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE`): a certificate of pyzmq, or a line of 40 characters. None: a key of
@@ -19,6 +22,16 @@ pub struct CurveConfig {
 }
 
 impl CurveConfig {
+    /// These settings, and those of `other` for what they leave out.
+    #[must_use]
+    pub fn or(self, other: Self) -> Self {
+        Self {
+            secret_key_file: self.secret_key_file.or(other.secret_key_file),
+            server_key: self.server_key.or(other.server_key),
+            clients: self.clients.or(other.clients),
+        }
+    }
+
     /// Reads the keys, as ZeroMQ does when it starts, in a process that runs a broker where `serves` is true.
     ///
     /// # Errors
@@ -36,17 +49,22 @@ impl CurveConfig {
 }
 
 /// A client that a broker takes.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct CurveClient {
     /// Public key, 40 characters, or a file with it.
     pub key: String,
     /// Topics that it may publish: regular expressions for whole names.
+    #[serde(default)]
     pub publish: Vec<String>,
     /// Topics that it may listen to, likewise.
+    #[serde(default)]
     pub subscribe: Vec<String>,
     /// True where it may call the service.
+    #[serde(default)]
     pub call: bool,
     /// True where it may serve it.
+    #[serde(default)]
     pub serve: bool,
 }
 

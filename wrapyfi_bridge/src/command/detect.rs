@@ -4,10 +4,10 @@ use std::net::Ipv4Addr;
 use std::time::Duration;
 
 use anyhow::Context as _;
-use wrapyfi_yarp::name::conf::{NameServerConf, file_of, namespace};
-use wrapyfi_yarp::name::environment::Environment;
+use wrapyfi_yarp::name::conf::{NameServerConf, namespace};
 use wrapyfi_yarp::name::multicast::{DISCOVERY_GROUP, NameServerSearch, discover};
 
+use super::{write_down, yarp_environment};
 use crate::cli::DetectArgs;
 use crate::exit::Failure;
 use crate::output;
@@ -20,10 +20,7 @@ const PAUSE: Duration = Duration::from_millis(500);
 /// # Errors
 /// Exit code 3 when none answers, 2 for bad settings, 1 when the file cannot be written.
 pub fn run(args: &DetectArgs) -> Result<(), Failure> {
-    let environment = match &args.namespace {
-        Some(name) => Environment::from_process().with("YARP_NAMESPACE", name),
-        None => Environment::from_process(),
-    };
+    let environment = yarp_environment(args.namespace.as_deref());
     let port = match args.port {
         Some(port) => port,
         None => environment.base_port().map_err(Failure::usage)?,
@@ -52,10 +49,8 @@ pub fn run(args: &DetectArgs) -> Result<(), Failure> {
     };
     output::line(&format!("{} {} {}", found.name, found.host, found.port))?;
     if args.write {
-        let file = file_of(&environment, &question.namespace).map_err(Failure::usage)?;
         let conf = NameServerConf { host: found.host, port: found.port };
-        conf.write(&file).map_err(anyhow::Error::new)?;
-        tracing::info!("wrote {}", file.display());
+        write_down(&environment, &question.namespace, &conf)?;
     }
     Ok(())
 }

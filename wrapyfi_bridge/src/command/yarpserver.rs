@@ -10,6 +10,7 @@ use wrapyfi_yarp::name::conf::{ConfError, NameServerConf, file_of, namespace};
 use wrapyfi_yarp::name::environment::Environment;
 use wrapyfi_yarp::server::{NameServer, NameServerError, NameServerOptions};
 
+use super::{write_down, yarp_environment};
 use crate::cli::YarpServerArgs;
 use crate::exit::Failure;
 use crate::shutdown::Shutdown;
@@ -19,10 +20,7 @@ use crate::shutdown::Shutdown;
 /// # Errors
 /// Exit code 2 for bad settings, 1 when the port is taken.
 pub fn run(args: &YarpServerArgs, shutdown: &Shutdown) -> Result<(), Failure> {
-    let environment = match &args.namespace {
-        Some(name) => Environment::from_process().with("YARP_NAMESPACE", name),
-        None => Environment::from_process(),
-    };
+    let environment = yarp_environment(args.namespace.as_deref());
     let place = place(args, &environment).map_err(Failure::usage)?;
     let ip = resolve(&place.host).map_err(Failure::usage)?;
     let mut insecure = YarpConfig::from_env().map_err(Failure::usage)?.insecure;
@@ -50,10 +48,8 @@ pub fn run(args: &YarpServerArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     })?;
     let own = server.registration().clone();
     if args.write {
-        let file = file_of(&environment, &own.name).map_err(Failure::usage)?;
         let conf = NameServerConf { host: own.host.clone(), port: own.port };
-        conf.write(&file).map_err(anyhow::Error::new)?;
-        tracing::info!("wrote {}", file.display());
+        write_down(&environment, &own.name, &conf)?;
     }
     tracing::info!(
         "name server {} on {}:{}, browse it at http://{}:{}/",

@@ -55,7 +55,7 @@ use self::settings::One;
 pub use self::settings::Settings;
 pub use self::start::Role;
 pub use self::yarp::{DialectWord, YarpSection};
-pub use self::zeromq::{BrokerWord, ServicePorts, ZeroMqSection};
+pub use self::zeromq::{ServicePorts, ZeroMqSection};
 use crate::exit::Failure;
 use crate::files::in_no_file;
 use crate::logging;

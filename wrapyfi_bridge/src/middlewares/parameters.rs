@@ -49,29 +49,26 @@ impl Setting {
         name: &str,
         value: ParameterValue,
     ) -> Result<(), Failure> {
-        let wanted = match (self, value) {
-            (Self::Text(place), ParameterValue::String(text)) => {
-                *place(endpoints) = Some(text);
-                return Ok(());
-            }
+        match (self, value) {
+            (Self::Text(place), ParameterValue::String(text)) => *place(endpoints) = Some(text),
             (Self::Placed(place), ParameterValue::String(text)) => {
                 *place(endpoints) = Some(in_no_file(text));
-                return Ok(());
             }
             (Self::Port(place), ParameterValue::Integer(port @ 1..=65535)) => {
                 *place(endpoints) = u16::try_from(port).ok().map(in_no_file);
-                return Ok(());
             }
-            (Self::Switch(place), ParameterValue::Bool(is_on)) => {
-                *place(endpoints) = is_on;
-                return Ok(());
+            (Self::Switch(place), ParameterValue::Bool(is_on)) => *place(endpoints) = is_on,
+            (setting, value) => {
+                let wanted = match setting {
+                    Self::Text(_) | Self::Placed(_) => "a text",
+                    Self::Port(_) => "a port from 1 to 65535",
+                    Self::Switch(_) => "true or false",
+                };
+                let text = format!("parameter {name} is {value}; it must be {wanted}");
+                return Err(Failure::Usage(text));
             }
-            (Self::Text(_) | Self::Placed(_), value) => (value, "a text"),
-            (Self::Port(_), value) => (value, "a port from 1 to 65535"),
-            (Self::Switch(_), value) => (value, "true or false"),
-        };
-        let (value, wanted) = wanted;
-        Err(Failure::Usage(format!("parameter {name} is {value}; it must be {wanted}")))
+        }
+        Ok(())
     }
 
     /// Value of the parameter, where it is not the default.

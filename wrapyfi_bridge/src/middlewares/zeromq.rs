@@ -2,13 +2,13 @@
 
 use std::net::IpAddr;
 use std::num::NonZeroU16;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use clap::Args;
 use serde::Deserialize;
 use wrapyfi_core::endpoint::Conventions;
 use wrapyfi_core::engine::{Available, Problem, Spanned};
-use wrapyfi_core::middleware::zeromq::{self, BrokerMode, CurveClient, CurveConfig, ZeroMqConfig};
+use wrapyfi_core::middleware::zeromq::{self, BrokerMode, CurveConfig, ZeroMqConfig};
 use wrapyfi_core::network::{Hosts, ReachedByOthers};
 
 use super::start::Role;
@@ -35,60 +35,12 @@ pub struct ZeroMqSection {
     pub sub_port: Option<Spanned<u16>>,
     pub rep_port: Option<Spanned<u16>>,
     pub req_port: Option<Spanned<u16>>,
-    pub broker: Option<BrokerWord>,
+    pub broker: Option<BrokerMode>,
     pub monitor_topic: Option<String>,
     pub send_hwm: Option<u16>,
     pub max_connections: Option<NonZeroU16>,
     pub insecure: Word,
-    pub curve: Option<Spanned<CurveSection>>,
-}
-
-/// `endpoints.zeromq.curve`; what is left out comes from the `WRAPYFI_ZEROMQ_CURVE_*` variables.
-#[derive(Debug, Clone, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-#[allow(missing_docs)]
-pub struct CurveSection {
-    pub secret_key_file: Option<PathBuf>,
-    pub server_key: Option<String>,
-    pub clients: Option<Vec<CurveClientSection>>,
-}
-
-/// A client that the broker takes, with what it may.
-#[derive(Debug, Clone, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-#[allow(missing_docs)]
-pub struct CurveClientSection {
-    pub key: String,
-    #[serde(default)]
-    pub publish: Vec<String>,
-    #[serde(default)]
-    pub subscribe: Vec<String>,
-    #[serde(default)]
-    pub call: bool,
-    #[serde(default)]
-    pub serve: bool,
-}
-
-impl CurveSection {
-    fn say(&self, config: &mut Option<CurveConfig>) {
-        let config = config.get_or_insert_default();
-        if let Some(file) = &self.secret_key_file {
-            config.secret_key_file = Some(file.clone());
-        }
-        if let Some(key) = &self.server_key {
-            config.server_key = Some(key.clone());
-        }
-        let client = |it: &CurveClientSection| CurveClient {
-            key: it.key.clone(),
-            publish: it.publish.clone(),
-            subscribe: it.subscribe.clone(),
-            call: it.call,
-            serve: it.serve,
-        };
-        if let Some(clients) = &self.clients {
-            config.clients = Some(clients.iter().map(client).collect());
-        }
-    }
+    pub curve: Option<Spanned<CurveConfig>>,
 }
 
 /// Ports of the ZeroMQ broker of requests and replies.
@@ -112,13 +64,10 @@ impl ServicePorts {
     }
 }
 
-/// Process that runs the broker.
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(rename_all = "snake_case")]
-#[allow(missing_docs)]
-pub enum BrokerWord {
-    Embedded,
-    Foreign,
+/// Settings that the environment makes.
+fn of_environment() -> Result<ZeroMqConfig, Problem> {
+    let config = ZeroMqConfig::from_env();
+    config.map_err(|wrong| Problem { position: None, message: wrong.to_string() })
 }
 
 impl ZeroMqSection {
@@ -143,17 +92,13 @@ impl ZeroMqSection {
         if self.ip.is_none() && self.curve.is_none() {
             return Ok(());
         }
-        let config = ZeroMqConfig::from_env();
-        let mut config =
-            config.map_err(|wrong| Problem { position: None, message: wrong.to_string() })?;
+        let mut config = of_environment()?;
         config.hosts = hosts.clone();
         self.say(&mut config);
         if let Some(written) = &self.ip {
             let refused = |refused: ReachedByOthers| refused.to_string();
-            config
-                .check()
-                .map_err(refused)
-                .map_err(|text| Problem::at(written.referenced, text))?;
+            let checked = config.check().map_err(refused);
+            checked.map_err(|text| Problem::at(written.referenced, text))?;
         }
         let (Some(written), Some(curve)) = (&self.curve, &config.curve) else { return Ok(()) };
         let checked = curve.check(config.broker == BrokerMode::Embedded);
@@ -172,9 +117,7 @@ impl ZeroMqSection {
             );
             return Err(Problem::at(ip.referenced, text));
         }
-        let config = ZeroMqConfig::from_env();
-        let mut config =
-            config.map_err(|wrong| Problem { position: None, message: wrong.to_string() })?;
+        let mut config = of_environment()?;
         self.say_ports(&mut config);
         let written = |one: &Option<Spanned<u16>>, other: &Option<Spanned<u16>>| {
             other.as_ref().or(one.as_ref()).map(|port| port.referenced)
@@ -223,14 +166,14 @@ impl ZeroMqSection {
     fn say(&self, config: &mut ZeroMqConfig) {
         self.insecure.say(&mut config.insecure, self.ip.is_some());
         if let Some(curve) = &self.curve {
-            curve.value.say(&mut config.curve);
+            let of_environment = config.curve.take().unwrap_or_default();
+            config.curve = Some(curve.value.clone().or(of_environment));
         }
         if let Some(ip) = &self.ip {
             config.ip.clone_from(&ip.value);
         }
         match self.broker {
-            Some(BrokerWord::Embedded) => config.broker = BrokerMode::Embedded,
-            Some(BrokerWord::Foreign) => config.broker = BrokerMode::Foreign,
+            Some(written) => config.broker = written,
             None if config.curve.as_ref().is_some_and(CurveConfig::is_elsewhere) => {
                 config.broker = BrokerMode::Foreign;
             }
