@@ -17,6 +17,7 @@
 //! ```
 
 use std::collections::BTreeMap;
+use std::sync::LazyLock;
 
 use serde::Deserialize;
 
@@ -100,94 +101,13 @@ pub(super) struct FieldRule {
     pub(super) others: bool,
 }
 
-/// Types that were moved or renamed on the way to ROS 2: names and fields in ROS 1, then in ROS 2.
-/// Of several types of ROS 1 that became one of ROS 2, the first is taken on the way back.
-struct BuiltIn {
-    kind: InterfaceKind,
-    ros1: (&'static str, &'static str),
-    ros2: (&'static str, &'static str),
-    /// Fields of a message, or of a request.
-    fields: Paths,
-    /// Fields of a response.
-    response: Paths,
-}
-
-/// Paths of fields in ROS 1 and in ROS 2; none where they are matched by name.
-type Paths = &'static [(&'static str, &'static str)];
-
-const fn message(
-    ros1: (&'static str, &'static str),
-    ros2: (&'static str, &'static str),
-    fields: Paths,
-) -> BuiltIn {
-    BuiltIn { kind: InterfaceKind::Message, ros1, ros2, fields, response: &[] }
-}
-
-const fn service(
-    ros1: (&'static str, &'static str),
-    ros2: (&'static str, &'static str),
-    request: Paths,
-    response: Paths,
-) -> BuiltIn {
-    BuiltIn { kind: InterfaceKind::Service, ros1, ros2, fields: request, response }
-}
-
-const TIME: Paths = &[("data.sec", "sec"), ("data.nanosec", "nanosec")];
-const LOG: Paths = &[
-    ("header.stamp", "stamp"),
-    ("level", "level"),
-    ("name", "name"),
-    ("msg", "msg"),
-    ("file", "file"),
-    ("function", "function"),
-    ("line", "line"),
-];
-const WRAPYFI_REQUEST: Paths = &[("data", "request")];
-const WRAPYFI_IMAGE: Paths = &[
-    ("header", "response.header"),
-    ("height", "response.height"),
-    ("width", "response.width"),
-    ("encoding", "response.encoding"),
-    ("is_bigendian", "response.is_bigendian"),
-    ("step", "response.step"),
-    ("data", "response.data"),
-];
-const BUILT_IN: &[BuiltIn] = &[
-    message(("std_msgs", "Time"), ("builtin_interfaces", "Time"), TIME),
-    message(("std_msgs", "Duration"), ("builtin_interfaces", "Duration"), TIME),
-    message(("rosgraph_msgs", "Log"), ("rcl_interfaces", "Log"), LOG),
-    message(("tf2_msgs", "TFMessage"), ("tf2_msgs", "TFMessage"), &[]),
-    message(("tf", "tfMessage"), ("tf2_msgs", "TFMessage"), &[]),
-    // Wrapyfi's own, which it calls otherwise in either ROS.
-    message(
-        ("wrapyfi_ros_interfaces", "ROSAudioMessage"),
-        ("wrapyfi_ros2_interfaces", "ROS2AudioMessage"),
-        &[],
-    ),
-    message(("wrapyfi_ros_interfaces", "ROSAudioMessage"), ("wrapyfi_msgs", "AudioChunk"), &[]),
-    service(("std_srvs", "Empty"), ("std_srvs", "Empty"), &[], &[]),
-    service(("roscpp", "Empty"), ("std_srvs", "Empty"), &[], &[]),
-    service(("tf2_msgs", "FrameGraph"), ("tf2_msgs", "FrameGraph"), &[], &[]),
-    service(("tf", "FrameGraph"), ("tf2_msgs", "FrameGraph"), &[], &[]),
-    service(
-        ("wrapyfi_ros_interfaces", "ROSAudioService"),
-        ("wrapyfi_ros2_interfaces", "ROS2AudioService"),
-        &[],
-        &[],
-    ),
-    service(
-        ("wrapyfi_services", "ROSNativeObject"),
-        ("wrapyfi_ros2_interfaces", "ROS2NativeObjectService"),
-        WRAPYFI_REQUEST,
-        &[("data", "response")],
-    ),
-    service(
-        ("wrapyfi_services", "ROSImage"),
-        ("wrapyfi_ros2_interfaces", "ROS2ImageService"),
-        WRAPYFI_REQUEST,
-        WRAPYFI_IMAGE,
-    ),
-];
+/// Rules for types that were moved or renamed on the way to ROS 2, and for Wrapyfi's own, which it calls otherwise in
+/// either ROS. Of several types of ROS 1 that became one of ROS 2, the first is taken on the way back.
+static BUILT_IN: LazyLock<Rules> = LazyLock::new(|| {
+    let rules = serde_json::from_str(include_str!("standard/rules.json"));
+    debug_assert!(rules.is_ok(), "{rules:?}");
+    rules.unwrap_or_default()
+});
 
 impl Rules {
     /// Rules that are built in, without any of the user's.
@@ -207,14 +127,7 @@ impl Rules {
     /// name, the last that of a package in `_interfaces`, where the package is in `_msgs`.
     #[must_use]
     pub fn ros2_names(&self, ros1: &TypeName) -> Vec<TypeName> {
-        let by_user = |whole: bool| {
-            self.rules
-                .iter()
-                .filter(move |rule| rule.is_of_type() == whole)
-                .filter_map(|rule| rule.ros2_name(ros1))
-        };
-        let built_in = BUILT_IN.iter().filter_map(|rule| rule.ros2_name(ros1));
-        let names = by_user(true).chain(by_user(false)).chain(built_in);
+        let names = self.by_rank().filter_map(|rule| rule.ros2_name(ros1));
         let same = allowed_in_ros2(ros1);
         let interfaces = same.as_ref().and_then(interfaces_package);
         unique(names.chain(same).chain(interfaces))
@@ -223,14 +136,7 @@ impl Rules {
     /// Names that a ROS 2 type may have in ROS 1, the likeliest first.
     #[must_use]
     pub fn ros1_names(&self, ros2: &TypeName) -> Vec<TypeName> {
-        let by_user = |whole: bool| {
-            self.rules
-                .iter()
-                .filter(move |rule| rule.is_of_type() == whole)
-                .filter_map(|rule| rule.ros1_name(ros2))
-        };
-        let built_in = BUILT_IN.iter().filter_map(|rule| rule.ros1_name(ros2));
-        let names = by_user(true).chain(by_user(false)).chain(built_in);
+        let names = self.by_rank().filter_map(|rule| rule.ros1_name(ros2));
         unique(names.chain(Some(ros2.clone())).chain(msgs_package(ros2)))
     }
 
@@ -241,20 +147,16 @@ impl Rules {
 
     /// Fields of the two that belong together, where a rule says so.
     pub(super) fn fields(&self, ros1: &TypeName, ros2: &TypeName) -> Option<FieldRule> {
-        let by_user = self
-            .rules
-            .iter()
+        let rules = self.rules.iter().chain(&BUILT_IN.rules);
+        rules
             .filter(|rule| rule.ros2_name(ros1).as_ref() == Some(ros2))
-            .find_map(|rule| rule.field_rule(ros1));
-        by_user.or_else(|| {
-            let of_pair = |rule: &&BuiltIn| rule.ros2_name(ros1).as_ref() == Some(ros2);
-            let paths = BUILT_IN.iter().find(of_pair)?.paths(ros1);
-            if paths.is_empty() {
-                return None;
-            }
-            let pairs = paths.iter().map(|(one, two)| ((*one).to_owned(), (*two).to_owned()));
-            Some(FieldRule { pairs: pairs.collect(), others: false })
-        })
+            .find_map(|rule| rule.field_rule(ros1))
+    }
+
+    /// Rules with the likeliest first: of the user for one type, of the user for a package, built-in ones.
+    fn by_rank(&self) -> impl Iterator<Item = &Rule> {
+        let by_user = |whole| self.rules.iter().filter(move |rule| rule.is_of_type() == whole);
+        by_user(true).chain(by_user(false)).chain(&BUILT_IN.rules)
     }
 }
 
@@ -266,24 +168,6 @@ fn unique(names: impl Iterator<Item = TypeName>) -> Vec<TypeName> {
         }
     }
     unique
-}
-
-impl BuiltIn {
-    fn paths(&self, ros1: &TypeName) -> Paths {
-        if ros1.name().ends_with("_Response") { self.response } else { self.fields }
-    }
-
-    fn ros2_name(&self, ros1: &TypeName) -> Option<TypeName> {
-        let (package, stem) = self.ros1;
-        (ros1.kind() == self.kind && ros1.package() == package && ros1.file_stem() == stem)
-            .then(|| renamed(ros1, Dialect::Ros2, self.ros2.0, self.ros2.1))?
-    }
-
-    fn ros1_name(&self, ros2: &TypeName) -> Option<TypeName> {
-        let (package, stem) = self.ros2;
-        (ros2.kind() == self.kind && ros2.package() == package && ros2.file_stem() == stem)
-            .then(|| renamed(ros2, Dialect::Ros1, self.ros1.0, self.ros1.1))?
-    }
 }
 
 impl Rule {
