@@ -33,7 +33,7 @@ pub fn ros1_definition(data: &[u8]) {
             Ok(definition) => definition,
             Err(error) => return assert!(!error.to_string().is_empty()),
         };
-        assert_eq!(definition.md5sum().len(), 32);
+        assert_eq!(definition.md5sum.len(), 32);
         match types.plan(&definition) {
             Ok(plan) => {
                 assert_eq!(plan.ros2_type().to_string(), "fuzz_msgs/msg/Fuzzed");
@@ -109,7 +109,7 @@ fn plan(ros1: &str, ros2: &str) -> Option<PairPlan> {
     }
     let name = TypeName::new("fuzz_msgs", "Fuzzed").expect("a valid name");
     let ros2 = ResolvedType::from_text(Dialect::Ros2, &name, ros2).ok()?;
-    PairPlan::compile(definition.resolved(), &ros2, &Rules::built_in()).ok()
+    PairPlan::compile(&definition.resolved, &ros2, &Rules::built_in()).ok()
 }
 
 /// Mapping rules as a file has them; after a line `----`, a ROS 1 definition and after another a ROS 2 definition of
@@ -142,7 +142,7 @@ pub fn mapping_rules(data: &[u8]) {
     let Ok(definition) = Definition::from_header("fuzz_msgs/Fuzzed", ros1) else { return };
     let name = TypeName::new("fuzz_msgs", "Fuzzed").expect("a valid name");
     let Ok(ros2) = ResolvedType::from_text(Dialect::Ros2, &name, ros2) else { return };
-    match PairPlan::compile(definition.resolved(), &ros2, &rules) {
+    match PairPlan::compile(&definition.resolved, &ros2, &rules) {
         Ok(plan) => {
             let mut out = Vec::new();
             _ = plan.to_cdr(&[0; 64], &OPTIONS, &mut out);

@@ -30,9 +30,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::{env, fs};
 
-use parser::{
-    Dialect, InterfaceKind, MessageDefinition, ParseError, ParseFault, ServiceDefinition, TypeName,
-};
+use parser::{Dialect, InterfaceKind, MessageDefinition, ParseError, ParseFault, TypeName};
 
 /// Error of the generator.
 #[derive(Debug, thiserror::Error)]
@@ -126,9 +124,11 @@ fn read_package(
             let (package, stem) = (part(package.file_name()), part(path.file_stem()));
             let name = TypeName::with_kind(Dialect::Ros2, &package, kind, &stem)
                 .map_err(|source| BuildError::Name { path: path.clone(), source })?;
-            for definition in parse(&name, &path, &text)? {
-                definitions.insert(definition.name.clone(), definition);
-            }
+            let parsed =
+                parser::parse_interface(Dialect::Ros2, &name, &text).map_err(|source| {
+                    BuildError::Parse { path: path.clone(), source: Box::new(source) }
+                })?;
+            definitions.extend(parsed.into_iter().map(|message| (message.name.clone(), message)));
             texts.insert(format!("{name}.{}", kind.as_str()), text);
         }
     }
@@ -137,16 +137,6 @@ fn read_package(
 
 fn part(part: Option<&std::ffi::OsStr>) -> String {
     part.map(|part| part.to_string_lossy().into_owned()).unwrap_or_default()
-}
-
-fn parse(name: &TypeName, path: &Path, text: &str) -> Result<Vec<MessageDefinition>, BuildError> {
-    match name.kind() {
-        InterfaceKind::Service => {
-            parser::parse_service(Dialect::Ros2, name, text).map(ServiceDefinition::messages)
-        }
-        _ => parser::parse_message(name, text).map(|message| vec![message]),
-    }
-    .map_err(|source| BuildError::Parse { path: path.to_owned(), source: Box::new(source) })
 }
 
 /// Entries of a folder, sorted, so that the generated file is the same everywhere.

@@ -103,19 +103,23 @@ fn checks_of_a_message(types: &mut Types, vector: &Value) -> PairPlan {
     let (name, shown) = (text(vector, "type"), text(vector, "text"));
     // Found in the folder: the text is that of the files.
     let found = types.definition(name).unwrap();
-    assert_eq!((found.md5sum(), found.text()), (text(vector, "md5"), shown), "{name}");
+    assert_eq!(
+        (found.md5sum.as_str(), found.text.as_str()),
+        (text(vector, "md5"), shown),
+        "{name}"
+    );
     // Shown by a peer.
     let header = Definition::from_header(name, shown).unwrap();
     assert_eq!(header, found);
     if PACKAGES.iter().chain(&ALSO_BUILT_IN).any(|one| name.split('/').next() == Some(one)) {
         // At hand without either.
         let mut bare = Types::new(Rules::built_in(), TypeStore::empty());
-        assert_eq!(bare.definition(name).unwrap().md5sum(), found.md5sum(), "{name}");
+        assert_eq!(bare.definition(name).unwrap().md5sum, found.md5sum, "{name}");
     }
     let plan = types.plan(&header).unwrap();
     assert_eq!(plan.ros2_type().to_string(), text(vector, "ros2"));
     if let Some(hash) = vector["hash"].as_str() {
-        assert_eq!(types.ros2_type(header.resolved()).unwrap().type_hash(), hash, "{name}");
+        assert_eq!(types.ros2_type(&header.resolved).unwrap().type_hash(), hash, "{name}");
     }
     plan
 }
@@ -148,8 +152,10 @@ fn carry(prefix: &Path, python: &Path) -> BTreeMap<String, usize> {
         let count: &mut usize =
             carried.entry(name.split('/').next().unwrap().to_owned()).or_default();
         let of_service = (text(vector, "kind") == "srv").then(|| {
-            let plan = types.service_plan(name, None).unwrap();
-            let found = (plan.definition.md5sum(), plan.definition.text());
+            let definition = types.service_definition(name).unwrap();
+            let ros2 = types.ros2_service(name).unwrap();
+            let plan = types.service_plan(definition, ros2.name()).unwrap();
+            let found = (plan.definition.md5sum.as_str(), plan.definition.text.as_str());
             assert_eq!(found, (text(vector, "md5"), text(vector, "text")), "{name}");
             plan
         });

@@ -9,7 +9,7 @@
 use std::borrow::Cow;
 
 use bytes::Bytes;
-use wrapyfi_interfaces::ros1::{Options, PairPlan, TranscodeError, Types};
+use wrapyfi_interfaces::ros1::{Definition, Options, PairPlan, TranscodeError, Types};
 
 use super::config::NAME;
 use super::core::Core;
@@ -49,13 +49,13 @@ pub(super) fn offered(
     types.add_ros2(ros_type.resolved());
     let towards = types.towards_ros1(ros_type.resolved().name(), None);
     let pair = towards.and_then(|(definition, _)| {
-        let plan = PairPlan::compile(definition.resolved(), ros_type.resolved(), types.rules())?;
+        let plan = PairPlan::compile(&definition.resolved, ros_type.resolved(), types.rules())?;
         Ok((definition, plan))
     });
     match pair {
         Ok((definition, plan)) => {
-            let (name, md5) = (definition.ros1_name(), definition.md5sum().to_owned());
-            let definition = definition.text().to_owned();
+            let name = definition.ros1_name();
+            let Definition { md5sum: md5, text: definition, .. } = definition;
             Ok(Some((Ros1Type { name, md5, definition }, Some(plan))))
         }
         Err(error) => Err(OpenError::UnsupportedType {
@@ -98,7 +98,7 @@ fn plan(
     if !belong {
         return Err("it is the counterpart of another type; name that as the type".to_owned());
     }
-    PairPlan::compile(definition.resolved(), ros_type.resolved(), rules).map_err(|e| e.to_string())
+    PairPlan::compile(&definition.resolved, ros_type.resolved(), rules).map_err(|e| e.to_string())
 }
 
 /// Converts ROS 1 bytes by `plan` into a message of `ros_type`, whose size may differ from that of ROS 1.

@@ -66,7 +66,7 @@ pub(super) fn topic(
     let resolved = match names.iter().find_map(|name| store.resolve(name).ok()) {
         Some(resolved) => resolved,
         None => {
-            types.ros2_type(definition.resolved()).map_err(|error| undefined(&type_name, &error))?
+            types.ros2_type(&definition.resolved).map_err(|error| undefined(&type_name, &error))?
         }
     };
     RosType::new(&resolved).map(Learned::Ros).map_err(|error| undefined(&type_name, &error))
@@ -88,7 +88,7 @@ pub(super) fn service(
     let mut types = core.types();
     let definition =
         types.service_definition(&type_name).map_err(|error| undefined(&type_name, &error))?;
-    let names = types.rules().ros2_names(definition.name());
+    let names = types.rules().ros2_names(&definition.name);
     let resolved = match names.iter().find_map(|name| store.resolve(name).ok()) {
         Some(resolved) => resolved,
         None => types.ros2_service(&type_name).map_err(|error| undefined(&type_name, &error))?,

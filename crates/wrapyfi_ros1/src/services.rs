@@ -63,8 +63,8 @@ impl ServiceCodec {
         let found = types.service_towards_ros1(service.resolved().name()).and_then(|found| {
             let (definition, rules) = (found.definition, types.rules());
             let (asked, answered) = (service.request(), service.response());
-            let request = PairPlan::compile(definition.request(), asked.resolved(), rules)?;
-            let response = PairPlan::compile(definition.response(), answered.resolved(), rules)?;
+            let request = PairPlan::compile(&definition.request, asked.resolved(), rules)?;
+            let response = PairPlan::compile(&definition.response, answered.resolved(), rules)?;
             Ok((definition, AnyService { service, request, response }))
         });
         let (definition, any) = found.map_err(|error| {
@@ -76,7 +76,7 @@ impl ServiceCodec {
         })?;
         let wire_type = ServiceType {
             name: definition.ros1_name(),
-            md5: definition.md5sum().to_owned(),
+            md5: definition.md5sum.clone(),
             request: definition.request_type(),
             response: definition.response_type(),
         };

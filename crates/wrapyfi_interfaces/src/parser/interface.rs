@@ -19,39 +19,15 @@
 use super::definition::{Container, Element, Field, FieldType, MessageDefinition, Primitive};
 use super::{Dialect, InterfaceKind, ParseError, ParseFault, TypeName, parse_section};
 
-/// A parsed `.srv` file.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ServiceDefinition {
-    /// Full name of the service.
-    pub name: TypeName,
-    /// Message that the client sends, `…_Request`.
-    pub request: MessageDefinition,
-    /// Message that the server answers, `…_Response`.
-    pub response: MessageDefinition,
-}
-
-/// A parsed `.action` file.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ActionDefinition {
-    /// Full name of the action.
-    pub name: TypeName,
-    /// Message with the task, `…_Goal`.
-    pub goal: MessageDefinition,
-    /// Message with the outcome, `…_Result`.
-    pub result: MessageDefinition,
-    /// Message about the progress, `…_Feedback`.
-    pub feedback: MessageDefinition,
-}
-
-/// Parses the text of a `.srv` file.
+/// Parses the text of a `.srv` file: request, response, event and the service itself.
 ///
 /// ```
 /// use wrapyfi_interfaces::parser::{Dialect, TypeName, parse_service};
 /// let name = TypeName::parse(Dialect::Ros2, "std_srvs/srv/SetBool").unwrap();
 /// let text = "bool data\n---\nbool success\nstring message\n";
-/// let service = parse_service(Dialect::Ros2, &name, text).unwrap();
-/// assert_eq!(service.response.fields[1].name, "message");
-/// assert_eq!(service.messages().len(), 4);
+/// let messages = parse_service(Dialect::Ros2, &name, text).unwrap();
+/// assert_eq!(messages[1].fields[1].name, "message");
+/// assert_eq!(messages.len(), 4);
 /// ```
 ///
 /// # Errors
@@ -60,20 +36,16 @@ pub fn parse_service(
     dialect: Dialect,
     name: &TypeName,
     text: &str,
-) -> Result<ServiceDefinition, ParseError> {
+) -> Result<Vec<MessageDefinition>, ParseError> {
     let parts = "request --- response";
     let [request, response] = sections(name, InterfaceKind::Service, text, parts)?;
-    let section = |suffix, section: Section<'_>| {
-        parse_section(dialect, &name.derived(suffix), section.text, section.skipped)
-    };
-    Ok(ServiceDefinition {
-        name: name.clone(),
-        request: section("_Request", request)?,
-        response: section("_Response", response)?,
-    })
+    let request = request.parse(dialect, &name.derived("_Request"))?;
+    let response = response.parse(dialect, &name.derived("_Response"))?;
+    Ok(service_messages(name, request, response))
 }
 
-/// Parses the text of an `.action` file.
+/// Parses the text of an `.action` file: goal, result, feedback, all that the two services and the
+/// feedback topic carry, and the action itself.
 ///
 /// # Errors
 /// The first line that cannot be read, and a number of `---` other than two.
@@ -81,100 +53,92 @@ pub fn parse_action(
     dialect: Dialect,
     name: &TypeName,
     text: &str,
-) -> Result<ActionDefinition, ParseError> {
+) -> Result<Vec<MessageDefinition>, ParseError> {
     let parts = "goal --- result --- feedback";
     let [goal, result, feedback] = sections(name, InterfaceKind::Action, text, parts)?;
-    let section = |suffix, section: Section<'_>| {
-        parse_section(dialect, &name.derived(suffix), section.text, section.skipped)
-    };
-    Ok(ActionDefinition {
-        name: name.clone(),
-        goal: section("_Goal", goal)?,
-        result: section("_Result", result)?,
-        feedback: section("_Feedback", feedback)?,
-    })
+    let goal = goal.parse(dialect, &name.derived("_Goal"))?;
+    let result = result.parse(dialect, &name.derived("_Result"))?;
+    let feedback = feedback.parse(dialect, &name.derived("_Feedback"))?;
+    Ok(action_messages(name, goal, result, feedback))
 }
 
-impl ServiceDefinition {
-    /// Request, response, event and the service itself.
-    #[must_use]
-    pub fn messages(self) -> Vec<MessageDefinition> {
-        let Self { name, request, response } = self;
-        let fixed = Container::Single;
-        let optional = Container::Sequence { bound: Some(1) };
-        let event = message(
-            name.derived("_Event"),
-            vec![
-                field("info", well_known("service_msgs", "ServiceEventInfo"), fixed),
-                field("request", Element::Nested(request.name.clone()), optional),
-                field("response", Element::Nested(response.name.clone()), optional),
-            ],
-        );
-        let service = message(
-            name,
-            vec![
-                field("request_message", Element::Nested(request.name.clone()), fixed),
-                field("response_message", Element::Nested(response.name.clone()), fixed),
-                field("event_message", Element::Nested(event.name.clone()), fixed),
-            ],
-        );
-        vec![request, response, event, service]
-    }
+/// Request, response, event and the service itself.
+pub(crate) fn service_messages(
+    name: &TypeName,
+    request: MessageDefinition,
+    response: MessageDefinition,
+) -> Vec<MessageDefinition> {
+    let fixed = Container::Single;
+    let optional = Container::Sequence { bound: Some(1) };
+    let event = message(
+        name.derived("_Event"),
+        vec![
+            field("info", well_known("service_msgs", "ServiceEventInfo"), fixed),
+            field("request", Element::Nested(request.name.clone()), optional),
+            field("response", Element::Nested(response.name.clone()), optional),
+        ],
+    );
+    let service = message(
+        name.clone(),
+        vec![
+            field("request_message", Element::Nested(request.name.clone()), fixed),
+            field("response_message", Element::Nested(response.name.clone()), fixed),
+            field("event_message", Element::Nested(event.name.clone()), fixed),
+        ],
+    );
+    vec![request, response, event, service]
 }
 
-impl ActionDefinition {
-    /// Goal, result, feedback, all that the two services and the feedback topic carry, and the
-    /// action itself.
-    #[must_use]
-    pub fn messages(self) -> Vec<MessageDefinition> {
-        let Self { name, goal, result, feedback } = self;
-        let single = |name, element| field(name, element, Container::Single);
-        let nested =
-            |name, message: &MessageDefinition| single(name, Element::Nested(message.name.clone()));
-        let goal_id = || single("goal_id", well_known("unique_identifier_msgs", "UUID"));
-        let primitive = |name, primitive| single(name, Element::Primitive(primitive));
+fn action_messages(
+    name: &TypeName,
+    goal: MessageDefinition,
+    result: MessageDefinition,
+    feedback: MessageDefinition,
+) -> Vec<MessageDefinition> {
+    let single = |name, element| field(name, element, Container::Single);
+    let nested =
+        |name, message: &MessageDefinition| single(name, Element::Nested(message.name.clone()));
+    let goal_id = || single("goal_id", well_known("unique_identifier_msgs", "UUID"));
+    let primitive = |name, primitive| single(name, Element::Primitive(primitive));
 
-        let send_goal = name.derived("_SendGoal");
-        let send_goal = ServiceDefinition {
-            request: message(send_goal.derived("_Request"), vec![goal_id(), nested("goal", &goal)]),
-            response: message(
-                send_goal.derived("_Response"),
-                vec![
-                    primitive("accepted", Primitive::Bool),
-                    single("stamp", well_known("builtin_interfaces", "Time")),
-                ],
-            ),
-            name: send_goal,
-        };
-        let get_result = name.derived("_GetResult");
-        let get_result = ServiceDefinition {
-            request: message(get_result.derived("_Request"), vec![goal_id()]),
-            response: message(
-                get_result.derived("_Response"),
-                vec![primitive("status", Primitive::Int8), nested("result", &result)],
-            ),
-            name: get_result,
-        };
-        let feedback_message = message(
-            name.derived("_FeedbackMessage"),
-            vec![goal_id(), nested("feedback", &feedback)],
-        );
-        let action = message(
-            name,
+    let send_goal_name = name.derived("_SendGoal");
+    let send_goal = service_messages(
+        &send_goal_name,
+        message(send_goal_name.derived("_Request"), vec![goal_id(), nested("goal", &goal)]),
+        message(
+            send_goal_name.derived("_Response"),
             vec![
-                nested("goal", &goal),
-                nested("result", &result),
-                nested("feedback", &feedback),
-                single("send_goal_service", Element::Nested(send_goal.name.clone())),
-                single("get_result_service", Element::Nested(get_result.name.clone())),
-                nested("feedback_message", &feedback_message),
+                primitive("accepted", Primitive::Bool),
+                single("stamp", well_known("builtin_interfaces", "Time")),
             ],
-        );
-        let mut messages = vec![goal, result, feedback, feedback_message, action];
-        messages.extend(send_goal.messages());
-        messages.extend(get_result.messages());
-        messages
-    }
+        ),
+    );
+    let get_result_name = name.derived("_GetResult");
+    let get_result = service_messages(
+        &get_result_name,
+        message(get_result_name.derived("_Request"), vec![goal_id()]),
+        message(
+            get_result_name.derived("_Response"),
+            vec![primitive("status", Primitive::Int8), nested("result", &result)],
+        ),
+    );
+    let feedback_message =
+        message(name.derived("_FeedbackMessage"), vec![goal_id(), nested("feedback", &feedback)]);
+    let action = message(
+        name.clone(),
+        vec![
+            nested("goal", &goal),
+            nested("result", &result),
+            nested("feedback", &feedback),
+            single("send_goal_service", Element::Nested(send_goal_name)),
+            single("get_result_service", Element::Nested(get_result_name)),
+            nested("feedback_message", &feedback_message),
+        ],
+    );
+    let mut messages = vec![goal, result, feedback, feedback_message, action];
+    messages.extend(send_goal);
+    messages.extend(get_result);
+    messages
 }
 
 fn message(name: TypeName, fields: Vec<Field>) -> MessageDefinition {
@@ -192,11 +156,17 @@ fn well_known(package: &str, name: &str) -> Element {
 }
 
 /// Lines between two `---`.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy)]
 struct Section<'t> {
     text: &'t str,
     /// Lines of the file before it.
     skipped: usize,
+}
+
+impl Section<'_> {
+    fn parse(self, dialect: Dialect, name: &TypeName) -> Result<MessageDefinition, ParseError> {
+        parse_section(dialect, name, self.text, self.skipped)
+    }
 }
 
 /// Cuts `text` at its `---` lines into exactly `N` sections.

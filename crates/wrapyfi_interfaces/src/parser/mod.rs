@@ -3,8 +3,8 @@
 //!
 //! ```text
 //!   Image.msg        ──parse_message──▶ MessageDefinition ─┐
-//!   SetBool.srv      ──parse_service──▶ ServiceDefinition ─┼▶ TypeDescription ─▶ RIHS01 hash
-//!   Fibonacci.action ──parse_action───▶ ActionDefinition ──┘  Rust struct (build script)
+//!   SetBool.srv      ──parse_service──▶ four of them ──────┼▶ TypeDescription ─▶ RIHS01 hash
+//!   Fibonacci.action ──parse_action───▶ thirteen ──────────┘  Rust struct (build script)
 //! ```
 //!
 //! The grammar is that of <https://docs.ros.org/en/jazzy/Concepts/Basic/About-Interfaces.html>:
@@ -25,7 +25,8 @@ pub use definition::{
 };
 pub use dialect::Dialect;
 pub use error::{ParseError, ParseFault};
-pub use interface::{ActionDefinition, ServiceDefinition, parse_action, parse_service};
+pub(crate) use interface::service_messages;
+pub use interface::{parse_action, parse_service};
 pub use name::{InterfaceKind, TypeName};
 pub use value::{DefaultValue, Literal};
 
@@ -58,6 +59,25 @@ pub fn parse_message_as(
     text: &str,
 ) -> Result<MessageDefinition, ParseError> {
     parse_section(dialect, name, text, 0)
+}
+
+/// Messages that the definition file of `name` gives; of a part of a service or action, all of its file.
+///
+/// # Errors
+/// As [`parse_message`], [`parse_service`] and [`parse_action`].
+pub fn parse_interface(
+    dialect: Dialect,
+    name: &TypeName,
+    text: &str,
+) -> Result<Vec<MessageDefinition>, ParseError> {
+    let interface = name.interface();
+    match name.kind() {
+        InterfaceKind::Message => {
+            parse_message_as(dialect, &interface, text).map(|message| vec![message])
+        }
+        InterfaceKind::Service => parse_service(dialect, &interface, text),
+        InterfaceKind::Action => parse_action(dialect, &interface, text),
+    }
 }
 
 /// Parses lines that stand behind `skipped` others in their file.

@@ -81,18 +81,19 @@ fn faults_name_line_text_and_remedy() {
 #[test]
 fn services_and_actions_are_sections() {
     let service = TypeName::parse(Dialect::Ros2, "demo_msgs/srv/Ask").unwrap();
-    let ask = parse_service(
+    let messages = parse_service(
         Dialect::Ros2,
         &service,
         "# What.\n\nstring what 'all'\n--- \nuint8 GOOD=1\nThing[<=2] things\n",
     )
     .unwrap();
-    assert_eq!(ask.request.doc, ["What."]);
-    assert_eq!(ask.request.name.to_string(), "demo_msgs/srv/Ask_Request");
-    assert_eq!(ask.response.constants[0].name, "GOOD");
+    let [request, response, ..] = messages.as_slice() else { panic!("{messages:?}") };
+    assert_eq!(request.doc, ["What."]);
+    assert_eq!(request.name.to_string(), "demo_msgs/srv/Ask_Request");
+    assert_eq!(response.constants[0].name, "GOOD");
     let own = TypeName::new("demo_msgs", "Thing").unwrap();
-    assert_eq!(ask.response.fields[0].field_type.element, Element::Nested(own));
-    let names: Vec<_> = ask.messages().iter().map(|m| m.name.to_string()).collect();
+    assert_eq!(response.fields[0].field_type.element, Element::Nested(own));
+    let names: Vec<_> = messages.iter().map(|m| m.name.to_string()).collect();
     assert_eq!(
         names,
         ["Ask_Request", "Ask_Response", "Ask_Event", "Ask"].map(|n| format!("demo_msgs/srv/{n}"))
@@ -100,7 +101,7 @@ fn services_and_actions_are_sections() {
 
     let action = TypeName::parse(Dialect::Ros2, "demo_msgs/action/Do").unwrap();
     let text = "int32 goal\n---\nint32 result\n---\nint32 feedback";
-    let messages = parse_action(Dialect::Ros2, &action, text).unwrap().messages();
+    let messages = parse_action(Dialect::Ros2, &action, text).unwrap();
     assert_eq!(messages.len(), 13);
     for message in &messages {
         assert_eq!(message.name.interface(), action, "{}", message.name);

@@ -23,19 +23,27 @@ use crate::store::{ResolvedType, TypeStore, ros1_builtin};
 /// A message type of ROS 1.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Definition {
-    resolved: ResolvedType,
-    text: String,
-    md5sum: String,
+    /// Fields and constants, with all types that it refers to.
+    pub resolved: ResolvedType,
+    /// `message_definition` of connection headers.
+    pub text: String,
+    /// `md5sum` of connection headers: 32 hexadecimal digits.
+    pub md5sum: String,
 }
 
 /// A service type of ROS 1.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ServiceDefinition {
-    name: TypeName,
-    request: ResolvedType,
-    response: ResolvedType,
-    text: String,
-    md5sum: String,
+    /// Name of the service; [`ServiceDefinition::ros1_name`] is how ROS 1 writes it.
+    pub name: TypeName,
+    /// Message that a client sends.
+    pub request: ResolvedType,
+    /// Message that a server answers.
+    pub response: ResolvedType,
+    /// The definition with all it refers to.
+    pub text: String,
+    /// `md5sum` of connection headers: 32 hexadecimal digits.
+    pub md5sum: String,
 }
 
 /// Reads `package/Type`.
@@ -52,7 +60,7 @@ impl Definition {
     /// use wrapyfi_interfaces::ros1::Definition;
     /// let text = "string data\n";
     /// let string = Definition::from_header("std_msgs/String", text).unwrap();
-    /// assert_eq!(string.md5sum(), "992ce8a1687cec8c8bd883ec73ca41d1");
+    /// assert_eq!(string.md5sum, "992ce8a1687cec8c8bd883ec73ca41d1");
     /// ```
     ///
     /// # Errors
@@ -100,24 +108,6 @@ impl Definition {
     pub fn ros1_name(&self) -> String {
         ros1_name(self.name())
     }
-
-    /// `message_definition` of connection headers.
-    #[must_use]
-    pub fn text(&self) -> &str {
-        &self.text
-    }
-
-    /// `md5sum` of connection headers: 32 hexadecimal digits.
-    #[must_use]
-    pub fn md5sum(&self) -> &str {
-        &self.md5sum
-    }
-
-    /// Fields and constants, with all types that it refers to.
-    #[must_use]
-    pub fn resolved(&self) -> &ResolvedType {
-        &self.resolved
-    }
 }
 
 impl ServiceDefinition {
@@ -163,12 +153,6 @@ impl ServiceDefinition {
         Ok(Self { name, request, response, text, md5sum })
     }
 
-    /// Name of the service; [`ServiceDefinition::ros1_name`] is how ROS 1 writes it.
-    #[must_use]
-    pub fn name(&self) -> &TypeName {
-        &self.name
-    }
-
     /// `std_srvs/SetBool`: `type` of connection headers.
     #[must_use]
     pub fn ros1_name(&self) -> String {
@@ -191,30 +175,6 @@ impl ServiceDefinition {
             Some(service) => service.response_type.to_owned(),
             None => format!("{}Response", self.ros1_name()),
         }
-    }
-
-    /// The definition with all it refers to.
-    #[must_use]
-    pub fn text(&self) -> &str {
-        &self.text
-    }
-
-    /// `md5sum` of connection headers: 32 hexadecimal digits.
-    #[must_use]
-    pub fn md5sum(&self) -> &str {
-        &self.md5sum
-    }
-
-    /// Message that a client sends.
-    #[must_use]
-    pub fn request(&self) -> &ResolvedType {
-        &self.request
-    }
-
-    /// Message that a server answers.
-    #[must_use]
-    pub fn response(&self) -> &ResolvedType {
-        &self.response
     }
 }
 

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 use super::error::{DefinitionError, PairError};
 use super::types::Types;
-use crate::parser::{Dialect, ServiceDefinition};
+use crate::parser::{Dialect, service_messages};
 use crate::store::{Looked, ResolvedType};
 
 impl Types {
@@ -19,13 +19,13 @@ impl Types {
     /// As [`Types::service_definition`], and when a definition is there and cannot be used.
     pub fn ros2_service(&mut self, type_name: &str) -> Result<ResolvedType, PairError> {
         let definition = self.service_definition(type_name)?;
-        let names = self.rules().ros2_names(definition.name());
+        let names = self.rules().ros2_names(&definition.name);
         for name in &names {
             if let Some(found) = self.ros2_known(name)? {
                 return Ok(found);
             }
         }
-        let name = names.first().unwrap_or(definition.name()).clone();
+        let name = names.first().unwrap_or(&definition.name).clone();
         let mut known = BTreeMap::new();
         let mut part = |ros1, suffix| {
             let part = self.made_for_ros2(ros1, &name.derived(suffix))?;
@@ -34,10 +34,10 @@ impl Types {
             definition
                 .ok_or_else(|| DefinitionError::Kind { name: name.clone(), expected: "service" })
         };
-        let request = part(definition.request(), "_Request")?;
-        let response = part(definition.response(), "_Response")?;
-        let service = ServiceDefinition { name: name.clone(), request, response };
-        known.extend(service.messages().into_iter().map(|message| (message.name.clone(), message)));
+        let request = part(&definition.request, "_Request")?;
+        let response = part(&definition.response, "_Response")?;
+        let messages = service_messages(&name, request, response).into_iter();
+        known.extend(messages.map(|message| (message.name.clone(), message)));
         Ok(ResolvedType::among(Dialect::Ros2, &name, &known, &Looked::default())?)
     }
 }

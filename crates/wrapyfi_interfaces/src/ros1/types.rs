@@ -33,7 +33,7 @@ const MD5_DIGITS: usize = 32;
 /// use wrapyfi_interfaces::store::TypeStore;
 /// let mut types = Types::new(Rules::built_in(), TypeStore::empty());
 /// let joints = types.definition("sensor_msgs/JointState").unwrap();
-/// assert_eq!(joints.md5sum(), "3066dcd76a6cfaef579bd0f34173e9fd");
+/// assert_eq!(joints.md5sum, "3066dcd76a6cfaef579bd0f34173e9fd");
 /// let plan = types.plan(&joints).unwrap();
 /// assert_eq!(plan.ros2_type().to_string(), "sensor_msgs/msg/JointState");
 /// ```
@@ -121,7 +121,7 @@ impl Types {
         text: &str,
     ) -> Result<Definition, DefinitionError> {
         let name = parse_name(InterfaceKind::Message, type_name)?;
-        let fits = |definition: &Definition| md5sum == "*" || definition.md5sum() == md5sum;
+        let fits = |definition: &Definition| md5sum == "*" || definition.md5sum == md5sum;
         let error = match Definition::from_header(type_name, text) {
             Ok(definition) if fits(&definition) => {
                 if self.shown.len() < MAX_SHOWN || self.shown.contains_key(&name) {
@@ -132,14 +132,14 @@ impl Types {
             Ok(definition) => DefinitionError::Checksum {
                 name: name.clone(),
                 claimed: md5sum.chars().take(MD5_DIGITS).collect(),
-                computed: definition.md5sum().to_owned(),
+                computed: definition.md5sum,
             },
             Err(error) => error,
         };
         // A folder may have an older one than the standard.
         let stored = [&mut self.ros1, &mut standard::ros1()]
             .map(|store| Definition::from_store(store, &name).ok());
-        let exact = stored.into_iter().flatten().find(|definition| definition.md5sum() == md5sum);
+        let exact = stored.into_iter().flatten().find(|definition| definition.md5sum == md5sum);
         exact.ok_or(error)
     }
 
@@ -212,7 +212,7 @@ impl Types {
                 Ok(ros2) => {
                     let Self { rules, shown, ros1, .. } = self;
                     let find = |wanted: &TypeName| {
-                        let shown = shown.get(wanted).map(|one| one.resolved().clone());
+                        let shown = shown.get(wanted).map(|one| one.resolved.clone());
                         shown.or_else(|| ros1.resolve(wanted).ok())?.definition().cloned()
                     };
                     return Ok(derive::to_ros1(&ros2, name, rules, find)?);
@@ -255,7 +255,7 @@ impl Types {
                     continue;
                 }
                 match self.definition_of(&ros1) {
-                    Ok(ros1) => return Ok(self.made_for_ros2(ros1.resolved(), name)?),
+                    Ok(ros1) => return Ok(self.made_for_ros2(&ros1.resolved, name)?),
                     Err(DefinitionError::Unknown { .. }) => {}
                     Err(error) => return Err(error.into()),
                 }
@@ -293,7 +293,7 @@ impl Types {
     fn made_from_ros1(&mut self, name: &TypeName) -> Option<ResolvedType> {
         self.rules.ros1_names(name).iter().find_map(|ros1| {
             let ros1 = self.definition_of(ros1).ok()?;
-            self.made_for_ros2(ros1.resolved(), name).ok()
+            self.made_for_ros2(&ros1.resolved, name).ok()
         })
     }
 
@@ -312,8 +312,8 @@ impl Types {
     /// # Errors
     /// As [`Types::ros2_type`] and [`PairPlan::compile`].
     pub fn plan(&mut self, ros1: &Definition) -> Result<PairPlan, PairError> {
-        let ros2 = self.ros2_type(ros1.resolved())?;
-        PairPlan::compile(ros1.resolved(), &ros2, &self.rules)
+        let ros2 = self.ros2_type(&ros1.resolved)?;
+        PairPlan::compile(&ros1.resolved, &ros2, &self.rules)
     }
 
     /// The plan for a ROS 1 message and a ROS 2 type that the user chose.
@@ -322,7 +322,7 @@ impl Types {
     /// As [`Types::ros2_type_named`] and [`PairPlan::compile`].
     pub fn plan_to(&mut self, ros1: &Definition, ros2: &TypeName) -> Result<PairPlan, PairError> {
         let ros2 = self.ros2_type_named(ros2)?;
-        PairPlan::compile(ros1.resolved(), &ros2, &self.rules)
+        PairPlan::compile(&ros1.resolved, &ros2, &self.rules)
     }
 
     /// Definition and plan for what is published to ROS 1 from a ROS 2 type: under the ROS 1 name that
@@ -343,62 +343,36 @@ impl Types {
         Ok((definition, plan))
     }
 
-    /// Plans of a service by its ROS 1 name, towards the ROS 2 service that the user chose, else the
-    /// one it becomes.
-    ///
-    /// # Errors
-    /// As [`Types::service_definition`] and [`PairPlan::compile`].
-    pub fn service_plan(
-        &mut self,
-        ros1: &str,
-        ros2: Option<&TypeName>,
-    ) -> Result<ServicePlan, PairError> {
-        let definition = self.service_definition(ros1)?;
-        self.service_plan_of(definition, ros2)
-    }
-
     /// Plans of a service by its ROS 2 name, for a server or client in ROS 1.
     ///
     /// # Errors
-    /// As [`Types::service_plan`].
+    /// As [`Types::service_definition`] and [`PairPlan::compile`].
     pub fn service_towards_ros1(&mut self, ros2: &TypeName) -> Result<ServicePlan, PairError> {
         let definition =
             self.likeliest(ros2, |types, name| types.service_definition(&super::ros1_name(name)))?;
-        self.service_plan_of(definition, Some(ros2))
+        self.service_plan(definition, ros2)
     }
 
-    fn service_plan_of(
+    /// Plans between a service of ROS 1 and one of ROS 2.
+    ///
+    /// # Errors
+    /// As [`PairPlan::compile`].
+    pub fn service_plan(
         &mut self,
         definition: ServiceDefinition,
-        ros2: Option<&TypeName>,
+        ros2: &TypeName,
     ) -> Result<ServicePlan, PairError> {
-        let names = match ros2 {
-            Some(name) => vec![name.clone()],
-            None => self.rules.ros2_names(definition.name()),
-        };
-        let mut chosen = None;
-        for name in &names {
-            if let Some(found) = self.ros2_known(name)? {
-                chosen = Some(found);
-                break;
-            }
-        }
-        let name = match (&chosen, names.first()) {
-            (Some(found), _) => found.name().clone(),
-            (None, Some(name)) => name.clone(),
-            (None, None) => definition.name().clone(),
-        };
+        let known = self.ros2_known(ros2)?;
         let mut plan = |ros1: &ResolvedType, suffix| {
-            let part = chosen.as_ref().and_then(|found| found.part(suffix));
-            let ros2 = match part {
+            let part = match known.as_ref().and_then(|known| known.part(suffix)) {
                 Some(part) => part,
-                None => self.made_for_ros2(ros1, &name.derived(suffix))?,
+                None => self.made_for_ros2(ros1, &ros2.derived(suffix))?,
             };
-            PairPlan::compile(ros1, &ros2, &self.rules)
+            PairPlan::compile(ros1, &part, &self.rules)
         };
-        let request = plan(definition.request(), "_Request")?;
-        let response = plan(definition.response(), "_Response")?;
-        Ok(ServicePlan { definition, ros2: name, request, response })
+        let request = plan(&definition.request, "_Request")?;
+        let response = plan(&definition.response, "_Response")?;
+        Ok(ServicePlan { definition, ros2: ros2.clone(), request, response })
     }
 
     /// The first ROS 1 name of a ROS 2 type that has a definition.

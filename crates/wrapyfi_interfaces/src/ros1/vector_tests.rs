@@ -7,6 +7,7 @@ use hmac_sha256::Hash;
 use serde_json::Value;
 
 use super::standard::names;
+use super::tests::service_plan;
 use super::{Options, PairPlan, Rules, Transcoded, Types};
 use crate::parser::{Dialect, TypeName};
 use crate::store::TypeStore;
@@ -29,17 +30,17 @@ fn sha256(text: &str) -> String {
 fn plans(types: &mut Types, vector: &Value) -> (BTreeMap<&'static str, PairPlan>, String, String) {
     let name = text(vector, "type");
     if text(vector, "kind") == "srv" {
-        let plan = types.service_plan(name, None).unwrap();
+        let plan = service_plan(types, name);
         assert_eq!(plan.ros2.to_string(), text(vector, "ros2"));
         let plans = BTreeMap::from([("Request", plan.request), ("Response", plan.response)]);
         let definition = plan.definition;
-        return (plans, definition.md5sum().to_owned(), definition.text().to_owned());
+        return (plans, definition.md5sum, definition.text);
     }
     let definition = types.definition(name).unwrap();
     let plan = types.plan(&definition).unwrap_or_else(|error| panic!("{name}: {error}"));
     assert_eq!(plan.ros2_type().to_string(), text(vector, "ros2"));
     let plans = BTreeMap::from([("", plan)]);
-    (plans, definition.md5sum().to_owned(), definition.text().to_owned())
+    (plans, definition.md5sum, definition.text)
 }
 
 #[test]
@@ -91,7 +92,7 @@ fn types_that_ros2_has_have_its_hash_without_a_ros2() {
     let mut checked = 0;
     for vector in vectors().iter().filter(|vector| vector["hash"].is_string()) {
         let definition = types.definition(text(vector, "type")).unwrap();
-        let ros2 = types.ros2_type(definition.resolved()).unwrap();
+        let ros2 = types.ros2_type(&definition.resolved).unwrap();
         assert_eq!(ros2.type_hash(), text(vector, "hash"), "{:?}", ros2.definition());
         checked += 1;
     }

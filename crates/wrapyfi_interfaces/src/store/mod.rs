@@ -30,7 +30,7 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::{fmt, io};
 
-use crate::parser::{Dialect, InterfaceKind, MessageDefinition, TypeName};
+use crate::parser::{Dialect, InterfaceKind, MessageDefinition, TypeName, parse_interface};
 use crate::type_description_interfaces::msg::TypeSource;
 
 /// Largest definition in bytes: a file, or a full definition text.
@@ -237,7 +237,7 @@ impl TypeStore {
     }
 
     fn parse(&mut self, name: &TypeName, text: &str, place: &str) -> Result<(), ResolveError> {
-        let messages = text::parse_interface(self.dialect, name, text).map_err(|source| {
+        let messages = parse_interface(self.dialect, name, text).map_err(|source| {
             ResolveError::Parse { place: place.to_owned(), source: Box::new(source) }
         })?;
         self.known.extend(messages.into_iter().map(|message| (message.name.clone(), message)));

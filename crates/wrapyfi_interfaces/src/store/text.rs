@@ -12,27 +12,10 @@
 use std::collections::BTreeMap;
 
 use super::{MAX_DEFINITION_SIZE, ResolveError};
-use crate::parser::{
-    Dialect, InterfaceKind, MessageDefinition, ParseError, TypeName, parse_action,
-    parse_message_as, parse_service,
-};
+use crate::parser::{Dialect, MessageDefinition, TypeName, parse_interface};
 
 /// Fewest `=` in a row that separate two definitions.
 const SEPARATOR: &str = "========";
-
-/// Messages that the definition file of `name` gives.
-pub(super) fn parse_interface(
-    dialect: Dialect,
-    name: &TypeName,
-    text: &str,
-) -> Result<Vec<MessageDefinition>, ParseError> {
-    let interface = name.interface();
-    Ok(match name.kind() {
-        InterfaceKind::Message => vec![parse_message_as(dialect, &interface, text)?],
-        InterfaceKind::Service => parse_service(dialect, &interface, text)?.messages(),
-        InterfaceKind::Action => parse_action(dialect, &interface, text)?.messages(),
-    })
-}
 
 /// All messages in a full definition text of `name`.
 pub(super) fn parse_full(

@@ -332,7 +332,7 @@ proptest! {
         let (mut cdr, mut ros1) = (Vec::new(), Vec::new());
         if plan.to_cdr(&bytes, &options, &mut cdr).is_ok() {
             // The written message is read by the other reader, and goes back and forth unchanged.
-            let ros2 = types.ros2_type(definition.resolved()).unwrap().plan().unwrap();
+            let ros2 = types.ros2_type(&definition.resolved).unwrap().plan().unwrap();
             ros2.decode_exact(&cdr.clone().into(), 1 << 20).unwrap();
             plan.to_ros1(&cdr, seq, &options, &mut ros1).unwrap();
             let mut again = Vec::new();

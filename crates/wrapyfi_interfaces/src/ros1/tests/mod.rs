@@ -22,6 +22,13 @@ fn compile_with(rules: &Rules, ros1: &str, ros2: &str) -> Result<PairPlan, PairE
     PairPlan::compile(&ros1, &resolve(Dialect::Ros2, "demo/msg/A", ros2), rules)
 }
 
+/// Plans of a service, towards the one that it becomes.
+pub(super) fn service_plan(types: &mut Types, name: &str) -> ServicePlan {
+    let definition = types.service_definition(name).unwrap();
+    let ros2 = types.ros2_service(name).unwrap();
+    types.service_plan(definition, ros2.name()).unwrap()
+}
+
 fn to_cdr(plan: &PairPlan, ros1: &[u8]) -> Result<(Vec<u8>, Transcoded), TranscodeError> {
     let mut out = Vec::new();
     plan.to_cdr(ros1, &Options::default(), &mut out).map(|done| (out, done))
