@@ -41,7 +41,7 @@ pub(crate) fn modules(definitions: &Definitions) -> Result<String, BuildError> {
         if name.kind() == InterfaceKind::Service && *name == name.interface() {
             service(module, name, definitions, hash)?;
         } else {
-            message(module, definition, definitions, hash)?;
+            message(module, definition, hash)?;
         }
     }
     let mut source = String::new();
@@ -68,6 +68,9 @@ pub(crate) fn modules(definitions: &Definitions) -> Result<String, BuildError> {
     }
     Ok(source)
 }
+
+/// Trait of what has a form in CDR.
+const VALUE: &str = "crate::cdr::CdrValue";
 
 /// `SetBool_Request` is the name that ROS gives.
 const NAME_LINT: &str = "#[allow(non_camel_case_types)]\n";
@@ -98,7 +101,6 @@ fn service(
 fn message(
     out: &mut String,
     definition: &MessageDefinition,
-    definitions: &Definitions,
     hash: &str,
 ) -> Result<(), GenerateError> {
     let MessageDefinition { name, doc, fields, constants } = definition;
@@ -146,17 +148,19 @@ fn message(
         "impl crate::Message for {ident} {{\n\
          const ROS_TYPE: &'static str = \"{name}\";\n\
          const DDS_TYPE: &'static str = \"{}\";\n\
-         const TYPE_HASH: &'static str = \"{hash}\";\n\
-         const MIN_SIZE: usize = {};",
-        name.dds(),
-        min_size(definition, definitions)
+         const TYPE_HASH: &'static str = \"{hash}\";\n}}",
+        name.dds()
     )?;
+    // A message without fields has a hidden one of a byte.
+    let sizes = fields.iter().map(|field| format!("<{} as {VALUE}>::MIN_SIZE", rust_type(field)));
+    let size =
+        if fields.is_empty() { "1".to_owned() } else { sizes.collect::<Vec<_>>().join(" + ") };
+    writeln!(out, "impl {VALUE} for {ident} {{\nconst MIN_SIZE: usize = {size};")?;
     writeln!(out, "fn write(&self, writer: &mut crate::cdr::CdrWriter) {{")?;
     for field in fields {
-        writeln!(out, "{};", write_call(field))?;
+        writeln!(out, "{VALUE}::write(&self.{}, writer);", field_ident(&field.name))?;
     }
     if fields.is_empty() {
-        // The hidden member of a message without fields.
         writeln!(out, "writer.write_primitive(0_u8);")?;
     }
     writeln!(
@@ -169,12 +173,11 @@ fn message(
     }
     writeln!(out, "::core::result::Result::Ok(Self {{")?;
     for field in fields {
+        let Field { name, .. } = field;
+        let ident = field_ident(name);
         writeln!(
             out,
-            "{}: {}.map_err(|error| error.in_field({:?}))?,",
-            field_ident(&field.name),
-            read_call(field),
-            field.name
+            "{ident}: {VALUE}::read(reader).map_err(|error| error.in_field({name:?}))?,"
         )?;
     }
     writeln!(out, "}})\n}}\n}}")?;
@@ -314,50 +317,4 @@ fn literal(element: &Element, value: &Literal) -> String {
         Literal::Float(value) => format!("{value:?}_{number}"),
         Literal::Text(value) => format!("{value:?}"),
     }
-}
-
-/// Name of the reader's and writer's method for a field, and whether it takes a reference.
-fn method(field: &Field) -> (&'static str, bool) {
-    match (&field.field_type.element, field.field_type.container) {
-        (Element::Primitive(_), Container::Single) => ("primitive", false),
-        (Element::Primitive(_), Container::Array(_)) => ("primitive_array", true),
-        (Element::Primitive(_), Container::Sequence { .. }) if is_bytes(field) => ("bytes", true),
-        (Element::Primitive(_), Container::Sequence { .. }) => ("primitive_sequence", true),
-        (Element::Nested(_), Container::Single) => ("message", true),
-        (Element::Nested(_), Container::Array(_)) => ("message_array", true),
-        (Element::Nested(_), Container::Sequence { .. }) => ("messages", true),
-        (_, Container::Single) => ("string", true),
-        (_, Container::Array(_)) => ("string_array", true),
-        (_, Container::Sequence { .. }) => ("strings", true),
-    }
-}
-
-fn write_call(field: &Field) -> String {
-    let (method, by_reference) = method(field);
-    let reference = if by_reference { "&" } else { "" };
-    format!("writer.write_{method}({reference}self.{})", field_ident(&field.name))
-}
-
-fn read_call(field: &Field) -> String {
-    format!("reader.read_{}()", method(field).0)
-}
-
-/// Bytes the fields take at least, counting padding as nothing and sequences as empty.
-fn min_size(definition: &MessageDefinition, definitions: &Definitions) -> usize {
-    let fields = definition.fields.iter().map(|field| {
-        let count = match field.field_type.container {
-            Container::Sequence { .. } => return 4,
-            Container::Single => 1,
-            Container::Array(size) => size as usize,
-        };
-        let element = match &field.field_type.element {
-            Element::Primitive(primitive) => primitive.size(),
-            Element::String { .. } | Element::WString { .. } => 4,
-            Element::Nested(name) => {
-                definitions.get(name).map_or(1, |nested| min_size(nested, definitions))
-            }
-        };
-        element.saturating_mul(count)
-    });
-    fields.fold(0, usize::saturating_add).max(1)
 }

@@ -4,7 +4,7 @@ use std::fmt::Debug;
 
 use bytes::Bytes;
 
-use crate::cdr::{CdrError, CdrParts, CdrReader, CdrWriter};
+use crate::cdr::{CdrError, CdrParts, CdrReader, CdrValue, CdrWriter};
 
 /// A ROS 2 message.
 ///
@@ -13,24 +13,13 @@ use crate::cdr::{CdrError, CdrParts, CdrReader, CdrWriter};
 /// let cdr = Text { data: "hello".into() }.encode().to_bytes();
 /// assert_eq!(Text::decode(&cdr, 1024).unwrap().data, "hello");
 /// ```
-pub trait Message: Sized + Clone + Debug + Default + PartialEq {
+pub trait Message: CdrValue + Clone + Debug + Default + PartialEq {
     /// ROS name, for instance `sensor_msgs/msg/Image`.
     const ROS_TYPE: &'static str;
     /// Name on DDS, for instance `sensor_msgs::msg::dds_::Image_`.
     const DDS_TYPE: &'static str;
     /// REP-2016 hash, `RIHS01_…`, computed from the definition at build time.
     const TYPE_HASH: &'static str;
-    /// Least number of bytes a serialised one takes, without padding.
-    const MIN_SIZE: usize;
-
-    /// Writes the members in order.
-    fn write(&self, writer: &mut CdrWriter);
-
-    /// Reads the members in order.
-    ///
-    /// # Errors
-    /// The first member that is not there or not valid.
-    fn read(reader: &mut CdrReader<'_>) -> Result<Self, CdrError>;
 
     /// The serialised message with its encapsulation header. Large `uint8[]` fields are shared.
     #[must_use]

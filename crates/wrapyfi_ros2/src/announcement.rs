@@ -11,7 +11,7 @@
 
 use bytes::Bytes;
 use wrapyfi_interfaces::Message;
-use wrapyfi_interfaces::cdr::{CdrError, CdrReader};
+use wrapyfi_interfaces::cdr::{CdrError, CdrReader, CdrValue};
 use wrapyfi_interfaces::rmw_dds_common::msg::{Gid, NodeEntitiesInfo, ParticipantEntitiesInfo};
 
 /// Bytes of a GID that say nothing, before Iron.
@@ -55,7 +55,7 @@ pub(super) fn read(cdr: &Bytes, max_bytes: usize) -> Result<Announcement, CdrErr
 }
 
 fn read_gid(reader: &mut CdrReader<'_>) -> Result<Gid, CdrError> {
-    let data = reader.read_primitive_array::<u8, 16>()?;
+    let data = CdrValue::read(reader)?;
     reader.read_byte_array(UNUSED)?;
     Ok(Gid { data })
 }

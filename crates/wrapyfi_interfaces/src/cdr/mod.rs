@@ -16,6 +16,7 @@ mod error;
 mod parts;
 mod primitive;
 mod reader;
+mod value;
 mod writer;
 
 pub use error::CdrError;
@@ -23,6 +24,7 @@ pub(crate) use error::{path_in_element, path_in_field};
 pub use parts::CdrParts;
 pub use primitive::{ByteOrder, CdrPrimitive};
 pub use reader::CdrReader;
+pub use value::CdrValue;
 pub use writer::CdrWriter;
 
 /// Size of the encapsulation header in bytes.

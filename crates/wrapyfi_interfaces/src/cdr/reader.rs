@@ -4,7 +4,6 @@ use bytes::Bytes;
 
 use super::primitive::{ByteOrder, CdrPrimitive};
 use super::{CdrError, ENCAPSULATION_SIZE};
-use crate::Message;
 
 /// Reads the members of a message in order. Errors carry no path yet: whoever knows the field's
 /// name adds it with [`CdrError::in_field`].
@@ -14,6 +13,7 @@ pub struct CdrReader<'a> {
     /// Offset from the first byte of the encapsulation header; never beyond the end.
     position: usize,
     order: ByteOrder,
+    is_ros1: bool,
 }
 
 impl<'a> CdrReader<'a> {
@@ -30,7 +30,14 @@ impl<'a> CdrReader<'a> {
                 return Err(CdrError::Encapsulation { found });
             }
         };
-        Ok(Self { cdr, position: ENCAPSULATION_SIZE, order })
+        Ok(Self { cdr, position: ENCAPSULATION_SIZE, order, is_ros1: false })
+    }
+
+    /// Reads a message as ROS 1 serialises it: members in the same order, behind no header, not aligned, and
+    /// text without a terminator.
+    #[must_use]
+    pub fn of_ros1(message: &'a Bytes) -> Self {
+        Self { cdr: message, position: 0, order: ByteOrder::Little, is_ros1: true }
     }
 
     /// Bytes that are left.
@@ -49,33 +56,6 @@ impl<'a> CdrReader<'a> {
         T::extract(bytes, self.order).next().ok_or_else(|| truncated(T::SIZE, 0))
     }
 
-    /// Reads a fixed number of primitives.
-    ///
-    /// # Errors
-    /// When the message ends before the last.
-    pub fn read_primitive_array<T: CdrPrimitive, const N: usize>(
-        &mut self,
-    ) -> Result<[T; N], CdrError> {
-        self.align(T::SIZE)?;
-        let values: Vec<T> = {
-            let bytes = self.take(N.saturating_mul(T::SIZE))?;
-            T::extract(bytes, self.order).collect()
-        };
-        into_array(values)
-    }
-
-    /// Reads a sequence of primitives in one bulk copy.
-    ///
-    /// # Errors
-    /// When the message has fewer bytes than the sequence claims.
-    pub fn read_primitive_sequence<T: CdrPrimitive>(&mut self) -> Result<Vec<T>, CdrError> {
-        let count = self.read_count(T::SIZE)?;
-        if count == 0 {
-            return Ok(Vec::new()); // without elements there is no padding either
-        }
-        self.read_primitives(count)
-    }
-
     /// Reads a number of primitives that is known beforehand, in one bulk copy.
     ///
     /// # Errors
@@ -84,15 +64,6 @@ impl<'a> CdrReader<'a> {
         self.align(T::SIZE)?;
         let bytes = self.take(count.saturating_mul(T::SIZE))?;
         Ok(T::extract(bytes, self.order).collect())
-    }
-
-    /// Reads a sequence of bytes without a copy: the result shares the message's memory.
-    ///
-    /// # Errors
-    /// When the message has fewer bytes than the sequence claims.
-    pub fn read_bytes(&mut self) -> Result<Bytes, CdrError> {
-        let count = self.read_count(1)?;
-        self.read_byte_array(count)
     }
 
     /// Reads a number of bytes that is known beforehand; the result shares the message's memory.
@@ -151,6 +122,7 @@ impl<'a> CdrReader<'a> {
         let length = self.read_count(1)?;
         let bytes = self.take(length)?;
         match bytes.split_last() {
+            _ if self.is_ros1 => Ok(bytes),
             None => Ok(bytes),
             // The search is fast; splitting is not, and hardly ever needed.
             Some((0, text)) if !text.contains(&0) => Ok(text),
@@ -159,62 +131,6 @@ impl<'a> CdrReader<'a> {
                 Err(CdrError::Unterminated { path: String::new(), length, last: *last })
             }
         }
-    }
-
-    /// Reads a sequence of strings.
-    ///
-    /// # Errors
-    /// As [`CdrReader::read_string`], for any of them.
-    pub fn read_strings(&mut self) -> Result<Vec<String>, CdrError> {
-        let count = self.read_count(size_of::<u32>())?;
-        self.read_each(count, Self::read_string)
-    }
-
-    /// Reads a fixed number of strings.
-    ///
-    /// # Errors
-    /// As [`CdrReader::read_string`], for any of them.
-    pub fn read_string_array<const N: usize>(&mut self) -> Result<[String; N], CdrError> {
-        self.room_for(N, size_of::<u32>())?;
-        self.read_each(N, Self::read_string).and_then(into_array)
-    }
-
-    /// Reads a nested message.
-    ///
-    /// # Errors
-    /// When one of its members cannot be read.
-    pub fn read_message<M: Message>(&mut self) -> Result<M, CdrError> {
-        M::read(self)
-    }
-
-    /// Reads a sequence of messages.
-    ///
-    /// # Errors
-    /// When there is no room for as many as claimed, or one cannot be read.
-    pub fn read_messages<M: Message>(&mut self) -> Result<Vec<M>, CdrError> {
-        let count = self.read_count(M::MIN_SIZE)?;
-        self.read_each(count, M::read)
-    }
-
-    /// Reads a fixed number of messages.
-    ///
-    /// # Errors
-    /// When one cannot be read.
-    pub fn read_message_array<M: Message, const N: usize>(&mut self) -> Result<[M; N], CdrError> {
-        self.room_for(N, M::MIN_SIZE)?;
-        self.read_each(N, M::read).and_then(into_array)
-    }
-
-    fn read_each<T>(
-        &mut self,
-        count: usize,
-        read: impl Fn(&mut Self) -> Result<T, CdrError>,
-    ) -> Result<Vec<T>, CdrError> {
-        let mut values = Vec::with_capacity(count);
-        for index in 0..count {
-            values.push(read(self).map_err(|error| error.in_element(index))?);
-        }
-        Ok(values)
     }
 
     /// Reads an element count and checks that so many elements of at least `min_size` bytes fit
@@ -250,8 +166,22 @@ impl<'a> CdrReader<'a> {
         self.order
     }
 
+    /// Checks that nothing is left behind the last member.
+    ///
+    /// # Errors
+    /// [`CdrError::Trailing`].
+    pub fn end(&self) -> Result<(), CdrError> {
+        match self.remaining() {
+            0 => Ok(()),
+            left => Err(CdrError::Trailing { left }),
+        }
+    }
+
     /// Skips to a multiple of `size`, counted from the body's start.
     fn align(&mut self, size: usize) -> Result<(), CdrError> {
+        if self.is_ros1 {
+            return Ok(());
+        }
         let past = (self.position - ENCAPSULATION_SIZE) % size;
         if past != 0 {
             self.take(size - past)?;
@@ -270,8 +200,4 @@ impl<'a> CdrReader<'a> {
 
 fn truncated(needed: usize, available: usize) -> CdrError {
     CdrError::Truncated { path: String::new(), needed, available }
-}
-
-fn into_array<T, const N: usize>(values: Vec<T>) -> Result<[T; N], CdrError> {
-    <[T; N]>::try_from(values).map_err(|values| truncated(N, values.len()))
 }

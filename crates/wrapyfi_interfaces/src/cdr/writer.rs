@@ -3,7 +3,6 @@
 use bytes::Bytes;
 
 use super::{CdrParts, CdrPrimitive, ENCAPSULATION_SIZE};
-use crate::Message;
 
 /// Byte sequences from this size on are shared instead of copied into the owned piece: below it a
 /// copy costs less than one more piece in every scatter write.
@@ -26,13 +25,20 @@ pub struct CdrWriter {
     finished: usize,
     /// The piece being written.
     tail: Vec<u8>,
+    is_ros1: bool,
 }
 
 impl CdrWriter {
     /// Starts with the encapsulation header.
     #[must_use]
     pub fn new() -> Self {
-        Self { pieces: Vec::new(), finished: 0, tail: ENCAPSULATION.to_vec() }
+        Self { pieces: Vec::new(), finished: 0, tail: ENCAPSULATION.to_vec(), is_ros1: false }
+    }
+
+    /// Starts a message as ROS 1 serialises it; see [`CdrReader::of_ros1`](super::CdrReader::of_ros1).
+    #[must_use]
+    pub fn of_ros1() -> Self {
+        Self { pieces: Vec::new(), finished: 0, tail: Vec::new(), is_ros1: true }
     }
 
     /// The message, ready to be sent.
@@ -78,7 +84,7 @@ impl CdrWriter {
         self.write_primitive_sequence(&units);
     }
 
-    /// Writes a string with its terminator. A NUL inside ends it, as in the ROS 2 middlewares.
+    /// Writes a string, in CDR with its terminator. A NUL inside ends it, as in the ROS 2 middlewares.
     pub fn write_string(&mut self, text: &str) {
         let text = text.split('\0').next().unwrap_or_default();
         let text = match text.len() {
@@ -86,9 +92,10 @@ impl CdrWriter {
             // A character has at most four bytes, so one of these ends between two.
             _ => (0..4).find_map(|back| text.get(..LONGEST_STRING - back)).unwrap_or_default(),
         };
-        self.write_primitive(u32::try_from(text.len() + 1).unwrap_or(u32::MAX));
+        let terminator: &[u8] = if self.is_ros1 { &[] } else { &[0] };
+        self.write_primitive(u32::try_from(text.len() + terminator.len()).unwrap_or(u32::MAX));
         self.tail.extend_from_slice(text.as_bytes());
-        self.tail.push(0);
+        self.tail.extend_from_slice(terminator);
     }
 
     /// Writes a string that is at hand as bytes: a large one is shared, not copied. `text` must be
@@ -100,37 +107,6 @@ impl CdrWriter {
         self.tail.push(0);
     }
 
-    /// Writes a fixed number of strings.
-    pub fn write_string_array(&mut self, values: &[String]) {
-        for value in values {
-            self.write_string(value);
-        }
-    }
-
-    /// Writes a sequence of strings.
-    pub fn write_strings(&mut self, values: &[String]) {
-        let counted = self.write_count(values);
-        self.write_string_array(counted);
-    }
-
-    /// Writes a nested message.
-    pub fn write_message<M: Message>(&mut self, value: &M) {
-        value.write(self);
-    }
-
-    /// Writes a fixed number of messages.
-    pub fn write_message_array<M: Message>(&mut self, values: &[M]) {
-        for value in values {
-            value.write(self);
-        }
-    }
-
-    /// Writes a sequence of messages.
-    pub fn write_messages<M: Message>(&mut self, values: &[M]) {
-        let counted = self.write_count(values);
-        self.write_message_array(counted);
-    }
-
     /// Writes the number of elements and gives those that were counted.
     pub(crate) fn write_count<'v, T>(&mut self, values: &'v [T]) -> &'v [T] {
         let count = u32::try_from(values.len()).unwrap_or(u32::MAX);
@@ -140,6 +116,9 @@ impl CdrWriter {
 
     /// Pads with zeros to a multiple of `size`, counted from the body's start.
     fn align(&mut self, size: usize) {
+        if self.is_ros1 {
+            return;
+        }
         let body = self.finished + self.tail.len() - ENCAPSULATION_SIZE;
         let padding = body.next_multiple_of(size) - body;
         self.tail.resize(self.tail.len() + padding, 0);
