@@ -10,13 +10,15 @@
 //! integers on which its listeners insist. Received pixels and samples are parts of the message,
 //! not copies.
 
-use bytes::{BufMut as _, Bytes};
+use bytes::Bytes;
+use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::builtin_interfaces::msg::Time;
+use wrapyfi_interfaces::cdr::{CdrError, CdrParts, CdrReader, CdrValue, CdrWriter};
 use wrapyfi_interfaces::sensor_msgs::msg::{CompressedImage, Image};
 use wrapyfi_interfaces::std_msgs::msg::Header;
 use wrapyfi_interfaces::wrapyfi_ros2_interfaces::msg::ROS2AudioMessage;
 
-use super::ros::{audio, describe, image};
+use super::ros::{audio, countable, describe, image};
 use super::{DecodeError, DecodeResult, EncodeError, EncodeResult, json};
 use crate::Limits;
 use crate::plugin::Plugins;
@@ -96,46 +98,22 @@ pub fn encode(
     limits: &Limits,
     plugins: &Plugins,
 ) -> EncodeResult<Vec<Bytes>> {
-    let mut fields = Vec::with_capacity(128);
-    let data = match (payload, message_type) {
+    let message = match (payload, message_type) {
         (Payload::NativeObject(value), MessageType::NativeObject | MessageType::StringJson) => {
-            Bytes::from(json::encode_with(value, plugins)?)
+            text(&json::encode_with(value, plugins)?.into())?
         }
         (Payload::NativeObject(value), MessageType::Text) => match value.as_str() {
-            Some(text) => Bytes::copy_from_slice(text.as_bytes()),
-            None => {
-                let (expected, actual) = ("a text".to_owned(), format!("a {}", value.kind()));
-                return Err(EncodeError::mismatch(expected, actual));
-            }
+            Some(plain) => text(&Bytes::copy_from_slice(plain.as_bytes()))?,
+            None => return Err(EncodeError::mismatch("a text", format!("a {}", value.kind()))),
         },
         (Payload::Image(picture), MessageType::Image) => {
-            let message = image::raw_message(picture)?;
-            write_header(&mut fields, sequence, &message.header)?;
-            fields.put_u32_le(message.height);
-            fields.put_u32_le(message.width);
-            write_text(&mut fields, "encoding", &message.encoding)?;
-            fields.put_u8(message.is_bigendian);
-            fields.put_u32_le(message.step);
-            message.data
+            headed(sequence, image::raw_message(picture)?, |message| &mut message.header)
         }
         (Payload::Image(picture), MessageType::CompressedImage) => {
-            let message = image::file_message(picture)?;
-            write_header(&mut fields, sequence, &message.header)?;
-            write_text(&mut fields, "format", &message.format)?;
-            message.data
+            headed(sequence, image::file_message(picture)?, |message| &mut message.header)
         }
         (Payload::AudioChunk(sound), MessageType::AudioChunk | MessageType::UpstreamAudio) => {
-            let message = audio::upstream_message(sound)?;
-            write_header(&mut fields, sequence, &message.header)?;
-            fields.put_u32_le(message.chunk_size);
-            fields.put_u8(message.channels);
-            fields.put_u32_le(message.sample_rate);
-            write_text(&mut fields, "encoding", &message.encoding)?;
-            fields.put_u8(message.is_bigendian);
-            fields.put_u32_le(message.bitrate);
-            write_text(&mut fields, "coding_format", &message.coding_format)?;
-            fields.put_u32_le(message.step);
-            message.data
+            headed(sequence, audio::upstream_message(sound)?, |message| &mut message.header)
         }
         _ => {
             let known = Ros1Type::of(message_type).map(|known| known.name);
@@ -143,10 +121,8 @@ pub fn encode(
             return Err(EncodeError::mismatch(expected, describe(payload)));
         }
     };
-    fields.put_u32_le(countable("data", data.len())?);
-    let size = fields.len().saturating_add(data.len());
-    EncodeError::check_size(size, limits.message_bytes)?;
-    Ok(vec![Bytes::from(fields), data])
+    EncodeError::check_size(message.len(), limits.message_bytes)?;
+    Ok(message.pieces().to_vec())
 }
 
 /// Reads a message of the type that carries `message_type`.
@@ -160,47 +136,20 @@ pub fn decode(
     plugins: &Plugins,
 ) -> DecodeResult<Payload> {
     DecodeError::check_size(message.len(), limits.message_bytes)?;
-    let mut fields = Fields { message, at: 0 };
-    let payload = match message_type {
+    Ok(match message_type {
         MessageType::NativeObject | MessageType::StringJson => {
-            let text = fields.bytes("data")?;
-            fields.end()?;
-            return json::decode_or_text(&text, limits, plugins).map(Payload::from);
+            json::decode_or_text(&read_text(message)?, limits, plugins)?.into()
         }
-        MessageType::Text => Value::from(fields.text("data")?).into(),
+        MessageType::Text => Value::from(read_text::<String>(message)?).into(),
         MessageType::Image => {
-            let read = Image {
-                header: fields.header()?,
-                height: fields.u32("height")?,
-                width: fields.u32("width")?,
-                encoding: fields.text("encoding")?,
-                is_bigendian: fields.u8("is_bigendian")?,
-                step: fields.u32("step")?,
-                data: fields.bytes("data")?,
-            };
-            image::decode_raw(read)?.into()
+            image::decode_raw(read_headed::<Image>(message, |read| &mut read.header)?)?.into()
         }
         MessageType::CompressedImage => {
-            let read = CompressedImage {
-                header: fields.header()?,
-                format: fields.text("format")?,
-                data: fields.bytes("data")?,
-            };
-            image::decode_file(read)?.into()
+            image::decode_file(read_headed::<CompressedImage>(message, |it| &mut it.header)?)?
+                .into()
         }
         MessageType::AudioChunk | MessageType::UpstreamAudio => {
-            let read = ROS2AudioMessage {
-                header: fields.header()?,
-                chunk_size: fields.u32("chunk_size")?,
-                channels: fields.u8("channels")?,
-                sample_rate: fields.u32("sample_rate")?,
-                encoding: fields.text("encoding")?,
-                is_bigendian: fields.u8("is_bigendian")?,
-                bitrate: fields.u32("bitrate")?,
-                coding_format: fields.text("coding_format")?,
-                step: fields.u32("step")?,
-                data: fields.bytes("data")?,
-            };
+            let read = read_headed::<ROS2AudioMessage>(message, |read| &mut read.header)?;
             audio::decode_upstream(read)?.into()
         }
         other @ (MessageType::Properties | MessageType::Ros(_)) => {
@@ -209,96 +158,61 @@ pub fn decode(
                 format!("a message of {} bytes", message.len()),
             ));
         }
-    };
-    fields.end()?;
-    Ok(payload)
-}
-
-fn write_header(fields: &mut Vec<u8>, sequence: u32, header: &Header) -> EncodeResult<()> {
-    fields.put_u32_le(sequence);
-    // ROS 1 knows no time before 1970.
-    fields.put_u32_le(u32::try_from(header.stamp.sec).unwrap_or(0));
-    fields.put_u32_le(header.stamp.nanosec);
-    write_text(fields, "header.frame_id", &header.frame_id)
-}
-
-fn write_text(fields: &mut Vec<u8>, field: &str, text: &str) -> EncodeResult<()> {
-    fields.put_u32_le(countable(field, text.len())?);
-    fields.put_slice(text.as_bytes());
-    Ok(())
-}
-
-fn countable(field: &str, size: usize) -> EncodeResult<u32> {
-    u32::try_from(size).map_err(|_e| EncodeError::Unrepresentable {
-        format: FORMAT,
-        what: format!("{size} bytes in one field"),
-        path: format!("$.{field}"),
-        remedy: format!("send at most {} bytes at once", u32::MAX),
     })
 }
 
-/// The fields of a message, one after the other.
-struct Fields<'a> {
-    message: &'a Bytes,
-    at: usize,
+/// A `std_msgs/String` of this text.
+fn text(text: &Bytes) -> EncodeResult<CdrParts> {
+    countable("data", text.len())?;
+    let mut writer = CdrWriter::of_ros1();
+    text.write(&mut writer);
+    Ok(writer.finish())
 }
 
-impl Fields<'_> {
-    fn fault(field: &str, reason: String) -> DecodeError {
-        DecodeError::Malformed { format: FORMAT, path: format!("$.{field}"), reason }
-    }
+/// The text of a `std_msgs/String`.
+fn read_text<T: CdrValue>(message: &Bytes) -> DecodeResult<T> {
+    let mut reader = CdrReader::of_ros1(message);
+    let text = T::read(&mut reader).map_err(|error| error.in_field("data"));
+    text.and_then(|text| reader.end().map(|()| text)).map_err(|error| fault(&error))
+}
 
-    fn take(&mut self, field: &str, size: usize) -> DecodeResult<Bytes> {
-        let left = self.message.len() - self.at;
-        if size > left {
-            let reason = format!("{size} bytes are announced, {left} are left");
-            return Err(Self::fault(field, reason));
+/// A message whose header has a number in ROS 1, and a time before 1970 in ROS 2 only.
+fn headed<M: Message>(
+    sequence: u32,
+    mut message: M,
+    header: fn(&mut M) -> &mut Header,
+) -> CdrParts {
+    let sec = &mut header(&mut message).stamp.sec;
+    *sec = (*sec).max(0);
+    let mut writer = CdrWriter::of_ros1();
+    writer.write_primitive(sequence);
+    message.write(&mut writer);
+    writer.finish()
+}
+
+/// Reads what [`headed`] writes; a time after 2038, which ROS 2 does not have, is none.
+fn read_headed<M: Message>(message: &Bytes, header: fn(&mut M) -> &mut Header) -> DecodeResult<M> {
+    let read = || -> Result<M, CdrError> {
+        let mut reader = CdrReader::of_ros1(message);
+        reader.read_primitive::<u32>().map_err(|error| error.in_field("header.seq"))?;
+        let read = M::read(&mut reader)?;
+        reader.end()?;
+        Ok(read)
+    };
+    let mut read = read().map_err(|error| fault(&error))?;
+    let stamp = &mut header(&mut read).stamp;
+    if stamp.sec < 0 {
+        *stamp = Time::default();
+    }
+    Ok(read)
+}
+
+fn fault(error: &CdrError) -> DecodeError {
+    match super::ros::fault(error) {
+        DecodeError::Malformed { path, reason, .. } => {
+            DecodeError::Malformed { format: FORMAT, path, reason }
         }
-        let from = self.at;
-        self.at += size;
-        Ok(self.message.slice(from..self.at))
-    }
-
-    fn u8(&mut self, field: &str) -> DecodeResult<u8> {
-        Ok(self.take(field, 1)?.first().copied().unwrap_or_default())
-    }
-
-    fn u32(&mut self, field: &str) -> DecodeResult<u32> {
-        let bytes = self.take(field, 4)?;
-        Ok(bytes.first_chunk::<4>().map_or(0, |bytes| u32::from_le_bytes(*bytes)))
-    }
-
-    fn bytes(&mut self, field: &str) -> DecodeResult<Bytes> {
-        let size = self.u32(field)?;
-        self.take(field, usize::try_from(size).unwrap_or(usize::MAX))
-    }
-
-    fn text(&mut self, field: &str) -> DecodeResult<String> {
-        let bytes = self.bytes(field)?;
-        String::from_utf8(bytes.to_vec()).map_err(|error| {
-            let at = error.utf8_error().valid_up_to();
-            Self::fault(field, format!("the text is no UTF-8 from byte {at} on"))
-        })
-    }
-
-    fn header(&mut self) -> DecodeResult<Header> {
-        let _sequence = self.u32("header.seq")?;
-        let sec = self.u32("header.stamp")?;
-        let nanosec = self.u32("header.stamp")?;
-        let frame_id = self.text("header.frame_id")?;
-        // A second that ROS 2 cannot count is as good as none.
-        let stamp =
-            i32::try_from(sec).map_or_else(|_e| Time::default(), |sec| Time { sec, nanosec });
-        Ok(Header { stamp, frame_id })
-    }
-
-    fn end(&self) -> DecodeResult<()> {
-        let left = self.message.len() - self.at;
-        if left > 0 {
-            let reason = format!("{left} bytes are left behind the last field");
-            return Err(DecodeError::malformed(FORMAT, reason));
-        }
-        Ok(())
+        other => other,
     }
 }
 

@@ -27,6 +27,7 @@ use wrapyfi_interfaces::std_msgs::msg::String as Text;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::{AudioChunk, NativeObject};
 use wrapyfi_interfaces::wrapyfi_ros2_interfaces::msg::ROS2AudioMessage;
 
+pub(super) use self::part::countable;
 use self::part::describe_pixels;
 pub use self::part::fault;
 use super::{DecodeError, DecodeResult, EncodeError, EncodeResult};

@@ -2,12 +2,12 @@
 
 use bytes::Bytes;
 use wrapyfi_interfaces::Message;
-use wrapyfi_interfaces::cdr::{CdrError, CdrParts, CdrReader, CdrWriter};
+use wrapyfi_interfaces::cdr::{CdrParts, CdrReader, CdrWriter};
 use wrapyfi_interfaces::wrapyfi_msgs::msg;
 
 use super::part::{FORMAT, countable, fault, header, malformed, quote, stamp};
 use crate::Limits;
-use crate::codec::{DecodeResult, EncodeError, json};
+use crate::codec::{DecodeError, DecodeResult, EncodeError, json};
 use crate::plugin::Plugins;
 use crate::types::{Dtype, NativeObject, Tensor, Value};
 
@@ -47,10 +47,7 @@ pub(super) fn decode(
 
 /// Reads a `std_msgs/msg/String` without copying its JSON; other text is a text.
 pub(super) fn decode_text(cdr: &Bytes, limits: &Limits, plugins: &Plugins) -> DecodeResult<Value> {
-    if cdr.len() > limits.message_bytes {
-        let (actual, limit) = (cdr.len(), limits.message_bytes);
-        return Err(fault(&CdrError::TooLarge { actual, limit }));
-    }
+    DecodeError::check_size(cdr.len(), limits.message_bytes)?;
     let text = CdrReader::new(cdr)
         .and_then(|mut reader| reader.read_text())
         .map_err(|error| fault(&error.in_field("data")))?;

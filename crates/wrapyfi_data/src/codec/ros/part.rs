@@ -40,7 +40,7 @@ pub(super) fn stamp(header: &Header) -> Stamp {
 }
 
 /// Checks that CDR can count a field of `size` bytes.
-pub(super) fn countable(field: &str, size: usize) -> EncodeResult<()> {
+pub(in crate::codec) fn countable(field: &str, size: usize) -> EncodeResult<()> {
     if u32::try_from(size).is_ok() {
         return Ok(());
     }
