@@ -30,6 +30,13 @@ const fn data(module: &'static str, name: &'static str) -> Global {
     Global { module, name, callable: false }
 }
 
+/// Functions and classes by module.
+macro_rules! family {
+    ($($module:literal: $($kind:ident $name:literal),+;)+) => {
+        &[$($($kind($module, $name),)+)+]
+    };
+}
+
 /// Globals that the pickles of one plug-in may name.
 #[derive(Debug, Clone, Copy)]
 pub struct Allowed {
@@ -106,227 +113,106 @@ impl Allowed {
 /// text it stands for the method of that name, which must be on the list; anything else is refused.
 pub(super) static GETATTR: Global = data("builtins", "getattr");
 
-const BUILTINS: &[Global] = &[
-    call("_codecs", "encode"),
-    data("builtins", "Ellipsis"),
-    data("builtins", "NotImplemented"),
-    data("builtins", "bool"),
-    call("builtins", "bytearray"),
-    call("builtins", "bytes"),
-    call("builtins", "complex"),
-    data("builtins", "dict"),
-    data("builtins", "float"),
-    call("builtins", "frozenset"),
-    data("builtins", "int"),
-    call("builtins", "list"),
-    data("builtins", "object"),
-    call("builtins", "range"),
-    call("builtins", "set"),
-    call("builtins", "slice"),
-    data("builtins", "str"),
-    call("builtins", "tuple"),
-    call("collections", "OrderedDict"),
-    call("copyreg", "_reconstructor"),
-    call("datetime", "date"),
-    call("datetime", "datetime"),
-    call("datetime", "time"),
-    call("datetime", "timedelta"),
-    call("datetime", "timezone"),
-    call("decimal", "Decimal"),
-];
+const BUILTINS: &[Global] = family! {
+    "_codecs": call "encode";
+    "builtins": data "Ellipsis", data "NotImplemented", data "bool", call "bytearray", call "bytes",
+        call "complex", data "dict", data "float", call "frozenset", data "int", call "list",
+        data "object", call "range", call "set", call "slice", data "str", call "tuple";
+    "collections": call "OrderedDict";
+    "copyreg": call "_reconstructor";
+    "datetime": call "date", call "datetime", call "time", call "timedelta", call "timezone";
+    "decimal": call "Decimal";
+};
 
-const NUMPY: &[Global] = &[
-    call("numpy", "dtype"),
-    data("numpy", "matrix"),
-    data("numpy", "ndarray"),
-    call("numpy._core.multiarray", "_reconstruct"),
-    call("numpy._core.multiarray", "scalar"),
-    call("numpy._core.numeric", "_frombuffer"),
-    call("numpy.core.multiarray", "_reconstruct"),
-    call("numpy.core.multiarray", "scalar"),
-    call("numpy.core.numeric", "_frombuffer"),
-    data("numpy.matrixlib.defmatrix", "matrix"),
-];
+const NUMPY: &[Global] = family! {
+    "numpy": call "dtype", data "matrix", data "ndarray";
+    "numpy._core.multiarray": call "_reconstruct", call "scalar";
+    "numpy._core.numeric": call "_frombuffer";
+    "numpy.core.multiarray": call "_reconstruct", call "scalar";
+    "numpy.core.numeric": call "_frombuffer";
+    "numpy.matrixlib.defmatrix": data "matrix";
+};
 
-const JAX: &[Global] =
-    &[call("jax._src.array", "_reconstruct_array"), data("ml_dtypes", "bfloat16")];
+const JAX: &[Global] = family! {
+    "jax._src.array": call "_reconstruct_array";
+    "ml_dtypes": data "bfloat16";
+};
 
-const PANDAS: &[Global] = &[
-    call("pandas", "ArrowDtype"),
-    call("pandas", "BooleanDtype"),
-    data("pandas", "Categorical"),
-    call("pandas", "Categorical.from_codes"),
-    call("pandas", "CategoricalDtype"),
-    data("pandas", "CategoricalIndex"),
-    call("pandas", "DataFrame"),
-    data("pandas", "DatetimeIndex"),
-    call("pandas", "DatetimeTZDtype"),
-    call("pandas", "Float32Dtype"),
-    call("pandas", "Float64Dtype"),
-    call("pandas", "Index"),
-    call("pandas", "Int16Dtype"),
-    call("pandas", "Int32Dtype"),
-    call("pandas", "Int64Dtype"),
-    call("pandas", "Int8Dtype"),
-    call("pandas", "IntervalDtype"),
-    data("pandas", "IntervalIndex"),
-    data("pandas", "MultiIndex"),
-    call("pandas", "MultiIndex.from_tuples"),
-    data("pandas", "NA"),
-    call("pandas", "PeriodDtype"),
-    data("pandas", "PeriodIndex"),
-    call("pandas", "RangeIndex"),
-    call("pandas", "Series"),
-    call("pandas", "SparseDtype"),
-    call("pandas", "StringDtype"),
-    data("pandas", "TimedeltaIndex"),
-    call("pandas", "UInt16Dtype"),
-    call("pandas", "UInt32Dtype"),
-    call("pandas", "UInt64Dtype"),
-    call("pandas", "UInt8Dtype"),
-    call("pandas._libs.arrays", "__pyx_unpickle_NDArrayBacked"),
-    call("pandas._libs.internals", "_unpickle_block"),
-    call("pandas._libs.interval", "__pyx_unpickle_IntervalMixin"),
-    data("pandas._libs.missing", "NA"),
-    call("pandas._libs.sparse", "IntIndex"),
-    call("pandas._libs.tslibs.nattype", "__nat_unpickle"),
-    call("pandas._libs.tslibs.nattype", "_nat_unpickle"),
-    call("pandas._libs.tslibs.offsets", "BQuarterBegin"),
-    call("pandas._libs.tslibs.offsets", "BQuarterEnd"),
-    call("pandas._libs.tslibs.offsets", "BYearBegin"),
-    call("pandas._libs.tslibs.offsets", "BYearEnd"),
-    call("pandas._libs.tslibs.offsets", "BusinessDay"),
-    call("pandas._libs.tslibs.offsets", "BusinessMonthBegin"),
-    call("pandas._libs.tslibs.offsets", "BusinessMonthEnd"),
-    call("pandas._libs.tslibs.offsets", "Day"),
-    call("pandas._libs.tslibs.offsets", "Hour"),
-    call("pandas._libs.tslibs.offsets", "Micro"),
-    call("pandas._libs.tslibs.offsets", "Milli"),
-    call("pandas._libs.tslibs.offsets", "Minute"),
-    call("pandas._libs.tslibs.offsets", "MonthBegin"),
-    call("pandas._libs.tslibs.offsets", "MonthEnd"),
-    call("pandas._libs.tslibs.offsets", "Nano"),
-    call("pandas._libs.tslibs.offsets", "QuarterBegin"),
-    call("pandas._libs.tslibs.offsets", "QuarterEnd"),
-    call("pandas._libs.tslibs.offsets", "Second"),
-    call("pandas._libs.tslibs.offsets", "SemiMonthBegin"),
-    call("pandas._libs.tslibs.offsets", "SemiMonthEnd"),
-    call("pandas._libs.tslibs.offsets", "Week"),
-    call("pandas._libs.tslibs.offsets", "YearBegin"),
-    call("pandas._libs.tslibs.offsets", "YearEnd"),
-    call("pandas._libs.tslibs.timedeltas", "_timedelta_unpickle"),
-    call("pandas._libs.tslibs.timestamps", "_unpickle_timestamp"),
-    call("pandas.arrays", "ArrowExtensionArray"),
-    call("pandas.arrays", "ArrowStringArray"),
-    call("pandas.arrays", "BooleanArray"),
-    data("pandas.arrays", "DatetimeArray"),
-    call("pandas.arrays", "FloatingArray"),
-    call("pandas.arrays", "IntegerArray"),
-    data("pandas.arrays", "IntervalArray"),
-    call("pandas.arrays", "PeriodArray"),
-    call("pandas.arrays", "SparseArray"),
-    data("pandas.arrays", "StringArray"),
-    data("pandas.arrays", "TimedeltaArray"),
-    call("pandas.core.arrays.arrow.array", "ArrowExtensionArray"),
-    call("pandas.core.arrays.boolean", "BooleanArray"),
-    call("pandas.core.arrays.boolean", "BooleanDtype"),
-    data("pandas.core.arrays.categorical", "Categorical"),
-    data("pandas.core.arrays.datetimes", "DatetimeArray"),
-    call("pandas.core.arrays.floating", "Float32Dtype"),
-    call("pandas.core.arrays.floating", "Float64Dtype"),
-    call("pandas.core.arrays.floating", "FloatingArray"),
-    call("pandas.core.arrays.integer", "Int16Dtype"),
-    call("pandas.core.arrays.integer", "Int32Dtype"),
-    call("pandas.core.arrays.integer", "Int64Dtype"),
-    call("pandas.core.arrays.integer", "Int8Dtype"),
-    call("pandas.core.arrays.integer", "IntegerArray"),
-    call("pandas.core.arrays.integer", "UInt16Dtype"),
-    call("pandas.core.arrays.integer", "UInt32Dtype"),
-    call("pandas.core.arrays.integer", "UInt64Dtype"),
-    call("pandas.core.arrays.integer", "UInt8Dtype"),
-    data("pandas.core.arrays.interval", "IntervalArray"),
-    data("pandas.core.arrays.period", "PeriodArray"),
-    call("pandas.core.arrays.sparse.array", "SparseArray"),
-    data("pandas.core.arrays.string_", "StringArray"),
-    call("pandas.core.arrays.string_", "StringDtype"),
-    call("pandas.core.arrays.string_arrow", "ArrowStringArray"),
-    data("pandas.core.arrays.timedeltas", "TimedeltaArray"),
-    call("pandas.core.dtypes.dtypes", "ArrowDtype"),
-    call("pandas.core.dtypes.dtypes", "CategoricalDtype"),
-    call("pandas.core.dtypes.dtypes", "DatetimeTZDtype"),
-    call("pandas.core.dtypes.dtypes", "IntervalDtype"),
-    call("pandas.core.dtypes.dtypes", "PeriodDtype"),
-    call("pandas.core.dtypes.dtypes", "SparseDtype"),
-    call("pandas.core.frame", "DataFrame"),
-    data("pandas.core.indexes.base", "Index"),
-    call("pandas.core.indexes.base", "_new_Index"),
-    data("pandas.core.indexes.category", "CategoricalIndex"),
-    data("pandas.core.indexes.datetimes", "DatetimeIndex"),
-    call("pandas.core.indexes.datetimes", "_new_DatetimeIndex"),
-    data("pandas.core.indexes.interval", "IntervalIndex"),
-    call("pandas.core.indexes.interval", "_new_IntervalIndex"),
-    data("pandas.core.indexes.multi", "MultiIndex"),
-    data("pandas.core.indexes.period", "PeriodIndex"),
-    data("pandas.core.indexes.range", "RangeIndex"),
-    data("pandas.core.indexes.timedeltas", "TimedeltaIndex"),
-    call("pandas.core.indexes.timedeltas", "_new_TimedeltaIndex"),
-    call("pandas.core.internals.managers", "BlockManager"),
-    call("pandas.core.internals.managers", "SingleBlockManager"),
-    call("pandas.core.series", "Series"),
-    call("pytz", "FixedOffset"),
-    call("pytz", "_UTC"),
-    call("pytz", "_p"),
-    data("zoneinfo", "ZoneInfo"),
-    call("zoneinfo", "ZoneInfo._unpickle"),
-];
+const PANDAS: &[Global] = family! {
+    "pandas": call "ArrowDtype", call "BooleanDtype", data "Categorical",
+        call "Categorical.from_codes", call "CategoricalDtype", data "CategoricalIndex",
+        call "DataFrame", data "DatetimeIndex", call "DatetimeTZDtype", call "Float32Dtype",
+        call "Float64Dtype", call "Index", call "Int16Dtype", call "Int32Dtype", call "Int64Dtype",
+        call "Int8Dtype", call "IntervalDtype", data "IntervalIndex", data "MultiIndex",
+        call "MultiIndex.from_tuples", data "NA", call "PeriodDtype", data "PeriodIndex",
+        call "RangeIndex", call "Series", call "SparseDtype", call "StringDtype",
+        data "TimedeltaIndex", call "UInt16Dtype", call "UInt32Dtype", call "UInt64Dtype",
+        call "UInt8Dtype";
+    "pandas._libs.arrays": call "__pyx_unpickle_NDArrayBacked";
+    "pandas._libs.internals": call "_unpickle_block";
+    "pandas._libs.interval": call "__pyx_unpickle_IntervalMixin";
+    "pandas._libs.missing": data "NA";
+    "pandas._libs.sparse": call "IntIndex";
+    "pandas._libs.tslibs.nattype": call "__nat_unpickle", call "_nat_unpickle";
+    "pandas._libs.tslibs.offsets": call "BQuarterBegin", call "BQuarterEnd", call "BYearBegin",
+        call "BYearEnd", call "BusinessDay", call "BusinessMonthBegin", call "BusinessMonthEnd",
+        call "Day", call "Hour", call "Micro", call "Milli", call "Minute", call "MonthBegin",
+        call "MonthEnd", call "Nano", call "QuarterBegin", call "QuarterEnd", call "Second",
+        call "SemiMonthBegin", call "SemiMonthEnd", call "Week", call "YearBegin", call "YearEnd";
+    "pandas._libs.tslibs.timedeltas": call "_timedelta_unpickle";
+    "pandas._libs.tslibs.timestamps": call "_unpickle_timestamp";
+    "pandas.arrays": call "ArrowExtensionArray", call "ArrowStringArray", call "BooleanArray",
+        data "DatetimeArray", call "FloatingArray", call "IntegerArray", data "IntervalArray",
+        call "PeriodArray", call "SparseArray", data "StringArray", data "TimedeltaArray";
+    "pandas.core.arrays.arrow.array": call "ArrowExtensionArray";
+    "pandas.core.arrays.boolean": call "BooleanArray", call "BooleanDtype";
+    "pandas.core.arrays.categorical": data "Categorical";
+    "pandas.core.arrays.datetimes": data "DatetimeArray";
+    "pandas.core.arrays.floating": call "Float32Dtype", call "Float64Dtype", call "FloatingArray";
+    "pandas.core.arrays.integer": call "Int16Dtype", call "Int32Dtype", call "Int64Dtype",
+        call "Int8Dtype", call "IntegerArray", call "UInt16Dtype", call "UInt32Dtype",
+        call "UInt64Dtype", call "UInt8Dtype";
+    "pandas.core.arrays.interval": data "IntervalArray";
+    "pandas.core.arrays.period": data "PeriodArray";
+    "pandas.core.arrays.sparse.array": call "SparseArray";
+    "pandas.core.arrays.string_": data "StringArray", call "StringDtype";
+    "pandas.core.arrays.string_arrow": call "ArrowStringArray";
+    "pandas.core.arrays.timedeltas": data "TimedeltaArray";
+    "pandas.core.dtypes.dtypes": call "ArrowDtype", call "CategoricalDtype", call "DatetimeTZDtype",
+        call "IntervalDtype", call "PeriodDtype", call "SparseDtype";
+    "pandas.core.frame": call "DataFrame";
+    "pandas.core.indexes.base": data "Index", call "_new_Index";
+    "pandas.core.indexes.category": data "CategoricalIndex";
+    "pandas.core.indexes.datetimes": data "DatetimeIndex", call "_new_DatetimeIndex";
+    "pandas.core.indexes.interval": data "IntervalIndex", call "_new_IntervalIndex";
+    "pandas.core.indexes.multi": data "MultiIndex";
+    "pandas.core.indexes.period": data "PeriodIndex";
+    "pandas.core.indexes.range": data "RangeIndex";
+    "pandas.core.indexes.timedeltas": data "TimedeltaIndex", call "_new_TimedeltaIndex";
+    "pandas.core.internals.managers": call "BlockManager", call "SingleBlockManager";
+    "pandas.core.series": call "Series";
+    "pytz": call "FixedOffset", call "_UTC", call "_p";
+    "zoneinfo": data "ZoneInfo", call "ZoneInfo._unpickle";
+};
 
-const PYARROW: &[Global] = &[
-    call("pyarrow.lib", "_reconstruct_record_batch"),
-    call("pyarrow.lib", "_reconstruct_table"),
-    call("pyarrow.lib", "_restore_array"),
-    call("pyarrow.lib", "binary"),
-    call("pyarrow.lib", "chunked_array"),
-    call("pyarrow.lib", "decimal128"),
-    call("pyarrow.lib", "decimal256"),
-    call("pyarrow.lib", "dictionary"),
-    call("pyarrow.lib", "duration"),
-    call("pyarrow.lib", "field"),
-    call("pyarrow.lib", "large_list"),
-    call("pyarrow.lib", "list_"),
-    call("pyarrow.lib", "map_"),
-    call("pyarrow.lib", "py_buffer"),
-    call("pyarrow.lib", "scalar"),
-    call("pyarrow.lib", "schema"),
-    call("pyarrow.lib", "struct"),
-    call("pyarrow.lib", "time32"),
-    call("pyarrow.lib", "time64"),
-    call("pyarrow.lib", "timestamp"),
-    call("pyarrow.lib", "type_for_alias"),
-];
+const PYARROW: &[Global] = family! {
+    "pyarrow.lib": call "_reconstruct_record_batch", call "_reconstruct_table",
+        call "_restore_array", call "binary", call "chunked_array", call "decimal128",
+        call "decimal256", call "dictionary", call "duration", call "field", call "large_list",
+        call "list_", call "map_", call "py_buffer", call "scalar", call "schema", call "struct",
+        call "time32", call "time64", call "timestamp", call "type_for_alias";
+};
 
 /// Two functions that put a tensor together, one for parameters, and the element types.
-const TORCH: &[Global] = &[
-    call("collections", "OrderedDict"),
-    data("torch", "BFloat16Storage"),
-    data("torch", "BoolStorage"),
-    data("torch", "ByteStorage"),
-    data("torch", "CharStorage"),
-    data("torch", "ComplexDoubleStorage"),
-    data("torch", "ComplexFloatStorage"),
-    data("torch", "DoubleStorage"),
-    data("torch", "FloatStorage"),
-    data("torch", "HalfStorage"),
-    data("torch", "IntStorage"),
-    data("torch", "LongStorage"),
-    data("torch", "ShortStorage"),
-    data("torch", "uint16"),
-    data("torch", "uint32"),
-    data("torch", "uint64"),
-    call("torch._utils", "_rebuild_parameter"),
-    call("torch._utils", "_rebuild_tensor_v2"),
-    call("torch._utils", "_rebuild_tensor_v3"),
-    data("torch.storage", "UntypedStorage"),
-];
+const TORCH: &[Global] = family! {
+    "collections": call "OrderedDict";
+    "torch": data "BFloat16Storage", data "BoolStorage", data "ByteStorage", data "CharStorage",
+        data "ComplexDoubleStorage", data "ComplexFloatStorage", data "DoubleStorage",
+        data "FloatStorage", data "HalfStorage", data "IntStorage", data "LongStorage",
+        data "ShortStorage", data "uint16", data "uint32", data "uint64";
+    "torch._utils": call "_rebuild_parameter", call "_rebuild_tensor_v2", call "_rebuild_tensor_v3";
+    "torch.storage": data "UntypedStorage";
+};
 
 #[cfg(test)]
 mod tests {
