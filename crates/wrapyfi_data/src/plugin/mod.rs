@@ -51,11 +51,10 @@ mod devices;
 mod error;
 mod framework;
 mod npy_tensor;
-mod numpy_pickle;
 mod paddle;
 #[cfg(feature = "tables")]
 mod pandas;
-mod pickle_text;
+mod pickled;
 #[cfg(feature = "pictures")]
 mod pillow;
 mod pint;

@@ -12,11 +12,10 @@
 //! | --- | --- |
 //! | `name` | the tensor's name in Paddle |
 
-use super::numpy_pickle::{in_pickle, numbers};
-use super::pickle_text::PickleText;
+use super::pickled::{in_pickle, numbers};
 use super::{Body, Framework, Part, Plugin, PluginError, Unpacking};
-use crate::codec::pickle::{self, Allowed};
-use crate::types::{Dtype, Origin, Tensor, Value};
+use crate::codec::pickle::{self, Allowed, Writer};
+use crate::types::{Dtype, Origin, Value};
 
 /// PaddlePaddle's tensors.
 pub(super) struct Paddle;
@@ -47,12 +46,12 @@ impl Plugin for Paddle {
 
     fn encode(&self, value: &Value) -> Result<Vec<Part>, PluginError> {
         let tensor = value.as_tensor().ok_or_else(|| PluginError::not_mine("tensor", value))?;
-        let file =
-            write(tensor, element_type(tensor.dtype())?).ok_or_else(|| PluginError::TooLarge {
-                what: "the pickle of the tensor".into(),
-                actual: tensor.data().len() as u64,
-                limit: u32::MAX.into(),
-            })?;
+        let dtype = element_type(tensor.dtype())?;
+        let name = tensor.origin().and_then(|origin| origin.get("name")).unwrap_or(UNNAMED);
+        let mut to = Writer::of_protocol(4);
+        to.str(name).empty_array().reduce();
+        to.array_state(dtype, tensor.shape(), tensor.data()).build().tuple(2);
+        let (file, _) = to.finish();
         let place = Framework::Paddle.label(tensor.device(), "cpu");
         Ok(vec![Part::base64(file), Part::Text(place)])
     }
@@ -67,16 +66,4 @@ fn element_type(dtype: Dtype) -> Result<Dtype, PluginError> {
         }
         other => Ok(other),
     }
-}
-
-fn write(tensor: &Tensor, dtype: Dtype) -> Option<Vec<u8>> {
-    let name = tensor.origin().and_then(|origin| origin.get("name")).unwrap_or(UNNAMED);
-    let mut out = PickleText::with_room(4, tensor.data().len());
-    out.text(name)?;
-    out.numpy_reconstruct();
-    out.raw(b"R");
-    out.numpy_state(dtype, tensor.shape(), tensor.data())?;
-    // BUILD gives the array its state, TUPLE2 makes the pair.
-    out.raw(b"b\x86");
-    Some(out.finish())
 }

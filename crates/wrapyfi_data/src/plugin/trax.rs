@@ -12,11 +12,10 @@
 //! | --- | --- |
 //! | `weak_type` = `true` | JAX took the element type from a Python number |
 
-use super::numpy_pickle::{in_pickle, numbers};
-use super::pickle_text::PickleText;
+use super::pickled::{in_pickle, numbers, parts_of, pickled};
 use super::{Body, Part, Plugin, PluginError, Unpacking};
-use crate::codec::pickle::{self, Allowed};
-use crate::types::{Origin, Tensor, Value};
+use crate::codec::pickle::{Allowed, Writer};
+use crate::types::{Origin, Value};
 
 /// JAX arrays under Trax.
 pub(super) struct Trax;
@@ -31,11 +30,7 @@ impl Plugin for Trax {
     }
 
     fn decode(&self, body: &Body<'_>, context: &Unpacking<'_>) -> Result<Value, PluginError> {
-        let file = body.latin1(0)?;
-        let buffers =
-            (1..body.len()).map(|part| body.base64(part)).collect::<Result<Vec<_>, _>>()?;
-        let pickle =
-            pickle::read(&file, &buffers, &Allowed::JAX, context.limits).map_err(in_pickle)?;
+        let pickle = pickled(body, &Allowed::JAX, context)?;
         let call = pickle.root().call("jax._src.array._reconstruct_array").map_err(in_pickle)?;
         let [function, _empty, state, facts] = call.args().exact().map_err(in_pickle)?;
         if !RECONSTRUCT.iter().any(|name| function.is_global(name)) {
@@ -53,25 +48,11 @@ impl Plugin for Trax {
 
     fn encode(&self, value: &Value) -> Result<Vec<Part>, PluginError> {
         let tensor = value.as_tensor().ok_or_else(|| PluginError::not_mine("tensor", value))?;
-        let file = write(tensor).ok_or_else(|| PluginError::TooLarge {
-            what: "the pickle of the array".into(),
-            actual: tensor.data().len() as u64,
-            limit: u32::MAX.into(),
-        })?;
-        Ok(vec![Part::Latin1(file.into())])
+        let weak = tensor.origin().and_then(|origin| origin.get("weak_type")) == Some("true");
+        let mut to = Writer::of_protocol(4);
+        to.global("jax._src.array", "_reconstruct_array").mark().empty_array();
+        to.array_state(tensor.dtype(), tensor.shape(), tensor.data());
+        to.mark().str("weak_type").bool(weak).dict_since_mark().tuple_since_mark().reduce();
+        Ok(parts_of(to))
     }
-}
-
-fn write(tensor: &Tensor) -> Option<Vec<u8>> {
-    let weak = tensor.origin().and_then(|origin| origin.get("weak_type")) == Some("true");
-    let mut out = PickleText::with_room(4, tensor.data().len());
-    out.global("jax._src.array", "_reconstruct_array");
-    out.raw(b"(");
-    out.numpy_reconstruct();
-    out.numpy_state(tensor.dtype(), tensor.shape(), tensor.data())?;
-    out.raw(b"}");
-    out.text("weak_type")?;
-    out.bool(weak);
-    out.raw(b"stR");
-    Some(out.finish())
 }

@@ -76,7 +76,6 @@ mod opcode;
 mod scan;
 mod text;
 mod trail;
-#[cfg(feature = "tables")]
 mod write;
 
 use bytes::Bytes;
@@ -90,7 +89,6 @@ pub use globals::{Allowed, Global};
 pub use items::{Items, Pairs};
 pub use node::{Node, View};
 pub use numpy::PickledArray;
-#[cfg(feature = "tables")]
 pub(crate) use write::Writer;
 
 use crate::Limits;

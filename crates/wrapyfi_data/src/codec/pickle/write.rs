@@ -10,23 +10,37 @@ use bytes::Bytes;
 use num_bigint::BigInt;
 
 use super::opcode as op;
+use crate::types::Dtype;
 
 /// Protocol of Python 3.8, which Wrapyfi writes: buffers may travel beside the pickle.
 const PROTOCOL: u8 = 5;
 
-/// A pickle of protocol 5 in the making.
+/// Protocol since which text has a short form and names are looked up by text.
+const SHORT_TEXT: u8 = 4;
+
+/// Code of `bfloat16`, which is a class beside NumPy.
+const BFLOAT16: &str = "bfloat16";
+
+/// A pickle in the making.
 #[derive(Debug)]
 pub(crate) struct Writer {
+    protocol: u8,
     out: Vec<u8>,
     buffers: Vec<Bytes>,
     /// Number of objects in the memo.
     memo: u32,
 }
 
+#[cfg_attr(not(feature = "tables"), allow(dead_code, reason = "tensors need some of it"))]
 impl Writer {
-    /// An empty pickle.
+    /// An empty pickle of protocol 5.
     pub(crate) fn new() -> Self {
-        Self { out: vec![op::PROTO, PROTOCOL], buffers: Vec::new(), memo: 0 }
+        Self::of_protocol(PROTOCOL)
+    }
+
+    /// An empty pickle for those who read no newer protocol. Bytes have a form since 3, buffers since 5.
+    pub(crate) fn of_protocol(protocol: u8) -> Self {
+        Self { protocol, out: vec![op::PROTO, protocol], buffers: Vec::new(), memo: 0 }
     }
 
     /// Ends the pickle after the one object that was written; returns it and the buffers beside it.
@@ -88,6 +102,10 @@ impl Writer {
     }
 
     pub(crate) fn str(&mut self, text: &str) -> &mut Self {
+        if self.protocol < SHORT_TEXT {
+            let length = u32::try_from(text.len()).unwrap_or(u32::MAX);
+            return self.op(op::BINUNICODE).raw(&length.to_le_bytes()).raw(text.as_bytes());
+        }
         self.counted([op::SHORT_BINUNICODE, op::BINUNICODE, op::BINUNICODE8], text.as_bytes())
     }
 
@@ -103,6 +121,9 @@ impl Writer {
 
     /// Writes a function or class by name.
     pub(crate) fn global(&mut self, module: &str, name: &str) -> &mut Self {
+        if self.protocol < SHORT_TEXT {
+            return self.op(op::GLOBAL).raw(format!("{module}\n{name}\n").as_bytes());
+        }
         self.str(module).str(name).op(op::STACK_GLOBAL)
     }
 
@@ -161,11 +182,51 @@ impl Writer {
 
     /// Writes a `numpy.ndarray` of the `count` objects that `items` writes.
     pub(crate) fn objects(&mut self, count: usize, items: impl FnOnce(&mut Self)) -> &mut Self {
-        self.global("numpy.core.multiarray", "_reconstruct").mark().global("numpy", "ndarray");
-        self.mark().int(0).tuple_since_mark().bytes(b"b").tuple_since_mark().reduce();
-        self.mark().int(1).mark().size(count).tuple_since_mark().dtype("|O8").bool(false).mark();
+        self.empty_array().reduce().begin_state(&[count], "|O8").mark();
         items(self);
-        self.list_since_mark().tuple_since_mark().op(op::BUILD)
+        self.list_since_mark().tuple_since_mark().build()
+    }
+
+    /// Writes the function and the arguments that make an empty `numpy.ndarray`.
+    pub(crate) fn empty_array(&mut self) -> &mut Self {
+        self.global("numpy.core.multiarray", "_reconstruct").mark().global("numpy", "ndarray");
+        self.mark().int(0).tuple_since_mark().bytes(b"b").tuple_since_mark()
+    }
+
+    /// Writes the state that fills an empty array with these elements, in the order of their indices.
+    pub(crate) fn array_state(
+        &mut self,
+        dtype: Dtype,
+        shape: &[usize],
+        elements: &[u8],
+    ) -> &mut Self {
+        let bfloat16 = format!("<{BFLOAT16}");
+        let descr = dtype.npy_descr().unwrap_or(&bfloat16);
+        self.begin_state(shape, descr).bytes(elements).tuple_since_mark()
+    }
+
+    /// Writes the version, shape, element type and order of the state of an array.
+    fn begin_state(&mut self, shape: &[usize], descr: &str) -> &mut Self {
+        self.mark().int(1).sizes(shape).dtype(descr).bool(false)
+    }
+
+    /// Writes a tuple of sizes.
+    pub(crate) fn sizes(&mut self, sizes: &[usize]) -> &mut Self {
+        self.mark();
+        for size in sizes {
+            self.size(*size);
+        }
+        self.tuple_since_mark()
+    }
+
+    /// Gives the object below the part on top that part as its state.
+    pub(crate) fn build(&mut self) -> &mut Self {
+        self.op(op::BUILD)
+    }
+
+    /// Makes what the persistent id on top stands for.
+    pub(crate) fn persistent(&mut self) -> &mut Self {
+        self.op(op::BINPERSID)
     }
 
     /// Writes a `numpy.dtype` by order, code, and unit of a time.
@@ -174,15 +235,23 @@ impl Writer {
         let (code, unit) = code
             .split_once('[')
             .map_or((code, None), |(code, unit)| (code, unit.strip_suffix(']')));
-        self.global("numpy", "dtype").mark().str(code).bool(false).bool(true);
-        self.tuple_since_mark().reduce();
+        self.global("numpy", "dtype").mark();
+        match code {
+            BFLOAT16 => self.global("ml_dtypes", BFLOAT16),
+            code => self.str(code),
+        };
+        self.bool(false).bool(true).tuple_since_mark().reduce();
         self.mark().int(if unit.is_some() { 4 } else { 3 }).str(order).none().none().none();
-        // What NumPy itself writes: size and alignment are left to the code.
-        self.int(-1).int(-1).int(if code == "O8" { 63 } else { 0 });
+        // Size, alignment and flags. What NumPy itself writes: the first two are left to the code.
+        match code {
+            BFLOAT16 => self.int(2).int(2).int(0x40),
+            "O8" => self.int(-1).int(-1).int(63),
+            _ => self.int(-1).int(-1).int(0),
+        };
         if let Some(unit) = unit {
             self.mark().op(op::EMPTY_DICT).mark().bytes(unit.as_bytes()).int(1).int(1).int(1);
             self.tuple_since_mark().tuple_since_mark();
         }
-        self.tuple_since_mark().op(op::BUILD)
+        self.tuple_since_mark().build()
     }
 }

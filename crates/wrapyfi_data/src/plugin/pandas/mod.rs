@@ -25,8 +25,7 @@ mod read;
 mod write;
 
 use super::budget::Budget;
-use super::numpy_pickle::in_pickle;
-use super::pyarrow::{parts_of, pickled};
+use super::pickled::{in_pickle, parts_of, pickled};
 use super::{Body, Part, Plugin, PluginError, Unpacking};
 use crate::codec::pickle::{Allowed, Writer};
 use crate::types::Value;

@@ -28,9 +28,9 @@ use arrow_array::{ArrayRef, RecordBatch, RecordBatchOptions};
 use arrow_schema::{ArrowError, Field, Schema};
 
 use super::budget::Budget;
-use super::numpy_pickle::in_pickle;
+use super::pickled::{in_pickle, parts_of, pickled};
 use super::{Body, Part, Plugin, PluginError, Unpacking};
-use crate::codec::pickle::{self, Allowed, Writer};
+use crate::codec::pickle::{Allowed, Writer};
 use crate::types::{Origin, Table, Value};
 
 pub(super) use read::array;
@@ -59,24 +59,6 @@ impl Plugin for PyArrow {
         write::table(&mut to, table)?;
         Ok(parts_of(to))
     }
-}
-
-/// The pickle in part 0, with its buffers in the parts behind it.
-pub(super) fn pickled(
-    body: &Body<'_>,
-    allowed: &Allowed,
-    context: &Unpacking<'_>,
-) -> Result<pickle::Pickle, PluginError> {
-    let data = body.latin1(0)?;
-    let buffers = (1..body.len()).map(|part| body.base64(part)).collect::<Result<Vec<_>, _>>()?;
-    pickle::read(&data, &buffers, allowed, context.limits).map_err(in_pickle)
-}
-
-/// The parts in which [`pickled`] finds what was written.
-pub(super) fn parts_of(pickle: Writer) -> Vec<Part> {
-    let (data, buffers) = pickle.finish();
-    let buffers = buffers.into_iter().map(Part::base64);
-    std::iter::once(Part::Latin1(data.into())).chain(buffers).collect()
 }
 
 /// A table of one column.

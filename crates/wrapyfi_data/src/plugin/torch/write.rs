@@ -1,9 +1,8 @@
 //! Writes a `torch.save` file, as torch 1.6 and later read it, with `weights_only` and without.
 
 use super::super::PluginError;
-use super::super::pickle_text::PickleText;
 use super::{FOLDER, NAMED, STORAGES};
-use crate::codec::archive::Writer;
+use crate::codec::{archive, pickle};
 use crate::types::Tensor;
 
 /// Bytes of an archive beside the elements.
@@ -13,9 +12,11 @@ const FRAME: usize = 2048;
 pub(super) fn file(tensor: &Tensor, device: &str) -> Result<Vec<u8>, PluginError> {
     let data = tensor.data();
     let write = || {
-        let mut writer = Writer::with_capacity(data.len().checked_add(FRAME)?);
+        let mut writer = archive::Writer::with_capacity(data.len().checked_add(FRAME)?);
+        // Extents have 63 bits in a pickle.
+        tensor.shape().iter().try_for_each(|&extent| i64::try_from(extent).map(drop).ok())?;
         for (name, content) in [
-            ("data.pkl", &*pickle(tensor, device)?),
+            ("data.pkl", &*pickle(tensor, device)),
             ("byteorder", b"little"),
             ("data/0", &**data),
             ("version", b"3\n"),
@@ -31,8 +32,8 @@ pub(super) fn file(tensor: &Tensor, device: &str) -> Result<Vec<u8>, PluginError
     })
 }
 
-/// The pickle that puts the tensor together; `None` for extents beyond 63 bits.
-fn pickle(tensor: &Tensor, device: &str) -> Option<Vec<u8>> {
+/// The pickle that puts the tensor together.
+fn pickle(tensor: &Tensor, device: &str) -> Vec<u8> {
     let is = |attribute: &str| {
         tensor
             .origin()
@@ -41,30 +42,25 @@ fn pickle(tensor: &Tensor, device: &str) -> Option<Vec<u8>> {
     };
     let learns = is("requires_grad");
     let named = NAMED.iter().find(|(_, dtype)| *dtype == tensor.dtype()).map(|(name, _)| *name);
-    let mut out = PickleText::with_room(2, 0);
+    let mut to = pickle::Writer::of_protocol(2);
     if is("parameter") {
-        out.global("torch._utils", "_rebuild_parameter");
+        to.global("torch._utils", "_rebuild_parameter").mark();
     }
     let function = if named.is_some() { "_rebuild_tensor_v3" } else { "_rebuild_tensor_v2" };
-    out.global("torch._utils", function);
-    out.raw(b"(");
-    storage(&mut out, tensor, device)?;
-    out.int(0)?;
-    out.tuple(tensor.shape().iter().copied())?;
-    out.tuple(strides(tensor.shape()).into_iter())?;
-    out.bool(learns && !is("parameter"));
-    no_hooks(&mut out);
+    to.global("torch._utils", function).mark();
+    storage(&mut to, tensor, device);
+    to.int(0).sizes(tensor.shape()).sizes(&strides(tensor.shape()));
+    to.bool(learns && !is("parameter"));
+    no_hooks(&mut to);
     if let Some(name) = named {
-        out.global("torch", name);
+        to.global("torch", name);
     }
-    out.raw(b"tR");
+    to.tuple_since_mark().reduce();
     if is("parameter") {
-        out.bool(learns);
-        no_hooks(&mut out);
-        // TUPLE3 makes the arguments, REDUCE the call.
-        out.raw(b"\x87R");
+        no_hooks(to.bool(learns));
+        to.tuple_since_mark().reduce();
     }
-    Some(out.finish())
+    to.finish().0
 }
 
 /// Elements from one index to the next, row-major. An extent of 0 counts as 1, as with torch; the
@@ -82,25 +78,19 @@ fn strides(shape: &[usize]) -> Vec<usize> {
 }
 
 /// The storage by its persistent id.
-fn storage(out: &mut PickleText, tensor: &Tensor, device: &str) -> Option<()> {
+fn storage(to: &mut pickle::Writer, tensor: &Tensor, device: &str) {
     let dtype = tensor.dtype();
     let typed = STORAGES.iter().find(|(_, known)| *known == dtype).map(|(name, _)| *name);
-    out.raw(b"(");
-    out.text("storage")?;
+    to.mark().str("storage");
     match typed {
-        Some(name) => out.global("torch", name),
-        None => out.global("torch.storage", "UntypedStorage"),
-    }
-    out.text("0")?;
-    out.text(device)?;
+        Some(name) => to.global("torch", name),
+        None => to.global("torch.storage", "UntypedStorage"),
+    };
     let itemsize = if typed.is_some() { dtype.size() } else { 1 };
-    out.int(tensor.data().len() / itemsize)?;
-    out.raw(b"tQ");
-    Some(())
+    to.str("0").str(device).size(tensor.data().len() / itemsize).tuple_since_mark().persistent();
 }
 
 /// `OrderedDict()`
-fn no_hooks(out: &mut PickleText) {
-    out.global("collections", "OrderedDict");
-    out.raw(b")R");
+fn no_hooks(to: &mut pickle::Writer) {
+    to.global("collections", "OrderedDict").mark().tuple_since_mark().reduce();
 }
