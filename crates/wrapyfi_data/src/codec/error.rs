@@ -52,8 +52,13 @@ impl DecodeError {
     /// A message of more bytes than a message may have.
     #[must_use]
     pub fn too_large(actual: usize, limit: usize) -> Self {
+        Self::over("message", "$".to_owned(), actual, limit)
+    }
+
+    /// A size over its limit, at a place in the message.
+    pub(super) fn over(what: &'static str, path: String, actual: usize, limit: usize) -> Self {
         let (actual, limit) = (actual as u64, limit as u64);
-        Self::TooLarge { what: "message", path: "$".to_owned(), actual, limit }
+        Self::TooLarge { what, path, actual, limit }
     }
 
     /// Compares the size of a message with its limit, both in bytes.

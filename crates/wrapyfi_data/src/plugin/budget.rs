@@ -53,12 +53,11 @@ impl Budget {
                 self.left.set(left);
                 Ok(())
             }
-            None => Err(PickleError::TooLarge {
-                what: "memory of the object",
-                at: node.at(),
-                actual: (self.limit - self.left.get()).saturating_add(bytes) as u64,
-                limit: self.limit as u64,
-            }),
+            None => {
+                let wanted = (self.limit - self.left.get()).saturating_add(bytes);
+                let what = "memory of the object";
+                Err(PickleError::too_large(what, node.at(), wanted, self.limit))
+            }
         }
     }
 }

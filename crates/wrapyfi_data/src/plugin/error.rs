@@ -55,6 +55,11 @@ impl PluginError {
         Self::Malformed { part, reason: reason.into() }
     }
 
+    /// Error for a size over its limit.
+    pub fn too_large(what: impl Into<String>, actual: usize, limit: usize) -> Self {
+        Self::TooLarge { what: what.into(), actual: actual as u64, limit: limit as u64 }
+    }
+
     /// Error for a value that was given to a plug-in of another type.
     #[must_use]
     pub fn not_mine(wanted: &str, value: &Value) -> Self {
@@ -63,4 +68,9 @@ impl PluginError {
             remedy: "give the value the origin of the plug-in that writes it".into(),
         }
     }
+}
+
+/// Error for a first part, most often the only one, that does not follow the format.
+pub(super) fn malformed(reason: impl Into<String>) -> PluginError {
+    PluginError::malformed(0, reason)
 }

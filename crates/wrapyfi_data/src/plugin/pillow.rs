@@ -10,6 +10,7 @@
 
 use bytes::Bytes;
 
+use super::error::malformed;
 use super::{Body, Part, Plugin, PluginError, Unpacking};
 use crate::codec::image_file::{self, unpack_bits};
 use crate::codec::picture::INKS;
@@ -105,7 +106,6 @@ fn from_pixels(
         _ => None,
     }
     .ok_or_else(|| body.expected(1, "[width, height], each from 0 to 4294967295,"))?;
-    let malformed = |reason: String| PluginError::malformed(0, reason);
     let mut data = body.base64(0)?;
     if mode == BITS {
         let row = width.div_ceil(8);

@@ -4,6 +4,7 @@
 //!   ["PintData", base64 of {"magnitude": 1.5, "units": "meter"}, "Quantity"]  ◀─▶  Quantity
 //! ```
 
+use super::error::malformed;
 use super::{Body, Part, Plugin, PluginError, Plugins, Unpacking};
 use crate::codec::json;
 use crate::types::{Map, Quantity, Value};
@@ -21,18 +22,17 @@ impl Plugin for Pint {
         if kind != "Quantity" {
             return Err(PluginError::unsupported(format!("a pint {kind:?}"), "send a Quantity"));
         }
-        let malformed = |reason: String| PluginError::malformed(0, reason);
         let text = body.base64(0)?;
         let limits = context.limits_within(text.len());
         // A quantity holds no plug-in objects.
         let text = json::decode_with(&text, &limits, &Plugins::none())
             .map_err(|error| malformed(error.to_string()))?;
-        let magnitude = text.get("magnitude").ok_or_else(|| malformed("no magnitude".into()))?;
+        let magnitude = text.get("magnitude").ok_or_else(|| malformed("no magnitude"))?;
         if !matches!(magnitude, Value::Int(_) | Value::BigInt(_) | Value::Float(_)) {
             return Err(malformed(format!("magnitude is a {}, no number", magnitude.kind())));
         }
         let units = text.get("units").and_then(Value::as_str);
-        let units = units.ok_or_else(|| malformed("no units, or units that are no text".into()))?;
+        let units = units.ok_or_else(|| malformed("no units, or units that are no text"))?;
         Ok(Quantity { magnitude: magnitude.clone(), units: units.to_owned() }.into())
     }
 

@@ -11,6 +11,7 @@
 //!
 //! A `DataArray` is a data set of one array, whose name stands behind it.
 
+use super::error::malformed;
 use super::{Body, Part, Plugin, PluginError, Plugins, Unpacking};
 use crate::codec::{DecodeError, json};
 use crate::types::{
@@ -95,10 +96,6 @@ impl Plugin for XArray {
         let name = name.map_or(Part::Value(Value::Null), Part::Text);
         Ok(vec![Part::base64(text), Part::Text(kind.into()), name])
     }
-}
-
-fn malformed(reason: String) -> PluginError {
-    PluginError::malformed(0, reason)
 }
 
 /// The dict of xarray's `to_dict`.

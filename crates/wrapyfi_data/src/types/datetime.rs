@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use chrono::{Datelike, FixedOffset, NaiveDate, NaiveDateTime, Timelike};
+use chrono::{FixedOffset, NaiveDate, NaiveDateTime, Timelike};
 
 /// `datetime.datetime` to the microsecond, written as by Python's `isoformat()`.
 ///
@@ -30,28 +30,13 @@ pub struct ParseDateTimeError {
 
 impl fmt::Display for DateTime {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let at = self.local;
-        write!(
-            f,
-            "{:04}-{:02}-{:02}T{:02}:{:02}:{:02}",
-            at.year(),
-            at.month(),
-            at.day(),
-            at.hour(),
-            at.minute(),
-            at.second()
-        )?;
-        let micros = at.nanosecond() / 1000 % 1_000_000;
+        write!(f, "{}", self.local.format("%Y-%m-%dT%H:%M:%S"))?;
+        let micros = self.local.nanosecond() / 1000 % 1_000_000;
         if micros > 0 {
             write!(f, ".{micros:06}")?;
         }
         if let Some(offset) = self.offset {
-            let seconds = offset.local_minus_utc();
-            let (sign, seconds) = (if seconds < 0 { '-' } else { '+' }, seconds.unsigned_abs());
-            write!(f, "{sign}{:02}:{:02}", seconds / 3600, seconds / 60 % 60)?;
-            if seconds % 60 > 0 {
-                write!(f, ":{:02}", seconds % 60)?;
-            }
+            write!(f, "{offset}")?;
         }
         Ok(())
     }

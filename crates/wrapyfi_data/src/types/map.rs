@@ -32,12 +32,6 @@ impl Map {
         self.iter().find(|(k, _)| k.as_str() == Some(key)).map(|(_, value)| value)
     }
 
-    /// Value under a key of any type.
-    #[must_use]
-    pub fn get_value(&self, key: &Value) -> Option<&Value> {
-        self.iter().find(|(k, _)| *k == key).map(|(_, value)| value)
-    }
-
     /// Sets the value of `key`, and returns its value before. It compares every key: to set many,
     /// collect from pairs.
     pub fn insert(&mut self, key: impl Into<Value>, value: impl Into<Value>) -> Option<Value> {

@@ -47,14 +47,7 @@ pub(super) fn run(
     limits: &Limits,
     plugins: &Plugins,
 ) -> Result<Value> {
-    if text.len() > limits.message_bytes {
-        return Err(DecodeError::TooLarge {
-            what: "message",
-            path: Path::Root.to_string(),
-            actual: text.len() as u64,
-            limit: limits.message_bytes as u64,
-        });
-    }
+    DecodeError::check_size(text.len(), limits.message_bytes)?;
     let unpacked = Cell::new(0);
     let room = room(limits);
     let mut decoder = Decoder { bytes: text, at: 0, limits, plugins, room, unpacked, tensors };
@@ -137,12 +130,7 @@ impl<'a> Decoder<'a> {
         if depth <= self.limits.depth {
             return Ok(());
         }
-        Err(DecodeError::TooLarge {
-            what: "nesting",
-            path: path.to_string(),
-            actual: depth as u64,
-            limit: self.limits.depth as u64,
-        })
+        Err(DecodeError::over("nesting", path.to_string(), depth, self.limits.depth))
     }
 
     /// Takes `bytes` from the memory that the values may still take.
@@ -152,12 +140,8 @@ impl<'a> Decoder<'a> {
             return Ok(());
         }
         let limit = room(self.limits);
-        Err(DecodeError::TooLarge {
-            what: "memory of the values",
-            path: path.to_string(),
-            actual: (limit - self.room).saturating_add(bytes) as u64,
-            limit: limit as u64,
-        })
+        let wanted = (limit - self.room).saturating_add(bytes);
+        Err(DecodeError::over("memory of the values", path.to_string(), wanted, limit))
     }
 
     /// Makes room for one more in `items`, which grow as a [`Vec`] does; the memory is taken from

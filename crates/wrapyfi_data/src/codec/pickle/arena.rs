@@ -160,12 +160,8 @@ impl Arena {
             return Ok(());
         }
         let used = self.limit - self.left;
-        Err(PickleError::TooLarge {
-            what: "memory of the pickle",
-            at,
-            actual: used.saturating_add(bytes) as u64,
-            limit: self.limit as u64,
-        })
+        let wanted = used.saturating_add(bytes);
+        Err(PickleError::too_large("memory of the pickle", at, wanted, self.limit))
     }
 
     pub(super) fn add(&mut self, kind: Kind, at: usize) -> Result<NodeId, PickleError> {

@@ -95,6 +95,11 @@ fn remedy(what: &str) -> &'static str {
 }
 
 impl PickleError {
+    /// Error for a size over its limit, found by the opcode at the byte `at`.
+    pub(crate) fn too_large(what: &'static str, at: usize, actual: usize, limit: usize) -> Self {
+        Self::TooLarge { what, at, actual: actual as u64, limit: limit as u64 }
+    }
+
     /// The same as an error of the message that holds the pickle at `path`.
     #[must_use]
     pub fn at(self, path: &str) -> DecodeError {

@@ -42,12 +42,8 @@ pub(super) fn run(
 ) -> Result<Pickle> {
     let size = buffers.iter().fold(data.len(), |size, buffer| size.saturating_add(buffer.len()));
     if size > limits.message_bytes {
-        return Err(PickleError::TooLarge {
-            what: "pickle with its buffers",
-            at: 0,
-            actual: size as u64,
-            limit: limits.message_bytes as u64,
-        });
+        let what = "pickle with its buffers";
+        return Err(PickleError::too_large(what, 0, size, limits.message_bytes));
     }
     let mut machine = Machine {
         scanner: Scanner { data, at: 0 },

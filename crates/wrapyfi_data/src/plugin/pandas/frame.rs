@@ -20,9 +20,10 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use arrow_array::{Array as _, ArrayRef};
-use arrow_schema::{ArrowError, Field, Schema};
+use arrow_schema::{Field, Schema};
 
 use super::super::PluginError;
+use super::super::error::malformed;
 use super::super::pyarrow::batch;
 use crate::Limits;
 use crate::codec::json;
@@ -160,7 +161,7 @@ impl Frame {
         });
         let schema = Schema::new(fields.collect::<Vec<_>>());
         let arrays = columns.into_iter().map(|column| column.array).collect();
-        let batch = batch(schema, arrays, rows).map_err(|error| malformed(&error))?;
+        let batch = batch(schema, arrays, rows).map_err(|error| malformed(error.to_string()))?;
         Ok(Table { batch, origin: Arc::new(origin) })
     }
 
@@ -256,10 +257,6 @@ fn wrong(attribute: &str, text: &str) -> PluginError {
         format!("a table whose attribute {attribute:?} is {text:?}"),
         "leave it out, or see the documentation of plug-ins",
     )
-}
-
-pub(super) fn malformed(error: &ArrowError) -> PluginError {
-    PluginError::malformed(0, error.to_string())
 }
 
 #[cfg(test)]

@@ -14,6 +14,7 @@ use std::sync::Arc;
 use arrow_array::builder::{BooleanBuilder, StringBuilder};
 use arrow_array::{ArrayRef, Float64Array, Int64Array};
 
+use super::super::error::malformed;
 use super::super::{Body, Part, PluginError, Unpacking};
 use super::frame::{Column, Frame, Index, Kind};
 use super::labels;
@@ -21,10 +22,6 @@ use crate::codec::json;
 use crate::types::{Map, Value};
 
 type Result<T> = std::result::Result<T, PluginError>;
-
-fn malformed(reason: impl Into<String>) -> PluginError {
-    PluginError::malformed(0, reason)
-}
 
 fn text(body: &Body<'_>, context: &Unpacking<'_>) -> Result<Value> {
     json::decode(&body.base64(0)?, context.limits).map_err(|error| malformed(error.to_string()))

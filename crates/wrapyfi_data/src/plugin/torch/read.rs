@@ -2,6 +2,7 @@
 
 use bytes::Bytes;
 
+use super::super::error::malformed;
 use super::super::{PluginError, Unpacking};
 use super::{NAMED, STORAGES};
 use crate::codec::archive::{Archive, Member};
@@ -14,10 +15,6 @@ use crate::types::{Dtype, Origin, Tensor, element_count, swap_byte_order};
 const MAX_DIMENSIONS: usize = 64;
 /// Longest `byteorder` member.
 const WORD: usize = 16;
-
-fn malformed(reason: impl Into<String>) -> PluginError {
-    PluginError::malformed(0, reason)
-}
 
 /// The tensor in `file`, an archive that `torch.save` wrote.
 pub(super) fn tensor(file: &Bytes, context: &Unpacking<'_>) -> Result<Tensor, PluginError> {
@@ -263,11 +260,8 @@ fn origin(learns: bool, parameter: bool) -> Origin {
 fn sizes(node: Node<'_>) -> Result<Vec<usize>, PluginError> {
     let items = node.tuple().map_err(in_pickle)?;
     if items.len() > MAX_DIMENSIONS {
-        return Err(PluginError::TooLarge {
-            what: format!("data.pkl: number of dimensions at {}", node.path()),
-            actual: items.len() as u64,
-            limit: MAX_DIMENSIONS as u64,
-        });
+        let what = format!("data.pkl: number of dimensions at {}", node.path());
+        return Err(PluginError::too_large(what, items.len(), MAX_DIMENSIONS));
     }
     items.iter().map(|item| item.size().map_err(in_pickle)).collect()
 }

@@ -10,9 +10,10 @@ use bytes::Bytes;
 use serde_json::json;
 
 use super::chunk::{Compressor, Fault, unknown};
-use super::store::{Store, malformed};
+use super::store::Store;
 use crate::Limits;
 use crate::codec::{json, npy};
+use crate::plugin::error::malformed;
 use crate::plugin::{PluginError, Plugins};
 use crate::types::{Dtype, NumpyArray, Tensor, Value, element_count, swap_byte_order};
 
@@ -59,8 +60,7 @@ impl Store<'_> {
         let limit = self.context.limits.message_bytes;
         if chunk > limit {
             let what = format!("a chunk {:?} of a zarr array", metadata.chunks);
-            let (actual, limit) = (chunk as u64, limit as u64);
-            return Err(PluginError::TooLarge { what, actual, limit });
+            return Err(PluginError::too_large(what, chunk, limit));
         }
         // The elements follow a `.npy` header, so that they are read like any array.
         let mut file = npy::header_for(&metadata.dtype, shape);
@@ -99,15 +99,14 @@ impl Store<'_> {
 impl Metadata {
     fn read(file: &Bytes, limits: &Limits) -> Result<Self, PluginError> {
         if file.len() > MAX_METADATA {
-            let (actual, limit) = (file.len() as u64, MAX_METADATA as u64);
-            return Err(PluginError::TooLarge { what: ".zarray".into(), actual, limit });
+            return Err(PluginError::too_large(".zarray", file.len(), MAX_METADATA));
         }
         let limits = Limits { message_bytes: MAX_METADATA, ..*limits };
         let text = json::decode_with(file, &limits, &Plugins::none())
             .map_err(|error| malformed(error.to_string()))?;
         let member = |name: &str| text.get(name).filter(|member| **member != Value::Null);
         if member("zarr_format").and_then(Value::as_i64) != Some(2) {
-            return Err(malformed("$.zarr_format is not 2".into()));
+            return Err(malformed("$.zarr_format is not 2"));
         }
         if member("filters").is_some_and(|filters| filters.as_items() != Some(&[])) {
             return Err(unknown("filters"));
@@ -123,12 +122,12 @@ impl Metadata {
         let column_major = match member("order").and_then(Value::as_str) {
             Some("C") => false,
             Some("F") => true,
-            _ => return Err(malformed("$.order is neither C nor F".into())),
+            _ => return Err(malformed("$.order is neither C nor F")),
         };
         let separator = match member("dimension_separator").map(Value::as_str) {
             None | Some(Some(".")) => '.',
             Some(Some("/")) => '/',
-            _ => return Err(malformed("$.dimension_separator is neither . nor /".into())),
+            _ => return Err(malformed("$.dimension_separator is neither . nor /")),
         };
         let dtype = member("dtype").and_then(Value::as_str).ok_or_else(|| {
             let remedy = "use numbers or text";

@@ -5,8 +5,8 @@ use std::io::Read;
 use bytes::Bytes;
 
 use super::blosc;
-use super::store::malformed;
 use crate::plugin::PluginError;
+use crate::plugin::error::malformed;
 use crate::types::Value;
 
 /// The compressor that `.zarray` names.
@@ -42,7 +42,7 @@ impl Compressor {
             None | Some(Value::Null) => return Ok(Self::None),
             Some(compressor) => compressor.get("id").and_then(Value::as_str),
         };
-        let id = id.ok_or_else(|| malformed("$.compressor of .zarray has no id".into()))?;
+        let id = id.ok_or_else(|| malformed("$.compressor of .zarray has no id"))?;
         Ok(match id {
             "blosc" => Self::Blosc,
             "zlib" => Self::Zlib,

@@ -2,9 +2,10 @@
 
 use std::collections::BTreeSet;
 
-use super::store::{Store, malformed};
+use super::store::Store;
 use super::{Files, KEY, array};
 use crate::plugin::PluginError;
+use crate::plugin::error::malformed;
 use crate::types::{PluginObject, Value};
 
 /// A zarr group with everything in it. It is the only object of [`crate::plugin`] that is a
@@ -41,9 +42,8 @@ impl Store<'_> {
     pub(super) fn group(&self, path: &str, depth: usize) -> Result<ZarrGroup, PluginError> {
         let limit = self.context.limits.depth;
         if depth > limit {
-            let (actual, limit) = (depth as u64, limit as u64);
             let what = format!("nesting of zarr groups at {path:?}");
-            return Err(PluginError::TooLarge { what, actual, limit });
+            return Err(PluginError::too_large(what, depth, limit));
         }
         if self.archive.member(&format!("{path}.zgroup")).is_none() {
             let v3 = self.archive.member(&format!("{path}zarr.json")).is_some();

@@ -22,7 +22,8 @@ mod store;
 
 pub use group::ZarrGroup;
 
-use self::store::{Store, malformed};
+use self::store::Store;
+use super::error::malformed;
 use super::{Body, Part, Plugin, PluginError, Unpacking};
 use crate::codec::archive::{Archive, Writer};
 use crate::types::{ForeignObject, Origin, Value};

@@ -2,12 +2,9 @@
 
 use crate::codec::archive::Archive;
 use crate::codec::json;
+use crate::plugin::error::malformed;
 use crate::plugin::{PluginError, Plugins, Unpacking};
 use crate::types::Value;
-
-pub(super) fn malformed(reason: String) -> PluginError {
-    PluginError::malformed(0, reason)
-}
 
 /// The folder that the zip holds.
 pub(super) struct Store<'a> {
