@@ -66,23 +66,12 @@ impl Wrapper<'_> {
         });
         let body = self.body(None);
         let substituted = self.opening();
-        let wait = |step: TokenStream, step_async: TokenStream| {
-            if *is_async { quote!(#session.#step_async.await?) } else { quote!(#session.#step?) }
-        };
-        let opened = if *is_async {
-            quote!(#call.open_async(#substituted).await?)
-        } else {
-            quote!(#call.open(#substituted)?)
-        };
-        let gather = wait(quote!(gather()), quote!(gather_async()));
-        let await_listeners = wait(quote!(await_listeners()), quote!(await_listeners_async()));
+        let opened = self.waited(&quote!(#call.open(#is_async, #substituted)));
+        let gather = self.waited(&quote!(#session.gather(#is_async)));
+        let await_listeners = self.waited(&quote!(#session.await_listeners(#is_async)));
         let sends = (0..method.returns.len()).map(|index| {
             let (kind, value) = (self.kind(index), self.value(index));
-            if *is_async {
-                quote!(#session.send_async::<#api::#kind, _>(#index, &#value).await?;)
-            } else {
-                quote!(#session.send::<#api::#kind, _>(#index, &#value)?;)
-            }
+            self.waited(&quote!(#session.send::<#api::#kind, _>(#is_async, #index, &#value)))
         });
         let fed = method.received.as_ref().map(|(_, name, written)| {
             let written = without_self(written.to_token_stream(), this);
@@ -132,7 +121,7 @@ impl Wrapper<'_> {
                 #fed
                 let #own = #body;
                 if #mode.sends() {
-                    #(#sends)*
+                    #(#sends;)*
                 }
                 if #mode == #api::Mode::Transceive {
                     #gathered = #gather;
@@ -141,6 +130,12 @@ impl Wrapper<'_> {
                 ::core::result::Result::Ok(#some)
             }
         }
+    }
+
+    /// The result of a step that may wait: as a task in an async method, else blocking the thread.
+    fn waited(&self, step: &TokenStream) -> TokenStream {
+        let api = self.api;
+        if self.method.is_async { quote!(#step.await?) } else { quote!(#api::at_once(#step)?) }
     }
 
     /// The shape of the returned values, with `item` for each.
@@ -238,11 +233,8 @@ impl Wrapper<'_> {
             quote!((#name, #api::argument(#value)))
         });
         let pairs = quote!(::std::vec![#(#pairs),*]);
-        let ask = if self.method.is_async {
-            quote!(#session.ask_async(#pairs).await?)
-        } else {
-            quote!(#session.ask(#pairs)?)
-        };
+        let is_async = self.method.is_async;
+        let ask = self.waited(&quote!(#session.ask(#is_async, #pairs)));
         quote! {
             let mut #gathered = #ask;
             return ::core::result::Result::Ok(#taken);
@@ -291,19 +283,13 @@ impl Wrapper<'_> {
                 }
             });
         let body = self.body(Some(&twins));
+        let is_async = method.is_async;
         let answers = (0..method.returns.len()).map(|index| {
             let (kind, value) = (self.kind(index), self.value(index));
-            if method.is_async {
-                quote!(#session.answer_async::<#api::#kind, _>(&mut #request, #index, &#value).await?;)
-            } else {
-                quote!(#session.answer::<#api::#kind, _>(&mut #request, #index, &#value)?;)
-            }
+            let answer = quote!(answer::<#api::#kind, _>);
+            self.waited(&quote!(#session.#answer(#is_async, &mut #request, #index, &#value)))
         });
-        let hear = if method.is_async {
-            quote!(#session.hear_async().await?)
-        } else {
-            quote!(#session.hear()?)
-        };
+        let hear = self.waited(&quote!(#session.hear(#is_async)));
         quote! {
             let (mut #request, #(#twins),*) = loop {
                 let ::core::option::Option::Some(mut #request) = #hear else {
@@ -313,7 +299,7 @@ impl Wrapper<'_> {
                 break (#request, #(#twins),*);
             };
             let #own = #body;
-            #(#answers)*
+            #(#answers;)*
             return ::core::result::Result::Ok(#some);
         }
     }

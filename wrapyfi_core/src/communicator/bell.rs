@@ -104,7 +104,8 @@ impl Bell {
 }
 
 /// Result of a future that blocks its thread where it waits.
-pub(super) fn at_once<T>(future: impl Future<Output = T>) -> T {
+#[must_use]
+pub fn at_once<T>(future: impl Future<Output = T>) -> T {
     let mut future = pin!(future);
     let mut task = Context::from_waker(Waker::noop());
     loop {

@@ -8,12 +8,11 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::bell::{Bell, Look, at_once};
+use super::bell::{Bell, Look};
 use super::context::Live;
 use super::error::MethodError;
 use super::listener::EndOptions;
 use super::rules::Rules;
-use super::runtime::Runtime;
 use super::session::{Gathered, Session};
 use super::wait::with_reason;
 use crate::endpoint::{
@@ -97,24 +96,13 @@ impl Session {
     ///
     /// # Errors
     /// When an argument has no form, or a reply does not come.
-    pub fn ask(&self, arguments: Vec<NamedArgument>) -> Result<Gathered, MethodError> {
-        at_once(self.ask_by(None, arguments))
-    }
-
-    /// As [`Session::ask`], for a task.
-    ///
-    /// # Errors
-    /// As [`Session::ask`].
-    pub async fn ask_async(&self, arguments: Vec<NamedArgument>) -> Result<Gathered, MethodError> {
-        let live = self.live.upgrade();
-        self.ask_by(live.as_deref().map(Live::runtime), arguments).await
-    }
-
-    async fn ask_by(
+    pub async fn ask(
         &self,
-        runtime: Option<&Runtime>,
+        in_task: bool,
         arguments: Vec<NamedArgument>,
     ) -> Result<Gathered, MethodError> {
+        let live = self.live(in_task);
+        let runtime = live.as_deref().map(Live::runtime);
         let request = self.request(arguments)?;
         let mut gathered = self.nothing();
         for (index, client) in self.clients() {

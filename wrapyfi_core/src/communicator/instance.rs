@@ -14,7 +14,7 @@ use super::context::{CommunicatorContext, Live};
 use super::describe::{Class, Method, NamesMethod};
 use super::error::{ActivateError, MethodError};
 use super::mode::{Mode, Modes, NamesMode};
-use super::oneshot::{self, Receiver};
+use super::oneshot;
 use super::opening::Opening;
 use super::resolve::{Given, Resolved, resolve};
 use super::session::{Session, ValueStatus};
@@ -335,36 +335,19 @@ impl RunningCall {
     ///
     /// # Errors
     /// When an argument or an option cannot be used, or an endpoint cannot be opened.
-    pub fn open(&self, given: impl FnOnce() -> Vec<Given>) -> Result<Arc<Session>, MethodError> {
-        match &self.session {
-            Some(session) => Ok(Arc::clone(session)),
-            None => self.submit(given()).recv().unwrap_or_else(|| Err(self.gone())),
-        }
-    }
-
-    /// As [`RunningCall::open`], for a task.
-    ///
-    /// # Errors
-    /// As [`RunningCall::open`].
-    pub async fn open_async(
+    pub async fn open(
         &self,
+        in_task: bool,
         given: impl FnOnce() -> Vec<Given>,
     ) -> Result<Arc<Session>, MethodError> {
         if let Some(session) = &self.session {
             return Ok(Arc::clone(session));
         }
-        let opened = self.submit(given());
-        opened.await.unwrap_or_else(|| Err(self.gone()))
-    }
-
-    fn submit(&self, given: Vec<Given>) -> Receiver<Result<Arc<Session>, MethodError>> {
+        let given = given();
         let (sender, opened) = oneshot::channel();
         let (shared, index, mode) = (Arc::clone(&self.shared), self.index, self.mode);
         self.shared.live.runtime().submit(move || sender.send(shared.open(index, mode, &given)));
-        opened
-    }
-
-    fn gone(&self) -> MethodError {
-        self.shared.not_opened(self.index)
+        let opened = if in_task { opened.await } else { opened.recv() };
+        opened.unwrap_or_else(|| Err(self.shared.not_opened(self.index)))
     }
 }

@@ -90,6 +90,7 @@ mod settings;
 mod source;
 mod wait;
 
+pub use bell::at_once;
 pub use client::NamedArgument;
 pub use config::Configuration;
 pub use context::{CommunicatorContext, ContextBuilder};

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use serde::de::DeserializeOwned;
 
-use super::bell::{Bell, Look, at_once};
+use super::bell::{Bell, Look};
 use super::context::Live;
 use super::error::MethodError;
 use super::listener::EndOptions;
@@ -234,22 +234,9 @@ impl Session {
     ///
     /// # Errors
     /// When the wait is ended.
-    pub fn hear(&self) -> Result<Option<Heard<'_>>, MethodError> {
-        at_once(self.hear_by(None))
-    }
-
-    /// As [`Session::hear`], for a task.
-    ///
-    /// # Errors
-    /// As [`Session::hear`].
-    pub async fn hear_async(&self) -> Result<Option<Heard<'_>>, MethodError> {
-        let live = self.live.upgrade();
-        self.hear_by(live.as_deref().map(Live::runtime)).await
-    }
-
-    async fn hear_by(&self, runtime: Option<&Runtime>) -> Result<Option<Heard<'_>>, MethodError> {
+    pub async fn hear(&self, in_task: bool) -> Result<Option<Heard<'_>>, MethodError> {
         let Some((index, server)) = self.servers().next() else { return Ok(None) };
-        let request = self.next_request(server, runtime).await?;
+        let request = self.next_request(in_task, server).await?;
         Ok(request.map(|endpoint::IncomingRequest { id, request, .. }| {
             // The server offers a function, so the request is always a call that can be read.
             let call = request.into_call().unwrap_or_default();
@@ -262,32 +249,9 @@ impl Session {
     ///
     /// # Errors
     /// When the value has no form as a reply, or the wait is ended.
-    pub fn answer<K, R: Returned<K>>(
+    pub async fn answer<K, R: Returned<K>>(
         &self,
-        heard: &mut Heard<'_>,
-        index: usize,
-        value: &R,
-    ) -> Result<(), MethodError> {
-        at_once(self.answer_by(None, heard, index, value))
-    }
-
-    /// As [`Session::answer`], for a task.
-    ///
-    /// # Errors
-    /// As [`Session::answer`].
-    pub async fn answer_async<K, R: Returned<K>>(
-        &self,
-        heard: &mut Heard<'_>,
-        index: usize,
-        value: &R,
-    ) -> Result<(), MethodError> {
-        let live = self.live.upgrade();
-        self.answer_by(live.as_deref().map(Live::runtime), heard, index, value).await
-    }
-
-    async fn answer_by<K, R: Returned<K>>(
-        &self,
-        runtime: Option<&Runtime>,
+        in_task: bool,
         heard: &mut Heard<'_>,
         index: usize,
         value: &R,
@@ -295,7 +259,7 @@ impl Session {
         let server = self.channels.get(index).and_then(|channel| channel.server.as_ref());
         let Some(server) = server else { return Ok(()) };
         if index != heard.first {
-            let request = self.next_request(server, runtime).await?;
+            let request = self.next_request(in_task, server).await?;
             heard.asked = request.map(|request| (index, request.id));
         }
         self.answered(server, heard, value)
@@ -344,9 +308,11 @@ impl Session {
 
     async fn next_request(
         &self,
+        in_task: bool,
         server: &ServerEnd,
-        runtime: Option<&Runtime>,
     ) -> Result<Option<endpoint::IncomingRequest>, MethodError> {
+        let live = self.live(in_task);
+        let runtime = live.as_deref().map(Live::runtime);
         let mut wait = self.begin_wait(None);
         server.bell.wait(&mut wait, runtime, || server.waited_for(), || server.take()).await
     }

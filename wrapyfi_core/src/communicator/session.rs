@@ -10,14 +10,12 @@
 use std::sync::{Arc, Weak};
 use std::time::Duration;
 
-use super::bell::at_once;
 use super::client::ClientEnd;
 use super::context::Live;
 use super::error::MethodError;
 use super::listener::ListenerEnd;
 use super::oneshot;
 use super::publisher::PublisherEnd;
-use super::runtime::Runtime;
 use super::server::ServerEnd;
 use super::wait::{Stop, Wait};
 use crate::endpoint::{CountersSnapshot, EndpointAddress, Link};
@@ -25,7 +23,8 @@ use crate::types;
 use wrapyfi_data::returned::{PayloadError, Returned};
 
 /// The endpoints of one method; made by the library, used by the code that `#[communicator]`
-/// writes.
+/// writes. What may wait is told whether it is a task that waits: else it blocks its thread, and is
+/// ready [at once](super::at_once).
 #[derive(Debug)]
 pub struct Session {
     pub(super) method: String,
@@ -101,20 +100,9 @@ impl Session {
     ///
     /// # Errors
     /// When a wait ends without a message. Messages of other values are kept for the next call.
-    pub fn gather(&self) -> Result<Gathered, MethodError> {
-        at_once(self.gather_by(None))
-    }
-
-    /// As [`Session::gather`], for a task.
-    ///
-    /// # Errors
-    /// As [`Session::gather`].
-    pub async fn gather_async(&self) -> Result<Gathered, MethodError> {
-        let live = self.live.upgrade();
-        self.gather_by(live.as_deref().map(Live::runtime)).await
-    }
-
-    async fn gather_by(&self, runtime: Option<&Runtime>) -> Result<Gathered, MethodError> {
+    pub async fn gather(&self, in_task: bool) -> Result<Gathered, MethodError> {
+        let live = self.live(in_task);
+        let runtime = live.as_deref().map(Live::runtime);
         // The guard also works where the task is dropped while it waits.
         let mut guard = GatherGuard { session: self, gathered: self.nothing() };
         // Values that are waited for come first, so that the others are taken when they are newest.
@@ -158,47 +146,28 @@ impl Session {
     ///
     /// # Errors
     /// When a wait ends without a listener.
-    pub fn await_listeners(&self) -> Result<(), MethodError> {
-        at_once(self.await_listeners_by(None))
-    }
-
-    /// As [`Session::await_listeners`], for a task.
-    ///
-    /// # Errors
-    /// As [`Session::await_listeners`].
-    pub async fn await_listeners_async(&self) -> Result<(), MethodError> {
-        let live = self.live.upgrade();
-        self.await_listeners_by(live.as_deref().map(Live::runtime)).await
-    }
-
-    async fn await_listeners_by(&self, runtime: Option<&Runtime>) -> Result<(), MethodError> {
+    pub async fn await_listeners(&self, in_task: bool) -> Result<(), MethodError> {
+        let live = self.live(in_task);
+        let runtime = live.as_deref().map(Live::runtime);
         for publisher in self.publishers().filter(|publisher| !publisher.is_established()) {
             publisher.await_listener(&mut self.begin_wait(publisher.timeout), runtime).await?;
         }
         Ok(())
     }
 
-    /// Publishes the value at `index`, if anybody listens.
+    /// Publishes the value at `index`, if anybody listens. A transport that makes its sender wait
+    /// stops the library's thread where a task sends, and no executor's.
     ///
     /// # Errors
     /// When the value cannot be encoded, or an option forbids it.
-    pub fn send<K, R: Returned<K>>(&self, index: usize, value: &R) -> Result<(), MethodError> {
-        let Some((publisher, payload)) = self.outgoing(index, value)? else { return Ok(()) };
-        self.published(publisher, publisher.send(&payload))
-    }
-
-    /// As [`Session::send`], for a task: a transport that makes its sender wait stops the library's
-    /// thread, and no executor's.
-    ///
-    /// # Errors
-    /// As [`Session::send`].
-    pub async fn send_async<K, R: Returned<K>>(
+    pub async fn send<K, R: Returned<K>>(
         &self,
+        in_task: bool,
         index: usize,
         value: &R,
     ) -> Result<(), MethodError> {
         let Some((publisher, payload)) = self.outgoing(index, value)? else { return Ok(()) };
-        let Some(live) = self.live.upgrade() else {
+        let Some(live) = self.live(in_task) else {
             return self.published(publisher, publisher.send(&payload));
         };
         let (result, sent) = oneshot::channel();
@@ -247,6 +216,11 @@ impl Session {
             endpoint: publisher.endpoint.to_string(),
             source: Box::new(source),
         })
+    }
+
+    /// What keeps the time of a task; a thread that blocks needs nothing.
+    pub(super) fn live(&self, in_task: bool) -> Option<Arc<Live>> {
+        if in_task { self.live.upgrade() } else { None }
     }
 
     /// Ends every wait, now and later.
