@@ -40,9 +40,6 @@ pub struct CommunicatorContext(Arc<Shared>);
 
 struct Shared {
     sources: BTreeMap<String, Arc<dyn Source>>,
-    /// Names of middlewares that exist, but are not built in; a method that names one is not
-    /// refused.
-    known: Vec<String>,
     default_middleware: String,
     plugins: Plugins,
     /// Definitions of ROS types.
@@ -89,7 +86,6 @@ impl CommunicatorContext {
     pub fn builder() -> ContextBuilder {
         ContextBuilder {
             sources: builtin::sources(),
-            known: Vec::new(),
             default_middleware: None,
             plugins: Plugins::standard(),
             types: None,
@@ -140,7 +136,8 @@ impl CommunicatorContext {
     pub(super) fn find(&self, name: &str) -> Found {
         match self.0.sources.get(name) {
             Some(source) => Found::Source(Arc::clone(source)),
-            None if self.0.known.iter().any(|known| known == name) => Found::Absent,
+            // A method that names a middleware that exists, but is not built in, is not refused.
+            None if builtin::KNOWN.contains(&name) => Found::Absent,
             None => Found::Unknown,
         }
     }
@@ -209,7 +206,6 @@ impl std::fmt::Debug for CommunicatorContext {
 /// Builder of a [`CommunicatorContext`].
 pub struct ContextBuilder {
     sources: Vec<Arc<dyn Source>>,
-    known: Vec<String>,
     default_middleware: Option<String>,
     plugins: Plugins,
     types: Option<TypeStore>,
@@ -254,14 +250,6 @@ impl ContextBuilder {
         self.middleware(middleware)
     }
 
-    /// Names a middleware that may be missing without being a mistake: its values are `None` then.
-    /// Those that Wrapyfi knows need no mention.
-    #[must_use]
-    pub fn may_be_absent(mut self, name: impl Into<String>) -> Self {
-        self.known.push(name.into());
-        self
-    }
-
     /// Sets the middleware of values that name none; without this call it is that of
     /// `WRAPYFI_DEFAULT_MWARE` or `WRAPYFI_DEFAULT_COMMUNICATOR`, else `zeromq`.
     #[must_use]
@@ -301,11 +289,9 @@ impl ContextBuilder {
                 .find_map(|name| std::env::var(name).ok().filter(|value| !value.is_empty()))
         };
         let default_middleware = self.default_middleware.or_else(from_environment);
-        let known = builtin::KNOWN.map(str::to_owned).into_iter().chain(self.known).collect();
         let sources = self.sources.into_iter().map(|source| (source.name().to_owned(), source));
         CommunicatorContext(Arc::new(Shared {
             sources: sources.collect(),
-            known,
             default_middleware: default_middleware.unwrap_or_else(|| "zeromq".to_owned()),
             plugins: self.plugins,
             types: Mutex::new(
