@@ -156,6 +156,31 @@ fn programs_take_keys_from_the_environment() -> Result {
     })
 }
 
+/// The key of the file may be that of the environment: then the bridge is the broker that clients are told of.
+#[test]
+fn a_bridge_is_the_broker_unless_clients_are_told_another_key() -> Result {
+    run("a_bridge_is_the_broker_unless_clients_are_told_another_key", NEEDS, |env| {
+        certificates(env, "broker,robot")?;
+        let topic = env.topic("x");
+        let config =
+            env.embedded().endpoint("    curve: { secret_key_file: keys/broker.key_secret }\n");
+        let config = config.route(Route::new(&zeromq(&topic), &ros2(&topic), "NativeObject"));
+        let yaml = config.yaml().replace("broker: embedded", "broker: null");
+        let file = env.write("bridge.yaml", yaml)?.display().to_string();
+        let is_logged = |words: &[&str]| {
+            let bridge = env.wrapyfi(["bridge", "--config", &file])?;
+            logged(&bridge, words)
+        };
+        env.set_variable("WRAPYFI_ZEROMQ_CURVE_SERVER_KEY", env.path("keys/broker.key"));
+        is_logged(&["ZeroMQ broker runs", "public_key"])?;
+        env.set_variable("WRAPYFI_ZEROMQ_CURVE_SERVER_KEY", env.path("keys/robot.key"));
+        is_logged(&["no ZeroMQ broker is started here", "WRAPYFI_ZEROMQ_CURVE_SERVER_KEY"])?;
+        env.set_variable("WRAPYFI_ZEROMQ_CURVE_SERVER_KEY", env.path("keys/broker.key"));
+        env.set_variable("WRAPYFI_ZEROMQ_START_PROXY_BROKER", "False");
+        is_logged(&["no ZeroMQ broker is started here", "WRAPYFI_ZEROMQ_START_PROXY_BROKER"])
+    })
+}
+
 #[test]
 fn a_broker_takes_the_clients_of_its_arguments() -> Result {
     run("a_broker_takes_the_clients_of_its_arguments", NEEDS, |env| {

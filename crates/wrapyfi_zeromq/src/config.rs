@@ -32,6 +32,13 @@ pub enum BrokerMode {
     Foreign,
 }
 
+impl BrokerMode {
+    /// The mode of a process that starts a broker, or does not.
+    const fn started(is_started: bool) -> Self {
+        if is_started { Self::Embedded } else { Self::Foreign }
+    }
+}
+
 /// Settings of [`ZeroMq`](super::ZeroMq).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ZeroMqConfig {
@@ -54,6 +61,8 @@ pub struct ZeroMqConfig {
     pub monitor: bool,
     /// Process that runs the broker (`WRAPYFI_ZEROMQ_START_PROXY_BROKER`: `False` is foreign).
     pub broker: BrokerMode,
+    /// True where that variable decided [`Self::broker`], so that keys do not.
+    pub broker_by_variable: bool,
     /// Process that runs the broker of requests and replies; ours starts with the first server.
     pub service_broker: BrokerMode,
     /// Messages a socket holds for a peer that is slower, in publishers and in the broker; 0 means
@@ -84,6 +93,7 @@ impl Default for ZeroMqConfig {
             monitor_topic: "ZEROMQ/CONNECTIONS".to_owned(),
             monitor: true,
             broker: BrokerMode::Embedded,
+            broker_by_variable: false,
             service_broker: BrokerMode::Embedded,
             // libzmq's own default, and so Wrapyfi's.
             send_hwm: 1000,
@@ -133,12 +143,9 @@ impl ZeroMqConfig {
         let server_key = of.text("WRAPYFI_ZEROMQ_CURVE_SERVER_KEY")?;
         let has_curve = secret_key_file.is_some() || server_key.is_some();
         let curve = has_curve.then_some(CurveConfig { secret_key_file, server_key, clients: None });
-        let is_elsewhere = curve.as_ref().is_some_and(CurveConfig::is_elsewhere);
-        let broker = match of.switch("WRAPYFI_ZEROMQ_START_PROXY_BROKER", !is_elsewhere)? {
-            true => BrokerMode::Embedded,
-            false => BrokerMode::Foreign,
-        };
-        Ok(Self {
+        const START_BROKER: &str = "WRAPYFI_ZEROMQ_START_PROXY_BROKER";
+        let broker = BrokerMode::started(of.switch(START_BROKER, true)?);
+        let mut config = Self {
             ip: ip.unwrap_or(default.ip),
             insecure,
             curve,
@@ -151,9 +158,22 @@ impl ZeroMqConfig {
                 .unwrap_or(default.monitor_topic),
             monitor: of.switch("WRAPYFI_ZEROMQ_START_PUBSUB_MONITOR", true)?,
             broker,
+            broker_by_variable: of.text(START_BROKER)?.is_some(),
             service_broker: broker,
             ..default
-        })
+        };
+        config.follow_keys();
+        Ok(config)
+    }
+
+    /// Runs the brokers here unless clients are told the key of another process, where no variable says who runs them.
+    /// It is asked again after [`Self::curve`] has changed.
+    pub fn follow_keys(&mut self) {
+        if !self.broker_by_variable {
+            let is_elsewhere = self.curve.as_ref().is_some_and(CurveConfig::is_elsewhere);
+            self.broker = BrokerMode::started(!is_elsewhere);
+            self.service_broker = self.broker;
+        }
     }
 
     /// Checks that no broker of ours would be open to other machines without permission. An address

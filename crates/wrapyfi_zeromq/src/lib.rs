@@ -123,6 +123,17 @@ impl ZeroMq {
         let serves = config.broker == BrokerMode::Embedded;
         let keys = config.curve.as_ref().map(|curve| curve::Keys::load(curve, serves, None));
         let keys = keys.transpose().map_err(BrokerError::Curve)?;
+        let why = match keys.as_ref().is_some_and(|keys| keys.is_of_another()) {
+            _ if serves => None,
+            _ if config.broker_by_variable => Some("WRAPYFI_ZEROMQ_START_PROXY_BROKER says so"),
+            true => {
+                Some("`server_key` (WRAPYFI_ZEROMQ_CURVE_SERVER_KEY) is another's key than ours")
+            }
+            false => None,
+        };
+        if let Some(why) = why {
+            tracing::info!(%ip, "no ZeroMQ broker is started here, one has to run there: {why}");
+        }
         let ledger = Arc::<ledger::Ledger>::default();
         let supervisor = supervisor::Supervisor::<Broker>::start(
             &(config.broker_config(), Arc::clone(&ledger)),

@@ -174,10 +174,7 @@ impl ZeroMqSection {
         }
         match self.broker {
             Some(written) => config.broker = written,
-            None if config.curve.as_ref().is_some_and(CurveConfig::is_elsewhere) => {
-                config.broker = BrokerMode::Foreign;
-            }
-            None => return,
+            None => return config.follow_keys(),
         }
         config.service_broker = config.broker;
     }

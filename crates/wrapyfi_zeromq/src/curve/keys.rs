@@ -294,6 +294,7 @@ impl Keys {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::{BrokerMode, ZeroMqConfig};
     use std::io::Write as _;
     use std::path::PathBuf;
 
@@ -363,6 +364,27 @@ mod tests {
         let none = CurveConfig::default();
         assert_eq!(Keys::load(&none, true, None).unwrap_err(), CurveError::NoSecretKey);
         assert!(Keys::load(&none, false, None).is_ok(), "one of its own");
+    }
+
+    #[test]
+    fn a_broker_runs_where_its_own_key_is_what_clients_are_told() {
+        let file = Written::new(SECRET, 0o600);
+        let said = |server_key: &str, broker_by_variable| {
+            let server_key = Some(server_key.to_owned());
+            let curve = Some(CurveConfig { server_key, ..CurveConfig::default() });
+            let mut config = ZeroMqConfig { curve, broker_by_variable, ..ZeroMqConfig::default() };
+            config.follow_keys();
+            let before = config.broker;
+            config.curve.as_mut().unwrap().secret_key_file = Some(file.0.clone());
+            config.follow_keys();
+            assert_eq!(config.service_broker, config.broker);
+            (before, config.broker)
+        };
+        let (embedded, foreign) = (BrokerMode::Embedded, BrokerMode::Foreign);
+        let other = PUBLIC.replace("rq:", "0q:");
+        assert_eq!(said(PUBLIC, false), (foreign, embedded));
+        assert_eq!(said(&other, false), (foreign, foreign));
+        assert_eq!(said(&other, true), (embedded, embedded), "which then does not start");
     }
 
     #[test]
