@@ -7,16 +7,16 @@ use std::sync::Arc;
 
 use crate::communicator_common as common;
 use wrapyfi_core::communicator::{CommunicatorContext, MethodError, Mode, communicator};
-use wrapyfi_core::middleware::zeromq::{BrokerMode, ServiceBroker, ServiceBrokerConfig, ZeroMq};
+use wrapyfi_core::middleware::zeromq::{BrokerMode, ServiceBroker, ZeroMq, ZeroMqConfig};
 
 const MWARE: &str = "zeromq";
 
 /// A side with the broker, and one that uses it.
 fn contexts() -> (CommunicatorContext, CommunicatorContext) {
-    let services = ServiceBroker::start(&ServiceBrokerConfig {
+    let services = ServiceBroker::start(&ZeroMqConfig {
         rep_port: 0,
         req_port: 0,
-        ..zeromq_common::embedded().service_broker_config()
+        ..zeromq_common::embedded()
     })
     .unwrap();
     let (rep_port, req_port) = (services.rep_port(), services.req_port());

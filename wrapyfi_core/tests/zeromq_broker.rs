@@ -12,7 +12,7 @@ use crate::zeromq_common::{
 };
 use wrapyfi_core::Limits;
 use wrapyfi_core::middleware::zeromq::{
-    Answer, Broker, BrokerConfig, BrokerError, ZeroMq, ZeroMqConfig, ZeroMqError,
+    Answer, Broker, BrokerError, ZeroMq, ZeroMqConfig, ZeroMqError,
 };
 
 #[test]
@@ -133,22 +133,22 @@ fn it_ends_at_once_and_frees_its_ports() {
     drop(broker);
     assert!(start.elapsed() < Limits::SHUTDOWN, "{:?}", start.elapsed());
     drop((listener, publisher));
-    let again = BrokerConfig { pub_port, sub_port, ..BrokerConfig::default() };
+    let again = ZeroMqConfig { pub_port, sub_port, ..ZeroMqConfig::default() };
     let again = Broker::start(&again).unwrap();
     assert_eq!(again.pub_port(), pub_port);
 }
 
 #[test]
 fn addresses_others_can_reach_are_refused() {
-    let config = BrokerConfig { ip: "0.0.0.0".to_owned(), ..any_ports() };
+    let config = ZeroMqConfig { ip: "0.0.0.0".to_owned(), ..any_ports() };
     let error = Broker::start(&config).unwrap_err();
     assert!(matches!(error, BrokerError::NotLoopback { .. }));
     assert!(error.to_string().contains("insecure: true"), "{error}");
-    Broker::start(&BrokerConfig { insecure: true.into(), ..config }).unwrap();
-    let elsewhere = BrokerConfig {
+    Broker::start(&ZeroMqConfig { insecure: true.into(), ..config }).unwrap();
+    let elsewhere = ZeroMqConfig {
         ip: "192.0.2.1".to_owned(),
         insecure: true.into(),
-        ..BrokerConfig::default()
+        ..ZeroMqConfig::default()
     };
     assert!(matches!(Broker::start(&elsewhere), Err(BrokerError::NotHere { .. })));
 }

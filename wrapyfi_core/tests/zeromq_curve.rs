@@ -10,8 +10,8 @@ use wrapyfi_core::endpoint::{
     Context, Listener, Middleware as _, PublishError, Publisher, Request, ServiceSpec, TopicSpec,
 };
 use wrapyfi_core::middleware::zeromq::{
-    Broker, BrokerConfig, BrokerError, CurveClient, CurveConfig, CurveError, ServiceBroker,
-    ServiceBrokerConfig, ZeroMq, ZeroMqConfig, ZeroMqError,
+    Broker, BrokerError, CurveClient, CurveConfig, CurveError, ServiceBroker, ZeroMq, ZeroMqConfig,
+    ZeroMqError,
 };
 use wrapyfi_core::types::{MessageType, Payload, ServiceKind, Value};
 
@@ -51,7 +51,7 @@ impl Files {
 
     fn broker(&self, clients: Option<Vec<CurveClient>>) -> Broker {
         let curve = Some(CurveConfig { clients, ..self.curve("server") });
-        Broker::start(&BrokerConfig { curve, ..any_ports() }).unwrap()
+        Broker::start(&ZeroMqConfig { curve, ..any_ports() }).unwrap()
     }
 }
 
@@ -288,7 +288,7 @@ fn services_pass_and_are_refused_by_key() {
     let broker = |call, serve| {
         let clients = Some(vec![CurveClient { call, serve, ..allowed(&[], &[]) }]);
         let curve = Some(CurveConfig { clients, ..files.curve("server") });
-        let config = ServiceBrokerConfig { rep_port: 0, req_port: 0, curve, ..Default::default() };
+        let config = ZeroMqConfig { rep_port: 0, req_port: 0, curve, ..Default::default() };
         ServiceBroker::start(&config).unwrap()
     };
     let connected = |broker: &ServiceBroker, curve| {
@@ -325,7 +325,7 @@ fn services_pass_and_are_refused_by_key() {
 fn faults_of_the_keys_stop_the_start() {
     let files = Files::new("curve_faults");
     files.set_mode("server", 0o644);
-    let start = |curve| Broker::start(&BrokerConfig { curve: Some(curve), ..any_ports() });
+    let start = |curve| Broker::start(&ZeroMqConfig { curve: Some(curve), ..any_ports() });
     let path = Path::new(&files.0).join("server");
     let open = CurveError::OpenToOthers { path, mode: 0o644 };
     assert_eq!(start(files.curve("server")).unwrap_err(), BrokerError::Curve(open));
@@ -346,7 +346,7 @@ fn a_list_of_clients_permits_what_insecure_would() {
     let files = Files::new("curve_insecure");
     let config = |clients| {
         let curve = Some(CurveConfig { clients, ..files.curve("server") });
-        BrokerConfig { ip: "0.0.0.0".to_owned(), curve, ..any_ports() }
+        ZeroMqConfig { ip: "0.0.0.0".to_owned(), curve, ..any_ports() }
     };
     let refused = Broker::start(&config(None)).unwrap_err();
     assert!(matches!(refused, BrokerError::NotLoopback(_)), "{refused}");

@@ -12,7 +12,7 @@ use wrapyfi_core::endpoint::{
     Context, DropReason, Link, Listener, Middleware, OpenError, Overflow, PublishError, Publisher,
     QueueSpec, Sample, TopicSpec,
 };
-use wrapyfi_core::middleware::zeromq::{Broker, BrokerConfig, ZeroMq, ZeroMqConfig, ZeroMqError};
+use wrapyfi_core::middleware::zeromq::{Broker, ZeroMq, ZeroMqConfig, ZeroMqError};
 use wrapyfi_core::types::{MessageType, Payload, Value};
 
 fn spec(topic: &str) -> TopicSpec {
@@ -243,7 +243,7 @@ fn routes_live_again_after_the_broker_was_away() {
     assert!(matches!(error, PublishError::Transport { .. }));
     assert_eq!(error.to_string(), format!("could not send to \"/a\": waiting for {what}"));
     let _broker =
-        Broker::start(&BrokerConfig { pub_port, sub_port, ..BrokerConfig::default() }).unwrap();
+        Broker::start(&ZeroMqConfig { pub_port, sub_port, ..ZeroMqConfig::default() }).unwrap();
     ready(&*publisher);
     publisher.publish(&number(2)).unwrap();
     assert_eq!(next(&mut *listener).payload, number(2));
@@ -301,7 +301,7 @@ fn a_broker_in_the_place_of_something_else_is_found() {
         listener.link().waiting_for.is_some_and(|what| what.contains("not the matching side"))
     });
     drop(rep);
-    let config = BrokerConfig { pub_port: port, sub_port: free, ..BrokerConfig::default() };
+    let config = ZeroMqConfig { pub_port: port, sub_port: free, ..ZeroMqConfig::default() };
     let mut broker = None;
     wait_until("the port", || {
         broker = Broker::start(&config).ok();
@@ -323,7 +323,7 @@ fn endpoints_that_outlive_their_instance_hang_nobody() {
     assert!(matches!(publisher.publish(&number(1)), Err(PublishError::Transport { .. })));
     assert_eq!(listener.take().unwrap(), None);
     assert_eq!(listener.link().waiting_for.as_deref(), Some("ZeroMQ, which was shut down here"));
-    let again = Broker::start(&BrokerConfig { pub_port, sub_port, ..BrokerConfig::default() });
+    let again = Broker::start(&ZeroMqConfig { pub_port, sub_port, ..ZeroMqConfig::default() });
     assert!(again.is_ok(), "{again:?}");
 }
 

@@ -11,7 +11,7 @@ use wrapyfi_core::Limits;
 use wrapyfi_core::endpoint::{
     Context, CountersSnapshot, DropReason, Middleware, PublishError, Publisher, TopicSpec, WAITING,
 };
-use wrapyfi_core::middleware::zeromq::{Broker, BrokerConfig, ZeroMq, ZeroMqConfig};
+use wrapyfi_core::middleware::zeromq::{Broker, ZeroMq, ZeroMqConfig};
 use wrapyfi_core::types::{MessageType, Payload, Value};
 
 const HWM: u16 = 4;
@@ -82,7 +82,7 @@ fn what_a_stalled_broker_has_no_room_for_is_refused() {
 
 #[test]
 fn everything_accepted_reaches_the_broker_though_a_listener_stalls() {
-    let broker = Broker::start(&BrokerConfig { hwm: HWM, ..any_ports() }).unwrap();
+    let broker = Broker::start(&ZeroMqConfig { send_hwm: HWM, ..any_ports() }).unwrap();
     let context = zmq::Context::new();
     let stalled = context.socket(zmq::SUB).unwrap();
     stalled.set_rcvhwm(1).unwrap();
@@ -451,7 +451,7 @@ fn a_listener_that_stands_still_costs_a_quarter_of_what_may_wait() {
 #[test]
 fn a_message_that_never_ends_costs_its_connection_and_is_counted() {
     let limit = 8 << 20;
-    let broker = Broker::start(&BrokerConfig { max_frame_bytes: limit, ..any_ports() }).unwrap();
+    let broker = Broker::start(&ZeroMqConfig { max_frame_bytes: limit, ..any_ports() }).unwrap();
     let context = zmq::Context::new();
     let listener = subscriber(&context, broker.pub_port(), "");
     let publisher = peer(&context, zmq::XPUB, broker.sub_port());
@@ -474,7 +474,7 @@ fn a_message_that_never_ends_costs_its_connection_and_is_counted() {
 
 #[test]
 fn connections_beyond_the_limit_are_refused_and_counted() {
-    let broker = Broker::start(&BrokerConfig { max_connections: 2, ..any_ports() }).unwrap();
+    let broker = Broker::start(&ZeroMqConfig { max_connections: 2, ..any_ports() }).unwrap();
     let context = zmq::Context::new();
     let listener = subscriber(&context, broker.pub_port(), "/a");
     let two = [(); 2].map(|()| peer(&context, zmq::XPUB, broker.sub_port()));

@@ -9,7 +9,7 @@ use wrapyfi_core::endpoint::{
     CallError, Client, Context, DropReason, Middleware, Request, Server, ServiceSpec,
 };
 use wrapyfi_core::middleware::zeromq::{
-    BrokerMode, ServiceBroker, ServiceBrokerConfig, ServiceBrokerStatus, ZeroMq, ZeroMqConfig,
+    BrokerMode, ServiceBroker, ServiceBrokerStatus, ZeroMq, ZeroMqConfig,
 };
 use wrapyfi_core::types::{Encoding, Image, Payload, RawPixels, ServiceKind, Stamp, Value};
 
@@ -28,7 +28,7 @@ fn until<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
 }
 
 fn broker(pending: usize) -> ServiceBroker {
-    let config = ServiceBrokerConfig { rep_port: 0, req_port: 0, pending, ..Default::default() };
+    let config = ZeroMqConfig { rep_port: 0, req_port: 0, pending, ..Default::default() };
     ServiceBroker::start(&config).unwrap()
 }
 
@@ -367,8 +367,7 @@ fn the_first_server_brings_the_broker_and_the_next_process_uses_it() {
 #[test]
 fn ports_that_cannot_be_are_named() {
     let start = |rep_port, req_port, ip: &str| {
-        let config =
-            ServiceBrokerConfig { rep_port, req_port, ip: ip.to_owned(), ..Default::default() };
+        let config = ZeroMqConfig { rep_port, req_port, ip: ip.to_owned(), ..Default::default() };
         ServiceBroker::start(&config).map(drop).unwrap_err().to_string()
     };
     assert!(start(4000, 4000, "127.0.0.1").starts_with("rep_port and req_port are both 4000"));
@@ -390,7 +389,7 @@ fn ports_that_cannot_be_are_named() {
 #[test]
 fn requests_and_replies_that_never_end_cost_their_connection_and_are_counted() {
     let limit = 8 << 20;
-    let broker = ServiceBroker::start(&ServiceBrokerConfig {
+    let broker = ServiceBroker::start(&ZeroMqConfig {
         rep_port: 0,
         req_port: 0,
         max_frame_bytes: limit,
@@ -418,7 +417,7 @@ fn requests_and_replies_that_never_end_cost_their_connection_and_are_counted() {
 #[test]
 fn clients_beyond_the_limit_are_refused_and_counted() {
     let config =
-        ServiceBrokerConfig { rep_port: 0, req_port: 0, max_connections: 1, ..Default::default() };
+        ZeroMqConfig { rep_port: 0, req_port: 0, max_connections: 1, ..Default::default() };
     let broker = ServiceBroker::start(&config).unwrap();
     let server = bare(zmq::REP, broker.req_port());
     let first = bare(zmq::REQ, broker.rep_port());

@@ -1,7 +1,7 @@
 //! Settings of ZeroMQ: the address of the broker, and the behaviour of the sockets.
 //!
 //! ```text
-//!   WRAPYFI_ZEROMQ_* ──▶ ZeroMqConfig ──▶ BrokerConfig (embedded)
+//!   WRAPYFI_ZEROMQ_* ──▶ ZeroMqConfig ──▶ Broker, ServiceBroker (embedded)
 //!                                    └──▶ tcp://ip:port (publishers, listeners)
 //! ```
 
@@ -68,6 +68,8 @@ pub struct ZeroMqConfig {
     /// Messages a socket holds for a peer that is slower, in publishers and in the broker; 0 means
     /// without limit.
     pub send_hwm: u16,
+    /// Requests that our broker holds while no server takes them; those beyond are answered with an error.
+    pub pending: usize,
     /// Largest message, all frames, that a broker accepts before it cuts the connection, in bytes; of a socket the
     /// largest frame. A listener uses the limit of its own topic instead.
     pub max_frame_bytes: usize,
@@ -97,6 +99,7 @@ impl Default for ZeroMqConfig {
             service_broker: BrokerMode::Embedded,
             // libzmq's own default, and so Wrapyfi's.
             send_hwm: 1000,
+            pending: ServiceSpec::PENDING,
             max_frame_bytes: wrapyfi_data::Limits::default().message_bytes + FRAME_SLACK,
             max_connections: 4096,
             insecure: Insecure::default(),
@@ -194,90 +197,14 @@ impl ZeroMqConfig {
         }
     }
 
-    /// The broker that these settings describe.
-    #[must_use]
-    pub fn broker_config(&self) -> BrokerConfig {
-        BrokerConfig {
-            ip: self.hosts.or_same(&self.ip),
-            pub_port: self.pub_port,
-            sub_port: self.sub_port,
-            monitor_topic: self.monitor.then(|| self.monitor_topic.clone()),
-            hwm: self.send_hwm,
-            max_frame_bytes: self.max_frame_bytes,
-            max_connections: self.max_connections,
-            insecure: self.insecure,
-            curve: self.curve.clone(),
-        }
+    /// Address of the broker.
+    pub(super) fn address(&self) -> Result<IpAddr, BrokerError> {
+        resolve(&self.hosts.or_same(&self.ip))
     }
-
-    /// The broker of requests and replies that these settings describe.
-    #[must_use]
-    pub fn service_broker_config(&self) -> ServiceBrokerConfig {
-        ServiceBrokerConfig {
-            ip: self.hosts.or_same(&self.ip),
-            rep_port: self.rep_port,
-            req_port: self.req_port,
-            pending: ServiceBrokerConfig::PENDING,
-            max_frame_bytes: self.max_frame_bytes,
-            max_connections: self.max_connections,
-            insecure: self.insecure,
-            curve: self.curve.clone(),
-        }
-    }
-}
-
-/// Settings of a [`Broker`](super::Broker); the fields mean what they mean in [`ZeroMqConfig`].
-#[derive(Debug, Clone, PartialEq, Eq)]
-#[allow(missing_docs)]
-pub struct BrokerConfig {
-    pub ip: String,
-    /// 0 means any free port, here and in `sub_port`.
-    pub pub_port: u16,
-    pub sub_port: u16,
-    /// `None`: nobody is told who is subscribed.
-    pub monitor_topic: Option<String>,
-    pub hwm: u16,
-    pub max_frame_bytes: usize,
-    pub max_connections: usize,
-    pub insecure: Insecure,
-    pub curve: Option<CurveConfig>,
-}
-
-impl Default for BrokerConfig {
-    fn default() -> Self {
-        ZeroMqConfig::default().broker_config()
-    }
-}
-
-/// Settings of a [`ServiceBroker`](super::ServiceBroker); the fields mean what they mean in [`ZeroMqConfig`].
-#[derive(Debug, Clone, PartialEq, Eq)]
-#[allow(missing_docs)]
-pub struct ServiceBrokerConfig {
-    pub ip: String,
-    /// 0 means any free port, here and in `req_port`.
-    pub rep_port: u16,
-    pub req_port: u16,
-    /// Requests held while no server takes them; those beyond are answered with an error.
-    pub pending: usize,
-    pub max_frame_bytes: usize,
-    pub max_connections: usize,
-    pub insecure: Insecure,
-    pub curve: Option<CurveConfig>,
-}
-
-impl Default for ServiceBrokerConfig {
-    fn default() -> Self {
-        ZeroMqConfig::default().service_broker_config()
-    }
-}
-
-impl ServiceBrokerConfig {
-    /// Requests held unless said otherwise.
-    pub const PENDING: usize = ServiceSpec::PENDING;
 }
 
 /// First address of `host`, or the reason why there is none.
-pub(super) fn resolve(host: &str) -> Result<IpAddr, BrokerError> {
+fn resolve(host: &str) -> Result<IpAddr, BrokerError> {
     if host == "*" {
         return Ok(Ipv4Addr::UNSPECIFIED.into());
     }

@@ -37,12 +37,12 @@ pub enum BrokerError {
         ip: IpAddr,
     },
     /// Both sides on one port.
-    #[error("{} and {} are both {port}: give the two sides of the broker two ports", names.0, names.1)]
+    #[error("{} and {} are both {port}: give the two sides of the broker two ports", names[0], names[1])]
     SamePort {
         /// The port.
         port: u16,
         /// The two settings.
-        names: (&'static str, &'static str),
+        names: [&'static str; 2],
     },
     /// Anything else ZeroMQ or the system refused.
     #[error("the ZeroMQ broker could not {action}: {reason}")]
@@ -72,7 +72,7 @@ pub enum ZeroMqError {
         /// Program that answered on the port.
         answer: Answer,
         /// Names of the two ports in the settings.
-        settings: &'static str,
+        settings: [&'static str; 2],
     },
     /// No broker runs, and ours cannot.
     #[error(transparent)]

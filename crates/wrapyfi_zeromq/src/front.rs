@@ -63,7 +63,7 @@ pub(super) struct Bounds {
     pub(super) connections: usize,
 }
 
-/// The port, and who is connected to it.
+/// The port, and who is connected to it. What came and what was lost is taken out by the broker after each turn.
 pub(super) struct Front {
     kind: Kind,
     port: TcpListener,
@@ -75,7 +75,7 @@ pub(super) struct Front {
     /// Topics that publishers were told of, each with how often it is wanted.
     wanted: BTreeMap<Vec<u8>, usize>,
     /// Messages that came, each with the number of its connection.
-    messages: Vec<(usize, Vec<Bytes>)>,
+    pub(super) messages: Vec<(usize, Vec<Bytes>)>,
     /// Connection that was last given a message in turn.
     last: usize,
     /// Connections that were refused or ended, by reason.
@@ -83,11 +83,11 @@ pub(super) struct Front {
     /// Keys of the broker, where it speaks CURVE.
     keys: Option<Arc<Keys>>,
     /// Subscriptions and messages of topics that the keys of their clients may not have.
-    denied: u64,
+    pub(super) denied: u64,
     /// Throttles of the log, by cause and by who it is.
     faults: Throttles,
-    /// Peers that were refused since they were last asked for.
-    refusals: Vec<Refusal>,
+    /// Peers that were refused.
+    pub(super) refusals: Vec<Refusal>,
     /// Listeners by what they are subscribed to, and how many subscriptions have which length.
     index: HashMap<Vec<u8>, BTreeSet<usize>>,
     lengths: BTreeMap<usize, usize>,
@@ -99,8 +99,10 @@ pub(super) struct Front {
     unread: BTreeSet<usize>,
     /// Connections wait at the port, because the process had no files left.
     has_waiting: bool,
-    heard: Vec<Heard>,
-    losses: Vec<Loss>,
+    /// Subscriptions that came.
+    pub(super) heard: Vec<Heard>,
+    /// Messages that listeners missed.
+    pub(super) losses: Vec<Loss>,
     scratch: Vec<u8>,
 }
 
@@ -157,31 +159,6 @@ impl Front {
     /// True when there is more to be read without waiting.
     pub(super) fn is_unread(&self) -> bool {
         !self.unread.is_empty()
-    }
-
-    /// Takes the subscriptions that came since the last call.
-    pub(super) fn heard(&mut self) -> Vec<Heard> {
-        std::mem::take(&mut self.heard)
-    }
-
-    /// Takes the messages that came since the last call, each with the number of its connection.
-    pub(super) fn messages(&mut self) -> Vec<(usize, Vec<Bytes>)> {
-        std::mem::take(&mut self.messages)
-    }
-
-    /// Number of subscriptions and messages that the keys of their clients may not have.
-    pub(super) fn denied(&self) -> u64 {
-        self.denied
-    }
-
-    /// Takes the peers that were refused since the last call.
-    pub(super) fn refusals(&mut self) -> Vec<Refusal> {
-        std::mem::take(&mut self.refusals)
-    }
-
-    /// Takes the losses that were noticed since the last call.
-    pub(super) fn losses(&mut self) -> Vec<Loss> {
-        std::mem::take(&mut self.losses)
     }
 
     /// Handles what happened to the sockets, without waiting.

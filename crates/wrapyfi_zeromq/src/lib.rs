@@ -15,6 +15,7 @@
 //! | `config`, `error`, `status` | settings and environment, errors of the start, brokers at one moment |
 //! | `supervisor` | there is a broker: ours, or a foreign one until it dies |
 //! | `broker`, `proxy`, `turns`, `monitor`, `traffic` | the broker, its thread, its counts |
+//! | `sides` | the two ports of a broker, bound |
 //! | `front`, `assembly`, `ledger` | one of its sides, messages from their frames, whose messages it lost and whose peers it refused |
 //! | `discovery` | which topics a broker has |
 //! | `port_check` | what has a port |
@@ -66,6 +67,7 @@ mod service_broker;
 mod service_connection;
 mod service_proxy;
 mod shared;
+mod sides;
 mod status;
 mod supervisor;
 mod traffic;
@@ -76,7 +78,7 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 
 pub use broker::Broker;
-pub use config::{BrokerConfig, BrokerMode, NAME, ServiceBrokerConfig, ZeroMqConfig};
+pub use config::{BrokerMode, NAME, ZeroMqConfig};
 pub use curve_config::{CurveClient, CurveConfig, CurveError};
 pub use error::{BrokerError, ZeroMqError};
 pub use port_check::Answer;
@@ -97,12 +99,10 @@ const MAX_TOPIC_BYTES: usize = 1024;
 ///
 /// Dropping it closes the sockets of all its endpoints and ends its broker, within a second.
 pub struct ZeroMq {
-    monitor_topic: String,
-    pub_port: u16,
-    sub_port: u16,
     // Dropped in this order: sockets may still send while the broker runs.
     shared: Shared,
     supervisor: supervisor::Supervisor<Broker>,
+    /// Settings, with the ports that the broker has.
     config: ZeroMqConfig,
     /// Broker of requests and replies, from the first server on.
     services: Mutex<Option<supervisor::Supervisor<ServiceBroker>>>,
@@ -119,7 +119,7 @@ impl ZeroMq {
             topic: config.monitor_topic.clone(),
             reason,
         })?;
-        let ip = config::resolve(&config.hosts.or_same(&config.ip))?;
+        let ip = config.address()?;
         let serves = config.broker == BrokerMode::Embedded;
         let keys = config.curve.as_ref().map(|curve| curve::Keys::load(curve, serves, None));
         let keys = keys.transpose().map_err(BrokerError::Curve)?;
@@ -135,23 +135,20 @@ impl ZeroMq {
             tracing::info!(%ip, "no ZeroMQ broker is started here, one has to run there: {why}");
         }
         let ledger = Arc::<ledger::Ledger>::default();
-        let supervisor = supervisor::Supervisor::<Broker>::start(
-            &(config.broker_config(), Arc::clone(&ledger)),
-            config.broker,
-            ip,
-            keys.as_ref(),
-        )?;
-        let (pub_port, sub_port) = supervisor
-            .own(|broker| (broker.pub_port(), broker.sub_port()))
-            .unwrap_or((config.pub_port, config.sub_port));
-        check_ports([("pub_port", pub_port), ("sub_port", sub_port)])?;
+        let supervisor =
+            supervisor::Supervisor::<Broker>::start(config, &ledger, config.broker, keys.as_ref())?;
+        let mut config = config.clone();
+        if let Some(ports) = supervisor.own(|broker| (broker.pub_port(), broker.sub_port())) {
+            (config.pub_port, config.sub_port) = ports;
+        }
+        check_ports([("pub_port", config.pub_port), ("sub_port", config.sub_port)])?;
         let io = io::Io::start()
             .map_err(|error| ZeroMqError::Transport { reason: error.to_string() })?;
         let ip = config::reachable(ip);
         let shared = Shared {
             ip,
-            pub_endpoint: options::endpoint(ip, pub_port),
-            sub_address: SocketAddr::new(ip, sub_port),
+            pub_endpoint: options::endpoint(ip, config.pub_port),
+            sub_address: SocketAddr::new(ip, config.sub_port),
             send_hwm: config.send_hwm,
             max_frame_bytes: config.max_frame_bytes,
             own_messages: own_messages::OwnMessages::default(),
@@ -160,27 +157,19 @@ impl ZeroMq {
             contexts: contexts::Contexts::default(),
             keys,
         };
-        Ok(Self {
-            monitor_topic: config.monitor_topic.clone(),
-            pub_port,
-            sub_port,
-            shared,
-            supervisor,
-            config: config.clone(),
-            services: Mutex::default(),
-        })
+        Ok(Self { shared, supervisor, config, services: Mutex::default() })
     }
 
     /// Port to which listeners connect.
     #[must_use]
     pub fn pub_port(&self) -> u16 {
-        self.pub_port
+        self.config.pub_port
     }
 
     /// Port to which publishers connect.
     #[must_use]
     pub fn sub_port(&self) -> u16 {
-        self.sub_port
+        self.config.sub_port
     }
 
     /// State of the broker, where it is this process that runs it now.
@@ -200,10 +189,9 @@ impl ZeroMq {
         let supervisor = match &mut *services {
             Some(supervisor) => supervisor,
             none => {
-                let ip = config::resolve(&self.config.hosts.or_same(&self.config.ip))?;
-                let config = (self.config.service_broker_config(), Arc::clone(&self.shared.ledger));
-                let (mode, keys) = (self.config.service_broker, self.shared.keys.as_ref());
-                none.insert(supervisor::Supervisor::start(&config, mode, ip, keys)?)
+                let (ledger, keys) = (&self.shared.ledger, self.shared.keys.as_ref());
+                let mode = self.config.service_broker;
+                none.insert(supervisor::Supervisor::start(&self.config, ledger, mode, keys)?)
             }
         };
         let own = supervisor.own(|broker| (broker.rep_port(), broker.req_port()));
@@ -236,7 +224,7 @@ impl ZeroMq {
     }
 
     fn check(&self, topic: &str) -> OpenResult<()> {
-        let own = [self.monitor_topic.as_str(), traffic::TRAFFIC_TOPIC];
+        let own = [self.config.monitor_topic.as_str(), traffic::TRAFFIC_TOPIC];
         let own = own.into_iter().find(|own| topic.starts_with(own));
         let checked = match own {
             Some(own) => {
@@ -275,13 +263,13 @@ impl Middleware for ZeroMq {
     }
 
     fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
-        Ok(Box::new(discovery::ZeroMqDiscovery::new(&self.shared, &self.monitor_topic)?))
+        Ok(Box::new(discovery::ZeroMqDiscovery::new(&self.shared, &self.config.monitor_topic)?))
     }
 
     /// A publisher sends nothing that nobody subscribes to, and Wrapyfi's waits until somebody names its topic:
     /// so the topic is subscribed to, or everything.
     fn discover_closely(&self, topic: Option<&str>) -> Result<Box<dyn Discovery>, DiscoverError> {
-        let discovery = discovery::ZeroMqDiscovery::new(&self.shared, &self.monitor_topic)?;
+        let discovery = discovery::ZeroMqDiscovery::new(&self.shared, &self.config.monitor_topic)?;
         Ok(Box::new(discovery.subscribed(topic.unwrap_or_default())?))
     }
 }

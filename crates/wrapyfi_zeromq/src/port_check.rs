@@ -58,7 +58,7 @@ impl fmt::Display for Answer {
 
 impl Answer {
     /// Remedy where this is not the broker that is looked for; `settings` have its ports.
-    pub(crate) fn remedy(&self, settings: &str) -> String {
+    pub(crate) fn remedy(&self, settings: &[&str; 2]) -> String {
         match self {
             Self::Secured(mechanism) if mechanism == zmtp::NULL => {
                 "if it is one, it has to start with keys, too, or this program without".to_owned()
@@ -68,7 +68,7 @@ impl Answer {
                  WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE to a key among its clients (or `endpoints: zeromq: curve`)"
                     .to_owned()
             }
-            _ => format!("stop that program, or choose other ports ({settings})"),
+            _ => format!("stop that program, or choose other ports ({})", settings.join(", ")),
         }
     }
 }

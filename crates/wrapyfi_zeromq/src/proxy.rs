@@ -51,7 +51,7 @@ pub(super) struct Proxy {
 impl Proxy {
     fn pass_subscriptions(&mut self, now: Instant) {
         let is_traffic = |topic: &[u8]| topic == TRAFFIC_TOPIC.as_bytes();
-        for heard in self.front.heard() {
+        for heard in std::mem::take(&mut self.front.heard) {
             let pass_on = match &heard {
                 Heard::Ignored | Heard::Message(_) | Heard::Denied(_) => {
                     self.status.ignored += 1;
@@ -84,7 +84,7 @@ impl Proxy {
         if let Err(error) = self.back.turn(now) {
             tracing::error!(%error, "the ZeroMQ broker cannot wait for its publishers");
         }
-        let messages = self.back.messages();
+        let messages = std::mem::take(&mut self.back.messages);
         let any = !messages.is_empty();
         for (_, frames) in messages {
             let bytes = frames.iter().map(Bytes::len).sum();
@@ -105,13 +105,13 @@ impl Proxy {
             self.status.bytes += bytes as u64;
         }
         self.front.flush();
-        self.status.ignored += self.back.heard().len() as u64;
+        self.status.ignored += self.back.heard.drain(..).len() as u64;
         any
     }
 
     /// Counts what listeners missed, and shows all counts.
     fn settle(&mut self) {
-        for Loss { reason, listener, first } in self.front.losses() {
+        for Loss { reason, listener, first } in std::mem::take(&mut self.front.losses) {
             *self.status.missed.entry(reason.as_str()).or_default() += 1;
             let topic = first.as_ref().map(|(topic, _)| String::from_utf8_lossy(topic));
             if let Some(unlogged_before) = self.slow.pass(Instant::now()) {
@@ -122,15 +122,15 @@ impl Proxy {
                 self.ledger.undelivered(topic, reason, *bytes);
             }
         }
-        for refusal in self.front.refusals().iter().chain(&self.back.refusals()) {
-            self.ledger.refused(refusal);
+        for refusal in self.front.refusals.drain(..).chain(self.back.refusals.drain(..)) {
+            self.ledger.refused(&refusal);
         }
         let (counts, mut shown) = (&self.status, self.shown.lock());
         shown.messages = counts.messages;
         shown.bytes = counts.bytes;
         shown.forged = counts.forged;
         shown.ignored = counts.ignored;
-        shown.denied = self.front.denied() + self.back.denied();
+        shown.denied = self.front.denied + self.back.denied;
         shown.missed.clone_from(&counts.missed);
         shown.cut = front::cuts([&self.front, &self.back]);
     }

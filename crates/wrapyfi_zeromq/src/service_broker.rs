@@ -10,15 +10,14 @@
 use std::net::IpAddr;
 use std::sync::Arc;
 
-use super::broker::{bind, failed_to, keys, loopback};
-use super::config::ServiceBrokerConfig;
+use super::config::ZeroMqConfig;
 use super::error::BrokerError;
-use super::front::Bounds;
 use super::ledger::Ledger;
-use super::options::{SEND_HWM, StopSignal};
+use super::options::SEND_HWM;
 use super::service_proxy::ServiceProxy;
+use super::sides::{Sides, failed_to};
 use super::status::ServiceBrokerStatus;
-use super::supervisor::{Side, Supervised};
+use super::supervisor::Supervised;
 use super::turns::Runs;
 use super::zmtp::Kind;
 use wrapyfi_endpoint::Mutex;
@@ -38,40 +37,8 @@ impl ServiceBroker {
     ///
     /// # Errors
     /// When a port cannot be bound or must not be; both are free again then.
-    pub fn start(config: &ServiceBrokerConfig) -> Result<Self, BrokerError> {
-        Self::start_with(config, Arc::default())
-    }
-
-    /// As [`Self::start`], of an instance whose endpoints are told whom the broker refuses.
-    fn start_with(config: &ServiceBrokerConfig, ledger: Arc<Ledger>) -> Result<Self, BrokerError> {
-        let keys = keys(config.curve.as_ref(), None)?;
-        let ip = loopback(&config.ip, config.insecure, keys.as_ref())?;
-        let (rep_port, req_port) = (config.rep_port, config.req_port);
-        if rep_port == req_port && rep_port != 0 {
-            let names = ("rep_port", "req_port");
-            return Err(BrokerError::SamePort { port: rep_port, names });
-        }
-        let context = zmq::Context::new();
-        let bounds = Bounds {
-            // What a client does not read waits behind that, in the thread of the broker.
-            hwm: SEND_HWM,
-            message_bytes: config.max_frame_bytes,
-            connections: config.max_connections,
-        };
-        let (front, rep_port) = bind(Kind::Router, (ip, rep_port), bounds)?;
-        let depth = u16::try_from(config.pending.max(1)).unwrap_or(u16::MAX);
-        let bounds = Bounds { hwm: depth, ..bounds };
-        let (back, req_port) = bind(Kind::Dealer, (ip, req_port), bounds)?;
-        let (stop_signal, stop) =
-            StopSignal::new(&context).map_err(failed_to("open its control socket"))?;
-        let status = Arc::<Mutex<ServiceBrokerStatus>>::default();
-        let (front, back) = (front.secured(keys.clone()), back.secured(keys));
-        let shown = Arc::clone(&status);
-        let proxy = ServiceProxy::new(front, back, stop, config.pending, shown, ledger);
-        let runs = Runs::start("zeromq-services", stop_signal, proxy)
-            .map_err(failed_to("start its thread"))?;
-        tracing::info!(%ip, rep_port, req_port, "ZeroMQ broker of requests and replies runs");
-        Ok(Self { ip, rep_port, req_port, status, _runs: runs })
+    pub fn start(config: &ZeroMqConfig) -> Result<Self, BrokerError> {
+        Self::start_with(config, &Arc::default())
     }
 
     /// Address it is bound to.
@@ -100,23 +67,27 @@ impl ServiceBroker {
 }
 
 impl Supervised for ServiceBroker {
-    type Config = (ServiceBrokerConfig, Arc<Ledger>);
-
+    const KINDS: [Kind; 2] = [Kind::Router, Kind::Dealer];
     // Asked as a socket that neither side takes: one that the DEALER took would be given a request.
-    const FRONT: Side = Side { ours: "SUB", expected: "ROUTER" };
-    const BACK: Side = Side { ours: "SUB", expected: "DEALER" };
+    const ASKED_AS: [&'static str; 2] = ["SUB", "SUB"];
     const WATCHER: zmq::SocketType = zmq::DEALER;
-    const SETTINGS: &'static str = "rep_port, req_port";
+    const SETTINGS: [&'static str; 2] = ["rep_port", "req_port"];
 
-    fn start(config: &Self::Config) -> Result<Self, BrokerError> {
-        Self::start_with(&config.0, Arc::clone(&config.1))
+    fn ports(config: &ZeroMqConfig) -> [u16; 2] {
+        [config.rep_port, config.req_port]
     }
 
-    fn ports((config, _): &Self::Config) -> (u16, u16) {
-        (config.rep_port, config.req_port)
-    }
-
-    fn has_curve((config, _): &Self::Config) -> bool {
-        config.curve.is_some()
+    fn start_with(config: &ZeroMqConfig, ledger: &Arc<Ledger>) -> Result<Self, BrokerError> {
+        let depth = u16::try_from(config.pending.max(1)).unwrap_or(u16::MAX);
+        // What a client does not read waits behind that, in the thread of the broker.
+        let sides = Sides::bind::<Self>(config, [SEND_HWM, depth], None)?;
+        let Sides { ip, ports: [rep_port, req_port], front, back, stop_signal, stop, .. } = sides;
+        let status = Arc::<Mutex<ServiceBrokerStatus>>::default();
+        let (shown, ledger) = (Arc::clone(&status), Arc::clone(ledger));
+        let proxy = ServiceProxy::new(front, back, stop, config.pending, shown, ledger);
+        let runs = Runs::start("zeromq-services", stop_signal, proxy)
+            .map_err(failed_to("start its thread"))?;
+        tracing::info!(%ip, rep_port, req_port, "ZeroMQ broker of requests and replies runs");
+        Ok(Self { ip, rep_port, req_port, status, _runs: runs })
     }
 }

@@ -122,8 +122,8 @@ impl ServiceProxy {
     }
 
     fn show(&mut self) {
-        for refusal in self.front.refusals().iter().chain(&self.back.refusals()) {
-            self.ledger.refused(refusal);
+        for refusal in self.front.refusals.drain(..).chain(self.back.refusals.drain(..)) {
+            self.ledger.refused(&refusal);
         }
         self.tally.cut = front::cuts([&self.front, &self.back]);
         self.shown.lock().clone_from(&self.tally);
@@ -147,8 +147,8 @@ impl ServiceProxy {
         if let Err(error) = self.front.turn(now) {
             tracing::error!(%error, "the ZeroMQ broker cannot wait for its clients");
         }
-        self.tally.malformed += self.front.heard().len() as u64;
-        for (client, mut frames) in self.front.messages() {
+        self.tally.malformed += self.front.heard.drain(..).len() as u64;
+        for (client, mut frames) in std::mem::take(&mut self.front.messages) {
             frames.insert(0, Bytes::copy_from_slice(&client.to_be_bytes()));
             let count = frames.len();
             let message = match envelope::split(frames, count) {
@@ -218,8 +218,8 @@ impl ServiceProxy {
         if let Err(error) = self.back.turn(Instant::now()) {
             tracing::error!(%error, "the ZeroMQ broker cannot wait for its servers");
         }
-        self.tally.malformed += self.back.heard().len() as u64;
-        for (_, frames) in self.back.messages() {
+        self.tally.malformed += self.back.heard.drain(..).len() as u64;
+        for (_, frames) in std::mem::take(&mut self.back.messages) {
             let count = frames.len();
             match envelope::split(frames, count) {
                 Some((envelope, Ok(body))) => self.answer(ServiceMessage { envelope, body }, 1),

@@ -10,14 +10,15 @@ use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::config::{BrokerMode, reachable};
+use super::config::{BrokerMode, ZeroMqConfig, reachable};
 use super::curve::Keys;
 use super::error::{BrokerError, ZeroMqError};
+use super::ledger::Ledger;
 use super::link::{self, BrokerLink, Watch};
 use super::options::{self, StopSignal};
 use super::port_check::{Answer, ask_port};
 use super::turns::{Runs, Turns};
-use super::zmtp;
+use super::zmtp::{self, Kind};
 use wrapyfi_endpoint::Mutex;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::network::is_of_this_machine;
@@ -28,33 +29,20 @@ const SETTLING: Duration = Duration::from_secs(2);
 
 /// A broker as its supervisor knows it.
 pub(super) trait Supervised: Sized + Send + 'static {
-    /// Settings of the broker.
-    type Config: Clone + Send + 'static;
-    /// Socket type of a broker at the first port.
-    const FRONT: Side;
-    /// Socket type of a broker at the second port.
-    const BACK: Side;
+    /// Socket types of its two ports.
+    const KINDS: [Kind; 2];
+    /// Socket types that we announce when we ask somebody else's ports for theirs.
+    const ASKED_AS: [&'static str; 2];
     /// A socket that may connect to the first port, for the connection's events only.
     const WATCHER: zmq::SocketType;
     /// Names of the two ports in the settings.
-    const SETTINGS: &'static str;
+    const SETTINGS: [&'static str; 2];
 
-    /// Binds both ports.
-    fn start(config: &Self::Config) -> Result<Self, BrokerError>;
+    /// The two ports that are configured.
+    fn ports(config: &ZeroMqConfig) -> [u16; 2];
 
-    /// The two ports.
-    fn ports(config: &Self::Config) -> (u16, u16);
-
-    /// True for a broker with CURVE.
-    fn has_curve(config: &Self::Config) -> bool;
-}
-
-/// One side of a broker.
-pub(super) struct Side {
-    /// Socket type that we announce when we ask a port for its own.
-    pub(super) ours: &'static str,
-    /// Socket type that a broker answers with.
-    pub(super) expected: &'static str,
+    /// Binds both ports and runs, as one of an instance whose endpoints are told what it loses and whom it refuses.
+    fn start_with(config: &ZeroMqConfig, ledger: &Arc<Ledger>) -> Result<Self, BrokerError>;
 }
 
 /// Our broker, if we run one, and the thread that takes over from a foreign one.
@@ -72,20 +60,23 @@ enum Found<B> {
 impl<B: Supervised> Supervisor<B> {
     /// Runs the broker, or finds the one that is there.
     pub(super) fn start(
-        config: &B::Config,
+        config: &ZeroMqConfig,
+        ledger: &Arc<Ledger>,
         mode: BrokerMode,
-        ip: IpAddr,
         keys: Option<&Arc<Keys>>,
     ) -> Result<Self, ZeroMqError> {
+        let ip = config.address()?;
         let found = match mode {
-            BrokerMode::Embedded => settle(config, ip)?,
+            BrokerMode::Embedded => settle(config, ledger, ip)?,
             BrokerMode::Foreign => Found::Foreign { may_take_over: false },
         };
         let mut supervisor = Self { broker: Arc::new(Mutex::new(None)), guard: None };
         match found {
             Found::Own(broker) => *supervisor.broker.lock() = Some(broker),
             Found::Foreign { may_take_over: false } => {}
-            Found::Foreign { may_take_over: true } => supervisor.guard(config.clone(), ip, keys)?,
+            Found::Foreign { may_take_over: true } => {
+                supervisor.guard(config, ledger, ip, keys)?;
+            }
         }
         Ok(supervisor)
     }
@@ -97,16 +88,30 @@ impl<B: Supervised> Supervisor<B> {
 
     fn guard(
         &mut self,
-        config: B::Config,
+        config: &ZeroMqConfig,
+        ledger: &Arc<Ledger>,
         ip: IpAddr,
         keys: Option<&Arc<Keys>>,
     ) -> Result<(), ZeroMqError> {
         let context = zmq::Context::new();
         let (stop_signal, stop) = StopSignal::new(&context)?;
-        let endpoint = options::endpoint(reachable(ip), B::ports(&config).0);
-        let link = BrokerLink::new(&endpoint, keys);
-        let guard =
-            Guard::<B>::new(&context, config, (ip, &link, keys), stop, Arc::clone(&self.broker))?;
+        let socket = context.socket(B::WATCHER)?;
+        options::set_common(&socket, ip)?;
+        socket.set_linger(0)?;
+        let [front_port, _] = B::ports(config);
+        let link = BrokerLink::new(&options::endpoint(reachable(ip), front_port), keys);
+        let (socket, watch) = link::connect(&context, socket, &link, keys)?;
+        let mut backoff = Backoff::of_process(2);
+        let guard = Guard::<B> {
+            config: config.clone(),
+            ledger: Arc::clone(ledger),
+            stop,
+            watch,
+            socket,
+            slot: Arc::clone(&self.broker),
+            try_at: Instant::now() + backoff.wait(),
+            backoff,
+        };
         let runs = Runs::start("zeromq-guard", stop_signal, guard);
         self.guard =
             Some(runs.map_err(|error| ZeroMqError::Transport { reason: error.to_string() })?);
@@ -115,10 +120,14 @@ impl<B: Supervised> Supervisor<B> {
 }
 
 /// Binds, or finds out who has the ports.
-fn settle<B: Supervised>(config: &B::Config, ip: IpAddr) -> Result<Found<B>, ZeroMqError> {
+fn settle<B: Supervised>(
+    config: &ZeroMqConfig,
+    ledger: &Arc<Ledger>,
+    ip: IpAddr,
+) -> Result<Found<B>, ZeroMqError> {
     let (give_up_at, mut backoff) = (Instant::now() + SETTLING, Backoff::of_process(3));
     loop {
-        let refusal = match B::start(config) {
+        let refusal = match B::start_with(config, ledger) {
             Ok(broker) => return Ok(Found::Own(broker)),
             Err(BrokerError::NotHere { ip }) => {
                 tracing::info!(%ip, "not an address of this machine: using the broker there");
@@ -134,10 +143,11 @@ fn settle<B: Supervised>(config: &B::Config, ip: IpAddr) -> Result<Found<B>, Zer
             tracing::info!(%ip, "not an address of this machine: using the broker there");
             return Ok(Found::Foreign { may_take_over });
         }
-        let (front_port, back_port) = B::ports(config);
-        let has_curve = B::has_curve(config);
-        let front = Asked::ask(ip, front_port, &B::FRONT, has_curve);
-        let back = Asked::ask(ip, back_port, &B::BACK, has_curve);
+        let [front_port, back_port] = B::ports(config);
+        let ([front_kind, back_kind], [front_as, back_as]) = (B::KINDS, B::ASKED_AS);
+        let has_curve = config.curve.is_some();
+        let front = Asked::ask(SocketAddr::new(ip, front_port), front_kind, front_as, has_curve);
+        let back = Asked::ask(SocketAddr::new(ip, back_port), back_kind, back_as, has_curve);
         if front.is_broker() && back.is_broker() {
             tracing::info!(%ip, front_port, back_port, "using the ZeroMQ broker that runs already");
             return Ok(Found::Foreign { may_take_over });
@@ -152,24 +162,23 @@ fn settle<B: Supervised>(config: &B::Config, ip: IpAddr) -> Result<Found<B>, Zer
             continue;
         }
         let culprit = [front, back].into_iter().find(|side| !side.is_broker() && !side.is_nobody());
-        return Err(culprit.map_or_else(|| refusal.into(), |side| side.into_error(ip, B::SETTINGS)));
+        return Err(culprit.map_or_else(|| refusal.into(), |side| side.into_error(B::SETTINGS)));
     }
 }
 
 /// Answer of the program at one of the two ports.
 struct Asked {
-    port: u16,
+    at: SocketAddr,
     expected: &'static str,
     has_curve: bool,
     answer: Answer,
 }
 
 impl Asked {
-    fn ask(ip: IpAddr, port: u16, side: &Side, has_curve: bool) -> Self {
-        let Side { ours, expected } = *side;
+    fn ask(at: SocketAddr, expected: Kind, ours: &str, has_curve: bool) -> Self {
         let mechanism = if has_curve { zmtp::CURVE } else { zmtp::NULL };
-        let answer = ask_port(SocketAddr::new(reachable(ip), port), ours, mechanism);
-        Self { port, expected, has_curve, answer }
+        let answer = ask_port(SocketAddr::new(reachable(at.ip()), at.port()), ours, mechanism);
+        Self { at, expected: expected.name(), has_curve, answer }
     }
 
     fn is_broker(&self) -> bool {
@@ -185,15 +194,16 @@ impl Asked {
         matches!(self.answer, Answer::Nobody(_))
     }
 
-    fn into_error(self, ip: IpAddr, settings: &'static str) -> ZeroMqError {
-        let Self { port, expected, answer, .. } = self;
-        ZeroMqError::PortTaken { ip, port, expected, answer, settings }
+    fn into_error(self, settings: [&'static str; 2]) -> ZeroMqError {
+        let Self { at, expected, answer, .. } = self;
+        ZeroMqError::PortTaken { ip: at.ip(), port: at.port(), expected, answer, settings }
     }
 }
 
 /// Watches a foreign broker, and becomes the broker when it dies.
 struct Guard<B: Supervised> {
-    config: B::Config,
+    config: ZeroMqConfig,
+    ledger: Arc<Ledger>,
     stop: zmq::Socket,
     watch: Watch,
     /// Connected for its connection events only.
@@ -201,24 +211,6 @@ struct Guard<B: Supervised> {
     slot: Arc<Mutex<Option<B>>>,
     backoff: Backoff,
     try_at: Instant,
-}
-
-impl<B: Supervised> Guard<B> {
-    fn new(
-        context: &zmq::Context,
-        config: B::Config,
-        (ip, link, keys): (IpAddr, &Arc<BrokerLink>, Option<&Arc<Keys>>),
-        stop: zmq::Socket,
-        slot: Arc<Mutex<Option<B>>>,
-    ) -> zmq::Result<Self> {
-        let socket = context.socket(B::WATCHER)?;
-        options::set_common(&socket, ip)?;
-        socket.set_linger(0)?;
-        let (socket, watch) = link::connect(context, socket, link, keys)?;
-        let mut backoff = Backoff::of_process(2);
-        let try_at = Instant::now() + backoff.wait();
-        Ok(Self { config, stop, watch, socket, slot, backoff, try_at })
-    }
 }
 
 impl<B: Supervised> Turns for Guard<B> {
@@ -246,9 +238,9 @@ impl<B: Supervised> Turns for Guard<B> {
         if self.watch.link.is_up() || Instant::now() < self.try_at {
             return Ok(true);
         }
-        match B::start(&self.config) {
+        match B::start_with(&self.config, &self.ledger) {
             Ok(broker) => {
-                let (front_port, back_port) = B::ports(&self.config);
+                let [front_port, back_port] = B::ports(&self.config);
                 tracing::warn!(
                     front_port,
                     back_port,

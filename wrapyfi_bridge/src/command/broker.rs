@@ -38,7 +38,7 @@ pub fn run(args: &BrokerArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         let clients = args.curve_client.iter().map(|key| CurveClient::of_all(key));
         curve.clients = Some(clients.collect()).filter(|clients: &Vec<_>| !clients.is_empty());
     }
-    let services = match ServiceBroker::start(&config.service_broker_config()) {
+    let services = match ServiceBroker::start(&config) {
         Ok(services) => Some(services),
         // Wrapyfi's servers bring theirs along: topics need not wait for them to end.
         Err(error @ BrokerError::PortTaken { .. }) if !args.ports.any() => {
@@ -55,7 +55,7 @@ pub fn run(args: &BrokerArgs, shutdown: &Shutdown) -> Result<(), Failure> {
             services.req_port()
         );
     }
-    let broker = Broker::start(&config.broker_config()).map_err(failed)?;
+    let broker = Broker::start(&config).map_err(failed)?;
     tracing::info!(
         "broker on {}: listeners connect to port {}, publishers to port {}",
         broker.ip(),

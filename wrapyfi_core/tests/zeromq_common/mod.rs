@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-use wrapyfi_core::middleware::zeromq::{BrokerConfig, BrokerMode, ZeroMqConfig};
+use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMqConfig};
 
 pub const MONITOR: &str = "ZEROMQ/CONNECTIONS";
 /// Long enough for the slowest machine; reached only by failures.
@@ -22,8 +22,8 @@ pub fn wait_until(what: &str, mut condition: impl FnMut() -> bool) {
 }
 
 /// A broker on free ports.
-pub fn any_ports() -> BrokerConfig {
-    BrokerConfig { pub_port: 0, sub_port: 0, ..BrokerConfig::default() }
+pub fn any_ports() -> ZeroMqConfig {
+    ZeroMqConfig { pub_port: 0, sub_port: 0, ..ZeroMqConfig::default() }
 }
 
 /// An instance that runs its own broker on free ports.
