@@ -127,7 +127,7 @@ impl Ends {
         let writers = self.reader.writers().unwrap_or_default();
         let (requests, replies) =
             if writer_is_requests { (&readers, &writers) } else { (&writers, &readers) };
-        let keyed = |peer: &super::cyclone::Peer| {
+        let keyed = |peer: &super::cyclone::EndpointFound| {
             (peer.service_mapping, EndKey::new(&peer.guid, &peer.user_data))
         };
         pair(requests.iter().map(keyed), replies.iter().map(keyed), OURS)

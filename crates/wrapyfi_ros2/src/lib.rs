@@ -122,13 +122,14 @@ pub use node_handle::NodeHandle;
 pub use pacing::ACKNOWLEDGES_NOTHING;
 pub use parameters::{
     ParameterClient, ParameterClientError, ParameterResult, RefusedParameter, RemoteParameters,
+    ServiceOptions,
 };
 #[cfg(feature = "rmw")]
 pub use rmw_graph::RmwGraph;
 pub use ros2::Ros2;
 #[cfg(feature = "fastdds-services")]
 pub use rust_services::{RustServices, RustServicesError, ServiceEndpoints};
-pub use service::{ServiceOptions, returned};
+pub use service::returned;
 
 use graph::GraphError;
 use listener::Ros2Listener;

@@ -20,7 +20,7 @@
 
 use std::time::{Duration, Instant};
 
-use super::cyclone::{Peer, RawWriter};
+use super::cyclone::{EndpointFound, RawWriter};
 use super::discovery_info::Gid;
 use super::graph::{NodeWatch, ServiceMapping, TopicDescription};
 use super::vendor;
@@ -223,14 +223,15 @@ impl Pacing {
         let peers = raw.readers().unwrap_or_default();
         self.seen = Some((changes, peers.len()));
         let mut known = std::mem::take(&mut self.readers);
-        let fast =
-            |peer: &&Peer| vendor::mapping_of(&peer.guid, None) == Some(ServiceMapping::FastDds);
+        let fast = |peer: &&EndpointFound| {
+            vendor::mapping_of(&peer.guid, None) == Some(ServiceMapping::FastDds)
+        };
         for peer in peers.iter().filter(fast) {
             let found = known.iter().position(|reader| reader.gid == peer.guid);
             self.readers.push(found.map(|at| known.swap_remove(at)).unwrap_or_else(|| {
                 FastReader {
                     gid: peer.guid,
-                    is_reliable: [peer.reliability, self.topic.qos.reliability]
+                    is_reliable: [peer.qos.reliability, self.topic.qos.reliability]
                         == [Reliability::Reliable; 2],
                     found: now,
                     is_told: false,

@@ -114,8 +114,8 @@ impl RustServices {
     /// Calls `on_change` now and after every service that comes or goes, in order, with what exists
     /// then; of changes at the same time with the last. It may use these services in any way, but
     /// whoever creates or drops one waits for it.
-    pub fn on_change(&self, on_change: impl Fn(&ServiceEndpoints) + Send + 'static) {
-        self.0.changes.notify_by(Box::new(on_change));
+    pub fn on_change(&self, on_change: impl Fn(&ServiceEndpoints) + Send + Sync + 'static) {
+        self.0.changes.notify_by(Arc::new(on_change));
     }
 
     /// Creates a client and announces it. `on_event` is called from a thread of the services when

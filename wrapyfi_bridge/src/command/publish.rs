@@ -3,8 +3,7 @@
 use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
-use wrapyfi_core::endpoint::{Context, PublishError, Publisher, TopicSpec};
-use wrapyfi_core::middleware::ros2::ServiceOptions;
+use wrapyfi_core::endpoint::{Context, PublishError, Publisher, ServiceSpec, TopicSpec};
 use wrapyfi_core::types::{MessageType, Payload};
 
 use super::definitions;
@@ -59,7 +58,7 @@ fn with_defaults(args: &PubArgs) -> PubArgs {
     let properties = args.message_type == TypeName::Known(MessageType::Properties);
     if properties && args.endpoint.middleware == "ros2" {
         args.count = args.count.or(Some(1));
-        args.timeout = args.timeout.or(Some(ServiceOptions::default().timeout));
+        args.timeout = args.timeout.or(Some(ServiceSpec::TIMEOUT));
     }
     args
 }

@@ -43,6 +43,30 @@ pub(crate) struct EndpointFound {
     pub(crate) service_mapping: Option<ServiceMapping>,
 }
 
+impl EndpointFound {
+    /// Copies what Cyclone tells of an endpoint.
+    ///
+    /// # Safety
+    /// Names and QoS of `found` are alive: null, or NUL-terminated and a QoS object.
+    pub(super) unsafe fn copy(
+        is_writer: bool,
+        found: &cyclors::dds_builtintopic_endpoint_t,
+    ) -> Self {
+        // SAFETY: by contract.
+        unsafe {
+            Self {
+                is_writer,
+                guid: found.key.v,
+                topic: text(found.topic_name),
+                type_name: text(found.type_name),
+                user_data: user_data(found.qos),
+                qos: announced(found.qos),
+                service_mapping: vendor::mapping_of(&found.key.v, max_blocking(found.qos)),
+            }
+        }
+    }
+}
+
 /// All endpoints alive now.
 pub(crate) fn endpoints(participant: &Entity) -> Result<Vec<EndpointFound>, ReturnCode> {
     let mut found = Vec::new();
@@ -172,26 +196,12 @@ fn take_batch(
                 continue;
             }
         };
-        // SAFETY: names are null or NUL-terminated.
-        let (topic, type_name) = unsafe { (text(endpoint.topic_name), text(endpoint.type_name)) };
+        // SAFETY: lent until returned below.
+        let found = unsafe { EndpointFound::copy(is_writer, endpoint) };
         // The readers with which we look are not on the wire.
-        if topic.starts_with("DCPS") {
+        if found.topic.starts_with("DCPS") {
             continue;
         }
-        let found = EndpointFound {
-            is_writer,
-            guid: endpoint.key.v,
-            topic,
-            type_name,
-            // SAFETY: the QoS belongs to the lent sample.
-            user_data: unsafe { user_data(endpoint.qos) },
-            // SAFETY: as above.
-            qos: unsafe { announced(endpoint.qos) },
-            // SAFETY: as above.
-            service_mapping: vendor::mapping_of(&endpoint.key.v, unsafe {
-                max_blocking(endpoint.qos)
-            }),
-        };
         each(info.instance_handle, Some(found));
     }
     Ok(taken > 0)
@@ -211,7 +221,7 @@ unsafe fn text(name: *const c_char) -> String {
 ///
 /// # Safety
 /// `qos` is null or a QoS object that is alive.
-pub(super) unsafe fn user_data(qos: *const cyclors::dds_qos_t) -> Vec<u8> {
+unsafe fn user_data(qos: *const cyclors::dds_qos_t) -> Vec<u8> {
     let mut data: *mut c_void = ptr::null_mut();
     let mut bytes = 0;
     // SAFETY: by contract; the call copies the data into memory that we free.

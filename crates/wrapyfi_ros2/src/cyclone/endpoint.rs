@@ -18,9 +18,10 @@ use std::time::Duration;
 
 use bytes::Bytes;
 
+use super::builtin::EndpointFound;
 use super::entity::{Entity, ReturnCode};
 use super::events::{Events, Listener, silence};
-use super::matched::{self, Peer, Side};
+use super::matched::{self, Side};
 use super::qos::{EndpointQos, QosObject};
 use super::sequence::Gaps;
 use super::serdata::Sample;
@@ -177,7 +178,7 @@ impl RawWriter {
     }
 
     /// The readers it is matched with.
-    pub(crate) fn readers(&self) -> Result<Vec<Peer>, ReturnCode> {
+    pub(crate) fn readers(&self) -> Result<Vec<EndpointFound>, ReturnCode> {
         matched::peers(&self.0.entity, Side::Writer)
     }
 
@@ -282,7 +283,7 @@ impl RawReader {
     }
 
     /// The writers it is matched with.
-    pub(crate) fn writers(&self) -> Result<Vec<Peer>, ReturnCode> {
+    pub(crate) fn writers(&self) -> Result<Vec<EndpointFound>, ReturnCode> {
         matched::peers(&self.endpoint.entity, Side::Reader)
     }
 
@@ -292,7 +293,7 @@ impl RawReader {
     }
 
     /// The writer of a sample, while it is matched.
-    pub(crate) fn writer(&self, handle: u64) -> Option<Peer> {
+    pub(crate) fn writer(&self, handle: u64) -> Option<EndpointFound> {
         matched::peer(&self.endpoint.entity, Side::Reader, handle)
     }
 

@@ -1,32 +1,15 @@
-//! Peers that an endpoint is matched with: GUID, reliability and USER_DATA of each.
+//! Peers that an endpoint is matched with.
 //!
 //! ```text
-//!   writer ── dds_get_matched_subscriptions ──▶ handles ── …_data ──▶ Peer { guid, reliability, user_data }
-//!   reader ── dds_get_matched_publications ───▶ handles ── …_data ──▶ Peer
+//!   writer ── dds_get_matched_subscriptions ──▶ handles ── …_data ──▶ EndpointFound { guid, qos, user_data, … }
+//!   reader ── dds_get_matched_publications ───▶ handles ── …_data ──▶ EndpointFound
 //! ```
 //!
 //! Contract: what Cyclone allocates for a peer is freed here; what leaves this module is copied.
 #![allow(unsafe_code)]
 
-use super::builtin::user_data;
+use super::builtin::EndpointFound;
 use super::entity::{Entity, ReturnCode};
-use super::qos::{announced, max_blocking};
-use crate::graph::ServiceMapping;
-use crate::vendor;
-use wrapyfi_endpoint::Reliability;
-
-/// The other end of a match.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Peer {
-    /// GUID: 12 bytes of participant, 4 of entity.
-    pub(crate) guid: [u8; 16],
-    /// USER_DATA.
-    pub(crate) user_data: Vec<u8>,
-    /// Reliability that the peer announces.
-    pub(crate) reliability: Reliability,
-    /// Form in which its owner maps services to DDS, where that is known.
-    pub(crate) service_mapping: Option<ServiceMapping>,
-}
 
 /// Side of a match that an endpoint is on.
 #[derive(Debug, Clone, Copy)]
@@ -39,7 +22,7 @@ pub(super) enum Side {
 const MAX_PEERS: usize = 1 << 14;
 
 /// All peers of an endpoint.
-pub(super) fn peers(endpoint: &Entity, side: Side) -> Result<Vec<Peer>, ReturnCode> {
+pub(super) fn peers(endpoint: &Entity, side: Side) -> Result<Vec<EndpointFound>, ReturnCode> {
     let handles = handles(endpoint, side)?;
     Ok(handles.into_iter().filter_map(|handle| peer(endpoint, side, handle)).collect())
 }
@@ -70,7 +53,7 @@ pub(super) fn handles(endpoint: &Entity, side: Side) -> Result<Vec<u64>, ReturnC
 }
 
 /// The peer with this handle, if it is still matched.
-pub(super) fn peer(endpoint: &Entity, side: Side, handle: u64) -> Option<Peer> {
+pub(super) fn peer(endpoint: &Entity, side: Side, handle: u64) -> Option<EndpointFound> {
     // SAFETY: plain numbers; the result is null or an object that is ours to free.
     let data = unsafe {
         match side {
@@ -78,16 +61,9 @@ pub(super) fn peer(endpoint: &Entity, side: Side, handle: u64) -> Option<Peer> {
             Side::Reader => cyclors::dds_get_matched_publication_data(endpoint.handle(), handle),
         }
     };
+    let is_writer = matches!(side, Side::Reader);
     // SAFETY: null, or alive until freed below.
-    let peer = unsafe { data.as_ref() }.map(|found| Peer {
-        guid: found.key.v,
-        // SAFETY: the QoS belongs to the object.
-        user_data: unsafe { user_data(found.qos) },
-        // SAFETY: as above.
-        reliability: unsafe { announced(found.qos) }.reliability,
-        // SAFETY: as above.
-        service_mapping: vendor::mapping_of(&found.key.v, unsafe { max_blocking(found.qos) }),
-    })?;
+    let peer = unsafe { data.as_ref().map(|found| EndpointFound::copy(is_writer, found)) }?;
     // SAFETY: not null here, allocated by the call above, freed once.
     unsafe { cyclors::dds_builtintopic_free_endpoint(data) };
     Some(peer)

@@ -40,5 +40,4 @@ pub(super) use builtin::{BuiltinReader, EndpointFound, endpoints};
 pub(super) use endpoint::{RawReader, RawSample, RawWriter, Taken, WriteFault};
 pub(super) use entity::{Entity, ReturnCode};
 pub(super) use events::Events;
-pub(super) use matched::Peer;
 pub(super) use qos::EndpointQos;

@@ -5,16 +5,16 @@
 //! ```
 
 use std::marker::PhantomData;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_interfaces::{Message, Service};
 
-use super::{ParameterClientError, ParameterResult};
-use crate::ServiceOptions;
+use super::{ParameterClientError, ParameterResult, ServiceOptions};
 use crate::graph::Peers;
 use crate::ros2::{Ros2, no_service};
 use crate::service::Ros2Client;
+use wrapyfi_data::Limits;
 use wrapyfi_data::types::{Payload, RosMessage, RosService, ServiceKind};
 use wrapyfi_endpoint::wire_client::WireClient;
 use wrapyfi_endpoint::{
@@ -28,7 +28,7 @@ pub(super) struct Asker<S> {
     /// Name of the service, behind the name of the node.
     name: &'static str,
     node: String,
-    options: ServiceOptions,
+    timeout: Duration,
     _service: PhantomData<fn() -> S>,
 }
 
@@ -42,11 +42,15 @@ impl<S: Service> Asker<S> {
     ) -> ParameterResult<Self> {
         let name = which.name();
         let service = service::<S>()?;
-        let spec = options.spec(&format!("{node}/{name}"), service);
+        let spec = ServiceSpec {
+            timeout: options.timeout,
+            limits: Limits { message_bytes: options.max_bytes, ..Limits::default() },
+            ..ServiceSpec::new(format!("{node}/{name}"), ServiceKind::Ros(service))
+        };
         let context = Context { wake: wake.clone(), ..Context::default() };
-        let client = Ros2Client::open(ros2, &spec, options.depth, &context)?;
-        let (node, options) = (node.to_owned(), options.clone());
-        Ok(Self { client, service, name, node, options, _service: PhantomData })
+        let client = Ros2Client::open(ros2, &spec, ParameterService::DEPTH, &context)?;
+        let (node, timeout) = (node.to_owned(), options.timeout);
+        Ok(Self { client, service, name, node, timeout, _service: PhantomData })
     }
 
     /// Servers there are now.
@@ -62,7 +66,7 @@ impl<S: Service> Asker<S> {
     /// Begins a call that [`Asker::poll`] will end.
     pub(super) fn begin(&mut self, request: &S::Request) -> ParameterResult<Ticket> {
         let request = self.message(request);
-        Ok(self.client.send(&request, self.options.timeout)?)
+        Ok(self.client.send(&request, self.timeout)?)
     }
 
     /// A call that has ended.
@@ -78,7 +82,7 @@ impl<S: Service> Asker<S> {
     /// Calls, and waits for the reply.
     pub(super) fn ask(&mut self, request: &S::Request) -> ParameterResult<S::Response> {
         let request = self.message(request);
-        let result = self.client.call(&request, self.options.timeout);
+        let result = self.client.call(&request, self.timeout);
         self.response(result)
     }
 

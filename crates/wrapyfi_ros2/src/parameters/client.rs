@@ -10,9 +10,9 @@ use wrapyfi_interfaces::rcl_interfaces::srv::{
 
 use super::asker::Asker;
 use super::{
-    CHUNK, MAX_NAMES, ParameterClientError, ParameterResult, RefusedParameter, node_name, options,
+    CHUNK, MAX_NAMES, ParameterClientError, ParameterResult, RefusedParameter, ServiceOptions,
+    node_name,
 };
-use crate::ServiceOptions;
 use crate::graph::Peers;
 use crate::ros2::Ros2;
 use wrapyfi_data::types::{ParameterType, ParameterValue, Properties};
@@ -70,17 +70,16 @@ impl ParameterClient {
     pub fn open(
         ros2: &Ros2,
         node: &str,
-        given: &ServiceOptions,
+        options: &ServiceOptions,
         wake: &Wake,
     ) -> ParameterResult<Self> {
         let node = node_name(ros2, node)?;
-        let options = options(given);
         // One at once, which knows whether the node is there.
-        let set = Asker::open(ros2, &node, ParameterService::Set, &options, wake)?;
+        let set = Asker::open(ros2, &node, ParameterService::Set, options, wake)?;
         Ok(Self {
             ros2: ros2.clone(),
             node,
-            options,
+            options: options.clone(),
             wake: wake.clone(),
             list: None,
             get: None,

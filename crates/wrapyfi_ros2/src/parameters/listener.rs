@@ -3,8 +3,8 @@
 
 use std::time::Instant;
 
+use super::ServiceOptions;
 use super::{ParameterClientError, ParameterResult, RemoteParameters};
-use crate::ServiceOptions;
 use crate::graph::{Peers, ServiceMapping};
 use crate::ros2::Ros2;
 use wrapyfi_endpoint::{Context, DropReason, Link, Listener, Review, Sample, TakeError, TopicSpec};

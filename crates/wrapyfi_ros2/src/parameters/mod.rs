@@ -21,10 +21,12 @@ pub(super) use listener::PropertiesListener;
 pub(super) use publisher::PropertiesPublisher;
 pub use remote::RemoteParameters;
 
-use super::ServiceOptions;
+use std::time::Duration;
+
 use super::ros2::Ros2;
+use wrapyfi_data::Limits;
+use wrapyfi_endpoint::ServiceSpec;
 use wrapyfi_node::NodeName;
-use wrapyfi_node::parameters::ParameterService;
 
 /// Names that are asked for in one request.
 const CHUNK: usize = 256;
@@ -39,7 +41,17 @@ fn node_name(ros2: &Ros2, name: &str) -> Result<String, ParameterClientError> {
     Ok(expanded)
 }
 
-/// Options of clients of parameters: with the depth that nodes have there.
-fn options(given: &ServiceOptions) -> ServiceOptions {
-    ServiceOptions { depth: ParameterService::DEPTH, ..given.clone() }
+/// Settings of the calls to the parameter services of a node.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ServiceOptions {
+    /// Time that a call has, from its begin to its reply: 5 s.
+    pub timeout: Duration,
+    /// Largest request or reply in bytes.
+    pub max_bytes: usize,
+}
+
+impl Default for ServiceOptions {
+    fn default() -> Self {
+        Self { timeout: ServiceSpec::TIMEOUT, max_bytes: Limits::default().message_bytes }
+    }
 }

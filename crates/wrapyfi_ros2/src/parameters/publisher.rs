@@ -1,8 +1,8 @@
 //! An endpoint that sets the parameters of a node.
 
+use super::ServiceOptions;
 use super::listener::link;
 use super::{ParameterClient, ParameterClientError, ParameterResult};
-use crate::ServiceOptions;
 use crate::graph::{Peers, ServiceMapping};
 use crate::ros2::Ros2;
 use wrapyfi_data::Limits;
@@ -22,8 +22,7 @@ impl PropertiesPublisher {
     pub(crate) fn open(ros2: &Ros2, spec: &TopicSpec, context: &Context) -> ParameterResult<Self> {
         let max_bytes = spec.limits.message_bytes;
         // No longer than the end of the program may wait for it.
-        let options =
-            ServiceOptions { max_bytes, timeout: Limits::SHUTDOWN, ..ServiceOptions::default() };
+        let options = ServiceOptions { max_bytes, timeout: Limits::SHUTDOWN };
         Ok(Self {
             client: ParameterClient::open(ros2, &spec.topic, &options, &context.wake)?,
             mapping: ros2.graph().service_mapping(),

@@ -25,8 +25,7 @@ use wrapyfi_interfaces::rcl_interfaces::srv::{
 use super::asker::Asker;
 use super::client::too_many;
 use super::event::changes_by;
-use super::{CHUNK, MAX_NAMES, ParameterClientError, ParameterResult, node_name, options};
-use crate::ServiceOptions;
+use super::{CHUNK, MAX_NAMES, ParameterClientError, ParameterResult, ServiceOptions, node_name};
 use crate::diagnosis::Names;
 use crate::graph::{CdrReader, GraphError, PeerWatch, Peers, TopicDescription, ringing};
 use crate::ros2::Ros2;
@@ -107,11 +106,10 @@ impl RemoteParameters {
     pub fn watch(
         ros2: &Ros2,
         node: &str,
-        given: &ServiceOptions,
+        options: &ServiceOptions,
         wake: &Wake,
     ) -> ParameterResult<Self> {
         let node = node_name(ros2, node)?;
-        let options = options(given);
         let qos = Qos { history: History::KeepLast(EVENTS_KEPT), ..Qos::default() };
         let events = TopicDescription::of::<ParameterEvent>(EVENTS, qos, options.max_bytes);
         let backoff = Backoff::of_process(0).starting_at(LOOK_SELDOM);
@@ -120,8 +118,8 @@ impl RemoteParameters {
             events: ros2.graph().subscribe(&events, ringing(wake))?,
             tellers: ros2.graph().watch(EVENTS, true, ringing(wake))?,
             names: Arc::clone(&ros2.names),
-            list: Asker::open(ros2, &node, ParameterService::List, &options, wake)?,
-            get: Asker::open(ros2, &node, ParameterService::Get, &options, wake)?,
+            list: Asker::open(ros2, &node, ParameterService::List, options, wake)?,
+            get: Asker::open(ros2, &node, ParameterService::Get, options, wake)?,
             node,
             instance: Instance::default(),
             tellers_seen: (u64::MAX, None),

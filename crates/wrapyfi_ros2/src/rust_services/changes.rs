@@ -9,12 +9,13 @@
 //! after it returns, by the thread that is telling already.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
 
 use super::announce::ServiceEndpoints;
 use wrapyfi_endpoint::Mutex;
 
 /// Function that is called with the endpoints that exist.
-pub(super) type OnChange = Box<dyn Fn(&ServiceEndpoints) + Send>;
+pub(super) type OnChange = Arc<dyn Fn(&ServiceEndpoints) + Send + Sync>;
 
 /// Endpoints of the services, and those who are notified of changes.
 #[derive(Default)]
@@ -23,7 +24,6 @@ pub(super) struct Changes(Mutex<State>);
 #[derive(Default)]
 struct State {
     endpoints: ServiceEndpoints,
-    /// Function that is notified; `None` where there is none, or while it is being called.
     on_change: Option<OnChange>,
     notifying: bool,
     unreported: bool,
@@ -61,33 +61,23 @@ impl Changes {
             return;
         }
         while state.unreported {
-            let Some(on_change) = state.on_change.take() else { return };
+            let Some(on_change) = state.on_change.clone() else { return };
             (state.notifying, state.unreported) = (true, false);
             let endpoints = state.endpoints.clone();
             drop(state);
             if catch_unwind(AssertUnwindSafe(|| on_change(&endpoints))).is_err() {
                 tracing::error!("a callback for endpoints of services panicked");
             }
+            // The last of it where it was replaced while it was called.
+            drop(on_change);
             state = self.0.lock();
             state.notifying = false;
-            if state.on_change.is_none() {
-                state.on_change = Some(on_change);
-            } else {
-                // Replaced while it was called.
-                drop(state);
-                drop(on_change);
-                state = self.0.lock();
-                if state.notifying {
-                    return;
-                }
-            }
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
     use std::sync::mpsc;
 
     use super::*;
@@ -99,7 +89,7 @@ mod tests {
     /// Numbers of readers, in the order in which they were reported.
     fn told(changes: &Changes) -> mpsc::Receiver<usize> {
         let (sender, receiver) = mpsc::channel();
-        changes.notify_by(Box::new(move |ends| sender.send(ends.readers.len()).unwrap()));
+        changes.notify_by(Arc::new(move |ends| sender.send(ends.readers.len()).unwrap()));
         receiver
     }
 
@@ -126,7 +116,7 @@ mod tests {
         let changes = Arc::new(Changes::default());
         let (sender, seen) = mpsc::channel();
         let inner = Arc::downgrade(&changes);
-        changes.notify_by(Box::new(move |ends_now| {
+        changes.notify_by(Arc::new(move |ends_now| {
             let changes = inner.upgrade().unwrap();
             let count = ends_now.readers.len();
             assert_eq!(changes.endpoints().readers.len(), count);
@@ -137,7 +127,7 @@ mod tests {
             } else {
                 let sender = sender.clone();
                 changes
-                    .notify_by(Box::new(move |ends| sender.send(10 + ends.readers.len()).unwrap()));
+                    .notify_by(Arc::new(move |ends| sender.send(10 + ends.readers.len()).unwrap()));
             }
         }));
         assert_eq!(seen.try_iter().collect::<Vec<_>>(), [0, 1, 2, 3, 13]);
@@ -150,7 +140,7 @@ mod tests {
     fn one_that_panics_is_told_the_next_change_too() {
         let changes = Changes::default();
         let (sender, seen) = mpsc::channel();
-        changes.notify_by(Box::new(move |ends| {
+        changes.notify_by(Arc::new(move |ends| {
             sender.send(ends.readers.len()).unwrap();
             panic!("a fault of the user");
         }));
@@ -164,7 +154,7 @@ mod tests {
         let changes = Arc::new(Changes::default());
         let last = Arc::new(Mutex::new(usize::MAX));
         let seen = Arc::clone(&last);
-        changes.notify_by(Box::new(move |ends| *seen.lock() = ends.readers.len()));
+        changes.notify_by(Arc::new(move |ends| *seen.lock() = ends.readers.len()));
         std::thread::scope(|scope| {
             for _ in 0..4 {
                 scope.spawn(|| {

@@ -19,48 +19,11 @@ pub use codec::returned;
 pub(super) use server::Ros2Server;
 
 use super::graph::GraphError;
-use wrapyfi_data::Limits;
-use wrapyfi_data::types::{RosService, ServiceKind};
 use wrapyfi_endpoint::{DropReason, ServiceSpec};
 
 /// Shortest time to the next look at things that nobody is notified of: see
 /// [`CdrClient::look_again`](super::graph::CdrClient::look_again).
 pub(super) const LOOK_AGAIN: Duration = Duration::from_millis(1);
-
-/// Settings of the calls of a client or a server.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct ServiceOptions {
-    /// Time that a call has, from its begin to its reply: 5 s.
-    pub timeout: Duration,
-    /// Calls of one client, or requests of one server, that may be under way at once: 64.
-    pub pending: usize,
-    /// Requests and replies kept by DDS: 10.
-    pub depth: u32,
-    /// Largest request or reply in bytes.
-    pub max_bytes: usize,
-}
-
-impl Default for ServiceOptions {
-    fn default() -> Self {
-        Self {
-            timeout: Duration::from_secs(5),
-            pending: 64,
-            depth: 10,
-            max_bytes: Limits::default().message_bytes,
-        }
-    }
-}
-
-impl ServiceOptions {
-    pub(super) fn spec(&self, name: &str, service: RosService) -> ServiceSpec {
-        ServiceSpec {
-            timeout: self.timeout,
-            pending: self.pending,
-            limits: Limits { message_bytes: self.max_bytes, ..Limits::default() },
-            ..ServiceSpec::new(name, ServiceKind::Ros(service))
-        }
-    }
-}
 
 /// Requests and replies that DDS keeps: all that may be under way at once, as it overwrites what exceeds
 /// its depth.
