@@ -1,6 +1,7 @@
 //! Endpoints that others have, as the graph knows them.
 
-use super::{Qos, TypeHash};
+use super::TypeHash;
+use wrapyfi_endpoint::AnnouncedQos;
 
 /// Identity of an endpoint, the same on every host.
 pub type Gid = [u8; 16];
@@ -25,7 +26,7 @@ pub struct Endpoint {
     /// Identity.
     pub gid: Gid,
     /// Quality of service that it announces.
-    pub qos: Qos,
+    pub qos: AnnouncedQos,
 }
 
 /// The first 16 bytes of an identity: longer ones of older distributions end with zeros.

@@ -18,7 +18,7 @@ use wrapyfi_retry::Mutex;
 
 use super::endpoint::gid;
 use super::node::Node;
-use super::{Endpoint, EndpointType, Fault, Notify, Qos, TypeHash, c_text, sys};
+use super::{Endpoint, EndpointType, Fault, Notify, TypeHash, c_text, qos, sys};
 
 /// Time for which changes are collected: an endpoint that comes changes the graph several times.
 const SETTLES: Duration = Duration::from_millis(5);
@@ -159,7 +159,7 @@ fn endpoint(info: &sys::rmw_topic_endpoint_info_t) -> Endpoint {
         type_name: text(info.topic_type),
         type_hash: (info.topic_type_hash.version == 1).then_some(hash),
         gid: gid(&info.endpoint_gid),
-        qos: Qos::from_rmw(&info.qos_profile),
+        qos: qos::from_rmw(&info.qos_profile),
     }
 }
 

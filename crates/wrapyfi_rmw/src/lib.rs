@@ -40,7 +40,6 @@ use fault::c_text;
 pub use fault::{Fault, SendFault};
 pub use node::{DiscoveryRange, Node, NodeOptions, implementation};
 pub use publisher::Publisher;
-pub use qos::{Durability, Liveliness, Qos};
 pub use service::{Client, Received, RequestId, Server, Service};
 pub use subscription::{Message, Subscription, Taken};
 pub use types::TypeHash;

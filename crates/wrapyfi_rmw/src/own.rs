@@ -2,7 +2,8 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::{EndpointType, Gid, Qos};
+use super::{EndpointType, Gid};
+use wrapyfi_endpoint::{AnnouncedQos, mismatches};
 
 /// Endpoints of one node.
 #[derive(Debug, Default)]
@@ -17,7 +18,7 @@ pub(crate) struct Own {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Kind {
     pub(crate) type_name: String,
-    pub(crate) qos: Qos,
+    pub(crate) qos: AnnouncedQos,
 }
 
 impl Own {
@@ -73,9 +74,10 @@ impl Own {
         let matches = |one: &&Kind| {
             one.type_name == kind.type_name
                 && match side {
-                    EndpointType::Publishers => kind.qos.satisfies(&one.qos),
-                    EndpointType::Subscriptions => one.qos.satisfies(&kind.qos),
+                    EndpointType::Publishers => mismatches(&kind.qos, &one.qos),
+                    EndpointType::Subscriptions => mismatches(&one.qos, &kind.qos),
                 }
+                .is_empty()
         };
         others.map_or(0, |others| others.iter().filter(matches).count())
     }
@@ -84,37 +86,30 @@ impl Own {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Durability, Liveliness};
+    use wrapyfi_endpoint::{Qos, Reliability};
 
-    fn kind(reliable: bool) -> Kind {
-        let qos = Qos {
-            reliable,
-            durability: Durability::Volatile,
-            depth: Some(10),
-            deadline: None,
-            lifespan: None,
-            liveliness: Liveliness::Automatic,
-            lease: None,
-        };
+    fn kind(reliability: Reliability) -> Kind {
+        let qos = Qos { reliability, ..Qos::default() }.into();
         Kind { type_name: "a/msg/B".to_owned(), qos }
     }
 
     #[test]
     fn only_those_that_match_are_counted() {
+        let (reliable, best_effort) = (kind(Reliability::Reliable), kind(Reliability::BestEffort));
         let mut own = Own::on("rmw_fastrtps_cpp");
-        own.add("/a", EndpointType::Subscriptions, &kind(true));
-        own.add("/a", EndpointType::Subscriptions, &kind(false));
-        own.add("/b", EndpointType::Subscriptions, &kind(true));
-        assert_eq!(own.matching("/a", EndpointType::Publishers, &kind(true)), 2);
-        assert_eq!(own.matching("/a", EndpointType::Publishers, &kind(false)), 1);
-        assert_eq!(own.matching("/a", EndpointType::Subscriptions, &kind(true)), 0);
+        own.add("/a", EndpointType::Subscriptions, &reliable);
+        own.add("/a", EndpointType::Subscriptions, &best_effort);
+        own.add("/b", EndpointType::Subscriptions, &reliable);
+        assert_eq!(own.matching("/a", EndpointType::Publishers, &reliable), 2);
+        assert_eq!(own.matching("/a", EndpointType::Publishers, &best_effort), 1);
+        assert_eq!(own.matching("/a", EndpointType::Subscriptions, &reliable), 0);
         own.are_counted = false;
-        assert_eq!(own.matching("/a", EndpointType::Publishers, &kind(true)), 0);
+        assert_eq!(own.matching("/a", EndpointType::Publishers, &reliable), 0);
         own.are_counted = true;
-        own.remove("/a", EndpointType::Subscriptions, &kind(true));
-        assert_eq!(own.matching("/a", EndpointType::Publishers, &kind(true)), 1);
-        own.remove("/a", EndpointType::Subscriptions, &kind(false));
-        own.remove("/b", EndpointType::Subscriptions, &kind(true));
+        own.remove("/a", EndpointType::Subscriptions, &reliable);
+        assert_eq!(own.matching("/a", EndpointType::Publishers, &reliable), 1);
+        own.remove("/a", EndpointType::Subscriptions, &best_effort);
+        own.remove("/b", EndpointType::Subscriptions, &reliable);
         assert!(own.topics.is_empty());
     }
 }

@@ -12,9 +12,10 @@ use super::event::{Events, Source};
 use super::node::{Inner, Node};
 use super::own::Kind;
 use super::{
-    EndpointType, EventCounts, Fault, Gid, MATCH_SETTLES, Notify, Qos, SendFault, TypeHash, c_text,
-    qos, sys, types,
+    EndpointType, EventCounts, Fault, Gid, MATCH_SETTLES, Notify, SendFault, TypeHash, c_text, qos,
+    sys, types,
 };
+use wrapyfi_endpoint::{Qos, Reliability};
 
 /// Publishes serialised messages on one topic.
 pub struct Publisher {
@@ -56,7 +57,7 @@ impl Node {
         // SAFETY: the node lives, the type support lives as long as the process, and rmw copies the rest.
         let raw = unsafe {
             let options = sys::rmw_get_default_publisher_options();
-            let profile = qos.to_rmw_of(topic);
+            let profile = qos::to_rmw_of(qos, topic);
             sys::rmw_create_publisher(
                 node.node(),
                 support.0,
@@ -75,7 +76,7 @@ impl Node {
             Fault::check("rmw_get_gid_for_publisher", code).map(|()| gid(&own.data))
         };
         drop(making);
-        let kind = Kind { type_name: type_name.to_owned(), qos: *qos };
+        let kind = Kind { type_name: type_name.to_owned(), qos: (*qos).into() };
         node.own().add(topic, EndpointType::Publishers, &kind);
         let mut publisher = Publisher {
             events: None,
@@ -192,7 +193,7 @@ impl Drop for Publisher {
         own.remove_gid(&self.gid);
         own.remove(&self.topic, EndpointType::Publishers, &self.kind);
         drop(own);
-        if self.kind.qos.reliable {
+        if self.kind.qos.reliability == Reliability::Reliable {
             self.wait_for_acknowledgements();
         }
         let _making = self.node.making();

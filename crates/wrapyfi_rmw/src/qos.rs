@@ -3,113 +3,67 @@
 use std::time::Duration;
 
 use super::sys;
+use wrapyfi_endpoint::{
+    AnnouncedDurability, AnnouncedQos, Durability, History, Liveliness, Qos, Reliability,
+};
 
-/// Quality of service of an endpoint.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Qos {
-    /// True when every message is delivered.
-    pub reliable: bool,
-    /// Messages that readers which come later get.
-    pub durability: Durability,
-    /// Number of messages kept; all where `None`.
-    pub depth: Option<u32>,
-    /// Longest time between two messages.
-    pub deadline: Option<Duration>,
-    /// Age at which a message is no longer delivered.
-    pub lifespan: Option<Duration>,
-    /// Party that says that a publisher is alive.
-    pub liveliness: Liveliness,
-    /// Silence after which it counts as dead.
-    pub lease: Option<Duration>,
+/// Profile of a publisher or a subscription: names without a slash in front are not changed.
+pub(crate) fn to_rmw_of(qos: &Qos, topic: &str) -> sys::rmw_qos_profile_t {
+    let avoid_ros_namespace_conventions = !topic.starts_with('/');
+    sys::rmw_qos_profile_t { avoid_ros_namespace_conventions, ..to_rmw(qos) }
 }
 
-/// Messages that readers which come later get.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[allow(missing_docs, reason = "ROS 2's own terms")]
-pub enum Durability {
-    Volatile,
-    TransientLocal,
+pub(crate) fn to_rmw(qos: &Qos) -> sys::rmw_qos_profile_t {
+    let (history, depth) = match qos.history {
+        History::KeepLast(depth) => (sys::RMW_QOS_POLICY_HISTORY_KEEP_LAST, depth),
+        History::KeepAll => (sys::RMW_QOS_POLICY_HISTORY_KEEP_ALL, 0),
+    };
+    sys::rmw_qos_profile_t {
+        history,
+        depth: depth as usize,
+        reliability: match qos.reliability {
+            Reliability::Reliable => sys::RMW_QOS_POLICY_RELIABILITY_RELIABLE,
+            Reliability::BestEffort => sys::RMW_QOS_POLICY_RELIABILITY_BEST_EFFORT,
+        },
+        durability: match qos.durability {
+            Durability::Volatile => sys::RMW_QOS_POLICY_DURABILITY_VOLATILE,
+            Durability::TransientLocal => sys::RMW_QOS_POLICY_DURABILITY_TRANSIENT_LOCAL,
+        },
+        deadline: time(qos.deadline),
+        lifespan: time(qos.lifespan),
+        liveliness: match qos.liveliness {
+            Liveliness::Automatic => sys::RMW_QOS_POLICY_LIVELINESS_AUTOMATIC,
+            // ROS 2 has no liveliness of whole participants: the publisher's own is what satisfies it.
+            Liveliness::ManualByParticipant | Liveliness::ManualByTopic => {
+                sys::RMW_QOS_POLICY_LIVELINESS_MANUAL_BY_TOPIC
+            }
+        },
+        liveliness_lease_duration: time(qos.lease),
+        avoid_ros_namespace_conventions: false,
+    }
 }
 
-/// Party that says that a publisher is alive.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[allow(missing_docs, reason = "ROS 2's own terms")]
-pub enum Liveliness {
-    Automatic,
-    ManualByTopic,
-}
-
-impl Qos {
-    /// True when a publisher with this quality of service satisfies a subscription with `asked`.
-    pub(crate) fn satisfies(&self, asked: &Self) -> bool {
-        let within = |offered: Option<Duration>, asked: Option<Duration>| match (offered, asked) {
-            (_, None) => true,
-            (None, Some(_)) => false,
-            (Some(offered), Some(asked)) => offered <= asked,
-        };
-        (self.reliable || !asked.reliable)
-            && (self.durability == Durability::TransientLocal
-                || asked.durability == Durability::Volatile)
-            && within(self.deadline, asked.deadline)
-            && (self.liveliness == Liveliness::ManualByTopic
-                || asked.liveliness == Liveliness::Automatic)
-            && within(self.lease, asked.lease)
-    }
-
-    /// Profile of a publisher or a subscription: names without a slash in front are not changed.
-    pub(crate) fn to_rmw_of(self, topic: &str) -> sys::rmw_qos_profile_t {
-        let avoid_ros_namespace_conventions = !topic.starts_with('/');
-        sys::rmw_qos_profile_t { avoid_ros_namespace_conventions, ..self.to_rmw() }
-    }
-
-    pub(crate) fn to_rmw(self) -> sys::rmw_qos_profile_t {
-        sys::rmw_qos_profile_t {
-            history: match self.depth {
-                Some(_) => sys::RMW_QOS_POLICY_HISTORY_KEEP_LAST,
-                None => sys::RMW_QOS_POLICY_HISTORY_KEEP_ALL,
-            },
-            depth: self.depth.unwrap_or(0) as usize,
-            reliability: if self.reliable {
-                sys::RMW_QOS_POLICY_RELIABILITY_RELIABLE
-            } else {
-                sys::RMW_QOS_POLICY_RELIABILITY_BEST_EFFORT
-            },
-            durability: match self.durability {
-                Durability::Volatile => sys::RMW_QOS_POLICY_DURABILITY_VOLATILE,
-                Durability::TransientLocal => sys::RMW_QOS_POLICY_DURABILITY_TRANSIENT_LOCAL,
-            },
-            deadline: time(self.deadline),
-            lifespan: time(self.lifespan),
-            liveliness: match self.liveliness {
-                Liveliness::Automatic => sys::RMW_QOS_POLICY_LIVELINESS_AUTOMATIC,
-                Liveliness::ManualByTopic => sys::RMW_QOS_POLICY_LIVELINESS_MANUAL_BY_TOPIC,
-            },
-            liveliness_lease_duration: time(self.lease),
-            avoid_ros_namespace_conventions: false,
-        }
-    }
-
-    /// Quality of service that another endpoint announces. The default stands for policies that a
-    /// middleware does not know.
-    pub(crate) fn from_rmw(qos: &sys::rmw_qos_profile_t) -> Self {
-        Self {
-            reliable: qos.reliability != sys::RMW_QOS_POLICY_RELIABILITY_BEST_EFFORT,
-            durability: if qos.durability == sys::RMW_QOS_POLICY_DURABILITY_TRANSIENT_LOCAL {
-                Durability::TransientLocal
-            } else {
-                Durability::Volatile
-            },
-            depth: (qos.history == sys::RMW_QOS_POLICY_HISTORY_KEEP_LAST)
-                .then(|| u32::try_from(qos.depth).unwrap_or(u32::MAX)),
-            deadline: duration(qos.deadline),
-            lifespan: duration(qos.lifespan),
-            liveliness: if qos.liveliness == sys::RMW_QOS_POLICY_LIVELINESS_MANUAL_BY_TOPIC {
-                Liveliness::ManualByTopic
-            } else {
-                Liveliness::Automatic
-            },
-            lease: duration(qos.liveliness_lease_duration),
-        }
+/// Quality of service that another endpoint announces. The default stands for policies that a
+/// middleware does not know.
+pub(crate) fn from_rmw(qos: &sys::rmw_qos_profile_t) -> AnnouncedQos {
+    AnnouncedQos {
+        reliability: match qos.reliability {
+            sys::RMW_QOS_POLICY_RELIABILITY_BEST_EFFORT => Reliability::BestEffort,
+            _ => Reliability::Reliable,
+        },
+        durability: match qos.durability {
+            sys::RMW_QOS_POLICY_DURABILITY_TRANSIENT_LOCAL => AnnouncedDurability::TransientLocal,
+            _ => AnnouncedDurability::Volatile,
+        },
+        history: (qos.history == sys::RMW_QOS_POLICY_HISTORY_KEEP_LAST)
+            .then(|| History::KeepLast(u32::try_from(qos.depth).unwrap_or(u32::MAX))),
+        deadline: duration(qos.deadline),
+        lifespan: duration(qos.lifespan),
+        liveliness: match qos.liveliness {
+            sys::RMW_QOS_POLICY_LIVELINESS_MANUAL_BY_TOPIC => Liveliness::ManualByTopic,
+            _ => Liveliness::Automatic,
+        },
+        lease: duration(qos.liveliness_lease_duration),
     }
 }
 
@@ -151,25 +105,26 @@ mod tests {
     #[test]
     fn quality_of_service_returns_as_it_was() {
         let qos = Qos {
-            reliable: true,
+            reliability: Reliability::Reliable,
             durability: Durability::TransientLocal,
-            depth: Some(7),
+            history: History::KeepLast(7),
             deadline: Some(Duration::from_millis(1500)),
             lifespan: None,
             liveliness: Liveliness::ManualByTopic,
             lease: Some(Duration::from_secs(2)),
         };
-        assert_eq!(Qos::from_rmw(&qos.to_rmw()), qos);
+        assert_eq!(from_rmw(&to_rmw(&qos)), qos.into());
         let other = Qos {
-            reliable: false,
-            durability: Durability::Volatile,
-            depth: None,
-            deadline: None,
+            reliability: Reliability::BestEffort,
+            history: History::KeepAll,
             lifespan: Some(Duration::from_nanos(1)),
-            liveliness: Liveliness::Automatic,
-            lease: None,
+            ..Qos::default()
         };
-        assert_eq!(Qos::from_rmw(&other.to_rmw()), other);
+        assert_eq!(
+            from_rmw(&to_rmw(&other)),
+            AnnouncedQos { history: None, ..other.into() },
+            "what is kept is not announced"
+        );
     }
 
     #[test]

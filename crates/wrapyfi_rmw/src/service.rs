@@ -7,7 +7,7 @@
 
 #![allow(unsafe_code, reason = "clients and services of rmw are structs of C")]
 
-use std::ffi::{CString, c_char};
+use std::ffi::{CString, c_char, c_void};
 use std::ptr;
 use std::sync::Arc;
 
@@ -15,7 +15,8 @@ use bytes::Bytes;
 
 use super::dispatch::{Callback, call};
 use super::node::{Inner, Node};
-use super::{Fault, Gid, Notify, Qos, SendFault, TypeHash, c_text, sys, types};
+use super::{Fault, Gid, Notify, SendFault, TypeHash, c_text, qos, sys, types};
+use wrapyfi_endpoint::Qos;
 
 /// Bytes of an encapsulation header.
 const HEADER: usize = 4;
@@ -85,7 +86,7 @@ impl Body {
         Self(sys::wrapyfi_body { limit, ..empty() })
     }
 
-    fn pointer(&mut self) -> *mut std::ffi::c_void {
+    fn pointer(&mut self) -> *mut c_void {
         ptr::from_mut(&mut self.0).cast()
     }
 
@@ -145,13 +146,33 @@ fn sent(operation: &'static str, code: sys::rmw_ret_t) -> Result<(), SendFault> 
     Ok(Fault::check(operation, code)?)
 }
 
-fn received(body: &Body, info: &sys::rmw_service_info_t) -> Received {
+/// Sends a message given in pieces with `send`, which is told where the type support finds its body.
+fn send(
+    operation: &'static str,
+    parts: &[&[u8]],
+    send: impl FnOnce(*mut c_void) -> sys::rmw_ret_t,
+) -> Result<(), SendFault> {
+    let bytes = body(parts)?;
+    let mut message = sys::wrapyfi_body { data: bytes.as_ptr(), length: bytes.len(), ..empty() };
+    sent(operation, send(ptr::from_mut(&mut message).cast()))
+}
+
+/// The message that `take` takes, if one waits: its information, its body, and true where one was taken.
+fn take(
+    operation: &'static str,
+    max_bytes: usize,
+    take: impl FnOnce(&mut sys::rmw_service_info_t, *mut c_void, &mut bool) -> sys::rmw_ret_t,
+) -> Result<Option<Received>, Fault> {
+    let mut body = Body::to_receive(max_bytes);
+    let mut info = sys::rmw_service_info_t::default();
+    let mut taken = false;
+    Fault::check(operation, take(&mut info, body.pointer(), &mut taken))?;
     let client = super::endpoint::gid(&info.request_id.writer_guid);
-    Received {
+    Ok(taken.then(|| Received {
         cdr: body.cdr(),
         id: RequestId { client, sequence: info.request_id.sequence_number },
         source_timestamp_ns: info.source_timestamp,
-    }
+    }))
 }
 
 impl Node {
@@ -164,7 +185,7 @@ impl Node {
         let name = c_text("rmw_create_client", service.name)?;
         let node = Arc::clone(&self.0);
         let making = node.making();
-        let qos = service.qos.to_rmw();
+        let qos = qos::to_rmw(&service.qos);
         // SAFETY: the node lives, the type support lives as long as the process, and rmw copies the rest.
         let raw = unsafe {
             sys::rmw_create_client(node.node(), support.0, name.as_ptr(), &raw const qos)
@@ -192,7 +213,7 @@ impl Node {
         let name = c_text("rmw_create_service", service.name)?;
         let node = Arc::clone(&self.0);
         let making = node.making();
-        let qos = service.qos.to_rmw();
+        let qos = qos::to_rmw(&service.qos);
         // SAFETY: as for a client.
         let raw = unsafe {
             sys::rmw_create_service(node.node(), support.0, name.as_ptr(), &raw const qos)
@@ -218,15 +239,12 @@ impl Client {
     /// # Errors
     /// The request was not sent.
     pub fn send(&self, parts: &[&[u8]]) -> Result<i64, SendFault> {
-        let bytes = body(parts)?;
-        let message = sys::wrapyfi_body { data: bytes.as_ptr(), length: bytes.len(), ..empty() };
         let mut sequence = 0;
         // SAFETY: the client lives; the type support reads the body until rmw returns.
-        let code = unsafe {
-            let message = ptr::from_ref(&message).cast();
-            sys::rmw_send_request(self.raw, message, &raw mut sequence)
-        };
-        sent("rmw_send_request", code).map(|()| sequence)
+        let request =
+            |body: *mut c_void| unsafe { sys::rmw_send_request(self.raw, body, &raw mut sequence) };
+        send("rmw_send_request", parts, request)?;
+        Ok(sequence)
     }
 
     /// The next reply to a request of this client, if one waits.
@@ -234,15 +252,10 @@ impl Client {
     /// # Errors
     /// When rmw refuses.
     pub fn take(&self, max_bytes: usize) -> Result<Option<Received>, Fault> {
-        let mut body = Body::to_receive(max_bytes);
-        let mut info = sys::rmw_service_info_t::default();
-        let mut taken = false;
         // SAFETY: the client lives; the type support writes the body.
-        let code = unsafe {
-            sys::rmw_take_response(self.raw, &raw mut info, body.pointer(), &raw mut taken)
-        };
-        Fault::check("rmw_take_response", code)?;
-        Ok(taken.then(|| received(&body, &info)))
+        take("rmw_take_response", max_bytes, |info, body, taken| unsafe {
+            sys::rmw_take_response(self.raw, info, body, taken)
+        })
     }
 
     /// True when a server would hear a request now.
@@ -269,15 +282,10 @@ impl Server {
     /// # Errors
     /// When rmw refuses.
     pub fn take(&self, max_bytes: usize) -> Result<Option<Received>, Fault> {
-        let mut body = Body::to_receive(max_bytes);
-        let mut info = sys::rmw_service_info_t::default();
-        let mut taken = false;
         // SAFETY: the server lives; the type support writes the body.
-        let code = unsafe {
-            sys::rmw_take_request(self.raw, &raw mut info, body.pointer(), &raw mut taken)
-        };
-        Fault::check("rmw_take_request", code)?;
-        Ok(taken.then(|| received(&body, &info)))
+        take("rmw_take_request", max_bytes, |info, body, taken| unsafe {
+            sys::rmw_take_request(self.raw, info, body, taken)
+        })
     }
 
     /// Answers a request, with the reply in pieces as [`Client::send`] takes them.
@@ -285,20 +293,15 @@ impl Server {
     /// # Errors
     /// The reply was not sent.
     pub fn reply(&self, id: &RequestId, parts: &[&[u8]]) -> Result<(), SendFault> {
-        let bytes = body(parts)?;
-        let mut message =
-            sys::wrapyfi_body { data: bytes.as_ptr(), length: bytes.len(), ..empty() };
         let mut header = sys::rmw_request_id_t::default();
         for (to, from) in header.writer_guid.iter_mut().zip(id.client) {
             *to = from as _;
         }
         header.sequence_number = id.sequence;
         // SAFETY: the server lives; the type support reads the body until rmw returns.
-        let code = unsafe {
-            let message = ptr::from_mut(&mut message).cast();
-            sys::rmw_send_response(self.raw, &raw mut header, message)
-        };
-        sent("rmw_send_response", code)
+        send("rmw_send_response", parts, |body| unsafe {
+            sys::rmw_send_response(self.raw, &raw mut header, body)
+        })
     }
 
     /// Number of clients on the graph.

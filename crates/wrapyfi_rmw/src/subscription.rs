@@ -12,7 +12,8 @@ use super::endpoint::gid;
 use super::event::{Events, Source};
 use super::node::{Inner, Node};
 use super::own::Kind;
-use super::{EndpointType, EventCounts, Fault, Gid, Notify, Qos, TypeHash, c_text, sys, types};
+use super::{EndpointType, EventCounts, Fault, Gid, Notify, TypeHash, c_text, qos, sys, types};
+use wrapyfi_endpoint::Qos;
 
 /// Takes serialised messages of one topic.
 pub struct Subscription {
@@ -100,12 +101,12 @@ impl Node {
         let raw = unsafe {
             let mut options = sys::rmw_get_default_subscription_options();
             options.ignore_local_publications = true;
-            let qos = qos.to_rmw_of(topic);
+            let profile = qos::to_rmw_of(qos, topic);
             sys::rmw_create_subscription(
                 node.node(),
                 support.0,
                 name.as_ptr(),
-                &raw const qos,
+                &raw const profile,
                 &raw const options,
             )
         };
@@ -116,7 +117,7 @@ impl Node {
         let on_message = node.dispatch().callback(Arc::clone(on_event), None);
         let user_data = on_message.user_data();
         let events = Events::new(Source::Subscription(raw), node.dispatch(), Arc::clone(on_event));
-        let kind = Kind { type_name: type_name.to_owned(), qos: *qos };
+        let kind = Kind { type_name: type_name.to_owned(), qos: (*qos).into() };
         node.own().add(topic, EndpointType::Subscriptions, &kind);
         let topic = topic.to_owned();
         let made =

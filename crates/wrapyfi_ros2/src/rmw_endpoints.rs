@@ -13,7 +13,7 @@ use super::graph::{
     CdrClient, CdrReader, CdrReply, CdrRequest, CdrSample, CdrServer, CdrWriter, GraphError,
     GraphResult, Notify, Peers, QosEvents, RequestId, ServiceDescription,
 };
-use super::rmw_graph::{Shared, hash_from_text, to_rmw};
+use super::rmw_graph::{Shared, hash_from_text};
 use wrapyfi_endpoint::{History, Qos};
 
 /// Longest time in milliseconds that rmw waits for reliable readers of which no message may be
@@ -139,8 +139,8 @@ pub(super) fn unsent(topic: &str, fault: SendFault) -> GraphError {
     }
 }
 
-pub(super) fn service_qos(service: &ServiceDescription) -> wrapyfi_rmw::Qos {
-    to_rmw(&Qos { history: History::KeepLast(service.depth), ..Qos::default() })
+pub(super) fn service_qos(service: &ServiceDescription) -> Qos {
+    Qos { history: History::KeepLast(service.depth), ..Qos::default() }
 }
 
 fn described(service: &ServiceDescription) -> Service<'_> {

@@ -18,7 +18,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-use wrapyfi_rmw::{Durability, EndpointType, Fault, Gid, Liveliness, Node, NodeOptions, TypeHash};
+use wrapyfi_rmw::{EndpointType, Fault, Gid, Node, NodeOptions, TypeHash};
 
 use super::config::CycloneConfig;
 use super::environment::DiscoveryRange;
@@ -30,10 +30,7 @@ use super::graph::{
 use super::names;
 use super::rmw_endpoints::{RmwClient, RmwReader, RmwServer, RmwWriter};
 use super::rmw_paired::{PairedClient, PairedServer};
-use wrapyfi_endpoint::{
-    AnnouncedDurability, AnnouncedQos, BridgeMark, History, Liveliness as RosLiveliness, Mutex,
-    Qos, Reliability,
-};
+use wrapyfi_endpoint::{BridgeMark, Mutex, Qos};
 use wrapyfi_node::NodeName;
 
 /// A node on the rmw that is loaded.
@@ -126,9 +123,9 @@ impl Graph for RmwGraph {
         on_match: Notify,
     ) -> Created<dyn CdrWriter> {
         let hash = topic.type_hash.as_deref().and_then(hash_from_text);
-        let qos = to_rmw(&topic.qos);
         let node = self.0.marked(traits.mark);
-        let made = node.publisher(&topic.name, &topic.type_name, hash.as_ref(), &qos, on_match);
+        let made =
+            node.publisher(&topic.name, &topic.type_name, hash.as_ref(), &topic.qos, on_match);
         let publisher =
             made.map_err(|fault| GraphError::stack("creating a writer", &topic.name, &fault))?;
         let (topic, returned) = (topic.name.clone(), Cell::default());
@@ -137,9 +134,13 @@ impl Graph for RmwGraph {
 
     fn subscribe(&self, topic: &TopicDescription, on_data: Notify) -> Created<dyn CdrReader> {
         let hash = topic.type_hash.as_deref().and_then(hash_from_text);
-        let qos = to_rmw(&topic.qos);
-        let made =
-            self.0.node.subscription(&topic.name, &topic.type_name, hash.as_ref(), &qos, &on_data);
+        let made = self.0.node.subscription(
+            &topic.name,
+            &topic.type_name,
+            hash.as_ref(),
+            &topic.qos,
+            &on_data,
+        );
         let subscription =
             made.map_err(|fault| GraphError::stack("creating a reader", &topic.name, &fault))?;
         Ok(Box::new(RmwReader {
@@ -289,7 +290,7 @@ impl Shared {
                             dds_type: dds_type.to_owned(),
                             type_hash: None,
                             gid,
-                            qos: from_rmw(&to_rmw(&Qos::default())),
+                            qos: Qos::default().into(),
                             is_own: node == self.name.fqn(),
                             mark: mark.clone(),
                             service_mapping: None,
@@ -322,7 +323,7 @@ impl Shared {
                 dds_type: endpoint.type_name,
                 type_hash: endpoint.type_hash.as_ref().map(hash_to_text),
                 gid: endpoint.gid,
-                qos: from_rmw(&endpoint.qos),
+                qos: endpoint.qos,
                 is_own,
                 mark,
                 service_mapping: super::vendor::mapping_of(&endpoint.gid, None),
@@ -436,48 +437,6 @@ impl NodeWatch for Nodes {
 
     fn owner(&self, gid: &Gid) -> Option<&str> {
         self.owners.get(gid).map(String::as_str)
-    }
-}
-
-pub(super) fn to_rmw(qos: &Qos) -> wrapyfi_rmw::Qos {
-    wrapyfi_rmw::Qos {
-        reliable: qos.reliability == Reliability::Reliable,
-        durability: match qos.durability {
-            wrapyfi_endpoint::Durability::Volatile => Durability::Volatile,
-            wrapyfi_endpoint::Durability::TransientLocal => Durability::TransientLocal,
-        },
-        depth: match qos.history {
-            History::KeepLast(depth) => Some(depth),
-            History::KeepAll => None,
-        },
-        deadline: qos.deadline,
-        lifespan: qos.lifespan,
-        liveliness: match qos.liveliness {
-            RosLiveliness::Automatic => Liveliness::Automatic,
-            // ROS 2 has no liveliness of whole participants: the publisher's own is what satisfies it.
-            RosLiveliness::ManualByParticipant | RosLiveliness::ManualByTopic => {
-                Liveliness::ManualByTopic
-            }
-        },
-        lease: qos.lease,
-    }
-}
-
-fn from_rmw(qos: &wrapyfi_rmw::Qos) -> AnnouncedQos {
-    AnnouncedQos {
-        reliability: if qos.reliable { Reliability::Reliable } else { Reliability::BestEffort },
-        durability: match qos.durability {
-            Durability::Volatile => AnnouncedDurability::Volatile,
-            Durability::TransientLocal => AnnouncedDurability::TransientLocal,
-        },
-        history: qos.depth.map(History::KeepLast),
-        deadline: qos.deadline,
-        lifespan: qos.lifespan,
-        liveliness: match qos.liveliness {
-            Liveliness::Automatic => RosLiveliness::Automatic,
-            Liveliness::ManualByTopic => RosLiveliness::ManualByTopic,
-        },
-        lease: qos.lease,
     }
 }
 
