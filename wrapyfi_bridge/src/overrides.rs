@@ -48,7 +48,7 @@ fn change(
 ) -> Result<(), QosOverrideError> {
     let (base, follows) = (route.policy.qos.qos(), matches!(route.policy.qos, QosConfig::Match(_)));
     let profile = QosOverrides::of(&base, follows);
-    let changed = store.declare_qos_overrides(topic, role, None, &profile)?;
+    let changed = store.declare_qos_overrides(topic, role, &profile)?;
     let (pinned, follows) = changed.pin(&base, follows);
     let end = match role {
         EndpointRole::Publisher => &mut route.policy.to_override,

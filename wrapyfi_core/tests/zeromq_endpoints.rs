@@ -104,7 +104,7 @@ fn longer_topics_and_bad_messages_are_counted() {
         error = listener.take().err();
         error.is_some()
     });
-    assert_eq!(error.unwrap().drop_reason(), DropReason::Malformed);
+    assert_eq!(DropReason::from(&error.unwrap()), DropReason::Malformed);
     let sample = next(&mut *listener);
     assert_eq!((sample.payload, sample.wire_bytes), (number(5), 3));
     assert_eq!(dropped(&context, DropReason::WrongTopic), 1);

@@ -125,7 +125,7 @@ impl Sink {
                     self.taken += u64::from(sample.is_some());
                     return sample.map(|sample| sample.payload);
                 }
-                Err(error) => self.context.counters.dropped(error.drop_reason()),
+                Err(error) => self.context.counters.dropped((&error).into()),
             }
         }
     }

@@ -5,47 +5,29 @@ use std::time::Duration;
 
 use serde::Serialize;
 
+use wrapyfi_interfaces::named;
 use wrapyfi_retry::Mutex;
 
 use super::latency::{Latency, LatencySummary};
 use crate::codec::{ConvertError, DecodeError, EncodeError};
 
-/// An enum of things that are counted, each with its name in logs, tables and JSON.
-macro_rules! counted {
-    ($(#[$head:meta])* $counted:ident { $($(#[$doc:meta])* $name:ident => $key:literal,)* }) => {
-        $(#[$head])*
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-        pub enum $counted { $($(#[$doc])* $name,)* }
-
-        impl $counted {
-            /// All of them, in the order in which tables show them.
-            pub const ALL: &'static [Self] = &[$(Self::$name,)*];
-
-            /// Name in logs, tables and JSON.
-            #[must_use]
-            pub fn as_str(self) -> &'static str {
-                match self { $(Self::$name => $key,)* }
-            }
-        }
-
-        impl std::fmt::Display for $counted {
-            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-                f.write_str(self.as_str())
-            }
-        }
-
-        impl Serialize for $counted {
+/// Writes an enum of `named!` by its name.
+macro_rules! serialized_by_name {
+    ($($named:ident),*) => {
+        $(impl Serialize for $named {
             fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
                 serializer.serialize_str(self.as_str())
             }
-        }
+        })*
     };
 }
 
-counted! {
+serialized_by_name!(DropReason, QosEvent);
+
+named! {
     /// Reason that a message was not delivered. Every lost message is counted under one of these.
     #[non_exhaustive]
-    DropReason {
+    pub enum DropReason {
         /// The route's queue was full: its policy chose this message.
         QueueFull => "queue_full",
         /// The route's queue stayed full for the whole deadline of policy `block`.
@@ -102,6 +84,8 @@ counted! {
         /// held most.
         OverBudget => "over_budget",
     }
+    /// Name in logs, tables and JSON.
+    pub fn as_str;
 }
 
 impl From<&DecodeError> for DropReason {
@@ -125,9 +109,9 @@ impl From<&ConvertError> for DropReason {
     }
 }
 
-counted! {
+named! {
     /// Event of an endpoint's quality of service, such as a missed deadline. No message is lost by it.
-    QosEvent {
+    pub enum QosEvent {
         /// A publisher let its deadline pass: the next message did not come in time.
         DeadlineMissed => "deadline_missed",
         /// Our publisher let the deadline pass that it promises.
@@ -140,6 +124,8 @@ counted! {
         /// An endpoint was opened again with another quality of service, to fit its peers.
         Changed => "qos_changed",
     }
+    /// Name in logs, tables and JSON.
+    pub fn as_str;
 }
 
 /// A program that was refused at an endpoint.
@@ -272,8 +258,8 @@ impl Counters {
             sent: at_least_none(self.sent.load(Relaxed)),
             sent_bytes: at_least_none(self.sent_bytes.load(Relaxed)),
             unread: self.unread.load(Relaxed),
-            drops: happened(DropReason::ALL, &self.drops),
-            qos_events: happened(QosEvent::ALL, &self.qos_events),
+            drops: happened(&DropReason::ALL, &self.drops),
+            qos_events: happened(&QosEvent::ALL, &self.qos_events),
             latency: self.latency.summary(),
             refused: Refused::joined(&self.refused.lock()),
         }

@@ -110,24 +110,8 @@ impl OpenError {
     }
 }
 
-/// Error of a listener whose next message could not be used.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum TakeError {
-    /// The bytes are no message of the listener's type.
-    #[error(transparent)]
-    Decode(#[from] DecodeError),
-}
-
-impl TakeError {
-    /// Reason under which the error is counted.
-    #[must_use]
-    pub fn drop_reason(&self) -> DropReason {
-        match self {
-            Self::Decode(error) => error.into(),
-        }
-    }
-}
+/// Error of a listener whose next message could not be used: the bytes are no message of its type.
+pub type TakeError = DecodeError;
 
 /// Error of a message that was not sent.
 #[derive(Debug, thiserror::Error)]

@@ -15,13 +15,13 @@ use wrapyfi_interfaces::store::TypeStore;
 use super::lanes::Lanes;
 use super::member::Member;
 use super::plan::Plan;
-use super::plan_diff::{ApplyError, PlanDiff};
+use super::plan_diff::PlanDiff;
 use super::pool::Pool;
 use super::reconciler::{Change, Reconciler};
 use super::replacement::{INACTIVE, REMOVED};
 use super::route_status::{RouteState, RouteStatus};
 use super::tap::Tap;
-use wrapyfi_endpoint::{Mutex, Registry, Wake};
+use wrapyfi_endpoint::{Mutex, Registry, UnknownMiddleware, Wake};
 use wrapyfi_retry::contained;
 
 /// What the routes of a bridge wait for that is not active.
@@ -103,10 +103,10 @@ impl Driver {
         plan: Plan,
         types: TypeStore,
         registry: Registry,
-    ) -> Result<PlanDiff, ApplyError> {
+    ) -> Result<PlanDiff, UnknownMiddleware> {
         let unknown = plan.middlewares().find_map(|name| registry.get(name).err());
         if let Some(unknown) = unknown {
-            return Err(ApplyError::Unknown(unknown));
+            return Err(unknown);
         }
         let diff = {
             let mut latest = self.latest.lock();

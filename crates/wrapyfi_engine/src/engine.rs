@@ -7,11 +7,11 @@ use wrapyfi_interfaces::store::TypeStore;
 
 use super::driver::Driver;
 use super::plan::Plan;
-use super::plan_diff::{ApplyError, PlanDiff};
+use super::plan_diff::PlanDiff;
 use super::rate;
 use super::route_status::RouteStatus;
 use super::running::Running;
-use wrapyfi_endpoint::Registry;
+use wrapyfi_endpoint::{Registry, UnknownMiddleware};
 
 /// The routes of a plan, not running yet.
 pub struct Engine {
@@ -44,7 +44,7 @@ impl Engine {
         plan: Plan,
         types: TypeStore,
         registry: Registry,
-    ) -> Result<PlanDiff, ApplyError> {
+    ) -> Result<PlanDiff, UnknownMiddleware> {
         let diff = self.driver.apply(plan, types, registry)?;
         self.look_at = None;
         Ok(diff)

@@ -89,7 +89,7 @@ pub use engine::Engine;
 pub use left_out::LeftOut;
 pub use plan::Plan;
 pub use plan_address::Available;
-pub use plan_diff::{ApplyError, PlanDiff};
+pub use plan_diff::PlanDiff;
 pub use plan_entry::MAX_PATTERN_ROUTES;
 pub use plan_options::known_option;
 pub use reconciler::{GONE_AFTER, LOOK_EVERY};

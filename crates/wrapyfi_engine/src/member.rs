@@ -122,15 +122,14 @@ impl Member {
         let (key, is_one_of_many) = (route.key(), route.mark.is_some());
         let (work, wake, identity, tap): (Box<dyn Work>, _, _, _) = match route.kind {
             Kind::Topic(_) => {
-                let relay = Relay::new(route, registry, id)
-                    .counting(Arc::clone(&counters))
-                    .beside(Arc::clone(lanes));
+                let (counters, lanes) = (Arc::clone(&counters), Arc::clone(lanes));
+                let relay = Relay::new(route, registry, id, counters, lanes);
                 let (wake, status) = (relay.wake().clone(), relay.status());
                 let tap = Some(Arc::clone(relay.tap()));
                 (Box::new(relay), wake, status, tap)
             }
             Kind::Service(_) => {
-                let relay = ServiceRelay::new(route, registry, id).counting(Arc::clone(&counters));
+                let relay = ServiceRelay::new(route, registry, id, Arc::clone(&counters));
                 let (wake, status) = (relay.wake().clone(), relay.status());
                 (Box::new(relay), wake, status, None)
             }

@@ -12,7 +12,6 @@ use std::fmt;
 
 use super::plan::Plan;
 use super::route::Route;
-use wrapyfi_endpoint::UnknownMiddleware;
 
 /// Changes from one plan to the next: an entry for each route or pattern, in the order of their
 /// ends.
@@ -26,14 +25,6 @@ pub struct PlanDiff {
     pub changed: Vec<(String, String)>,
     /// Number of routes and patterns that are the same in both plans.
     pub kept: usize,
-}
-
-/// Error of applying a plan while the routes run.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum ApplyError {
-    /// The plan has an end on a middleware that was not started.
-    #[error(transparent)]
-    Unknown(UnknownMiddleware),
 }
 
 impl Plan {

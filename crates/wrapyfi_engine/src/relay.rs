@@ -66,14 +66,21 @@ pub struct Relay {
 }
 
 impl Relay {
-    /// A route that has opened nothing yet. `seed` spreads its back-off.
+    /// A route that has opened nothing yet. `seed` spreads its back-off; `counters` may be those of an earlier route
+    /// with these ends. Its messages are compared with those of the bridge's other routes in `lanes`.
     #[must_use]
-    pub fn new(spec: Route, registry: &Registry, seed: u64) -> Self {
+    pub(super) fn new(
+        spec: Route,
+        registry: &Registry,
+        seed: u64,
+        counters: Arc<Counters>,
+        lanes: Arc<Lanes>,
+    ) -> Self {
         let source = End::new(registry, &spec.from.middleware);
         let sink = End::new(registry, &spec.to.middleware);
         Self {
             state: RouteState::Waiting("its first step".to_owned()),
-            context: Context { clock: registry.clock().clone(), ..Context::default() },
+            context: Context { clock: registry.clock().clone(), counters, ..Context::default() },
             backoff: Backoff::new(seed),
             not_before: None,
             unwanted_since: None,
@@ -86,25 +93,11 @@ impl Relay {
             losses: Throttle::default(),
             unread: Throttle::default(),
             tap: Arc::default(),
-            tripwire: Tripwire::new(&spec),
+            tripwire: Tripwire::new(&spec, lanes),
             source,
             sink,
             spec,
         }
-    }
-
-    /// Uses the counters of an earlier route with these ends.
-    #[must_use]
-    pub(super) fn counting(mut self, counters: Arc<Counters>) -> Self {
-        self.context.counters = counters;
-        self
-    }
-
-    /// Compares its messages with those of the bridge's other routes.
-    #[must_use]
-    pub(super) fn beside(mut self, lanes: Arc<Lanes>) -> Self {
-        self.tripwire.beside(lanes);
-        self
     }
 
     /// Window on the messages that come.
@@ -309,7 +302,7 @@ impl Relay {
                     self.tap.show(&sample.payload);
                     forward(&self.spec, sample, publisher.as_mut(), ends, &self.context.clock)
                 }
-                Err(error) => Err((error.drop_reason(), error.to_string())),
+                Err(error) => Err((DropReason::from(&error), error.to_string())),
             };
             moved += 1;
             match outcome {

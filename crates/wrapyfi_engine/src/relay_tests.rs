@@ -28,7 +28,11 @@ impl Bench {
             MessageType::NativeObject,
         );
         adjust(&mut spec);
-        Self { bus, relay: Relay::new(spec, &registry, 1), now: Instant::now() }
+        Self {
+            bus,
+            relay: Relay::new(spec, &registry, 1, Arc::default(), Arc::default()),
+            now: Instant::now(),
+        }
     }
 
     fn step_after(&mut self, later: Duration) -> Step {
@@ -316,7 +320,7 @@ fn ends_look_at_their_peers_when_they_want_to_and_the_status_shows_what_is_in_us
     registry.register(Arc::new(Scripted(reviews.into())));
     let ends = ("scripted:/in".parse().unwrap(), "memory:/out".parse().unwrap());
     let spec = Route::topic(ends.0, ends.1, MessageType::NativeObject);
-    let mut relay = Relay::new(spec, &registry, 1);
+    let mut relay = Relay::new(spec, &registry, 1, Arc::default(), Arc::default());
     assert_eq!(relay.step(now).next, soon);
     let status = relay.status();
     assert_eq!((status.from_qos, status.to_qos), (Some(Qos::default()), None));
@@ -392,8 +396,13 @@ fn what_a_publisher_keeps_waits_for_the_first_consumer() {
     registry.register(bus.clone());
     registry.register(Arc::new(Latched(vec![3, 2, 1].into())));
     let ends = ("latched:/map".parse().unwrap(), "memory:/out".parse().unwrap());
-    let mut relay =
-        Relay::new(Route::topic(ends.0, ends.1, MessageType::NativeObject), &registry, 1);
+    let mut relay = Relay::new(
+        Route::topic(ends.0, ends.1, MessageType::NativeObject),
+        &registry,
+        1,
+        Arc::default(),
+        Arc::default(),
+    );
     let now = Instant::now();
     for _ in 0..3 {
         relay.step(now);
@@ -518,7 +527,7 @@ fn whose_message_it_is_goes_along_and_who_is_gone_is_told_after_it() {
     registry.register(Arc::new(Noted(Arc::clone(&notes))));
     let ends = ("noted:/in".parse().unwrap(), "noted:/out".parse().unwrap());
     let spec = Route::topic(ends.0, ends.1, MessageType::NativeObject);
-    Relay::new(spec, &registry, 1).step(Instant::now());
+    Relay::new(spec, &registry, 1, Arc::default(), Arc::default()).step(Instant::now());
     let expected = ["keeping: All", "message of 1", "message of 2", "2 is gone"];
     assert_eq!(*notes.lock().unwrap(), expected);
 }

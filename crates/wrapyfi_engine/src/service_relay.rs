@@ -48,10 +48,16 @@ pub struct ServiceRelay {
 }
 
 impl ServiceRelay {
-    /// A route that has opened nothing yet. `seed` spreads its back-off.
+    /// A route that has opened nothing yet. `seed` spreads its back-off; `counters` may be those of an earlier route
+    /// with these ends.
     #[must_use]
-    pub fn new(spec: Route, registry: &Registry, seed: u64) -> Self {
-        let front = Context { clock: registry.clock().clone(), ..Context::default() };
+    pub(super) fn new(
+        spec: Route,
+        registry: &Registry,
+        seed: u64,
+        counters: Arc<Counters>,
+    ) -> Self {
+        let front = Context { clock: registry.clock().clone(), counters, ..Context::default() };
         // One bell for both sides.
         let back = Context { counters: Arc::default(), ..front.clone() };
         Self {
@@ -67,13 +73,6 @@ impl ServiceRelay {
             losses: Throttle::default(),
             spec,
         }
-    }
-
-    /// Uses the counters of an earlier route with these ends.
-    #[must_use]
-    pub(super) fn counting(mut self, counters: Arc<Counters>) -> Self {
-        self.front.counters = counters;
-        self
     }
 
     /// True when nobody calls, and nobody has called for [`UNWANTED_FOR`].

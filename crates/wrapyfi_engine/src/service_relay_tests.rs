@@ -26,7 +26,7 @@ impl Bench {
         let [service, offered] = ["memory:/real", "memory:/shown"].map(|at| at.parse().unwrap());
         let mut spec = Route::service(service, offered, kind);
         spec.policy.timeout = Duration::from_millis(50);
-        Self { bus, relay: ServiceRelay::new(spec, &registry, 1) }
+        Self { bus, relay: ServiceRelay::new(spec, &registry, 1, Arc::default()) }
     }
 
     fn spec(name: &str) -> ServiceSpec {

@@ -158,12 +158,12 @@ enum Step {
 }
 
 impl Tripwire {
-    pub(super) fn new(spec: &Route) -> Self {
+    pub(super) fn new(spec: &Route, lanes: Arc<Lanes>) -> Self {
         Self {
             from: spec.from.clone(),
             to: spec.to.clone(),
             is_on: spec.policy.loop_guard,
-            lanes: Arc::default(),
+            lanes,
             lane: None,
             window: Window::default(),
             phase: Phase::Watching,
@@ -176,11 +176,6 @@ impl Tripwire {
             opened: 0,
             mending: None,
         }
-    }
-
-    /// Compares with the other routes of the bridge.
-    pub(super) fn beside(&mut self, lanes: Arc<Lanes>) {
-        self.lanes = lanes;
     }
 
     /// Moves on with time; to be called in each step before messages are taken.

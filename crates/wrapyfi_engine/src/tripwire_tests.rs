@@ -42,7 +42,13 @@ impl World {
             route.policy.loop_guard = self.loop_guard;
             route.policy.queue = QueueSpec { depth: 200, overflow: Overflow::DropOldest };
             let number = self.routes.len() as u64;
-            self.routes.push(Relay::new(route, &self.registry, number).beside(lanes.clone()));
+            self.routes.push(Relay::new(
+                route,
+                &self.registry,
+                number,
+                Arc::default(),
+                lanes.clone(),
+            ));
         }
         self.tick(10, |_, _| ());
         self.seen.clear();

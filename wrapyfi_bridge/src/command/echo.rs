@@ -189,7 +189,7 @@ fn print_all(
                 }
                 context.wake.wait(super::WAIT_SLICE);
             }
-            Err(error) => lost(error.drop_reason(), &error),
+            Err(error) => lost((&error).into(), &error),
         }
     }
     report_drops(&context);

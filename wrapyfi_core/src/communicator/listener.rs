@@ -126,7 +126,7 @@ impl ListenerEnd {
                 Ok(Some(sample)) => return Some(sample.payload),
                 Ok(None) => return None,
                 Err(error) => {
-                    self.counters.dropped(error.drop_reason());
+                    self.counters.dropped((&error).into());
                     if now >= state.say_at {
                         tracing::warn!("dropped a message from {}: {error}", self.endpoint);
                         state.say_at = now + SAY_EVERY;

@@ -79,8 +79,6 @@ named! {
 /// changed, with what holds otherwise; as its result, those that were changed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct QosOverrides {
-    /// True when the name goes to DDS as it is, without `rt/`.
-    pub avoid_ros_namespace_conventions: Option<bool>,
     /// Longest time between two messages, in nanoseconds; 0 is no limit.
     pub deadline_ns: Option<u64>,
     /// Samples kept, where the history keeps the last.
@@ -150,7 +148,6 @@ pub enum QosOverrideError {
 named! {
     /// A policy, by its name.
     enum Policy {
-        AvoidRosNamespaceConventions => "avoid_ros_namespace_conventions",
         Deadline => "deadline",
         Depth => "depth",
         Durability => "durability",
@@ -168,7 +165,6 @@ impl Policy {
     /// Values that the policy can have, in words.
     fn allowed(self) -> String {
         match self {
-            Self::AvoidRosNamespaceConventions => "true or false".to_owned(),
             Self::Depth => format!("an integer from 0 to {}", i32::MAX),
             Self::Deadline | Self::Lifespan | Self::LivelinessLeaseDuration => {
                 "a time in nanoseconds: an integer from 0".to_owned()
@@ -187,9 +183,6 @@ impl QosOverrides {
         let word = |word: &str| ParameterValue::String(word.to_owned());
         let time = |ns: u64| ParameterValue::Integer(i64::try_from(ns).unwrap_or(i64::MAX));
         match policy {
-            Policy::AvoidRosNamespaceConventions => {
-                self.avoid_ros_namespace_conventions.map(ParameterValue::Bool)
-            }
             Policy::Deadline => self.deadline_ns.map(time),
             Policy::Depth => self.depth.map(|depth| ParameterValue::Integer(depth.into())),
             Policy::Durability => self.durability.map(|it| word(it.word())),
@@ -212,10 +205,6 @@ impl QosOverrides {
             _ => "",
         };
         match policy {
-            Policy::AvoidRosNamespaceConventions => {
-                let ParameterValue::Bool(avoid) = *value else { return None };
-                self.avoid_ros_namespace_conventions = Some(avoid);
-            }
             Policy::Deadline => self.deadline_ns = Some(integer?),
             Policy::Depth => {
                 let depth = u32::try_from(integer?).ok()?;
@@ -237,9 +226,7 @@ impl QosOverrides {
 
 impl ParameterStore {
     /// Declares a read-only parameter for each policy that `profile` gives, and returns those that
-    /// the command line changes. `id` tells several endpoints of a topic apart:
-    /// `qos_overrides./topic.publisher_ID.depth`. Parameters that are declared already keep their
-    /// values.
+    /// the command line changes. Parameters that are declared already keep their values.
     ///
     /// # Errors
     /// When the command line names a policy that `profile` does not give, or a value that it cannot
@@ -248,11 +235,9 @@ impl ParameterStore {
         &mut self,
         topic: &str,
         role: EndpointRole,
-        id: Option<&str>,
         profile: &QosOverrides,
     ) -> Result<QosOverrides, QosOverrideError> {
-        let id = id.map(|id| format!("_{id}")).unwrap_or_default();
-        let prefix = format!("qos_overrides.{topic}.{role}{id}.");
+        let prefix = format!("qos_overrides.{topic}.{role}.");
         // A subscription has no lifespan.
         let has = |one: &Policy| *one != Policy::Lifespan || role == EndpointRole::Publisher;
         let may_change =

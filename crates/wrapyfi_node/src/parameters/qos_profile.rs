@@ -26,7 +26,6 @@ impl QosOverrides {
             History::KeepAll => (HistoryOverride::KeepAll, default_depth()),
         };
         Self {
-            avoid_ros_namespace_conventions: None,
             deadline_ns: followed(qos.deadline),
             depth: Some(depth),
             durability: Some(match qos.durability {
@@ -203,7 +202,6 @@ mod tests {
             deadline_ns: Some(0),
             lifespan_ns: Some(i64::MAX.unsigned_abs()),
             liveliness_lease_duration_ns: Some(5),
-            ..overrides()
         };
         let base = Qos {
             history: History::KeepAll,

@@ -21,11 +21,10 @@ fn qos_overrides_are_read_only_parameters() {
     let mut store = store_with(&[
         (&format!("{camera}.reliability"), "best_effort".into()),
         (&format!("{camera}.depth"), 20.into()),
-        (&format!("{camera}_left.depth"), 1.into()),
         ("qos_overrides./ns/camera.subscription.depth", 2.into()),
     ]);
-    let mut declare = |role, id| store.declare_qos_overrides("/ns/camera", role, id, &profile);
-    let changed = declare(EndpointRole::Publisher, None).unwrap();
+    let mut declare = |role| store.declare_qos_overrides("/ns/camera", role, &profile);
+    let changed = declare(EndpointRole::Publisher).unwrap();
     let expected = QosOverrides {
         depth: Some(20),
         reliability: Some(ReliabilityOverride::BestEffort),
@@ -33,9 +32,8 @@ fn qos_overrides_are_read_only_parameters() {
     };
     assert_eq!(changed, expected);
     // Another publisher of the topic gets the same.
-    assert_eq!(declare(EndpointRole::Publisher, None).unwrap(), expected);
-    assert_eq!(declare(EndpointRole::Publisher, Some("left")).unwrap().depth, Some(1));
-    assert_eq!(declare(EndpointRole::Subscription, None).unwrap().depth, Some(2));
+    assert_eq!(declare(EndpointRole::Publisher).unwrap(), expected);
+    assert_eq!(declare(EndpointRole::Subscription).unwrap().depth, Some(2));
     assert_eq!(store.unused_overrides().count(), 0);
     let reliability = format!("{camera}.reliability");
     assert_eq!(store.get(&reliability).unwrap(), &ParameterValue::from("best_effort"));
@@ -60,7 +58,7 @@ fn a_wrong_qos_override_names_topic_policy_and_values() {
         let name = format!("qos_overrides./chatter.subscription.{policy}");
         let mut store = store_with(&[(&name, value)]);
         let role = EndpointRole::Subscription;
-        let error = store.declare_qos_overrides("/chatter", role, None, &profile).unwrap_err();
+        let error = store.declare_qos_overrides("/chatter", role, &profile).unwrap_err();
         assert_eq!(store.names().count(), 2);
         error.to_string()
     };

@@ -183,7 +183,7 @@ impl Listener for ParameterListener {
         let mut state = self.watched.state.lock();
         if let Some(why) = state.parameters.faults.pop_front() {
             let expected = "a parameter that ROS 2 has a type for".to_owned();
-            return Err(DecodeError::mismatch(expected, why).into());
+            return Err(DecodeError::mismatch(expected, why));
         }
         let begins = self.whole && state.parameters.heard && !state.parameters.known.is_empty();
         if state.parameters.untold.is_empty() && !begins {
