@@ -13,6 +13,7 @@ mod endings;
 mod example_sensors;
 mod examples;
 mod fastdds;
+mod fastdds_services;
 mod faults;
 mod frameworks;
 mod guides;
