@@ -7,7 +7,7 @@ use wrapyfi_core::endpoint::{
     CallError, Client, Context, DiscoverError, Middleware as _, Request, Role, ServiceSpec, Wake,
 };
 use wrapyfi_core::middleware::ros2::Ros2;
-use wrapyfi_core::types::{Map, Payload, ServiceKind};
+use wrapyfi_core::types::{Map, Payload, RosType, ServiceKind};
 use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_interfaces::wrapyfi_msgs::srv::ListRoutes_Response;
@@ -48,6 +48,12 @@ pub fn bridges(
         }
         wake.wait(LOOK);
     }
+}
+
+/// Type of messages `M`.
+pub(crate) fn ros_type<M: Message>() -> Result<RosType, String> {
+    let resolved = TypeStore::generated().resolve_name(M::ROS_TYPE);
+    RosType::new(&resolved.map_err(|error| error.to_string())?).map_err(|error| error.to_string())
 }
 
 /// A service of a bridge's node, to be asked again and again.

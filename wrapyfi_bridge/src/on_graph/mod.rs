@@ -336,12 +336,6 @@ fn mark() -> Option<BridgeMark> {
     Some(BridgeMark { bridge: BridgeMark::number(), path })
 }
 
-/// Type of messages `M`.
-pub(crate) fn ros_type<M: Message>() -> Result<RosType, String> {
-    let resolved = TypeStore::generated().resolve_name(M::ROS_TYPE);
-    RosType::new(&resolved.map_err(|error| error.to_string())?).map_err(|error| error.to_string())
-}
-
 /// Opens topics of a node.
 struct Advertise<'n> {
     node: &'n Node,
@@ -353,7 +347,7 @@ impl Advertise<'_> {
     /// Opens a publisher of messages `M`.
     fn open<M: Message>(&self, name: &'static str, qos: Qos) -> Option<Topic> {
         let opened = || -> Result<_, String> {
-            let ros_type = ros_type::<M>()?;
+            let ros_type = client::ros_type::<M>()?;
             let topic = self.node.resolve_topic(name).map_err(|error| error.to_string())?;
             let spec = TopicSpec::new(topic, MessageType::Ros(ros_type));
             let spec = TopicSpec { mark: mark(), qos, ..spec };

@@ -15,7 +15,7 @@ use wrapyfi_interfaces::Message as _;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
 
 use super::look::LOOK;
-use crate::on_graph::ros_type;
+use crate::on_graph::client::ros_type;
 
 /// End of the name of the topic that has the status of a bridge; its node stands before it.
 const STATUS: &str = "/status";
