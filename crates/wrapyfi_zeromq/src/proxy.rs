@@ -39,9 +39,8 @@ pub(super) struct Proxy {
     pub(super) stop: zmq::Socket,
     pub(super) monitor: Monitor,
     pub(super) traffic: Traffic,
-    /// Counts of this thread, and the status that others see.
-    pub(super) status: BrokerStatus,
-    pub(super) shown: Arc<Mutex<BrokerStatus>>,
+    /// Counts, as others see them.
+    pub(super) status: Arc<Mutex<BrokerStatus>>,
     pub(super) ledger: Arc<Ledger>,
     pub(super) slow: Throttle,
     /// Time at which the counts are sent again.
@@ -54,7 +53,7 @@ impl Proxy {
         for heard in std::mem::take(&mut self.front.heard) {
             let pass_on = match &heard {
                 Heard::Ignored | Heard::Message(_) | Heard::Denied(_) => {
-                    self.status.ignored += 1;
+                    self.status.lock().ignored += 1;
                     None
                 }
                 Heard::Subscribed(topic) if is_traffic(topic) => {
@@ -86,13 +85,14 @@ impl Proxy {
         }
         let messages = std::mem::take(&mut self.back.messages);
         let any = !messages.is_empty();
+        let mut status = self.status.lock();
         for (_, frames) in messages {
             let bytes = frames.iter().map(Bytes::len).sum();
             let forged = |first: &Bytes| {
                 self.monitor.is_forged(first) || first.starts_with(TRAFFIC_TOPIC.as_bytes())
             };
             if frames.first().is_some_and(forged) {
-                self.status.forged += 1;
+                status.forged += 1;
                 continue;
             }
             if let [topic, .., last] = &frames[..] {
@@ -101,18 +101,19 @@ impl Proxy {
                 self.traffic.count(topic, bytes, None);
             }
             self.front.publish(frames, Some(bytes));
-            self.status.messages += 1;
-            self.status.bytes += bytes as u64;
+            status.messages += 1;
+            status.bytes += bytes as u64;
         }
         self.front.flush();
-        self.status.ignored += self.back.heard.drain(..).len() as u64;
+        status.ignored += self.back.heard.drain(..).len() as u64;
         any
     }
 
-    /// Counts what listeners missed, and shows all counts.
+    /// Counts what listeners missed, and who was refused.
     fn settle(&mut self) {
+        let mut status = self.status.lock();
         for Loss { reason, listener, first } in std::mem::take(&mut self.front.losses) {
-            *self.status.missed.entry(reason.as_str()).or_default() += 1;
+            *status.missed.entry(reason.as_str()).or_default() += 1;
             let topic = first.as_ref().map(|(topic, _)| String::from_utf8_lossy(topic));
             if let Some(unlogged_before) = self.slow.pass(Instant::now()) {
                 let topic = topic.as_deref().unwrap_or_default();
@@ -125,14 +126,8 @@ impl Proxy {
         for refusal in self.front.refusals.drain(..).chain(self.back.refusals.drain(..)) {
             self.ledger.refused(&refusal);
         }
-        let (counts, mut shown) = (&self.status, self.shown.lock());
-        shown.messages = counts.messages;
-        shown.bytes = counts.bytes;
-        shown.forged = counts.forged;
-        shown.ignored = counts.ignored;
-        shown.denied = self.front.denied + self.back.denied;
-        shown.missed.clone_from(&counts.missed);
-        shown.cut = front::cuts([&self.front, &self.back]);
+        status.denied = self.front.denied + self.back.denied;
+        status.cut = front::cuts([&self.front, &self.back]);
     }
 
     /// Publishes the table of topics to those who asked for it.
@@ -148,9 +143,9 @@ impl Proxy {
         let counts = self.monitor.listed().map(|(topic, count)| (topic.to_owned(), count));
         let (subscriptions, TrafficTable { topics, unlisted }) =
             (counts.collect(), self.traffic.table());
-        let mut shown = self.shown.lock();
-        (shown.subscriptions, shown.topics, shown.unlisted) = (subscriptions, topics, unlisted);
-        drop(shown);
+        let mut status = self.status.lock();
+        (status.subscriptions, status.topics, status.unlisted) = (subscriptions, topics, unlisted);
+        drop(status);
         self.tell_traffic();
         if let (Some(json), Some(topic)) = (message, self.monitor.own_topic()) {
             self.front.publish(vec![Bytes::copy_from_slice(topic), json.into()], None);
@@ -207,7 +202,7 @@ impl Turns for Proxy {
     }
 
     fn failed(&mut self, why: Option<String>) {
-        self.shown.lock().failure = why;
+        self.status.lock().failure = why;
     }
 
     /// Passes on what has come, and what waits.
