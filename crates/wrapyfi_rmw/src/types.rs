@@ -8,7 +8,8 @@
 #![allow(unsafe_code, reason = "type supports are structs of C")]
 
 use std::collections::HashMap;
-use std::ffi::CString;
+use std::ffi::{CString, c_char};
+use std::hash::Hash;
 use std::ptr;
 use std::sync::LazyLock;
 
@@ -53,40 +54,40 @@ fn pointer(hash: Option<&TypeHash>) -> *const u8 {
     hash.map_or(ptr::null(), |hash| hash.as_ptr())
 }
 
-/// Type support of a message type.
-pub(crate) fn message(type_name: &str, hash: Option<&TypeHash>) -> Result<MessageType, Fault> {
+/// The type support that is known by this name and these hashes, else the one that `make` makes of package and name.
+fn kept<H: Eq + Hash, T: Copy>(
+    known: &Known<H, Shared<T>>,
+    (type_name, hashes): (&str, H),
+    make: impl FnOnce(*const c_char, *const c_char) -> *const T,
+) -> Result<Shared<T>, Fault> {
     let [namespace, name] = split(type_name)?;
-    let mut known = MESSAGES.lock();
-    let key = (type_name.to_owned(), hash.copied());
+    let mut known = known.lock();
+    let key = (type_name.to_owned(), hashes);
     if let Some(&made) = known.get(&key) {
         return Ok(made);
     }
-    // SAFETY: the texts end with zeros and the hash has 32 bytes; all are copied.
-    let made =
-        unsafe { sys::wrapyfi_message_type(namespace.as_ptr(), name.as_ptr(), pointer(hash)) };
+    let made = make(namespace.as_ptr(), name.as_ptr());
     if made.is_null() {
         return Err(Fault::new("type support", "no memory"));
     }
     Ok(*known.entry(key).or_insert(Shared(made)))
 }
 
+/// Type support of a message type.
+pub(crate) fn message(type_name: &str, hash: Option<&TypeHash>) -> Result<MessageType, Fault> {
+    // SAFETY: the texts end with zeros and the hash has 32 bytes; all are copied.
+    kept(&MESSAGES, (type_name, hash.copied()), |namespace, name| unsafe {
+        sys::wrapyfi_message_type(namespace, name, pointer(hash))
+    })
+}
+
 /// Type support of a service type, with its hash and those of its request and its response.
 pub(crate) fn service(type_name: &str, hashes: &Hashes) -> Result<ServiceType, Fault> {
-    let [namespace, name] = split(type_name)?;
-    let mut known = SERVICES.lock();
-    let key = (type_name.to_owned(), *hashes);
-    if let Some(&made) = known.get(&key) {
-        return Ok(made);
-    }
     let [own, request, response] = hashes.each_ref().map(|hash| pointer(hash.as_ref()));
     // SAFETY: as in `message`.
-    let made = unsafe {
-        sys::wrapyfi_service_type(namespace.as_ptr(), name.as_ptr(), own, request, response)
-    };
-    if made.is_null() {
-        return Err(Fault::new("type support", "no memory"));
-    }
-    Ok(*known.entry(key).or_insert(Shared(made)))
+    kept(&SERVICES, (type_name, *hashes), |namespace, name| unsafe {
+        sys::wrapyfi_service_type(namespace, name, own, request, response)
+    })
 }
 
 #[cfg(test)]
