@@ -21,8 +21,7 @@ use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 use wrapyfi_yarp::port::names::NameRequest;
 use wrapyfi_yarp::port::{
-    Answer, InputOptions, InputPort, Message, Network, OutputOptions, OutputPort, PortOptions,
-    PortPayload, RpcServer,
+    Answer, Message, Network, OutputOptions, OutputPort, PortOptions, PortPayload, RpcServer,
 };
 use wrapyfi_yarp::server::{NameServer, NameServerOptions};
 use wrapyfi_yarp::sig::{Sound, Vector};
@@ -76,18 +75,12 @@ impl YarpNetwork {
         let network = self.network();
         let (port, address) = match kind {
             Kind::Output => return Port::Output { _port: self.output(name, counts) },
-            Kind::Input => {
-                let options = InputOptions { port: unregistered(), ..InputOptions::default() };
-                let opened = self.runtime.block_on(network.open_input(name, &options)).unwrap();
-                let address = opened.address();
-                (Port::Input { _port: opened }, address)
-            }
-            Kind::Rpc => {
+            Kind::Served => {
                 let options = unregistered();
                 let opened = network.serve(name, &options, async |_, _| Answer::Nothing);
                 let opened = self.runtime.block_on(opened).unwrap();
                 let address = opened.address();
-                (Port::Rpc { _port: opened }, address)
+                (Port::Served { _port: opened }, address)
             }
         };
         self.runtime.block_on(self.relay(name, address, counts));
@@ -126,15 +119,13 @@ fn unregistered() -> PortOptions {
 #[derive(Clone, Copy)]
 enum Kind {
     Output,
-    Input,
-    Rpc,
+    Served,
 }
 
 /// A port for as long as this lives.
 enum Port {
     Output { _port: OutputPort },
-    Input { _port: InputPort },
-    Rpc { _port: RpcServer },
+    Served { _port: RpcServer },
 }
 
 /// Connections that each port has had.
@@ -198,8 +189,8 @@ fn each_of_250_ports_is_asked_once_and_those_that_are_not_meant_never() {
     let port = |n: usize| match n % 5 {
         0 => (format!("/icub/part{n}/state:o"), Kind::Output),
         1 => (format!("/icub/cam/camera{n}"), Kind::Output),
-        2 => (format!("/icub/part{n}/command:i"), Kind::Input),
-        3 => (format!("/icub/part{n}/rpc:i"), Kind::Rpc),
+        2 => (format!("/icub/part{n}/command:i"), Kind::Served),
+        3 => (format!("/icub/part{n}/rpc:i"), Kind::Served),
         _ => (format!("/other/part{n}/state:o"), Kind::Output),
     };
     let ports: Vec<_> = (0..PORTS)

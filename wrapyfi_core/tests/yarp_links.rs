@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 use tokio::runtime::Runtime;
+use tokio::sync::mpsc;
 use wrapyfi_core::endpoint::{
     Context, Discovered, DropReason, Link, Listener, Middleware, PublishError, Publisher, Request,
     Role, ServiceSpec, TopicSpec,
@@ -18,8 +19,8 @@ use wrapyfi_yarp::bottle::Vocab;
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 use wrapyfi_yarp::port::names::NameRequest;
 use wrapyfi_yarp::port::{
-    Answer, InputOptions, Message, Network, OutputOptions, PortOptions, PortPayload, Reading,
-    Received,
+    Answer, Message, Network, OutputOptions, OutputPort, PortOptions, PortPayload, Received,
+    RpcServer,
 };
 use wrapyfi_yarp::server::{NameServer, NameServerOptions};
 use wrapyfi_yarp::sig::{Image, PixelCode, Stamp};
@@ -69,6 +70,21 @@ impl YarpNetwork {
 
 async fn start(port: u16) -> NameServer {
     NameServer::start(NameServerOptions { port, ..NameServerOptions::default() }).await.unwrap()
+}
+
+/// A port that is sent to, and what comes.
+async fn input(network: &Network, name: &str) -> (RpcServer, mpsc::UnboundedReceiver<Received>) {
+    let (sender, messages) = mpsc::unbounded_channel();
+    let handler = move |message, _wants_reply| {
+        sender.send(message).ok();
+        std::future::ready(Answer::Nothing)
+    };
+    (network.serve(name, &PortOptions::default(), handler).await.unwrap(), messages)
+}
+
+/// Waits until a port writes to somebody.
+async fn connected(port: &OutputPort) {
+    port.connected().wait_for(|now| now.outputs > 0).await.unwrap();
 }
 
 fn topic(name: &str, options: Map) -> TopicSpec {
@@ -355,8 +371,8 @@ fn ports_have_the_names_that_are_asked_for() {
     let net = YarpNetwork::new();
     let (yarp, network) = (net.yarp(), net.network());
     let (here, there) = (Context::default(), Context::default());
-    let (reader, writer) = net.runtime.block_on(async {
-        let reader = network.open_input("/view/in", &InputOptions::default()).await.unwrap();
+    let ((reader, mut messages), writer) = net.runtime.block_on(async {
+        let reader = input(&network, "/view/in").await;
         let writer = network.open_output("/cam/out", &OutputOptions::default()).await.unwrap();
         (reader, writer)
     });
@@ -370,7 +386,7 @@ fn ports_have_the_names_that_are_asked_for() {
         let mut source = yarp.open_publisher(&topic("/view", options), &there).unwrap();
         open_way(&there, || source.link());
         source.publish(&Value::List(vec![1.into(), "two".into()]).into()).unwrap();
-        let heard = net.runtime.block_on(reader.recv()).unwrap();
+        let heard = net.runtime.block_on(messages.recv()).unwrap();
         assert_eq!(&*heard.from, "/bridge/view:o");
         drop(source);
         until(&there, "the connection is gone", || reader.connected().borrow().inputs == 0);
@@ -398,9 +414,9 @@ fn ports_of_a_list_are_heard_and_reached_and_no_others() {
     let net = YarpNetwork::new();
     let (yarp, network) = (net.yarp(), net.network());
     let (here, there) = (Context::default(), Context::default());
-    let (reader, other, writer, stranger) = net.runtime.block_on(async {
-        let reader = network.open_input("/view/in", &InputOptions::default()).await.unwrap();
-        let other = network.open_input("/other/in", &InputOptions::default()).await.unwrap();
+    let ((reader, mut messages), (other, _), writer, stranger) = net.runtime.block_on(async {
+        let reader = input(&network, "/view/in").await;
+        let other = input(&network, "/other/in").await;
         let writer = network.open_output("/cam/out", &OutputOptions::default()).await.unwrap();
         let stranger =
             network.open_output("/stranger/out", &OutputOptions::default()).await.unwrap();
@@ -427,7 +443,7 @@ fn ports_of_a_list_are_heard_and_reached_and_no_others() {
     assert!(connect("/view", "/other/in").is_err());
     open_way(&there, || source.link());
     source.publish(&number(1)).unwrap();
-    assert_eq!(&*net.runtime.block_on(reader.recv()).unwrap().from, "/view");
+    assert_eq!(&*net.runtime.block_on(messages.recv()).unwrap().from, "/view");
     net.runtime.block_on(async {
         reader.close().await;
         other.close().await;
@@ -507,8 +523,8 @@ fn ports_are_listed_by_their_connections() {
     let net = YarpNetwork::new();
     let (yarp, context) = (net.yarp(), Context::default());
     let (network, wanted) = (net.network(), OutputOptions::default());
-    let (reader, writer) = net.runtime.block_on(async {
-        let reader = network.open_input("/plain", &InputOptions::default()).await.unwrap();
+    let ((reader, _), writer) = net.runtime.block_on(async {
+        let reader = input(&network, "/plain").await;
         let writer = network.open_output("/source", &wanted).await.unwrap();
         writer.connect("tcp://plain").await.unwrap();
         (reader, writer)
@@ -554,7 +570,6 @@ fn a_control_board_names_its_joints_and_is_moved() {
     let net = YarpNetwork::new();
     let (yarp, network) = (net.yarp(), net.network());
     let (here, there) = (Context::default(), Context::default());
-    let strict = InputOptions { reading: Reading::Strict { queue: 16 }, ..InputOptions::default() };
     let tells = tokio::sync::watch::Sender::new(true);
     let gate = tells.clone();
     let answer = move |received, wants| {
@@ -564,11 +579,11 @@ fn a_control_board_names_its_joints_and_is_moved() {
             board(received, wants).await
         }
     };
-    let (rpc, state, command) = net.runtime.block_on(async {
+    let (rpc, state, (command, mut commands)) = net.runtime.block_on(async {
         let rpc = network.serve("/robot/rpc:i", &PortOptions::default(), answer).await.unwrap();
         let wanted = OutputOptions::default();
         let state = network.open_output("/robot/state:o", &wanted).await.unwrap();
-        let command = network.open_input("/robot/command:i", &strict).await.unwrap();
+        let command = input(&network, "/robot/command:i").await;
         (rpc, state, command)
     });
     let mut types = TypeStore::generated();
@@ -577,7 +592,7 @@ fn a_control_board_names_its_joints_and_is_moved() {
     let spec = TopicSpec::new("/robot/state:o", joints);
     let mut sink = yarp.open_listener(&spec, &here).unwrap();
     open_way(&here, || sink.link());
-    net.runtime.block_on(state.wait_for_outputs(1));
+    net.runtime.block_on(connected(&state));
     state.write_bottle(&Bottle::from(vec![180.0.into(), 0.25.into()])).unwrap();
     let mut came = None;
     until(&here, "the state", || {
@@ -591,8 +606,8 @@ fn a_control_board_names_its_joints_and_is_moved() {
     let position = fields.get("position").unwrap().as_tensor().unwrap().to_vec::<f64>();
     assert_eq!(position.unwrap(), [std::f64::consts::PI, 0.25]);
 
-    let heard = || {
-        let heard = net.runtime.block_on(command.recv()).unwrap();
+    let mut heard = || {
+        let heard = net.runtime.block_on(commands.recv()).unwrap();
         heard.bottle().unwrap().to_text()
     };
     let source = |name: &str, message_type| {
@@ -682,7 +697,7 @@ fn a_camera_tells_its_calibration_once() {
     let mut sink = yarp.open_listener(&TopicSpec::new(name, kind), &here).unwrap();
     for connections in 1..=2 {
         open_way(&here, || sink.link());
-        net.runtime.block_on(eye.wait_for_outputs(1));
+        net.runtime.block_on(connected(&eye));
         let number = |value: &Value, name: &str| value.get(name).and_then(Value::as_f64);
         // Pictures wait for the answer, though not for ever.
         let (mut time_s, deadline) = (10.0, Instant::now() + TIMEOUT);

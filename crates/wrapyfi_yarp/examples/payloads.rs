@@ -35,8 +35,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     // Two rows of three pixels, without padding between them.
     let pixels: Vec<u8> = (0..18).collect();
     let image = Image::from_packed(PixelCode::Rgb, 3, 2, pixels.into())?;
-    // As a camera sends it: rows at multiples of 8 bytes.
-    let payload = Bytes::from(image.with_quantum(8)?.encode()?);
+    let payload = Bytes::from(image.encode()?);
     let read = Image::decode(&payload, &limits)?;
     println!(
         "{} x {} pixels {}, {} bytes from row to row",

@@ -4,17 +4,25 @@
 //! same address; or a terminal: `CONNECT me`, `d`, `1 2 hello`.
 #![allow(clippy::print_stdout)]
 
-use wrapyfi_yarp::port::{InputOptions, Network, PortOptions};
+use tokio::sync::mpsc;
+use wrapyfi_yarp::port::{Answer, Network, PortOptions, Received};
 
 #[tokio::main(flavor = "current_thread")]
 async fn main() -> Result<(), Box<dyn std::error::Error>> {
     let address = std::env::args().nth(1).ok_or("usage: yarp_read ADDRESS:PORT")?.parse()?;
     let network = Network::builder().build();
-    let port = PortOptions { address: Some(address), ..PortOptions::default() };
-    let options = InputOptions { port, ..InputOptions::default() };
-    let reader = network.open_input("/example/reader", &options).await?;
+    let options = PortOptions { address: Some(address), ..PortOptions::default() };
+    let (sender, mut messages) = mpsc::channel(16);
+    let handler = move |message: Received, _wants_reply| {
+        let sender = sender.clone();
+        async move {
+            sender.send(message).await.ok();
+            Answer::Nothing
+        }
+    };
+    let reader = network.serve("/example/reader", &options, handler).await?;
     println!("{} listens at {}", reader.name(), reader.address());
-    while let Some(message) = reader.recv().await {
+    while let Some(message) = messages.recv().await {
         println!("{} {:?}: {}", message.from, message.stamp(), message.bottle()?.to_text());
     }
     Ok(())

@@ -7,8 +7,9 @@ use std::time::{Duration, Instant};
 
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::mpsc;
 use wrapyfi_yarp::port::{
-    Answer, InputOptions, Message, Network, OutputOptions, PortOptions, PortPayload, Reading,
+    Answer, Message, Network, OutputOptions, PortOptions, PortPayload, Received,
 };
 use wrapyfi_yarp::{Bottle, Dialect};
 
@@ -93,21 +94,29 @@ async fn bare_images(rounds: usize) -> Outcome<f64> {
 
 async fn images(rounds: usize, carrier: &str) -> Outcome<f64> {
     let network = Network::builder().build();
-    let reading = Reading::Strict { queue: 4 };
-    let options = InputOptions { reading, ..InputOptions::default() };
-    let reader = network.open_input("/view", &options).await?;
-    let writer = network.open_output("/cam", &OutputOptions::default()).await?;
+    let (sender, mut messages) = mpsc::channel(4);
+    let handler = move |message: Received, _wants_reply| {
+        let sender = sender.clone();
+        async move {
+            sender.send(message).await.ok();
+            Answer::Nothing
+        }
+    };
+    let _reader = network.serve("/view", &PortOptions::default(), handler).await?;
+    let options = OutputOptions { queue: rounds, ..OutputOptions::default() };
+    let writer = network.open_output("/cam", &options).await?;
     writer.connect(&format!("{carrier}://view")).await?;
     let writing = tokio::spawn(async move {
         let message = Message::new(PortPayload::object(vec![7; IMAGE]));
         for _ in 0..rounds {
-            writer.send(message.clone()).await;
+            writer.write(message.clone());
         }
+        writer.flush().await;
         writer.close().await;
     });
     let start = Instant::now();
     for _ in 0..rounds {
-        let message = reader.recv().await.ok_or("closed")?;
+        let message = messages.recv().await.ok_or("closed")?;
         if message.payload.bytes.len() != IMAGE {
             return Err("an image is incomplete".into());
         }

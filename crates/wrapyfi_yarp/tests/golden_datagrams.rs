@@ -3,14 +3,13 @@
 use std::net::SocketAddrV4;
 
 use crate::golden::conversation::{Part, TIMEOUT, datagrams, expect, expect_end, parts};
+use crate::input::{Connections, InputPort, input};
 use bytes::Bytes;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream, UdpSocket};
 use wrapyfi_yarp::Limits;
 use wrapyfi_yarp::port::names::NameTable;
-use wrapyfi_yarp::port::{
-    InputOptions, InputPort, Message, Network, OutputOptions, OutputPort, PortPayload, Reading,
-};
+use wrapyfi_yarp::port::{Message, Network, OutputOptions, OutputPort, PortPayload};
 use wrapyfi_yarp::wire::datagram::Assembler;
 use wrapyfi_yarp::wire::{Body, Command, header, number};
 
@@ -26,9 +25,7 @@ fn network(names: NameTable) -> Network {
 }
 
 async fn reader() -> InputPort {
-    let reading = Reading::Strict { queue: 100 };
-    let options = InputOptions { reading, ..InputOptions::default() };
-    network(NameTable::new()).open_input("/golden/dst", &options).await.unwrap()
+    input(&network(NameTable::new()), "/golden/dst", 100).await
 }
 
 /// The messages of a file: envelope and payload.

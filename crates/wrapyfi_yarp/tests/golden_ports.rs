@@ -7,24 +7,19 @@ use crate::golden::conversation::{
     side, with_port,
 };
 use crate::golden::{file, hex};
+use crate::input::{Connections, InputPort, Reading, both_ways, input};
 use crate::queued::queued;
 use bytes::Bytes;
 use tokio::net::{TcpListener, TcpStream};
 use wrapyfi_yarp::port::names::NameTable;
 use wrapyfi_yarp::port::{
-    Answer, InputOptions, InputPort, Message, Network, OutputOptions, PortOptions, PortPayload,
-    Reading, Received,
+    Answer, Message, Network, OutputOptions, OutputPort, PortOptions, PortPayload, Received,
 };
 use wrapyfi_yarp::wire::number;
 use wrapyfi_yarp::{Bottle, Dialect, Limits, Value};
 
 fn network(names: NameTable, dialect: Dialect) -> Network {
     Network::builder().listen([127, 0, 0, 1].into()).names(names).dialect(dialect).build()
-}
-
-fn strict() -> InputOptions {
-    let reading = Reading::Strict { queue: 100 };
-    InputOptions { reading, ..InputOptions::default() }
 }
 
 fn bottle(text: &str) -> Bottle {
@@ -109,7 +104,7 @@ fn by_writers() -> impl Iterator<Item = &'static str> {
 /// Reads a conversation as our reader's peer sent it, and compares the answers.
 async fn read_by_us(name: &str, mut steps: Vec<Part>, dialect: Dialect) -> (InputPort, Vec<Sent>) {
     let network = network(NameTable::new(), dialect);
-    let port = network.open_input("/golden/dst", &strict()).await.unwrap();
+    let port = input(&network, "/golden/dst", 100).await;
     let sent = messages(&side(&steps, true), dialect);
     steps = with_port(steps, port.address().port());
     let mut stream = TcpStream::connect(port.address()).await.unwrap();
@@ -220,7 +215,7 @@ async fn our_reader_refuses_what_it_lacks() {
         }
         let (port, _) = {
             let network = network(NameTable::new(), Dialect::V3);
-            let port = network.open_input("/golden/dst", &strict()).await.unwrap();
+            let port = input(&network, "/golden/dst", 100).await;
             let steps = with_port(steps, port.address().port());
             let mut stream = TcpStream::connect(port.address()).await.unwrap();
             play_client(&mut stream, &steps, name).await;
@@ -432,12 +427,8 @@ async fn a_client_over_udp_is_refused() {
 }
 
 /// A port as in the administrative captures, with a reader that it can connect to.
-async fn subject(network: &Network) -> (wrapyfi_yarp::port::Port, InputPort) {
-    let reading = Reading::Strict { queue: 100 };
-    let options = OutputOptions::default();
-    let port = network.open_port("/golden/subj", &options, reading).await.unwrap();
-    let reader = network.open_input("/golden/dst2", &strict()).await.unwrap();
-    (port, reader)
+async fn subject(network: &Network) -> (Reading<OutputPort>, InputPort) {
+    (both_ways(network, "/golden/subj", 100).await, input(network, "/golden/dst2", 100).await)
 }
 
 #[tokio::test]
@@ -560,7 +551,7 @@ async fn pictures_as_yarp_pulls_them() {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let names = NameTable::new().with("/golden/src", listener.local_addr().unwrap());
     let network = network(names, Dialect::V3);
-    let port = network.open_input("/golden/dst", &strict()).await.unwrap();
+    let port = input(&network, "/golden/dst", 100).await;
     let request_to_add = bottle("[add] mjpeg://golden/src");
     // It is added once the camera has answered.
     let added = network.admin("/golden/dst", &request_to_add);

@@ -4,12 +4,13 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
+use crate::input::{Connections, InputPort, input};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use wrapyfi_yarp::port::names::NameTable;
 use wrapyfi_yarp::port::{
-    Answer, Fate, InputOptions, InputPort, Loss, Message, Network, NetworkBuilder, OutputOptions,
-    PortOptions, PortPayload, Room, RpcError, Timeouts, Written,
+    Answer, Fate, Loss, Message, Network, NetworkBuilder, OutputOptions, PortOptions, PortPayload,
+    Room, RpcError, Timeouts, Written,
 };
 use wrapyfi_yarp::wire::{mjpeg, number};
 use wrapyfi_yarp::{Bottle, Limits};
@@ -25,7 +26,7 @@ async fn within<T>(future: impl Future<Output = T>) -> T {
 }
 
 async fn port(network: &Network) -> InputPort {
-    network.open_input("/port", &InputOptions::default()).await.unwrap()
+    input(network, "/port", 1000).await
 }
 
 /// Sends `bytes` and waits until the port has counted what is wrong with them.
@@ -199,7 +200,7 @@ async fn datagrams_and_pictures_that_have_begun_have_no_more_room_than_is_given(
     let camera = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let names = NameTable::new().with("/cam", camera.local_addr().unwrap());
     let network = builder().names(names).rooms(|| Box::new(Narrow(AtomicUsize::new(0)))).build();
-    let port = network.open_input("/view", &InputOptions::default()).await.unwrap();
+    let port = input(&network, "/view", 1000).await;
     let pictures = tokio::spawn(async move {
         let (mut stream, _) = camera.accept().await.unwrap();
         let head = [mjpeg::RESPONSE_HEAD.as_bytes(), &mjpeg::part_head(2 << 20)].concat();

@@ -2,7 +2,7 @@
 
 use bytes::Bytes;
 use wrapyfi_yarp::bottle::{BottleError, EncodeError, Frame, TextError, Vocab64};
-use wrapyfi_yarp::sig::{Image, ImageError, PixelCode, Sound, SoundError, Vector, VectorError};
+use wrapyfi_yarp::sig::{Image, PixelCode, SigError, Sound, Vector};
 use wrapyfi_yarp::{Bottle, Dialect, Limits, Value};
 
 fn words(words: &[i32]) -> Bytes {
@@ -77,13 +77,13 @@ fn messages_end_at_the_limit() {
     assert_eq!(framed, BottleError::TooLong { length: 8_000_008, limit: 50 });
     let image = Image::from_packed(PixelCode::Mono, 8, 8, Bytes::from_static(&[0; 64])).unwrap();
     let error = Image::decode(&image.encode().unwrap().into(), &limits).unwrap_err();
-    assert_eq!(error, ImageError::TooLong { length: 124, limit: 50 });
+    assert_eq!(error, SigError::TooLong { what: "an image", length: 124, limit: 50 });
     let sound = Sound::from_interleaved(&[0; 8], 1, 8000).unwrap().encode(Dialect::V3).unwrap();
     let error = Sound::decode(&sound.into(), Dialect::V3, &limits).unwrap_err();
-    assert_eq!(error, SoundError::TooLong { length: 64, limit: 50 });
+    assert_eq!(error, SigError::TooLong { what: "a sound", length: 64, limit: 50 });
     let vector = Vector(vec![0.0; 10]).encode(Dialect::V3).unwrap();
     let error = Vector::<f64>::decode(&vector, Dialect::V3, &limits).unwrap_err();
-    assert_eq!(error, VectorError::TooLong { what: "a vector", length: 88, limit: 50 });
+    assert_eq!(error, SigError::TooLong { what: "a vector", length: 88, limit: 50 });
     let error = Bottle::from_text(&[b'a'; 51], &limits).unwrap_err();
     assert_eq!(error, TextError::TooLong { length: 51, limit: 50 });
 }
@@ -108,7 +108,7 @@ fn what_a_dialect_lacks_is_not_written() {
     assert!(bottle.encode(Dialect::V4).is_ok());
     bottle.values.remove(0);
     assert!(bottle.encode(Dialect::V3).is_err());
-    assert_eq!(Vector(vec![1.0_f32]).encode(Dialect::V3), Err(VectorError::NoFloat32));
+    assert_eq!(Vector(vec![1.0_f32]).encode(Dialect::V3), Err(SigError::NoFloat32));
 }
 
 #[test]
@@ -120,11 +120,14 @@ fn sounds_that_contradict_themselves_are_refused() {
         sound[at..at + 4].copy_from_slice(&word.to_le_bytes());
         Sound::decode(&sound.into(), Dialect::V3, &Limits::default()).unwrap_err()
     };
-    assert_eq!(with(44, 3), SoundError::Count { count: 3, samples: 2, channels: 2 });
-    assert_eq!(with(28, 4), SoundError::SampleBytes { bytes: 4 });
-    assert_eq!(with(12, -2), SoundError::Negative { what: "length in samples", value: -2 });
+    assert_eq!(with(44, 3), SigError::Count { count: 3, samples: 2, channels: 2 });
+    assert_eq!(with(28, 4), SigError::SampleBytes { bytes: 4 });
+    assert_eq!(
+        with(12, -2),
+        SigError::Negative { what: "a sound", part: "length in samples", value: -2 }
+    );
     assert!(with(4, 2).to_string().contains("3.8"));
-    assert!(matches!(with(4, 9), SoundError::NotASound { wanted: 5, .. }));
+    assert!(matches!(with(4, 9), SigError::Other { wanted: 5, .. }));
 }
 
 #[test]
@@ -138,14 +141,14 @@ fn images_that_contradict_themselves_are_refused() {
         }
         Image::decode(&image.into(), &Limits::default()).unwrap_err()
     };
-    assert!(matches!(with(&[(44, 5)]), ImageError::Sizes { width: 5, .. }));
-    assert!(matches!(with(&[(48, 5)]), ImageError::Sizes { height: 5, .. }));
-    assert!(matches!(with(&[(32, 4)]), ImageError::PixelBytes { given: 4, wanted: 3, .. }));
-    assert!(matches!(with(&[(56, 23)]), ImageError::Blob { .. }));
-    assert!(matches!(with(&[(44, -4)]), ImageError::Negative { what: "width", .. }));
-    assert!(matches!(with(&[(12, 7)]), ImageError::NotAnImage { at: 12, found: 7, .. }));
+    assert!(matches!(with(&[(44, 5)]), SigError::Sizes { width: 5, .. }));
+    assert!(matches!(with(&[(48, 5)]), SigError::Sizes { height: 5, .. }));
+    assert!(matches!(with(&[(32, 4)]), SigError::PixelBytes { given: 4, wanted: 3, .. }));
+    assert!(matches!(with(&[(56, 23)]), SigError::Blob { .. }));
+    assert!(matches!(with(&[(44, -4)]), SigError::Negative { part: "width", .. }));
+    assert!(matches!(with(&[(12, 7)]), SigError::Other { at: 12, found: 7, .. }));
     assert!(matches!(
         with(&[(36, 48), (56, 48)]),
-        ImageError::Truncated { needed: 108, given: 84 }
+        SigError::Truncated { what: "an image", needed: 108, given: 84 }
     ));
 }

@@ -17,6 +17,7 @@ mod golden_names;
 mod golden_ports;
 mod golden_sig;
 mod hostile_ports;
+mod input;
 mod limits;
 mod lookup;
 mod name_live;

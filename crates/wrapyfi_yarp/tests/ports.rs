@@ -4,12 +4,13 @@ use std::time::Duration;
 
 use bytes::Bytes;
 
+use crate::input::{Connections, InputPort, input, open_input};
 use crate::queued::queued;
 use wrapyfi_yarp::name::Environment;
 use wrapyfi_yarp::port::names::NameTable;
 use wrapyfi_yarp::port::{
-    Answer, InputOptions, InputPort, Message, Network, OutputOptions, Overflow, PayloadKind,
-    PortOptions, PortPayload, Reading, RpcError,
+    Answer, Message, Network, OutputOptions, Overflow, PayloadKind, PortOptions, PortPayload,
+    RpcError,
 };
 use wrapyfi_yarp::{Bottle, Limits, Value};
 
@@ -20,11 +21,6 @@ fn network() -> Network {
     let sockets = Environment::from_pairs([("YARP_RUNTIME_DIR", env!("CARGO_TARGET_TMPDIR"))]);
     let builder = Network::builder().listen([127, 0, 0, 1].into()).names(NameTable::new());
     builder.environment(sockets).build()
-}
-
-fn strict(queue: usize) -> InputOptions {
-    let reading = Reading::Strict { queue };
-    InputOptions { reading, ..InputOptions::default() }
 }
 
 fn bottle(text: &str) -> Bottle {
@@ -45,7 +41,7 @@ async fn messages_arrive_over_every_push_carrier() {
         ["tcp", "fast_tcp", "text", "text_ack", "udp", "mcast", "unix_stream", "unix_stream+ack"]
     {
         let network = network();
-        let reader = network.open_input("/reader", &strict(16)).await.unwrap();
+        let reader = input(&network, "/reader", 16).await;
         let writer = network.open_output("/writer", &OutputOptions::default()).await.unwrap();
         writer.connect(&format!("{carrier}://reader")).await.unwrap();
         within(reader.wait_for_inputs(1)).await;
@@ -80,9 +76,9 @@ async fn messages_arrive_over_every_push_carrier() {
 async fn a_reader_that_closes_first_ends_the_output() {
     for carrier in ["tcp", "fast_tcp", "text_ack", "udp", "unix_stream", "unix_stream+ack"] {
         let network = network();
-        let reader = network.open_input("/reader", &strict(16)).await.unwrap();
+        let reader = input(&network, "/reader", 16).await;
         let writer = network.open_output("/writer", &OutputOptions::default()).await.unwrap();
-        reader.subscribe("/writer", Some(carrier)).await.unwrap();
+        reader.subscribe(&network, "/writer", carrier).await.unwrap();
         within(writer.wait_for_outputs(1)).await;
         within(reader.wait_for_inputs(1)).await;
         within(reader.close()).await;
@@ -96,8 +92,8 @@ async fn a_reader_that_closes_first_ends_the_output() {
 #[tokio::test]
 async fn one_multicast_datagram_reaches_all_targets() {
     let network = network();
-    let first = network.open_input("/first", &strict(4)).await.unwrap();
-    let second = network.open_input("/second", &strict(4)).await.unwrap();
+    let first = input(&network, "/first", 4).await;
+    let second = input(&network, "/second", 4).await;
     let writer = network.open_output("/writer", &OutputOptions::default()).await.unwrap();
     writer.connect("mcast://first").await.unwrap();
     writer.connect("mcast://second").await.unwrap();
@@ -107,7 +103,7 @@ async fn one_multicast_datagram_reaches_all_targets() {
     assert_eq!(next(&first).await.bottle().unwrap(), bottle("7"));
     assert_eq!(next(&second).await.bottle().unwrap(), bottle("7"));
     assert_eq!(first.received(), 1);
-    assert!(writer.disconnect("/first").await);
+    network.disconnect("/writer", "/first").await.unwrap();
     let mut connected = first.connected();
     within(connected.wait_for(|now| now.inputs == 0)).await.unwrap();
     writer.write_bottle(&bottle("8")).unwrap();
@@ -124,7 +120,7 @@ async fn large_messages_pass_in_datagrams_and_in_streams() {
     let big = Bottle::from(vec![Value::blob(bytes)]);
     for carrier in ["tcp", "fast_tcp", "text_ack", "udp", "mcast"] {
         let network = network();
-        let reader = network.open_input("/reader", &strict(4)).await.unwrap();
+        let reader = input(&network, "/reader", 4).await;
         let writer = network.open_output("/writer", &OutputOptions::default()).await.unwrap();
         writer.connect(&format!("{carrier}://reader")).await.unwrap();
         within(reader.wait_for_inputs(1)).await;
@@ -136,7 +132,7 @@ async fn large_messages_pass_in_datagrams_and_in_streams() {
 #[tokio::test]
 async fn pictures_are_pulled() {
     let network = network();
-    let reader = network.open_input("/view", &strict(4)).await.unwrap();
+    let reader = input(&network, "/view", 4).await;
     let writer = network.open_output("/cam", &OutputOptions::default()).await.unwrap();
     network.connect("/cam", "/view", Some("mjpeg")).await.unwrap();
     within(writer.wait_for_outputs(1)).await;
@@ -156,7 +152,7 @@ async fn pictures_are_pulled() {
     assert_eq!(writer.status()[0].unsendable, 1);
     assert_eq!(reader.status()[0].carrier, "mjpeg");
     // Whoever is connected otherwise gets the objects, and no files.
-    let other = network.open_input("/other", &strict(4)).await.unwrap();
+    let other = input(&network, "/other", 4).await;
     writer.connect("tcp://other").await.unwrap();
     writer.write(Message::new(PortPayload::raw(jpeg)));
     writer.write_bottle(&bottle("an object")).unwrap();
@@ -173,10 +169,8 @@ async fn pictures_are_pulled() {
 async fn mjpeg_is_refused_where_no_pictures_are() {
     let network = network();
     let bottles = PortOptions { pictures: false, ..PortOptions::default() };
-    let reading = strict(4).reading;
-    let view = network.open_input("/view", &strict(4)).await.unwrap();
-    let ears = InputOptions { port: bottles.clone(), reading };
-    let ears = network.open_input("/ears", &ears).await.unwrap();
+    let view = input(&network, "/view", 4).await;
+    let ears = open_input(&network, "/ears", &bottles, 4).await.unwrap();
     let talk = OutputOptions { port: bottles, ..OutputOptions::default() };
     let talk = network.open_output("/talk", &talk).await.unwrap();
     let cam = network.open_output("/cam", &OutputOptions::default()).await.unwrap();
@@ -260,7 +254,7 @@ async fn a_late_reply_is_not_taken_for_the_next_one() {
 #[tokio::test]
 async fn an_input_acknowledges_and_a_client_knows_it_for_no_reply() {
     let network = network();
-    let reader = network.open_input("/reader", &strict(4)).await.unwrap();
+    let reader = input(&network, "/reader", 4).await;
     let client = network.open_rpc_client("/client", &PortOptions::default()).await.unwrap();
     for carrier in ["tcp", "text_ack"] {
         client.connect(&format!("{carrier}://reader")).await.unwrap();
@@ -294,8 +288,8 @@ async fn a_handler_answers_on_the_connection() {
 #[tokio::test]
 async fn a_slow_target_stalls_nobody() {
     let network = network();
-    let slow = network.open_input("/slow", &strict(1)).await.unwrap();
-    let fast = network.open_input("/fast", &strict(1000)).await.unwrap();
+    let slow = input(&network, "/slow", 1).await;
+    let fast = input(&network, "/fast", 1000).await;
     for (overflow, kept) in [(Overflow::DropOldest, 99), (Overflow::DropNewest, 0)] {
         let options = OutputOptions { queue: 4, overflow, ..OutputOptions::default() };
         let writer = network.open_output("/writer", &options).await.unwrap();
@@ -322,49 +316,30 @@ async fn a_slow_target_stalls_nobody() {
 }
 
 #[tokio::test]
-async fn the_newest_message_takes_the_place_of_older_ones() {
-    let network = network();
-    let reader = network.open_input("/reader", &InputOptions::default()).await.unwrap();
-    let writer = network.open_output("/writer", &OutputOptions::default()).await.unwrap();
-    writer.connect("tcp://reader").await.unwrap();
-    for count in 0..10 {
-        writer
-            .send(Message::new(
-                PortPayload::bottle(&Bottle::from(vec![count.into()]), network.dialect()).unwrap(),
-            ))
-            .await;
-    }
-    within(writer.flush()).await;
-    assert_eq!(next(&reader).await.bottle().unwrap(), bottle("9"));
-    assert!(reader.try_recv().is_none());
-    assert_eq!((reader.received(), reader.superseded()), (10, 9));
-}
-
-#[tokio::test]
 async fn names_are_chosen_taken_and_refused() {
     let network = network();
-    let options = InputOptions::default();
-    let anonymous = network.open_input("...", &options).await.unwrap();
+    let options = PortOptions::default();
+    let anonymous = open_input(&network, "...", &options, 4).await.unwrap();
     assert_eq!(anonymous.name(), "/tmp/port/1");
-    let port = network.open_input("/port", &options).await.unwrap();
+    let port = open_input(&network, "/port", &options, 4).await.unwrap();
     assert!(network.exists("/port").await);
     assert!(!network.exists("/other").await);
-    let error = network.open_input("/port", &options).await.unwrap_err();
+    let error = open_input(&network, "/port", &options, 4).await.map(drop).unwrap_err();
     assert!(error.to_string().contains("lives already"), "{error}");
     for name in ["", "/", "port", "/a b", "/a/", "/a(b)"] {
-        assert!(network.open_input(name, &options).await.is_err(), "{name}");
+        assert!(open_input(&network, name, &options, 4).await.is_err(), "{name}");
     }
     drop(port);
     while network.query("/port").await.unwrap().is_some() {
         tokio::task::yield_now().await;
     }
-    network.open_input("/port", &options).await.unwrap();
+    open_input(&network, "/port", &options, 4).await.unwrap();
 }
 
 #[tokio::test]
 async fn a_qualifier_that_we_lack_ends_the_connection() {
     let network = network();
-    let reader = network.open_input("/reader", &strict(4)).await.unwrap();
+    let reader = input(&network, "/reader", 4).await;
     let writer = network.open_output("/writer", &OutputOptions::default()).await.unwrap();
     for (count, carrier) in [(1, "fast_tcp"), (2, "tcp"), (3, "text_ack"), (4, "udp")] {
         let wanted = format!("{carrier}+recv.portmonitor+type.dll+file.nosuch://reader");
@@ -389,7 +364,7 @@ async fn a_qualifier_that_we_lack_ends_the_connection() {
 #[tokio::test]
 async fn graphs_of_the_network_find_what_they_ask_for() {
     let network = network();
-    let reader = network.open_input("/reader", &strict(4)).await.unwrap();
+    let reader = input(&network, "/reader", 4).await;
     let writer = network.open_output("/writer", &OutputOptions::default()).await.unwrap();
     writer.connect("tcp://reader").await.unwrap();
     within(reader.wait_for_inputs(1)).await;
@@ -425,7 +400,7 @@ async fn the_probe_tells_what_our_ports_speak() {
         let names = std::sync::Arc::new(NameTable::new());
         let builder = || Network::builder().listen([127, 0, 0, 1].into());
         let theirs = builder().shared_names(names.clone()).dialect(dialect).build();
-        let _port = theirs.open_input("/port", &InputOptions::default()).await.unwrap();
+        let _port = input(&theirs, "/port", 4).await;
         let ours = builder().shared_names(names).build();
         assert_eq!(ours.probe_dialect("/port").await.unwrap(), dialect);
     }
@@ -434,7 +409,7 @@ async fn the_probe_tells_what_our_ports_speak() {
 #[tokio::test]
 async fn a_second_connection_of_a_name_replaces_the_first() {
     let network = network();
-    let reader = network.open_input("/reader", &strict(4)).await.unwrap();
+    let reader = input(&network, "/reader", 4).await;
     let other = Network::builder().listen([127, 0, 0, 1].into());
     let other = other.names(NameTable::new().with("/reader", reader.address())).build();
     let first = network.open_output("/writer", &OutputOptions::default()).await.unwrap();

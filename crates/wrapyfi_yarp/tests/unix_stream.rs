@@ -6,14 +6,12 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use crate::golden::{file, hex};
+use crate::input::{Connections, InputPort, input};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream, UnixListener, UnixStream};
 use wrapyfi_yarp::name::Environment;
 use wrapyfi_yarp::port::names::NameTable;
-use wrapyfi_yarp::port::{
-    Answer, InputOptions, InputPort, Network, OutputOptions, PortOptions, Reading, RpcError,
-    Timeouts,
-};
+use wrapyfi_yarp::port::{Answer, Network, OutputOptions, PortOptions, RpcError, Timeouts};
 use wrapyfi_yarp::{Bottle, Dialect, Limits};
 
 const TIMEOUT: Duration = Duration::from_secs(20);
@@ -42,12 +40,6 @@ fn network(folder: &Path, names: NameTable) -> Network {
 
 fn bottle(text: &str) -> Bottle {
     Bottle::from_text(text.as_bytes(), &Limits::default()).unwrap()
-}
-
-async fn input(network: &Network) -> InputPort {
-    let reading = Reading::Strict { queue: 8 };
-    let options = InputOptions { reading, ..InputOptions::default() };
-    network.open_input("/dst", &options).await.unwrap()
 }
 
 fn place(folder: &Path, receiver: SocketAddr, sender: SocketAddr) -> PathBuf {
@@ -92,7 +84,7 @@ async fn counted(port: &InputPort, reason: &str) {
 #[tokio::test]
 async fn our_reader_reads_what_yarp_wrote() {
     let folder = tempfile::tempdir().unwrap();
-    let port = input(&network(folder.path(), NameTable::new())).await;
+    let port = input(&network(folder.path(), NameTable::new()), "/dst", 8).await;
     let header = said("unix_stream_write", "c2s", "tcp");
     let mut stream = meet(folder.path(), port.address(), &header).await;
     within(port.wait_for_inputs(1)).await;
@@ -117,7 +109,7 @@ async fn a_float_of_yarp_4_shows_its_dialect() {
     let message =
         hex("120000007e0000014420343320313730303030303030302e350014010000010000000000000000000a40");
     let folder = tempfile::tempdir().unwrap();
-    let port = input(&network(folder.path(), NameTable::new())).await;
+    let port = input(&network(folder.path(), NameTable::new()), "/dst", 8).await;
     let header = said("unix_stream_write", "c2s", "tcp");
     let mut stream = meet(folder.path(), port.address(), &header).await;
     stream.write_all(&message.repeat(2)).await.unwrap();
@@ -236,7 +228,7 @@ async fn what_a_reader_cannot_trust_is_closed_and_counted() {
         (b"\0\0\0\0~D\0\x01\0\x01\0\0\xff\xff\xff\x7f", "bad_payload"),
     ] {
         let folder = tempfile::tempdir().unwrap();
-        let port = input(&network(folder.path(), NameTable::new())).await;
+        let port = input(&network(folder.path(), NameTable::new()), "/dst", 8).await;
         let header = said("unix_stream_write", "c2s", "tcp");
         let mut stream = meet(folder.path(), port.address(), &header).await;
         stream.write_all(bytes).await.unwrap();
@@ -250,7 +242,7 @@ async fn what_a_reader_cannot_trust_is_closed_and_counted() {
 #[tokio::test]
 async fn a_sender_that_does_not_come_is_given_up_and_its_socket_removed() {
     let folder = tempfile::tempdir().unwrap();
-    let port = input(&network(folder.path(), NameTable::new())).await;
+    let port = input(&network(folder.path(), NameTable::new()), "/dst", 8).await;
     let mut stream = TcpStream::connect(port.address()).await.unwrap();
     stream.write_all(&said("unix_stream_write", "c2s", "tcp")).await.unwrap();
     counted(&port, "handshake_timeout").await;
@@ -267,7 +259,7 @@ async fn a_place_where_ports_cannot_meet_is_refused_with_the_reason() {
         (Path::new(&"/x".repeat(80)), "bytes with its NUL, allowed are 108"),
     ] {
         let network = network(place, NameTable::new());
-        let port = input(&network).await;
+        let port = input(&network, "/dst", 8).await;
         let writer = network.open_output("/src", &OutputOptions::default()).await.unwrap();
         let error = within(writer.connect("unix_stream://dst")).await.unwrap_err().to_string();
         assert!(error.contains(why) && error.contains("YARP_RUNTIME_DIR"), "{error}");

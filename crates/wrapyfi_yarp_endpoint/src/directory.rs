@@ -148,9 +148,9 @@ impl Directory {
         self.inner.lock().names.contains_key(name)
     }
 
-    /// True for a port that the name server before this one knew, and this one does not.
-    pub(super) fn is_unlisted(&self, name: &str) -> bool {
-        self.entry(name).is_some_and(|entry| entry.is_unlisted)
+    /// Place of a port that the name server before this one knew, and this one does not.
+    pub(super) fn unlisted(&self, name: &str) -> Option<Registration> {
+        self.entry(name).filter(|entry| entry.is_unlisted)?.at
     }
 
     /// The port of this name.
@@ -370,7 +370,7 @@ async fn listen(shared: &Arc<Shared>, backoff: &mut Backoff) -> Box<dyn std::fmt
         let look_at = begin + next_look.copied().unwrap_or_default();
         tokio::select! {
             event = events.next() => match event {
-                Ok(NameEvent::Added(name)) if directory.is_unlisted(&name) => {
+                Ok(NameEvent::Added(name)) if directory.unlisted(&name).is_some() => {
                     match client.query(&name).await {
                         Ok(port) => port.into_iter().for_each(|port| directory.listed(port)),
                         Err(error) => return Box::new(error),

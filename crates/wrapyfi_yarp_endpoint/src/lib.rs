@@ -75,7 +75,6 @@ use wrapyfi_yarp::server::{NameServer, NameServerOptions};
 
 use self::config::Listening;
 use self::shared::Shared;
-use self::unlisted::KnownNames;
 pub use config::YarpConfig;
 pub use error::YarpError;
 pub use log_port::LogPort;
@@ -150,11 +149,10 @@ impl Yarp {
             let _inside = runtime.enter();
             let directory = Arc::new(directory::Directory::new(&client, is_afar));
             let registrar = Registrar::start(client, RegistrarOptions::default());
+            let unlisted = Arc::downgrade(&directory);
             let network = Network::builder()
-                .names(KnownNames {
-                    registrar: registrar.clone(),
-                    directory: Arc::clone(&directory),
-                })
+                .names(registrar.clone())
+                .known(move |name| unlisted.upgrade()?.unlisted(name))
                 .dialect(config.dialect)
                 .limits(wrapyfi_yarp::Limits {
                     max_message_bytes: config.max_message_bytes,

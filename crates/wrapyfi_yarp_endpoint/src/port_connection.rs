@@ -94,7 +94,7 @@ impl PortConnection {
             let carrier = self.carrier.as_deref().unwrap_or(usual);
             // A name server connects those that have announced themselves: who is no port never does, nor does
             // one that a name server before this one knew.
-            let is_unlisted = shared.directory.is_unlisted(self.other());
+            let is_unlisted = shared.directory.unlisted(self.other()).is_some();
             let persistent = self.persistent && !has_files && !is_unlisted;
             let wish = reached.map(|reached| (reached, carrier));
             if persistent && subscribed != wish {

@@ -14,11 +14,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::net::TcpStream;
-use wrapyfi_yarp::name::Registrar;
 use wrapyfi_yarp::port::LinkError;
-use wrapyfi_yarp::port::names::{Later, NameRequest, Names, Registration};
 
-use super::directory::{Directory, Entry};
+use super::directory::Entry;
 use super::shared::Shared;
 
 /// Time between two tries to reach a port.
@@ -57,41 +55,5 @@ pub(super) async fn until_gone(shared: Arc<Shared>, name: String, entry: Entry) 
             },
         }
         tokio::time::sleep(PAUSE).await;
-    }
-}
-
-/// The names of the name server, and those of the ports that are unlisted.
-pub(super) struct KnownNames {
-    pub(super) registrar: Registrar,
-    pub(super) directory: Arc<Directory>,
-}
-
-impl Names for KnownNames {
-    fn register<'a>(&'a self, request: &'a NameRequest) -> Later<'a, Registration> {
-        self.registrar.register(request)
-    }
-
-    fn query<'a>(&'a self, name: &'a str) -> Later<'a, Option<Registration>> {
-        Box::pin(async move {
-            let found = self.registrar.query(name).await?;
-            let known = || self.directory.entry(name).filter(|entry| entry.is_unlisted)?.at;
-            Ok(found.or_else(known))
-        })
-    }
-
-    fn unregister<'a>(&'a self, name: &'a str) -> Later<'a, ()> {
-        self.registrar.unregister(name)
-    }
-
-    fn announce<'a>(&'a self, name: &'a str, alive: bool) -> Later<'a, ()> {
-        self.registrar.announce(name, alive)
-    }
-
-    fn set<'a>(&'a self, name: &'a str, key: &'a str, values: &'a [String]) -> Later<'a, ()> {
-        self.registrar.set(name, key, values)
-    }
-
-    fn get<'a>(&'a self, name: &'a str, key: &'a str) -> Later<'a, Vec<String>> {
-        self.registrar.get(name, key)
     }
 }

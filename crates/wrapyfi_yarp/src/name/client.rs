@@ -14,61 +14,21 @@ use std::net::IpAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
-use bytes::BytesMut;
-use tokio::io::AsyncWriteExt;
 use tokio::sync::Semaphore;
 
 use super::conf::{ConfError, Located, NameServerConf, locate};
 use super::environment::Environment;
-use super::exchange::{Exchange, ExchangeError, shown};
+use super::error::NameError;
 use super::name_fault;
 use super::reply::{self, AnswerReader, Lined};
-use crate::port::names::{Later, NameRequest, Names, NamesError, Registration};
-use crate::wire::{Command, Step};
-use crate::{Bottle, Limits, Value};
+use crate::port::link::{Link, LinkError, LinkOptions};
+use crate::port::names::{Later, NameRequest, Names, Registration};
+use crate::port::tools::contact;
+use crate::wire::{Carrier, Command, Sender};
+use crate::{Bottle, Dialect, Limits, Value};
 
 /// Time for which YARP's own programs wait for a name server.
 pub const DEFAULT_TIMEOUT: Duration = Duration::from_secs(10);
-
-/// Error of a request to a name server.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum NameError {
-    /// The name cannot be that of a port.
-    #[error("port name {name:?} {reason}: write for instance /robot/camera:o")]
-    BadName {
-        /// Name.
-        name: String,
-        /// Rule that the name breaks.
-        reason: String,
-    },
-    /// There was no answer.
-    #[error("name server: {command:?}: {source}")]
-    Exchange {
-        /// Command that was sent.
-        command: String,
-        /// Failure of the exchange.
-        source: ExchangeError,
-    },
-    /// The answer belongs to no name server.
-    #[error("name server at {address}: {command:?} was answered {answer:?}, which makes no sense")]
-    Nonsense {
-        /// Host and port.
-        address: String,
-        /// Command that was sent.
-        command: String,
-        /// Answer that came, shortened.
-        answer: String,
-    },
-    /// The name server refused the command.
-    #[error("name server: {command:?} was refused: {answer}")]
-    Refused {
-        /// Command that was sent.
-        command: String,
-        /// Reason in the name server's words.
-        answer: String,
-    },
-}
 
 /// A connection that the name server makes whenever both ports are there.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -82,6 +42,14 @@ pub struct PersistentConnection {
 /// Most requests at once. YARP's name server has room for five connections that wait; whoever finds none
 /// tries again after a second.
 const AT_ONCE: usize = 2;
+
+/// Letters of an answer that an error shows.
+const SHOWN: usize = 80;
+
+/// The beginning of an answer.
+fn shown(answer: &[u8]) -> String {
+    String::from_utf8_lossy(answer).chars().take(SHOWN).collect()
+}
 
 /// Asks one name server. Cheap to clone.
 #[derive(Debug, Clone)]
@@ -178,9 +146,48 @@ impl NameClient {
         &self.0.limits
     }
 
-    pub(crate) fn exchange(&self) -> Exchange<'_> {
-        let Settings { server, timeout, limits, .. } = &*self.0;
-        Exchange { host: &server.host, port: server.port, timeout: *timeout, limits }
+    /// Host and port, as connections take them.
+    pub(super) fn address(&self) -> String {
+        contact(&self.0.server.host, self.0.server.port)
+    }
+
+    pub(super) fn link_options(&self) -> LinkOptions {
+        LinkOptions {
+            dialect: Dialect::default(),
+            limits: self.0.limits.clone(),
+            timeout: self.0.timeout,
+            runtime_folder: None,
+        }
+    }
+
+    /// A connection for more than one request.
+    pub(super) async fn greet(&self, carrier: Carrier, name: &str) -> Result<Link, LinkError> {
+        let (address, options) = (self.address(), self.link_options());
+        let opened = Link::open(&address, carrier, &Sender::new(name), &[], &options).await;
+        opened.map(|(link, _)| link)
+    }
+
+    /// Does `work`, whose turn it is now or later, within the time allowed.
+    pub(super) async fn in_time<T>(
+        &self,
+        work: impl Future<Output = Result<T, LinkError>>,
+    ) -> Result<T, LinkError> {
+        let limit = self.0.timeout;
+        tokio::time::timeout(limit, work).await.unwrap_or(Err(LinkError::Timeout(limit)))
+    }
+
+    /// Makes one request in its turn.
+    async fn request<T>(
+        &self,
+        command: &str,
+        work: impl Future<Output = Result<T, LinkError>>,
+    ) -> Result<T, NameError> {
+        let done = self.in_time(async {
+            let _turn = self.0.room.acquire().await;
+            work.await
+        });
+        let (address, command) = (self.address(), shown(command.as_bytes()));
+        done.await.map_err(|source| NameError::NoAnswer { address, command, source })
     }
 
     /// Address of a port; `None` where the name server does not know it.
@@ -311,17 +318,9 @@ impl NameClient {
     /// Any command, as `yarp name` takes them, with its answer as a bottle.
     pub async fn ask(&self, request: Bottle) -> Result<Bottle, NameError> {
         let data = Command::Data { reply: true, envelope: None };
-        let exchange = self.exchange();
-        exchange
-            .in_time(async {
-                let _turn = self.0.room.acquire().await;
-                exchange.bottle(&data, &request).await
-            })
-            .await
-            .map_err(|source| NameError::Exchange {
-                command: shown(&request.to_text_bytes()),
-                source,
-            })
+        let asked =
+            async { self.greet(Carrier::TextAck, "admin").await?.ask(&data, &request).await };
+        self.request(&request.to_text(), asked).await
     }
 
     async fn ok<'a>(&self, words: impl IntoIterator<Item = &'a str>) -> Result<(), NameError> {
@@ -342,24 +341,15 @@ impl NameClient {
 
     /// One line, and the lines of its answer.
     async fn one_line(&self, command: &str, end: &str) -> Result<Lined, NameError> {
-        let exchange = self.exchange();
         let request = format!("NAME_SERVER {command}{end}");
-        exchange
-            .in_time(async {
-                let _turn = self.0.room.acquire().await;
-                let mut stream = exchange.open().await?;
-                stream.write_all(request.as_bytes()).await.map_err(|error| exchange.io(error))?;
-                let (mut buffer, mut reader) =
-                    (BytesMut::new(), AnswerReader::new(exchange.limits));
-                loop {
-                    match reader.poll(&mut buffer).map_err(|fault| exchange.too_long(fault))? {
-                        Step::Event(answer) => return Ok(answer),
-                        Step::Need(_) => exchange.fill(&mut stream, &mut buffer).await?,
-                    }
-                }
-            })
-            .await
-            .map_err(|source| NameError::Exchange { command: command.to_owned(), source })
+        let asked = async {
+            let (address, options) = (self.address(), self.link_options());
+            let mut link = Link::connect(&address, Carrier::Text, &options).await?;
+            link.write_raw(&[request.as_bytes()]).await?;
+            let mut reader = AnswerReader::new(&options.limits);
+            link.poll(|buffer| reader.poll(buffer)).await
+        };
+        self.request(command, asked).await
     }
 
     fn registration(
@@ -421,9 +411,8 @@ impl NameClient {
     }
 
     fn nonsense(&self, command: &str, answer: &[u8]) -> NameError {
-        let NameServerConf { host, port } = &self.0.server;
         NameError::Nonsense {
-            address: format!("{host}:{port}"),
+            address: self.address(),
             command: command.to_owned(),
             answer: shown(answer),
         }
@@ -438,19 +427,19 @@ impl NameClient {
 /// Ports ask their name server through this.
 impl Names for NameClient {
     fn register<'a>(&'a self, request: &'a NameRequest) -> Later<'a, Registration> {
-        Box::pin(async { Ok(Self::register(self, request).await?) })
+        Box::pin(Self::register(self, request))
     }
 
     fn query<'a>(&'a self, name: &'a str) -> Later<'a, Option<Registration>> {
-        Box::pin(async { Ok(Self::query(self, name).await?) })
+        Box::pin(Self::query(self, name))
     }
 
     fn unregister<'a>(&'a self, name: &'a str) -> Later<'a, ()> {
-        Box::pin(async { Ok(Self::unregister(self, name).await?) })
+        Box::pin(Self::unregister(self, name))
     }
 
     fn announce<'a>(&'a self, name: &'a str, alive: bool) -> Later<'a, ()> {
-        Box::pin(async move { Ok(Self::announce(self, name, alive).await?) })
+        Box::pin(Self::announce(self, name, alive))
     }
 
     fn set<'a>(&'a self, name: &'a str, key: &'a str, values: &'a [String]) -> Later<'a, ()> {
@@ -470,18 +459,6 @@ impl Names for NameClient {
             };
             Ok(values.into_iter().map(text).collect())
         })
-    }
-}
-
-impl From<NameError> for NamesError {
-    fn from(error: NameError) -> Self {
-        match error {
-            NameError::BadName { .. } | NameError::Refused { .. } => {
-                Self::Refused(error.to_string())
-            }
-            NameError::Nonsense { answer, .. } => Self::Nonsense(answer),
-            NameError::Exchange { .. } => Self::Unreachable(error.to_string()),
-        }
     }
 }
 

@@ -9,14 +9,10 @@
 //! when the name server ends. YARP's own programs have the name server connect to a port of theirs
 //! instead, which our name server does, too.
 
-use bytes::BytesMut;
-use tokio::io::AsyncWriteExt;
-use tokio::net::TcpStream;
-
 use super::client::NameClient;
-use super::exchange::ExchangeError;
+use crate::port::link::{Link, LinkError};
 use crate::wire::text::TextReader;
-use crate::wire::{Body, Carrier, Command, Incoming, Step};
+use crate::wire::{Body, Carrier, Command, Incoming};
 use crate::{Bottle, Dialect, Value};
 
 /// A change of the names there are. Multicast groups are not told.
@@ -55,8 +51,7 @@ impl NameEvent {
 #[derive(Debug)]
 pub struct NameEvents {
     client: NameClient,
-    stream: TcpStream,
-    buffer: BytesMut,
+    link: Link,
     reader: TextReader,
 }
 
@@ -65,17 +60,14 @@ impl NameEvents {
     ///
     /// # Errors
     /// When it does not answer.
-    pub async fn open(client: &NameClient) -> Result<Self, ExchangeError> {
-        let exchange = client.exchange();
-        let (stream, buffer) = exchange
-            .in_time(async {
-                let (mut stream, buffer) = exchange.greet(Carrier::Text, "anon_events").await?;
-                stream.write_all(b"r\r\n").await.map_err(|error| exchange.io(error))?;
-                Ok((stream, buffer))
-            })
-            .await?;
+    pub async fn open(client: &NameClient) -> Result<Self, LinkError> {
+        let opened = client.in_time(async {
+            let mut link = client.greet(Carrier::Text, "anon_events").await?;
+            link.write_raw(&[b"r\r\n"]).await?;
+            Ok(link)
+        });
         let reader = TextReader::new(client.limits());
-        Ok(Self { client: client.clone(), stream, buffer, reader })
+        Ok(Self { client: client.clone(), link: opened.await?, reader })
     }
 
     /// The next change, however long it takes; messages that are no changes are counted and left
@@ -84,21 +76,18 @@ impl NameEvents {
     /// # Errors
     /// When the connection ends, as it does with the name server; open another one then, and ask
     /// for the list: what happened meanwhile is not told.
-    pub async fn next(&mut self) -> Result<NameEvent, ExchangeError> {
-        let client = self.client.clone();
-        let exchange = client.exchange();
+    pub async fn next(&mut self) -> Result<NameEvent, LinkError> {
         loop {
-            match self.reader.poll(&mut self.buffer).map_err(|fault| exchange.too_long(fault))? {
-                Step::Need(_) => exchange.fill(&mut self.stream, &mut self.buffer).await?,
-                Step::Event(Incoming { command: Command::Quit, .. }) => {
-                    return Err(exchange.closed());
-                }
-                Step::Event(Incoming { command: Command::Data { .. }, body }) => {
+            let Incoming { command, body } =
+                self.link.poll(|buffer| self.reader.poll(buffer)).await?;
+            match command {
+                Command::Quit => return Err(LinkError::Closed),
+                Command::Data { .. } => {
                     if let Some(event) = self.read(&body) {
                         return Ok(event);
                     }
                 }
-                Step::Event(_) => {}
+                _ => {}
             }
         }
     }

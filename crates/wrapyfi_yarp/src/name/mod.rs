@@ -20,17 +20,16 @@ pub mod multicast;
 pub mod registrar;
 
 mod contact;
-mod exchange;
+mod error;
 mod reply;
 
-pub use client::{NameClient, NameError};
+pub use client::NameClient;
 pub use conf::{ConfError, Located, NameServerConf};
 pub use contact::Target;
 pub(crate) use contact::name_fault;
 pub use environment::Environment;
+pub use error::NameError;
 pub use events::NameEvent;
-pub(crate) use exchange::Exchange;
-pub use exchange::ExchangeError;
 pub use multicast::DISCOVERY_GROUP;
 pub use registrar::Registrar;
 pub(crate) use reply::{read_answer, registration};

@@ -20,18 +20,17 @@ use std::ops::Bound;
 use std::sync::Arc;
 use std::time::Duration;
 
-use bytes::BytesMut;
-use tokio::net::TcpStream;
 use tokio::sync::{Notify, watch};
 use tokio::task::JoinHandle;
 use wrapyfi_retry::restart::restarted;
 use wrapyfi_retry::{Backoff, Mutex};
 
-use super::client::{NameClient, NameError};
-use super::exchange::{Exchange, ExchangeError};
+use super::client::NameClient;
+use super::error::NameError;
 use super::reply;
+use crate::port::link::{Link, LinkError};
 use crate::port::names::{Later, NameRequest, Names, Registration};
-use crate::wire::{Carrier, Command};
+use crate::wire::{Carrier, Command, text};
 
 /// Settings by which ports are kept registered.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -167,8 +166,8 @@ impl Names for Registrar {
     fn unregister<'a>(&'a self, name: &'a str) -> Later<'a, ()> {
         Box::pin(async move {
             match self.0.shared.forget(name) {
-                Some(wanted) => Ok(release(self.client(), &wanted).await?),
-                None => Ok(self.client().unregister(name).await?),
+                Some(wanted) => release(self.client(), &wanted).await,
+                None => self.client().unregister(name).await,
             }
         })
     }
@@ -319,10 +318,9 @@ async fn watch_over(shared: Arc<Shared>) {
             continue;
         }
         let names: Vec<String> = shared.names.lock().keys().cloned().collect();
-        let exchange = shared.client.exchange();
-        let opened = exchange.in_time(exchange.greet(Carrier::TextAck, "anon_registrar")).await;
+        let opened = shared.client.greet(Carrier::TextAck, "anon_registrar").await;
         let ended: Box<dyn std::fmt::Display + Send> = match opened {
-            Ok(connection) => {
+            Ok(link) => {
                 let mut renewed = Ok(());
                 for name in &names {
                     renewed = shared.renew(name).await;
@@ -334,7 +332,7 @@ async fn watch_over(shared: Arc<Shared>) {
                     Ok(()) => {
                         backoff.reset();
                         shared.status.send_modify(|status| status.connected = true);
-                        match stay(&shared, &exchange, connection).await {
+                        match stay(&shared, link).await {
                             None => continue,
                             Some(error) => {
                                 shared.status.send_modify(|status| status.lost += 1);
@@ -355,23 +353,22 @@ async fn watch_over(shared: Arc<Shared>) {
 }
 
 /// Watches one connection until it ends, or until there are no names: then none.
-async fn stay(
-    shared: &Shared,
-    exchange: &Exchange<'_>,
-    (mut stream, mut buffer): (TcpStream, BytesMut),
-) -> Option<ExchangeError> {
+async fn stay(shared: &Shared, mut link: Link) -> Option<LinkError> {
     let mut name = String::new();
     loop {
-        let waited = tokio::time::timeout(shared.options.check_every, heard(&stream)).await;
-        if waited.is_ok() {
-            return Some(exchange.closed());
+        let waited = tokio::time::timeout(shared.options.check_every, link.ended()).await;
+        if let Ok(error) = waited {
+            return Some(error);
         }
         let wanted = shared.after(&name)?;
         name.clone_from(&wanted.at.name);
-        let question = format!("query {name}");
         let data = Command::Data { reply: true, envelope: None };
-        let asked = exchange.ask(&mut stream, &mut buffer, &data, Some(question.as_bytes()));
-        match exchange.in_time(asked).await {
+        let question = text::message(&data, Some(format!("query {name}").as_bytes()));
+        let asked = async {
+            link.write_raw(&[&question]).await?;
+            link.answer_lines().await
+        };
+        match shared.client.in_time(asked).await {
             Err(error) => return Some(error),
             Ok(answer) => match answer.first().and_then(|line| reply::registration(line)) {
                 Some(found) => shared.compare(&found),
@@ -384,19 +381,6 @@ async fn stay(
                     }
                 }
             },
-        }
-    }
-}
-
-/// Waits until the name server hangs up, or says something: unasked it does not.
-async fn heard(stream: &TcpStream) {
-    loop {
-        if stream.readable().await.is_err() {
-            return;
-        }
-        match stream.try_read(&mut [0; 1]) {
-            Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => {}
-            _ => return,
         }
     }
 }

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use super::core::{Core, Sink};
+use super::core::{Core, Input, Sink};
+use super::output::Output;
 use crate::wire::Command;
 use crate::wire::admin::{self, AdminRequest, Direction};
 use crate::{Bottle, Value};
@@ -17,145 +18,182 @@ fn sched() -> Value {
     admin::dict("sched", [("tid", (-1).into()), ("priority", (-1).into()), ("policy", (-1).into())])
 }
 
-impl Core {
-    /// Carries a request out.
-    pub(super) async fn administer(self: &Arc<Self>, request: &Bottle) -> Bottle {
-        match AdminRequest::parse(request) {
-            AdminRequest::Version => admin::version(),
-            AdminRequest::Help => admin::help(),
-            AdminRequest::Add { destination } => match self.add_output(&destination).await {
-                Ok(sentence) => admin::done(sentence),
-                Err(error) => admin::failed(error.0),
-            },
-            AdminRequest::Remove { name } => self.remove(&name).await,
-            AdminRequest::List { direction, name } => self.listed(direction, name.as_deref()),
-            AdminRequest::Configure { direction, name } => {
-                admin::configuration(direction, &name, self.has(direction, &name), true)
-            }
-            AdminRequest::Configuration { direction, name } => {
-                admin::configuration(direction, &name, self.has(direction, &name), false)
-            }
-            AdminRequest::SetProperty { key, values } => self.set_property(&key, values),
-            AdminRequest::Property { key } => self.property(key.as_deref()),
-            AdminRequest::Attach { directed } => {
-                let name = &self.name;
-                tracing::warn!(target: "wrapyfi_yarp::port", name, "port monitors are not available here");
-                admin::attached(directed)
-            }
-            AdminRequest::Detach { directed } => admin::detached(directed),
-            AdminRequest::Unknown => admin::not_understood(),
+/// A connection, as `[list]` tells it.
+pub(crate) struct ListedConnection {
+    pub(crate) name: String,
+    /// Carrier with its qualifiers.
+    pub(crate) carrier: String,
+    pub(crate) connectionless: bool,
+    pub(crate) push: bool,
+}
+
+/// A port that others administer: that of a program, and the name server's.
+pub(crate) trait Administered: Sync {
+    fn name(&self) -> &str;
+
+    /// Host and number under which the port describes itself.
+    fn contact(&self) -> String;
+
+    fn connections(&self, direction: Direction) -> Vec<ListedConnection>;
+
+    /// Connects to `destination`; the sentence that says how it went.
+    fn add(&self, destination: &str) -> impl Future<Output = Result<String, String>> + Send;
+
+    /// Ends the output to a port; whether there was one.
+    fn remove_output(&self, name: &str) -> impl Future<Output = bool> + Send;
+
+    /// Ends the inputs from a port; whether there was one.
+    fn remove_input(&self, name: &str) -> bool;
+
+    fn set_property(&self, key: &str, values: Bottle) -> Bottle;
+
+    fn property(&self, key: Option<&str>) -> Bottle;
+}
+
+/// Carries a request out.
+pub(crate) async fn administer(port: &impl Administered, request: &Bottle) -> Bottle {
+    let found = |direction, name: &str| {
+        port.connections(direction).into_iter().find(|connection| connection.name == name)
+    };
+    match AdminRequest::parse(request) {
+        AdminRequest::Version => admin::version(),
+        AdminRequest::Help => admin::help(),
+        AdminRequest::Add { destination } => match port.add(&destination).await {
+            Ok(sentence) => admin::done(sentence),
+            Err(sentence) => admin::failed(sentence),
+        },
+        AdminRequest::Remove { name } => remove(port, &name).await,
+        AdminRequest::List { direction, name: None } => {
+            port.connections(direction).into_iter().map(|one| one.name.into()).collect()
         }
+        AdminRequest::List { direction, name: Some(name) } => {
+            let Some(ListedConnection { name, carrier, connectionless, push }) =
+                found(direction, &name)
+            else {
+                return Bottle::new();
+            };
+            let (from, to) = match direction {
+                Direction::In => (name.as_str(), port.name()),
+                Direction::Out => (port.name(), name.as_str()),
+            };
+            admin::details(from, to, &carrier, connectionless, push)
+        }
+        AdminRequest::Configure { direction, name } => {
+            admin::configuration(direction, &name, found(direction, &name).is_some(), true)
+        }
+        AdminRequest::Configuration { direction, name } => {
+            admin::configuration(direction, &name, found(direction, &name).is_some(), false)
+        }
+        AdminRequest::SetProperty { key, values } => port.set_property(&key, values),
+        AdminRequest::Property { key } => port.property(key.as_deref()),
+        AdminRequest::Attach { directed } => {
+            let name = port.name();
+            tracing::warn!(target: "wrapyfi_yarp::port", name, "port monitors are not available here");
+            admin::attached(directed)
+        }
+        AdminRequest::Detach { directed } => admin::detached(directed),
+        AdminRequest::Unknown => admin::not_understood(),
+    }
+}
+
+/// `[del]`: outputs to a port, and inputs from it.
+async fn remove(port: &impl Administered, name: &str) -> Bottle {
+    let bare = admin::split_destination(name).map_or_else(|| name.to_owned(), |(_, name)| name);
+    if port.remove_output(&bare).await {
+        return admin::done(admin::removed(port.name(), name));
+    }
+    if port.remove_input(&bare) {
+        return admin::done(admin::removing(name, port.name()));
+    }
+    let (output, input) = (admin::no_output(name), admin::no_input(name));
+    admin::failed(format!("{output}\r\n{input}"))
+}
+
+/// Carries a command out; the lines that answer it.
+pub(crate) async fn command(port: &impl Administered, command: &Command) -> String {
+    let sentence = match command {
+        Command::Describe => return describe(port),
+        Command::Connect(name) => {
+            // "/tcp://dst" names a carrier, "/dst" does not.
+            let inner = name.get(1..).filter(|inner| inner.contains("://"));
+            port.add(inner.unwrap_or(name)).await.unwrap_or_else(|sentence| sentence)
+        }
+        Command::RemoveOutput(name) => match port.remove_output(name).await {
+            true => admin::removed(port.name(), name),
+            false => admin::no_output(name),
+        },
+        Command::RemoveInput(name) => match port.remove_input(name) {
+            true => admin::removing(name, port.name()),
+            false => admin::no_input(name),
+        },
+        // Not for this port; everything else never gets here.
+        _ => admin::NO_OUTPUTS.to_owned(),
+    };
+    format!("{sentence}\r\n")
+}
+
+/// The port and its connections, in lines.
+pub(crate) fn describe(port: &impl Administered) -> String {
+    let name = port.name();
+    let mut lines = format!("This is {name} at tcp://{}/\r\n", port.contact());
+    let outputs = port.connections(Direction::Out);
+    for ListedConnection { name: to, carrier, .. } in &outputs {
+        lines += &format!("There is an output connection from {name} to {to} using {carrier}\r\n");
+    }
+    if outputs.is_empty() {
+        lines += "There are no outgoing connections\r\n";
+    }
+    let inputs = port.connections(Direction::In);
+    for ListedConnection { name: from, carrier, .. } in &inputs {
+        lines += &format!("There is an input connection from {from} to {name} using {carrier}\r\n");
+    }
+    if inputs.is_empty() {
+        lines += "There are no incoming connections\r\n";
+    }
+    lines
+}
+
+impl Administered for Arc<Core> {
+    fn name(&self) -> &str {
+        &self.name
     }
 
-    /// Carries a command out; the lines that answer it.
-    pub(super) async fn command(self: &Arc<Self>, command: &Command) -> String {
-        let sentence = match command {
-            Command::Describe => return self.describe(),
-            Command::Connect(name) => {
-                // "/tcp://dst" names a carrier, "/dst" does not.
-                let inner = name.get(1..).filter(|inner| inner.contains("://"));
-                match self.add_output(inner.unwrap_or(name)).await {
-                    Ok(sentence) => sentence,
-                    Err(error) => error.0,
-                }
-            }
-            Command::RemoveOutput(name) => match self.remove_output(name).await {
-                true => admin::removed(&self.name, name),
-                false => admin::no_output(name),
-            },
-            Command::RemoveInput(name) => match self.remove_input(name) {
-                true => admin::removing(name, &self.name),
-                false => admin::no_input(name),
-            },
-            // Not for this port; everything else never gets here.
-            _ => admin::NO_OUTPUTS.to_owned(),
+    fn contact(&self) -> String {
+        self.contact.clone()
+    }
+
+    fn connections(&self, direction: Direction) -> Vec<ListedConnection> {
+        let connections = self.connections.lock();
+        let input = |input: &Input| ListedConnection {
+            name: input.name.clone(),
+            carrier: input.carrier.clone(),
+            connectionless: input.connectionless,
+            push: input.push,
         };
-        format!("{sentence}\r\n")
-    }
-
-    /// The port and its connections, in lines.
-    pub(super) fn describe(&self) -> String {
-        let name = &self.name;
-        let mut lines = format!("This is {name} at tcp://{}/\r\n", self.contact);
-        let connections = self.connections.lock();
-        for output in &connections.outputs {
-            let (to, carrier) = (&output.name, &output.carrier_text);
-            lines +=
-                &format!("There is an output connection from {name} to {to} using {carrier}\r\n");
-        }
-        if connections.outputs.is_empty() {
-            lines += "There are no outgoing connections\r\n";
-        }
-        for input in &connections.inputs {
-            let (from, carrier) = (&input.name, &input.carrier);
-            lines +=
-                &format!("There is an input connection from {from} to {name} using {carrier}\r\n");
-        }
-        if connections.inputs.is_empty() {
-            lines += "There are no incoming connections\r\n";
-        }
-        lines
-    }
-
-    /// `[del]`: outputs to a port, and inputs from it.
-    async fn remove(self: &Arc<Self>, name: &str) -> Bottle {
-        let bare = admin::split_destination(name).map_or_else(|| name.to_owned(), |(_, name)| name);
-        if self.remove_output(&bare).await {
-            return admin::done(admin::removed(&self.name, name));
-        }
-        if self.remove_input(&bare) {
-            return admin::done(admin::removing(name, &self.name));
-        }
-        let (output, input) = (admin::no_output(name), admin::no_input(name));
-        admin::failed(format!("{output}\r\n{input}"))
-    }
-
-    /// Ends the inputs from `name`; whether there was one.
-    pub(super) fn remove_input(&self, name: &str) -> bool {
-        let connections = self.connections.lock();
-        let mut found = false;
-        for input in connections.inputs.iter().filter(|input| input.name == name) {
-            input.stop.notify_one();
-            found = true;
-        }
-        found
-    }
-
-    fn has(&self, direction: Direction, name: &str) -> bool {
-        let connections = self.connections.lock();
+        let output = |output: &Output| ListedConnection {
+            name: output.name.clone(),
+            carrier: output.carrier_text.clone(),
+            connectionless: output.carrier.is_connectionless(),
+            push: output.carrier.is_push(),
+        };
         match direction {
-            Direction::In => connections.inputs.iter().any(|input| input.name == name),
-            Direction::Out => connections.outputs.iter().any(|output| output.name == name),
+            Direction::In => connections.inputs.iter().map(input).collect(),
+            Direction::Out => connections.outputs.iter().map(output).collect(),
         }
     }
 
-    fn listed(&self, direction: Direction, name: Option<&str>) -> Bottle {
+    async fn add(&self, destination: &str) -> Result<String, String> {
+        self.add_output(destination).await.map_err(|error| error.0)
+    }
+
+    async fn remove_output(&self, name: &str) -> bool {
+        Core::remove_output(self, name).await
+    }
+
+    fn remove_input(&self, name: &str) -> bool {
         let connections = self.connections.lock();
-        let (inputs, outputs) = (&connections.inputs, &connections.outputs);
-        match (direction, name) {
-            (Direction::In, None) => {
-                inputs.iter().map(|input| input.name.as_str().into()).collect()
-            }
-            (Direction::Out, None) => {
-                outputs.iter().map(|output| output.name.as_str().into()).collect()
-            }
-            (Direction::In, Some(name)) => {
-                let found = inputs.iter().find(|input| input.name == name);
-                found.map_or_else(Bottle::new, |input| {
-                    let (less, push) = (input.connectionless, input.push);
-                    admin::details(&input.name, &self.name, &input.carrier, less, push)
-                })
-            }
-            (Direction::Out, Some(name)) => {
-                let found = outputs.iter().find(|output| output.name == name);
-                found.map_or_else(Bottle::new, |output| {
-                    let (less, push) =
-                        (output.carrier.is_connectionless(), output.carrier.is_push());
-                    let carrier = &output.carrier_text;
-                    admin::details(&self.name, &output.name, carrier, less, push)
-                })
-            }
-        }
+        let found = connections.inputs.iter().filter(|input| input.name == name);
+        found.inspect(|input| input.stop.notify_one()).count() > 0
     }
 
     fn set_property(&self, key: &str, values: Bottle) -> Bottle {
@@ -176,6 +214,35 @@ impl Core {
         admin::ok()
     }
 
+    fn property(&self, key: Option<&str>) -> Bottle {
+        let connections = self.connections.lock();
+        match key {
+            Some(key) if key == self.name => self.about(),
+            Some(key) if key.starts_with('/') => {
+                let output = connections.outputs.iter().find(|output| output.name == key);
+                if output.is_none() && !connections.inputs.iter().any(|input| input.name == key) {
+                    return admin::fail(Some(&format!("cannot find any connection to/from {key}")));
+                }
+                let socket = output.and_then(|output| output.socket.as_ref());
+                let service = socket.and_then(|socket| {
+                    socket2::SockRef::from(&**socket).tos_v4().ok().map(i64::from)
+                });
+                let service = service.unwrap_or(-1);
+                [sched(), admin::dict("qos", [("tos", service.into())])].into_iter().collect()
+            }
+            Some(key) => connections.properties.get(key).cloned().unwrap_or_default(),
+            None => {
+                let pair = |(key, values): (&String, &Bottle)| {
+                    let key = std::iter::once(Value::from(key.as_str()));
+                    Value::from(key.chain(values.values.iter().cloned()).collect::<Bottle>())
+                };
+                connections.properties.iter().map(pair).collect()
+            }
+        }
+    }
+}
+
+impl Core {
     /// Sets the type of service of the connection with `peer`; whether there is one that took it.
     fn set_service(&self, peer: &str, values: &Bottle) -> bool {
         let service = admin::type_of_service(values);
@@ -218,32 +285,5 @@ impl Core {
         [sched(), process, admin::dict("platform", platform), admin::dict("port", port)]
             .into_iter()
             .collect()
-    }
-
-    fn property(&self, key: Option<&str>) -> Bottle {
-        let connections = self.connections.lock();
-        match key {
-            Some(key) if key == self.name => self.about(),
-            Some(key) if key.starts_with('/') => {
-                let output = connections.outputs.iter().find(|output| output.name == key);
-                if output.is_none() && !connections.inputs.iter().any(|input| input.name == key) {
-                    return admin::fail(Some(&format!("cannot find any connection to/from {key}")));
-                }
-                let socket = output.and_then(|output| output.socket.as_ref());
-                let service = socket.and_then(|socket| {
-                    socket2::SockRef::from(&**socket).tos_v4().ok().map(i64::from)
-                });
-                let service = service.unwrap_or(-1);
-                [sched(), admin::dict("qos", [("tos", service.into())])].into_iter().collect()
-            }
-            Some(key) => connections.properties.get(key).cloned().unwrap_or_default(),
-            None => {
-                let pair = |(key, values): (&String, &Bottle)| {
-                    let key = std::iter::once(Value::from(key.as_str()));
-                    Value::from(key.chain(values.values.iter().cloned()).collect::<Bottle>())
-                };
-                connections.properties.iter().map(pair).collect()
-            }
-        }
     }
 }

@@ -4,13 +4,14 @@ use std::sync::Arc;
 
 use tokio::net::TcpStream;
 
+use super::administration;
 use super::core::Core;
 use super::datagrams;
 use super::entered::Entered;
 use super::open::Admission;
 use super::session::{Answer, Event, Session, SessionError};
 use super::target::Way;
-use crate::wire::http::{self, HttpRequest};
+use crate::wire::http;
 use crate::wire::{Carrier, Command, Fault, Opening, mjpeg};
 
 /// Next use of a connection after its session.
@@ -111,20 +112,20 @@ async fn serve_events(
                 }
             }
             Event::Admin(request) => {
-                let answer = core.administer(&request).await;
+                let answer = administration::administer(core, &request).await;
                 session.answer(Answer::Bottle(answer)).await?;
             }
             Event::Command(Command::Reverse) if core.role.outputs && !core.role.client => {
                 return Ok(Turn::Reverse);
             }
             Event::Command(command) => {
-                let lines = core.command(&command).await;
+                let lines = administration::command(core, &command).await;
                 let answer = if session.is_text() { Answer::Lines(lines) } else { Answer::Nothing };
                 session.answer(answer).await?;
             }
             Event::Http(request) => {
                 let answer = if !request.wants_stream() {
-                    page(core, &request)
+                    page(core)
                 } else if core.role.outputs && !core.role.client && core.pictures {
                     return Ok(Turn::Pictures);
                 } else {
@@ -142,8 +143,11 @@ async fn serve_events(
 }
 
 /// Page that a browser is shown.
-fn page(core: &Core, _request: &HttpRequest) -> Vec<u8> {
-    let escaped = core.describe().replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
+fn page(core: &Arc<Core>) -> Vec<u8> {
+    let escaped = administration::describe(core)
+        .replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;");
     http::page(&format!(
         "<html><head><title>{name}</title></head><body><h1>yarp port {name}</h1>\
          <pre>{escaped}</pre></body></html>\n",

@@ -1,7 +1,7 @@
 //! State that every port has: its connections, its properties, what it is and where its data go.
 //!
 //! ```text
-//!   listener ─ accept (owner.rs) ─▶ one task a connection (connection.rs) ──▶ Sink: inbox, handler, nothing
+//!   listener ─ accept (owner.rs) ─▶ one task a connection (connection.rs) ──▶ Sink: handler, nothing
 //!                                       │ admin, commands (administration.rs)
 //!                                       ▼
 //!   write ─▶ outputs (outputs.rs): one Outbox and one task each (target.rs)
@@ -19,7 +19,6 @@ use tokio::sync::{Notify, watch};
 use wrapyfi_retry::Mutex;
 
 use super::counters::Counters;
-use super::inbox::Inbox;
 use super::link::Link;
 use super::message::Received;
 use super::network::Network;
@@ -35,12 +34,21 @@ pub(super) type Answering = Pin<Box<dyn Future<Output = Answer> + Send>>;
 
 /// Destination of the data of a port's inputs.
 pub(super) enum Sink {
-    /// Queue of the owner.
-    Inbox(Arc<Inbox>),
     /// Function, called on the connection's own task.
     Handler(Box<dyn Fn(Received, bool) -> Answering + Send + Sync>),
     /// No destination: messages are acknowledged all the same.
     Nobody,
+}
+
+impl Sink {
+    /// Sink of a port whose owner gave a function.
+    pub(super) fn handler<F, A>(handler: F) -> Self
+    where
+        F: Fn(Received, bool) -> A + Send + Sync + 'static,
+        A: Future<Output = Answer> + Send + 'static,
+    {
+        Self::Handler(Box::new(move |request, reply| Box::pin(handler(request, reply))))
+    }
 }
 
 /// Abilities of a port.

@@ -217,7 +217,7 @@ async fn read(core: &Core, entered: &Entered, socket: &UdpSocket) -> io::Error {
                         core.network.dialect(),
                         core.network.limits(),
                     ) {
-                        Ok(payload) => entered.offer(payload, envelope.clone()).await,
+                        Ok(payload) => entered.put(payload, envelope.clone()).await,
                         Err(fault) => core.counters.count(&fault),
                     }
                 }

@@ -67,49 +67,24 @@ impl Entered {
                     return Answer::Nothing;
                 }
             };
-        self.hand(self.received(payload, envelope, is_text), reply).await
+        self.hand(payload, envelope, is_text, reply).await
     }
 
-    /// Hands over what came without a session, and waits for room.
+    /// Hands over what came without a session.
     pub(super) async fn put(&self, payload: PortPayload, envelope: Option<bytes::Bytes>) {
         self.messages.fetch_add(1, Ordering::Relaxed);
-        self.hand(self.received(payload, envelope, false), false).await;
+        self.hand(payload, envelope, false, false).await;
     }
 
-    async fn hand(&self, received: Received, reply: bool) -> Answer {
-        let core = &self.core;
-        match &core.sink {
-            Sink::Handler(handler) => handler(received, reply).await,
-            Sink::Nobody => Answer::Nothing,
-            Sink::Inbox(inbox) => {
-                inbox.put(received).await;
-                Answer::Nothing
-            }
-        }
-    }
-
-    /// Hands data over when there is room now; datagrams cannot be held back.
-    pub(super) async fn offer(&self, payload: PortPayload, envelope: Option<bytes::Bytes>) {
-        self.messages.fetch_add(1, Ordering::Relaxed);
-        let received = self.received(payload, envelope, false);
-        match &self.core.sink {
-            Sink::Handler(handler) => drop(handler(received, false).await),
-            Sink::Nobody => {}
-            Sink::Inbox(inbox) => {
-                if !inbox.try_put(received) {
-                    self.core.counters.add("inbox_full");
-                }
-            }
-        }
-    }
-
-    fn received(
+    async fn hand(
         &self,
         payload: PortPayload,
         envelope: Option<bytes::Bytes>,
         is_text: bool,
-    ) -> Received {
-        Received {
+        reply: bool,
+    ) -> Answer {
+        let Sink::Handler(handler) = &self.core.sink else { return Answer::Nothing };
+        let received = Received {
             payload,
             envelope,
             from: Arc::clone(&self.name),
@@ -117,7 +92,8 @@ impl Entered {
             is_text,
             dialect: self.core.network.dialect(),
             limits: Arc::clone(&self.core.limits),
-        }
+        };
+        handler(received, reply).await
     }
 }
 

@@ -8,9 +8,10 @@
 
 use tokio::time::timeout;
 
-use super::link::LinkError;
+use super::link::{Link, LinkError};
 use super::network::Network;
 use super::tools::AdminError;
+use crate::wire::Command;
 use crate::{Bottle, Value};
 
 /// Directions of a port, as its program has set them up. Most programs of YARP leave both open.
@@ -63,7 +64,7 @@ impl Network {
     /// # Errors
     /// When there is no such connection.
     pub async fn until_closed(&self, contact: &str) -> Result<(), LinkError> {
-        let why = self.open_admin(contact).await?.ended().await;
+        let why = Link::admin(contact, &self.link_options()).await?.ended().await;
         tracing::debug!(target: "wrapyfi_yarp::port", contact, %why, "watched port");
         Ok(())
     }
@@ -74,8 +75,8 @@ impl Network {
         contact: &str,
         whole: bool,
     ) -> Result<Inspection, LinkError> {
-        let mut link = self.open_admin(contact).await?;
-        let mut ask = async |request: Bottle| self.ask_over(&mut link, &request).await;
+        let mut link = Link::admin(contact, &self.link_options()).await?;
+        let mut ask = async |request: Bottle| link.ask(&Command::Admin, &request).await;
         let words = |words: [&str; 2]| words.map(Value::vocab);
         let mut itself: Bottle = words(["prop", "get"]).into_iter().collect();
         itself.push(name);
@@ -110,7 +111,7 @@ fn read(itself: &Bottle) -> (Option<Modes>, Option<String>) {
 mod tests {
     use super::*;
     use crate::Limits;
-    use crate::port::{Answer, InputOptions, OutputOptions, PortOptions};
+    use crate::port::{Answer, OutputOptions, PortOptions};
 
     #[test]
     fn what_yarps_ports_say_is_read() {
@@ -126,7 +127,8 @@ mod tests {
     #[tokio::test]
     async fn ours_say_what_they_are() {
         let network = Network::builder().listen([127, 0, 0, 1].into()).build();
-        let reader = network.open_input("/reader", &InputOptions::default()).await.unwrap();
+        let plain = PortOptions::default();
+        let reader = network.serve("/reader", &plain, async |_, _| Answer::Nothing).await.unwrap();
         let port = PortOptions { type_name: Some("yarp/image".into()), ..PortOptions::default() };
         let options = OutputOptions { port, ..OutputOptions::default() };
         let writer = network.open_output("/writer", &options).await.unwrap();

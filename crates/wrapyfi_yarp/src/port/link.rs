@@ -18,8 +18,11 @@ use crate::bottle::{BottleError, BottleScan, Frame};
 use crate::wire::message::{self, read_ack};
 use crate::wire::text::{self, BottleLines, Lines};
 use crate::wire::{Body, Carrier, Command, Fault, Sender, Step, bare, header, number};
-use crate::{Dialect, Limits};
+use crate::{Bottle, Dialect, Limits};
 use wrapyfi_retry::liveness::{self, Silence};
+
+/// Name of those who administer.
+pub(super) const ADMIN: &str = "admin";
 
 /// Error of a connection to a port.
 #[derive(Debug, thiserror::Error)]
@@ -80,6 +83,19 @@ pub(crate) struct LinkOptions {
     pub(crate) runtime_folder: Option<PathBuf>,
 }
 
+impl LinkOptions {
+    /// One administrative request to the port at `contact`, over a connection of its own.
+    pub(crate) async fn ask(
+        &self,
+        contact: &str,
+        request: &Bottle,
+        limit: Duration,
+    ) -> Result<Bottle, LinkError> {
+        let asked = async { Link::admin(contact, self).await?.ask(&Command::Admin, request).await };
+        timeout(limit, asked).await.unwrap_or(Err(LinkError::Timeout(limit)))
+    }
+}
+
 /// An open connection of a stream carrier.
 #[derive(Debug)]
 pub(crate) struct Link {
@@ -100,32 +116,43 @@ impl Link {
         options: &LinkOptions,
     ) -> Result<(Self, i32), LinkError> {
         let opening = async {
-            let connect = |error| LinkError::Connect { address: address.to_owned(), error };
-            let stream = TcpStream::connect(address).await.map_err(connect)?;
-            stream.set_nodelay(true)?;
-            liveness::set_writer(&stream);
+            let mut link = Self::connect(address, carrier, options).await?;
             let meeting = if carrier.is_unix() {
-                let folder = options.runtime_folder.as_deref();
-                Some(Meeting::new(folder, stream.local_addr()?, stream.peer_addr()?, false)?)
+                let (local, peer) = link.addresses()?;
+                Some(Meeting::new(options.runtime_folder.as_deref(), local, peer, false)?)
             } else {
                 None
             };
-            let mut link = Self::over(Stream::Tcp(stream), carrier, options.clone());
             let mut head = header::encode(carrier, sender, &link.options.limits)?;
             head.extend_from_slice(behind_name);
             link.write_raw(&[&head]).await?;
             if let Some(meeting) = meeting {
                 link.stream = Stream::Unix(meeting.connect().await?);
             }
-            let number = loop {
-                match header::read_answer(carrier, &mut link.buffer, &link.options.limits)? {
-                    Step::Event(number) => break number,
-                    Step::Need(more) => link.fill(more).await?,
-                }
-            };
+            let read = |buffer: &mut _| header::read_answer(carrier, buffer, &options.limits);
+            let number = link.poll(read).await?;
             Ok((link, number))
         };
         timeout(options.timeout, opening).await.unwrap_or(Err(LinkError::Timeout(options.timeout)))
+    }
+
+    /// Connects to the port at `contact` for administrative requests.
+    pub(crate) async fn admin(contact: &str, options: &LinkOptions) -> Result<Self, LinkError> {
+        let opened = Self::open(contact, Carrier::TextAck, &Sender::new(ADMIN), &[], options).await;
+        opened.map(|(link, _)| link)
+    }
+
+    /// Connects without a word.
+    pub(crate) async fn connect(
+        address: &str,
+        carrier: Carrier,
+        options: &LinkOptions,
+    ) -> Result<Self, LinkError> {
+        let connect = |error| LinkError::Connect { address: address.to_owned(), error };
+        let stream = TcpStream::connect(address).await.map_err(connect)?;
+        stream.set_nodelay(true)?;
+        liveness::set_writer(&stream);
+        Ok(Self::over(Stream::Tcp(stream), carrier, options.clone()))
     }
 
     /// A connection turned around: the header was the peer's.
@@ -180,23 +207,49 @@ impl Link {
         if !self.carrier.acknowledges() {
             return Ok(());
         }
-        let mut lines = Lines::new(&self.options.limits);
-        loop {
-            let step = match self.carrier {
-                Carrier::Tcp => read_ack(&mut self.buffer)?,
-                Carrier::UnixStreamAck => bare::read_ack(&mut self.buffer)?,
-                _ => match lines.poll(&mut self.buffer)? {
-                    Step::Event(line) if line == text::ACK => Step::Event(()),
-                    // A reply that nobody asked for.
-                    Step::Event(_) => continue,
-                    Step::Need(more) => Step::Need(more),
-                },
-            };
-            match step {
-                Step::Event(()) => return Ok(()),
-                Step::Need(more) => self.fill(more).await?,
-            }
+        match self.carrier {
+            Carrier::Tcp => self.poll(read_ack).await,
+            Carrier::UnixStreamAck => self.poll(bare::read_ack).await,
+            // Lines before it are a reply that nobody asked for.
+            _ => self.answer_lines().await.map(drop),
         }
+    }
+
+    /// The lines of a reply on `text_ack`, up to the acknowledgement.
+    pub(crate) async fn answer_lines(&mut self) -> Result<Vec<Bytes>, LinkError> {
+        let mut lines = Lines::new(&self.options.limits);
+        let limit = self.options.limits.max_message_bytes;
+        let (mut answer, mut size) = (Vec::new(), 0_usize);
+        loop {
+            let line = self.poll(|buffer| lines.poll(buffer)).await?;
+            if line == text::ACK {
+                return Ok(answer);
+            }
+            // An empty line costs memory, too.
+            size = size.saturating_add(line.len() + size_of::<Bytes>());
+            if size > limit {
+                return Err(Fault::MessageTooLarge { size, limit }.into());
+            }
+            answer.push(line);
+        }
+    }
+
+    /// Sends a request that is a bottle; its answer, empty where there is none.
+    pub(crate) async fn ask(
+        &mut self,
+        command: &Command,
+        request: &Bottle,
+    ) -> Result<Bottle, LinkError> {
+        let dialect = self.options.dialect;
+        let payload = request.encode(dialect).map_err(|error| LinkError::Unsendable {
+            carrier: self.carrier,
+            reason: error.to_string(),
+        })?;
+        let answer = self.request(command, &payload.into()).await?.unwrap_or_default();
+        if answer.is_empty() {
+            return Ok(Bottle::new());
+        }
+        Ok(Bottle::decode(&answer, dialect, &self.options.limits)?.0)
     }
 
     /// Sends a request and waits for its reply and acknowledgement; `None` when the peer only
@@ -209,35 +262,14 @@ impl Link {
         self.write(command, payload).await?;
         match self.carrier {
             Carrier::TextAck => {
-                let mut lines = Lines::new(&self.options.limits);
-                let mut reply: Option<Vec<u8>> = None;
-                loop {
-                    match lines.poll(&mut self.buffer)? {
-                        Step::Event(line) if line == text::ACK => break,
-                        Step::Event(line) => {
-                            let reply = reply.get_or_insert_default();
-                            if !reply.is_empty() {
-                                reply.push(b'\n');
-                            }
-                            reply.extend_from_slice(&line);
-                            let limit = self.options.limits.max_line_bytes;
-                            if reply.len() > limit {
-                                return Err(Fault::LineTooLong(limit).into());
-                            }
-                        }
-                        Step::Need(more) => self.fill(more).await?,
-                    }
-                }
-                reply.map(|text| self.bytes_of(text.into())).transpose()
+                let lines = self.answer_lines().await?;
+                let text = (!lines.is_empty()).then(|| lines.join(&b'\n'));
+                text.map(|text| self.bytes_of(text.into())).transpose()
             }
             Carrier::Text => {
                 let mut lines = BottleLines::new(&self.options.limits);
-                loop {
-                    match lines.poll(&mut self.buffer)? {
-                        Step::Event(line) => return self.bytes_of(line).map(Some),
-                        Step::Need(more) => self.fill(more).await?,
-                    }
-                }
+                let line = self.poll(|buffer| lines.poll(buffer)).await?;
+                self.bytes_of(line).map(Some)
             }
             _ => {
                 let reply = self.binary_reply().await?;
@@ -323,7 +355,7 @@ impl Link {
     }
 
     /// Writes bytes as they are.
-    pub(super) async fn write_raw(&mut self, parts: &[&[u8]]) -> Result<(), LinkError> {
+    pub(crate) async fn write_raw(&mut self, parts: &[&[u8]]) -> Result<(), LinkError> {
         self.silence.sent();
         tokio::select! {
             biased;
@@ -335,9 +367,17 @@ impl Link {
     /// One line, without its end.
     pub(super) async fn line(&mut self) -> Result<Bytes, LinkError> {
         let mut lines = Lines::new(&self.options.limits);
+        self.poll(|buffer| lines.poll(buffer)).await
+    }
+
+    /// Reads until `read` has what it looks for. Cancel-safe where `read` keeps what it has found.
+    pub(crate) async fn poll<T>(
+        &mut self,
+        mut read: impl FnMut(&mut BytesMut) -> Result<Step<T>, Fault>,
+    ) -> Result<T, LinkError> {
         loop {
-            match lines.poll(&mut self.buffer)? {
-                Step::Event(line) => return Ok(line),
+            match read(&mut self.buffer)? {
+                Step::Event(found) => return Ok(found),
                 Step::Need(more) => self.fill(more).await?,
             }
         }

@@ -2,22 +2,30 @@
 //!
 //! ```text
 //!   Network ── names, dialect, limits
-//!      ├─ open_output ─▶ OutputPort ══ tcp, fast_tcp, text, text_ack, udp, mcast ══▶ InputPort
+//!      ├─ open_output ─▶ OutputPort ══ tcp, fast_tcp, text, text_ack, udp, mcast ══▶ RpcServer
 //!      ├─ open_rpc_client ─▶ RpcClient ◀══ requests and replies ══▶ RpcServer
 //!      └─ connect, exists, admin: what `yarp connect` and its kin do
 //! ```
 //!
 //! ```no_run
 //! use wrapyfi_yarp::Bottle;
-//! use wrapyfi_yarp::port::{InputOptions, Network, OutputOptions};
+//! use wrapyfi_yarp::port::{Answer, Network, OutputOptions, PortOptions, Received};
 //!
 //! # async fn f() -> Result<(), Box<dyn std::error::Error>> {
 //! let network = Network::builder().build();
-//! let reader = network.open_input("/reader", &InputOptions::default()).await?;
+//! let (sender, mut messages) = tokio::sync::mpsc::channel(16);
+//! let handler = move |message: Received, _wants_reply| {
+//!     let sender = sender.clone();
+//!     async move {
+//!         sender.send(message).await.ok(); // full: the writer's acknowledgement waits
+//!         Answer::Nothing
+//!     }
+//! };
+//! let _reader = network.serve("/reader", &PortOptions::default(), handler).await?;
 //! let writer = network.open_output("/writer", &OutputOptions::default()).await?;
 //! writer.connect("fast_tcp://reader").await?;
 //! writer.write_bottle(&Bottle::from(vec!["hello".into(), 42.into()]))?;
-//! let message = reader.recv().await.ok_or("closed")?;
+//! let message = messages.recv().await.ok_or("closed")?;
 //! assert_eq!(message.bottle()?.to_text(), "hello 42");
 //! # Ok(())
 //! # }
@@ -56,19 +64,17 @@
 //! | `truncated` | the connection ended inside a message | the message is lost |
 //! | `bad_datagram`, `lost_datagram` | a checksum, or a gap | the message is lost |
 //! | `bad_payload` | a text or a request that cannot be read | acknowledged, not delivered |
-//! | `inbox_full` | a datagram message for a full strict queue | the message is lost |
 //!
 //! Messages whose declared length and payload disagree are read by their length here, and by their
 //! payload in YARP. Both find the next message; after a payload that does not decode, only ours
 //! does.
 
-mod administration;
+pub(crate) mod administration;
 mod connection;
 mod core;
 mod counters;
 mod datagrams;
 mod entered;
-mod inbox;
 mod inspect;
 pub(crate) mod link;
 mod message;
@@ -90,12 +96,11 @@ pub mod session;
 mod spare;
 mod stream;
 mod target;
-mod tools;
+pub(crate) mod tools;
 mod unix;
 
 pub use core::Connected;
 pub use counters::Counters;
-pub use inbox::Reading;
 pub use inspect::{Inspection, Modes};
 pub use link::LinkError;
 pub use message::{Fate, Loss, Message, PayloadKind, PortPayload, Received};
@@ -103,7 +108,7 @@ pub use network::{Network, NetworkBuilder, Timeouts};
 pub use open::{Admission, OpenError, PortOptions};
 pub use outbox::Overflow;
 pub use outputs::{ConnectError, ConnectionStatus, Written};
-pub use ports::{InputOptions, InputPort, OutputOptions, OutputPort, Port};
+pub use ports::{OutputOptions, OutputPort};
 pub use room::{Room, Rooms};
 pub use rpc_client::{RpcClient, RpcError};
 pub use rpc_server::RpcServer;

@@ -10,33 +10,11 @@ use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::pin::Pin;
 
+use crate::name::NameError;
 use wrapyfi_retry::Mutex;
 
 /// A future in a box: what lets [`Names`] be an object.
-pub type Later<'a, T> = Pin<Box<dyn Future<Output = Result<T, NamesError>> + Send + 'a>>;
-
-/// Error of a name server.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum NamesError {
-    /// The name server cannot be reached.
-    #[error("the name server cannot be reached: {0}")]
-    Unreachable(
-        /// Address of the name server, and the reason.
-        String,
-    ),
-    /// The name server's answer makes no sense.
-    #[error("the name server answered {0:?}, which is none of its answers")]
-    Nonsense(
-        /// The answer, shortened.
-        String,
-    ),
-    /// The name server refused.
-    #[error("the name server refused: {0}")]
-    Refused(
-        /// Reason in the name server's words.
-        String,
-    ),
-}
+pub type Later<'a, T> = Pin<Box<dyn Future<Output = Result<T, NameError>> + Send + 'a>>;
 
 /// Entry of a port at a name server.
 #[derive(Debug, Clone, PartialEq, Eq)]

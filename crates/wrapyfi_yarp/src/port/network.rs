@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::link::LinkOptions;
-use super::names::{NameTable, Names};
+use super::names::{NameTable, Names, Registration};
 use super::room::{Boundless, Rooms};
 use crate::name::Environment;
 use crate::wire::datagram::MAX_DATAGRAM;
@@ -38,9 +38,13 @@ impl Default for Timeouts {
     }
 }
 
+/// Place of a port that the name server does not know.
+type Known = Arc<dyn Fn(&str) -> Option<Registration> + Send + Sync>;
+
 #[derive(Clone)]
 pub(super) struct Shared {
     pub(super) names: Arc<dyn Names>,
+    pub(super) known: Known,
     pub(super) dialect: Dialect,
     pub(super) limits: Limits,
     pub(super) timeouts: Timeouts,
@@ -80,6 +84,7 @@ impl Network {
     pub fn builder() -> NetworkBuilder {
         NetworkBuilder(Shared {
             names: Arc::new(NameTable::new()),
+            known: Arc::new(|_name| None),
             dialect: Dialect::default(),
             limits: Limits::default(),
             timeouts: Timeouts::default(),
@@ -148,6 +153,14 @@ impl NetworkBuilder {
     /// Looks names up there, too.
     pub fn shared_names(self, names: Arc<dyn Names>) -> Self {
         Self(Shared { names, ..self.0 })
+    }
+
+    /// Finds ports there that the name server does not know.
+    pub fn known(
+        self,
+        known: impl Fn(&str) -> Option<Registration> + Send + Sync + 'static,
+    ) -> Self {
+        Self(Shared { known: Arc::new(known), ..self.0 })
     }
 
     /// Encodes and decodes bottles so. [`Network::probe_dialect`] finds out what a port speaks.

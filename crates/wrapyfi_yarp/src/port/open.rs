@@ -11,8 +11,9 @@ use std::sync::Arc;
 
 use tokio::net::TcpListener;
 
-use super::names::{NameRequest, NamesError, Registration};
+use super::names::{NameRequest, Registration};
 use super::network::Network;
+use crate::name::NameError;
 use crate::name::environment::{EnvironmentError, PortNaming};
 use crate::wire::{Carrier, Fault};
 
@@ -117,7 +118,7 @@ pub enum OpenError {
         /// The port.
         name: String,
         /// Error of the name server.
-        error: NamesError,
+        error: NameError,
     },
     /// The address cannot be listened on.
     #[error("port {name} cannot listen on {address}: {error}")]

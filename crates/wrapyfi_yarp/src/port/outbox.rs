@@ -115,12 +115,6 @@ impl Outbox {
         }
     }
 
-    /// Waits until there is room, or the target is gone.
-    pub(super) async fn room(&self) {
-        self.until(|queue| queue.waiting.len() < self.capacity || queue.closing || queue.dead)
-            .await;
-    }
-
     /// Waits until everything was sent, or the target is gone.
     pub(super) async fn drained(&self) {
         self.until(|queue| (queue.waiting.is_empty() && queue.sending.is_none()) || queue.dead)

@@ -74,7 +74,7 @@ impl Core {
         if self.role.client && !self.connections.lock().outputs.is_empty() {
             return Err(ConnectError(admin::ONE_OUTPUT.to_owned()));
         }
-        let found = self.network.names().query(&name).await;
+        let found = self.network.query(&name).await;
         let found = found.map_err(|error| unreachable(&error))?.ok_or_else(unknown)?;
         let admitted = if pull { &self.session.admission } else { &self.readers };
         if let Err(fault) = Admission::check(admitted.as_ref(), &name, &found.host) {
@@ -90,7 +90,7 @@ impl Core {
         let made = if pull {
             self.pull(&name, &contact).await
         } else {
-            self.remove_output(&name).await;
+            Self::remove_output(self, &name).await;
             self.make_output(&name, carrier, &sender, contact).await
         };
         made.map_err(|error| match &error {

@@ -107,9 +107,6 @@ impl Core {
         .await;
         // Those that said no goodbye in time: what waits for them is lost.
         self.outboxes().iter().for_each(|outbox| outbox.abort());
-        if let Sink::Inbox(inbox) = &self.sink {
-            inbox.close();
-        }
         if self.registered
             && let Err(error) = self.network.names().unregister(&self.name).await
         {

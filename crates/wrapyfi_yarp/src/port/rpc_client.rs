@@ -11,7 +11,7 @@ use std::time::Duration;
 use bytes::Bytes;
 use tokio::time::timeout;
 
-use super::core::{Role, Sink};
+use super::core::{Core, Role, Sink};
 use super::link::LinkError;
 use super::network::Network;
 use super::open::{OpenError, PortOptions};
@@ -93,7 +93,7 @@ impl RpcClient {
     /// Returns true when there was one.
     pub async fn disconnect(&self) -> bool {
         match self.server() {
-            Some((name, _)) => self.owner.core.remove_output(&name).await,
+            Some((name, _)) => Core::remove_output(&self.owner.core, &name).await,
             None => false,
         }
     }

@@ -30,7 +30,7 @@ impl Network {
         F: Fn(Received, bool) -> A + Send + Sync + 'static,
         A: Future<Output = Answer> + Send + 'static,
     {
-        let sink = Sink::Handler(Box::new(move |request, reply| Box::pin(handler(request, reply))));
-        Ok(RpcServer { owner: Owner::open(self, name, options, Role::default(), sink).await? })
+        let (role, sink) = (Role::default(), Sink::handler(handler));
+        Ok(RpcServer { owner: Owner::open(self, name, options, role, sink).await? })
     }
 }

@@ -4,15 +4,13 @@ use std::time::Duration;
 
 use tokio::time::timeout;
 
-use super::link::{Link, LinkError, LinkOptions};
-use super::names::{NamesError, Registration};
+use super::link::{ADMIN, Link, LinkError, LinkOptions};
+use super::names::Registration;
 use super::network::Network;
+use crate::name::NameError;
 use crate::wire::admin::split_destination;
 use crate::wire::{Carrier, Command, Sender};
 use crate::{Bottle, Dialect, Value};
-
-/// Name of those who administer.
-const ADMIN: &str = "admin";
 
 /// Error of a request to a port.
 #[derive(Debug, thiserror::Error)]
@@ -25,7 +23,7 @@ pub enum AdminError {
     ),
     /// The name server failed.
     #[error(transparent)]
-    Names(#[from] NamesError),
+    Names(#[from] NameError),
     /// The port failed.
     #[error("port {name}: {error}")]
     Port {
@@ -63,14 +61,16 @@ impl AdminError {
     }
 }
 
+/// Host and number, as connections take them.
+pub(crate) fn contact(host: &str, port: u16) -> String {
+    if host.contains(':') { format!("[{host}]:{port}") } else { format!("{host}:{port}") }
+}
+
 impl Registration {
     /// Host and number, as connections take them.
     #[must_use]
     pub fn contact(&self) -> String {
-        match self.host.contains(':') {
-            true => format!("[{}]:{}", self.host, self.port),
-            false => format!("{}:{}", self.host, self.port),
-        }
+        contact(&self.host, self.port)
     }
 }
 
@@ -79,8 +79,9 @@ impl Network {
     ///
     /// # Errors
     /// When the name server fails.
-    pub async fn query(&self, name: &str) -> Result<Option<Registration>, NamesError> {
-        self.names().query(name).await
+    pub async fn query(&self, name: &str) -> Result<Option<Registration>, NameError> {
+        let found = self.names().query(name).await?;
+        Ok(found.or_else(|| (self.0.known)(name)))
     }
 
     /// True when a port of this name is registered and answers.
@@ -240,35 +241,7 @@ impl Network {
 
     /// One administrative request over a connection of its own.
     async fn ask(&self, contact: &str, request: &Bottle) -> Result<Bottle, LinkError> {
-        let asked = async {
-            let mut link = self.open_admin(contact).await?;
-            self.ask_over(&mut link, request).await
-        };
-        let limit = self.0.timeouts.admin;
-        timeout(limit, asked).await.unwrap_or(Err(LinkError::Timeout(limit)))
-    }
-
-    pub(super) async fn open_admin(&self, contact: &str) -> Result<Link, LinkError> {
-        let (sender, options) = (Sender::new(ADMIN), self.link_options());
-        let opened = Link::open(contact, Carrier::TextAck, &sender, &[], &options).await;
-        opened.map(|(link, _)| link)
-    }
-
-    /// One of several administrative requests over a connection.
-    pub(super) async fn ask_over(
-        &self,
-        link: &mut Link,
-        request: &Bottle,
-    ) -> Result<Bottle, LinkError> {
-        let payload = request.encode(self.dialect()).map_err(|error| LinkError::Unsendable {
-            carrier: link.carrier(),
-            reason: error.to_string(),
-        })?;
-        let answer = link.request(&Command::Admin, &payload.into()).await?.unwrap_or_default();
-        if answer.is_empty() {
-            return Ok(Bottle::new());
-        }
-        Ok(Bottle::decode(&answer, self.dialect(), self.limits())?.0)
+        self.link_options().ask(contact, request, self.0.timeouts.admin).await
     }
 
     /// Sends `~/name` and goodbye over a text connection: how senders of datagrams end.

@@ -20,9 +20,10 @@ use super::commands::Outcome;
 use super::shared::{SessionEntry, Shared};
 use super::{events, http};
 use crate::Bottle;
+use crate::port::administration::{self, Administered, ListedConnection};
 use crate::port::link::Link;
 use crate::port::session::{Answer, Event, Session, SessionError, SessionOptions};
-use crate::wire::admin::{self, AdminRequest, Direction};
+use crate::wire::admin::{self, Direction};
 use crate::wire::{Body, Carrier, Command, Opening};
 
 /// Accepts until it is told to stop.
@@ -168,7 +169,9 @@ async fn converse(mut session: Session, shared: &Arc<Shared>) -> Result<(), Sess
                     Answer::Nothing
                 }
             }
-            Event::Admin(request) => Answer::Bottle(administer(&request, shared).await),
+            Event::Admin(request) => {
+                Answer::Bottle(administration::administer(shared, &request).await)
+            }
             Event::Http(request) => Answer::Raw(http::answer(&request, shared, peer)),
             Event::Command(Command::Reverse) if session.is_text() => {
                 let carrier = match session.opening() {
@@ -182,12 +185,8 @@ async fn converse(mut session: Session, shared: &Arc<Shared>) -> Result<(), Sess
                 return Ok(());
             }
             Event::Command(command) => {
-                let lines = obey(&command, shared).await;
-                if session.is_text() {
-                    Answer::Lines(lines.iter().map(|line| format!("{line}\r\n")).collect())
-                } else {
-                    Answer::Nothing
-                }
+                let lines = administration::command(shared, &command).await;
+                if session.is_text() { Answer::Lines(lines) } else { Answer::Nothing }
             }
         };
         session.answer(answer).await?;
@@ -207,83 +206,48 @@ fn reply(outcome: &Outcome, text: bool, shared: &Shared) -> Answer {
     Answer::Raw(Bytes::from(bytes))
 }
 
-/// A command on a line of its own.
-async fn obey(command: &Command, shared: &Arc<Shared>) -> Vec<String> {
-    match command {
-        Command::Describe => shared.describe(),
-        Command::Connect(destination) => {
-            vec![events::connect(destination, shared).await.unwrap_or_else(|why| why)]
-        }
-        Command::RemoveOutput(name) => vec![remove_output(name, shared).unwrap_or_else(|why| why)],
-        Command::RemoveInput(name) => vec![remove_input(name, shared).unwrap_or_else(|why| why)],
-        _ => Vec::new(),
+/// The name server's own port: readers of changes are its outputs, sessions its inputs.
+impl Administered for Arc<Shared> {
+    fn name(&self) -> &str {
+        &self.own.name
     }
-}
 
-fn remove_output(name: &str, shared: &Shared) -> Result<String, String> {
-    if shared.readers.remove(name) {
-        Ok(admin::removed(&shared.own.name, name))
-    } else {
-        Err(admin::no_output(name))
+    fn contact(&self) -> String {
+        format!("{}:{}", self.own.host, self.own.port)
     }
-}
 
-fn remove_input(name: &str, shared: &Shared) -> Result<String, String> {
-    let sessions = shared.sessions.lock();
-    let found = sessions.values().filter(|entry| entry.sender == name);
-    if found.inspect(|entry| entry.end.notify_one()).count() == 0 {
-        return Err(admin::no_input(name));
-    }
-    Ok(admin::removing(name, &shared.own.name))
-}
-
-/// An administrative request, answered as any port answers it.
-async fn administer(request: &Bottle, shared: &Arc<Shared>) -> Bottle {
-    let own = &shared.own.name;
-    let connections = |direction| match direction {
-        Direction::Out => shared.readers.names(),
-        Direction::In => {
-            let sessions = shared.sessions.lock();
-            sessions.values().map(|entry| (entry.sender.clone(), entry.carrier.clone())).collect()
-        }
-    };
-    match AdminRequest::parse(request) {
-        AdminRequest::Version => admin::version(),
-        AdminRequest::Help => admin::help(),
-        AdminRequest::Add { destination } => match events::connect(&destination, shared).await {
-            Ok(done) => admin::done(&done),
-            Err(why) => admin::failed(&why),
-        },
-        AdminRequest::Remove { name } => {
-            match (remove_output(&name, shared), remove_input(&name, shared)) {
-                (Ok(done), _) | (Err(_), Ok(done)) => admin::done(&done),
-                (Err(out), Err(inward)) => admin::failed(format!("{out}\r\n{inward}")),
+    fn connections(&self, direction: Direction) -> Vec<ListedConnection> {
+        let listed =
+            |(name, carrier)| ListedConnection { name, carrier, connectionless: false, push: true };
+        match direction {
+            Direction::Out => self.readers.names().into_iter().map(listed).collect(),
+            Direction::In => {
+                let sessions = self.sessions.lock();
+                let of = |entry: &SessionEntry| (entry.sender.clone(), entry.carrier.clone());
+                sessions.values().map(of).map(listed).collect()
             }
         }
-        AdminRequest::List { direction, name: None } => {
-            connections(direction).into_iter().map(|(name, _)| name.into()).collect()
-        }
-        AdminRequest::List { direction, name: Some(name) } => {
-            let found = connections(direction).into_iter().find(|(other, _)| *other == name);
-            let Some((other, carrier)) = found else { return Bottle::new() };
-            let (from, to) = match direction {
-                Direction::In => (&other, own),
-                Direction::Out => (own, &other),
-            };
-            admin::details(from, to, &carrier, false, true)
-        }
-        AdminRequest::Configure { direction, name } => {
-            let found = connections(direction).iter().any(|(other, _)| *other == name);
-            admin::configuration(direction, &name, found, true)
-        }
-        AdminRequest::Configuration { direction, name } => {
-            let found = connections(direction).iter().any(|(other, _)| *other == name);
-            admin::configuration(direction, &name, found, false)
-        }
-        AdminRequest::Property { .. } => Bottle::new(),
-        AdminRequest::SetProperty { .. } => admin::fail(None),
-        AdminRequest::Attach { directed } => admin::attached(directed),
-        AdminRequest::Detach { directed } => admin::detached(directed),
-        AdminRequest::Unknown => admin::not_understood(),
+    }
+
+    async fn add(&self, destination: &str) -> Result<String, String> {
+        events::connect(destination, self).await
+    }
+
+    async fn remove_output(&self, name: &str) -> bool {
+        self.readers.remove(name)
+    }
+
+    fn remove_input(&self, name: &str) -> bool {
+        let sessions = self.sessions.lock();
+        let found = sessions.values().filter(|entry| entry.sender == name);
+        found.inspect(|entry| entry.end.notify_one()).count() > 0
+    }
+
+    fn set_property(&self, _key: &str, _values: Bottle) -> Bottle {
+        admin::fail(None)
+    }
+
+    fn property(&self, _key: Option<&str>) -> Bottle {
+        Bottle::new()
     }
 }

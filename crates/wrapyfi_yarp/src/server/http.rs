@@ -16,6 +16,7 @@ use bytes::Bytes;
 use super::reply::Reply;
 use super::shared::Shared;
 use crate::name::registration;
+use crate::port::administration::describe;
 use crate::wire::http::HttpRequest;
 use crate::{Bottle, Limits};
 
@@ -64,8 +65,8 @@ fn html(shared: &Shared, command: &str, shown: &str) -> String {
     page
 }
 
-fn connections(shared: &Shared) -> String {
-    shared.describe().iter().fold(String::new(), |page, line| page + &escape(line) + "\n")
+fn connections(shared: &Arc<Shared>) -> String {
+    describe(shared).lines().fold(String::new(), |page, line| page + &escape(line) + "\n")
 }
 
 fn run(command: &str, shared: &Arc<Shared>, peer: IpAddr) -> String {

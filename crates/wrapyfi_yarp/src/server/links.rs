@@ -19,11 +19,12 @@ use tokio::task::JoinSet;
 
 use wrapyfi_retry::Mutex;
 
+use super::events::link_options;
 use super::shared::Shared;
 use super::subscriptions::Link;
-use crate::name::{Exchange, ExchangeError, Target, name_fault};
+use crate::name::{Target, name_fault};
+use crate::port::link::LinkError;
 use crate::port::names::Registration;
-use crate::wire::Command;
 use crate::{Bottle, Limits, Value};
 
 /// Pairs that are seen to at a time: each may wait for a port that does not answer.
@@ -129,7 +130,7 @@ pub(super) enum ConnectError {
     Unknown { name: String },
     /// The port that should do it does not answer.
     #[error("port {name} does not answer: {source}")]
-    Port { name: String, source: ExchangeError },
+    Port { name: String, source: LinkError },
     /// The port that should do it would not.
     #[error("port {name} would not: {reason}")]
     Refused { name: String, reason: String },
@@ -230,10 +231,9 @@ impl<'a> Pair<'a> {
         port: &Registration,
         request: impl IntoIterator<Item = Value>,
     ) -> Result<Bottle, ConnectError> {
-        let options = &self.shared.options;
-        let exchange = Exchange::to(port, options.link_timeout, &options.wire);
-        let asked = exchange.bottle(&Command::Admin, &request.into_iter().collect()).await;
-        asked.map_err(|source| {
+        let (options, limit) = (link_options(self.shared), self.shared.options.link_timeout);
+        let request: Bottle = request.into_iter().collect();
+        options.ask(&port.contact(), &request, limit).await.map_err(|source| {
             self.shared.doubt(&port.name);
             ConnectError::Port { name: port.name.clone(), source }
         })

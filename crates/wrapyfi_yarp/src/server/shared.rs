@@ -128,29 +128,6 @@ impl Shared {
             counts: self.counters.all(),
         }
     }
-
-    /// The lines with which the port of the name server describes itself.
-    pub(super) fn describe(&self) -> Vec<String> {
-        let own = &self.own;
-        let mut lines = vec![format!("This is {} at tcp://{}:{}/", own.name, own.host, own.port)];
-        let readers = self.readers.names();
-        if readers.is_empty() {
-            lines.push("There are no outgoing connections".to_owned());
-        }
-        for (name, carrier) in readers {
-            lines.push(format!(
-                "There is an output connection from {} to {name} using {carrier}",
-                own.name
-            ));
-        }
-        for SessionEntry { sender, carrier, .. } in self.sessions.lock().values() {
-            lines.push(format!(
-                "There is an input connection from {sender} to {} using {carrier}",
-                own.name
-            ));
-        }
-        lines
-    }
 }
 
 /// True when something on this machine has the port number.

@@ -9,7 +9,8 @@
 
 use bytes::Bytes;
 
-use super::image_header::{IMAGE_HEADER_BYTES, ImageError, ImageHeader};
+use super::error::SigError;
+use super::image_header::{IMAGE_HEADER_BYTES, ImageHeader, WHAT};
 use super::pixel::PixelCode;
 use crate::Limits;
 
@@ -43,7 +44,7 @@ impl Image {
         width: usize,
         height: usize,
         data: Bytes,
-    ) -> Result<Self, ImageError> {
+    ) -> Result<Self, SigError> {
         Self::from_parts(ImageHeader::new(pixel, width, height, 1)?, data)
     }
 
@@ -51,9 +52,9 @@ impl Image {
     ///
     /// # Errors
     /// When `data` is not as long as `header` says.
-    pub fn from_parts(header: ImageHeader, data: Bytes) -> Result<Self, ImageError> {
+    pub fn from_parts(header: ImageHeader, data: Bytes) -> Result<Self, SigError> {
         if data.len() != header.image_bytes() || header.stride < header.row_bytes() {
-            return Err(ImageError::Sizes {
+            return Err(SigError::Sizes {
                 width: header.width,
                 height: header.height,
                 pixel_bytes: header.pixel_bytes,
@@ -68,7 +69,7 @@ impl Image {
     ///
     /// # Errors
     /// When the bytes are no image, or exceed `limits`.
-    pub fn decode(bytes: &Bytes, limits: &Limits) -> Result<Self, ImageError> {
+    pub fn decode(bytes: &Bytes, limits: &Limits) -> Result<Self, SigError> {
         Self::decode_as(bytes, Rows::Announced, limits)
     }
 
@@ -76,12 +77,12 @@ impl Image {
     ///
     /// # Errors
     /// As [`Image::decode`].
-    pub fn decode_as(bytes: &Bytes, rows: Rows, limits: &Limits) -> Result<Self, ImageError> {
+    pub fn decode_as(bytes: &Bytes, rows: Rows, limits: &Limits) -> Result<Self, SigError> {
         let mut header = ImageHeader::read(bytes, limits)?;
         let needed = IMAGE_HEADER_BYTES + header.image_bytes();
         let given = bytes.len();
         if given < needed {
-            return Err(ImageError::Truncated { needed, given });
+            return Err(SigError::Truncated { what: WHAT, needed, given });
         }
         if rows == Rows::Packed {
             header.stride = header.row_bytes();
@@ -96,7 +97,7 @@ impl Image {
     ///
     /// # Errors
     /// When a size exceeds 31 bits.
-    pub fn encode(&self) -> Result<Vec<u8>, ImageError> {
+    pub fn encode(&self) -> Result<Vec<u8>, SigError> {
         let mut out = Vec::with_capacity(IMAGE_HEADER_BYTES + self.data.len());
         out.extend_from_slice(&self.header.write()?);
         out.extend_from_slice(&self.data);
@@ -108,7 +109,7 @@ impl Image {
     ///
     /// # Errors
     /// As [`Image::encode`].
-    pub fn encode_as(&self, rows: Rows) -> Result<Vec<u8>, ImageError> {
+    pub fn encode_as(&self, rows: Rows) -> Result<Vec<u8>, SigError> {
         if rows == Rows::Announced {
             return self.encode();
         }
@@ -164,43 +165,14 @@ impl Image {
         let rows = if self.header.is_empty() { 0 } else { self.header.height };
         (0..rows).filter_map(|y| self.row(y))
     }
-
-    /// The pixels without padding: shared where rows have none, copied otherwise.
-    #[must_use]
-    pub fn packed(&self) -> Bytes {
-        if self.header.stride == self.header.row_bytes() {
-            return self.data.clone();
-        }
-        let mut packed = Vec::with_capacity(self.header.row_bytes() * self.header.height);
-        self.rows().for_each(|row| packed.extend_from_slice(row));
-        packed.into()
-    }
-
-    /// The same image with rows at multiples of `quantum` bytes: shared where they are there
-    /// already, copied with zeros between them otherwise.
-    ///
-    /// # Errors
-    /// When the image becomes larger than memory can be.
-    pub fn with_quantum(&self, quantum: u16) -> Result<Self, ImageError> {
-        let header = self.header.padded(quantum)?;
-        if header.stride == self.header.stride {
-            return Ok(Self { header, data: self.data.clone() });
-        }
-        let mut data = Vec::with_capacity(header.image_bytes());
-        for row in self.rows() {
-            data.extend_from_slice(row);
-            data.resize(data.len() + header.stride - header.row_bytes(), 0);
-        }
-        Ok(Self { header, data: data.into() })
-    }
 }
 
 impl ImageHeader {
     /// The same image with rows at multiples of `quantum` bytes.
-    fn padded(&self, quantum: u16) -> Result<Self, ImageError> {
+    fn padded(&self, quantum: u16) -> Result<Self, SigError> {
         let stride = self.row_bytes().checked_next_multiple_of(usize::from(quantum.max(1)));
         let stride = stride.filter(|stride| stride.checked_mul(self.height).is_some());
-        let unwritable = ImageError::Unwritable { what: "width", value: self.width };
+        let unwritable = SigError::Unwritable { what: WHAT, part: "width", value: self.width };
         Ok(Self { quantum, stride: stride.ok_or(unwritable)?, ..*self })
     }
 }

@@ -9,6 +9,7 @@
 //!   52  12, bytes       blob: the rows
 //! ```
 
+use super::error::{SigError, check, size, written};
 use super::fields::{ints, put};
 use super::pixel::PixelCode;
 use crate::Limits;
@@ -16,6 +17,8 @@ use crate::bottle::Vocab;
 
 /// Bytes of the header.
 pub const IMAGE_HEADER_BYTES: usize = 60;
+/// Object, in errors.
+pub(super) const WHAT: &str = "an image";
 /// The rows of YARP's own images begin at multiples of so many bytes.
 pub const DEFAULT_QUANTUM: u16 = 8;
 
@@ -39,95 +42,6 @@ pub struct ImageHeader {
     pub stride: usize,
 }
 
-/// Error of reading or writing an image.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum ImageError {
-    /// The bytes end early.
-    #[error("an image of {needed} bytes, {given} were given: the message was cut short")]
-    Truncated {
-        /// Header and rows.
-        needed: usize,
-        /// Number of bytes that there are.
-        given: usize,
-    },
-    /// Something else than an image.
-    #[error("not an image: byte {at} holds {found}, an image has {wanted} there ({what})")]
-    NotAnImage {
-        /// Name of the part of the header.
-        what: &'static str,
-        /// Offset of the number in bytes.
-        at: usize,
-        /// Number that was found.
-        found: i32,
-        /// Number that was expected.
-        wanted: i32,
-    },
-    /// A size below zero.
-    #[error("an image whose {what} is {value}: the message is damaged")]
-    Negative {
-        /// Name of the size.
-        what: &'static str,
-        /// Value of the size.
-        value: i32,
-    },
-    /// A pixel of another size than its code says.
-    #[error("pixels {pixel} of {given} bytes, YARP's have {wanted}: the message is damaged")]
-    PixelBytes {
-        /// The code.
-        pixel: PixelCode,
-        /// Bytes in the header.
-        given: usize,
-        /// Bytes by the code.
-        wanted: usize,
-    },
-    /// Sizes that contradict each other.
-    #[error(
-        "{width} x {height} pixels of {pixel_bytes} bytes do not fit {image_bytes} bytes of rows: \
-         the message is damaged"
-    )]
-    Sizes {
-        /// Pixels in a row.
-        width: usize,
-        /// Rows.
-        height: usize,
-        /// Bytes of a pixel.
-        pixel_bytes: usize,
-        /// Bytes of all rows.
-        image_bytes: usize,
-    },
-    /// Two statements of the size, and they differ.
-    #[error("an image of {image_bytes} bytes in a blob of {blob_bytes}: the message is damaged")]
-    Blob {
-        /// Size by the header.
-        image_bytes: usize,
-        /// Size by the blob.
-        blob_bytes: usize,
-    },
-    /// Larger than a message may be.
-    #[error("an image of {length} bytes, the limit is {limit}: raise Limits::max_message_bytes")]
-    TooLong {
-        /// Bytes of header and rows.
-        length: usize,
-        /// [`Limits::max_message_bytes`].
-        limit: usize,
-    },
-    /// A size that 31 bits cannot say.
-    #[error("an image whose {what} is {value} cannot be written: YARP's sizes end at {max}", max = i32::MAX)]
-    Unwritable {
-        /// Name of the size.
-        what: &'static str,
-        /// Value of the size.
-        value: usize,
-    },
-    /// Pixels of unknown size.
-    #[error("the size of pixels {pixel} is not known: use ImageHeader with their size")]
-    UnknownPixel {
-        /// The code.
-        pixel: PixelCode,
-    },
-}
-
 impl ImageHeader {
     /// The header of an image whose rows begin at multiples of `quantum` bytes.
     ///
@@ -138,9 +52,9 @@ impl ImageHeader {
         width: usize,
         height: usize,
         quantum: u16,
-    ) -> Result<Self, ImageError> {
-        let pixel_bytes = pixel.bytes().ok_or(ImageError::UnknownPixel { pixel })?;
-        let unwritable = |what, value| ImageError::Unwritable { what, value };
+    ) -> Result<Self, SigError> {
+        let pixel_bytes = pixel.bytes().ok_or(SigError::UnknownPixel { pixel })?;
+        let unwritable = |part, value| SigError::Unwritable { what: WHAT, part, value };
         let row = width.checked_mul(pixel_bytes).ok_or(unwritable("width", width))?;
         let stride = row
             .checked_next_multiple_of(usize::from(quantum.max(1)))
@@ -154,8 +68,9 @@ impl ImageHeader {
     /// # Errors
     /// When these are not 60 bytes of such a header, its sizes contradict each other, or the image
     /// exceeds `limits`.
-    pub fn read(bytes: &[u8], limits: &Limits) -> Result<Self, ImageError> {
-        let truncated = ImageError::Truncated { needed: IMAGE_HEADER_BYTES, given: bytes.len() };
+    pub fn read(bytes: &[u8], limits: &Limits) -> Result<Self, SigError> {
+        let truncated =
+            SigError::Truncated { what: WHAT, needed: IMAGE_HEADER_BYTES, given: bytes.len() };
         let Some(words) = ints::<15>(bytes, 0) else { return Err(truncated) };
         let [list, four, vocab, mat, code_tag, code, ints_tag, five, rest @ ..] = words;
         let [pixel_bytes, image_bytes, quantum, width, height, blob, blob_bytes] = rest;
@@ -169,29 +84,23 @@ impl ImageHeader {
             ("length of that list", 28, five, 5),
             ("blob", 52, blob, 12),
         ];
-        for (what, at, found, wanted) in fixed {
-            if found != wanted {
-                return Err(ImageError::NotAnImage { what, at, found, wanted });
-            }
-        }
-        let size = |what, value: i32| {
-            usize::try_from(value).ok().ok_or(ImageError::Negative { what, value })
-        };
+        check(WHAT, fixed)?;
+        let size = |part, value| size(WHAT, part, value);
         let pixel = PixelCode::of(Vocab(code));
         let pixel_bytes = size("pixel size", pixel_bytes)?;
         let image_bytes = size("size", image_bytes)?;
         let blob_bytes = size("size", blob_bytes)?;
         let (width, height) = (size("width", width)?, size("height", height)?);
         if let Some(wanted) = pixel.bytes().filter(|&wanted| wanted != pixel_bytes) {
-            return Err(ImageError::PixelBytes { pixel, given: pixel_bytes, wanted });
+            return Err(SigError::PixelBytes { pixel, given: pixel_bytes, wanted });
         }
         if image_bytes != blob_bytes {
-            return Err(ImageError::Blob { image_bytes, blob_bytes });
+            return Err(SigError::Blob { image_bytes, blob_bytes });
         }
         // The upper half is a flag whose meaning changed with every other version.
         let quantum = (quantum & 0xffff) as u16;
         let mut header = Self { pixel, pixel_bytes, width, height, quantum, stride: 0 };
-        header.stride = header.find_stride(image_bytes).ok_or(ImageError::Sizes {
+        header.stride = header.find_stride(image_bytes).ok_or(SigError::Sizes {
             width,
             height,
             pixel_bytes,
@@ -199,7 +108,7 @@ impl ImageHeader {
         })?;
         let (length, limit) = (IMAGE_HEADER_BYTES + header.image_bytes(), limits.max_message_bytes);
         if length > limit {
-            return Err(ImageError::TooLong { length, limit });
+            return Err(SigError::TooLong { what: WHAT, length, limit });
         }
         Ok(header)
     }
@@ -218,10 +127,8 @@ impl ImageHeader {
     ///
     /// # Errors
     /// When a size exceeds 31 bits.
-    pub fn write(&self) -> Result<[u8; IMAGE_HEADER_BYTES], ImageError> {
-        let size = |what, value: usize| {
-            i32::try_from(value).ok().ok_or(ImageError::Unwritable { what, value })
-        };
+    pub fn write(&self) -> Result<[u8; IMAGE_HEADER_BYTES], SigError> {
+        let size = |part, value| written(WHAT, part, value);
         let image_bytes = size("size", self.image_bytes())?;
         let mut out = Vec::with_capacity(IMAGE_HEADER_BYTES);
         put(&mut out, &[256, 4, 9, Vocab::new("mat").0, 9, self.pixel.vocab().0, 257, 5]);

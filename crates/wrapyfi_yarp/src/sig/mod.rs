@@ -9,6 +9,7 @@
 //! Each object is laid out so that its bytes are a bottle, too: whoever does not know what a port
 //! sends reads it as one.
 
+mod error;
 mod fields;
 mod image;
 mod image_header;
@@ -17,9 +18,10 @@ mod sound;
 mod stamp;
 mod vector;
 
+pub use error::SigError;
 pub use image::{Image, Rows};
-pub use image_header::{DEFAULT_QUANTUM, IMAGE_HEADER_BYTES, ImageError, ImageHeader};
-pub use pixel::{PixelCode, Sample};
-pub use sound::{SOUND_HEADER_BYTES, Sound, SoundError};
+pub use image_header::{DEFAULT_QUANTUM, IMAGE_HEADER_BYTES, ImageHeader};
+pub use pixel::PixelCode;
+pub use sound::{SOUND_HEADER_BYTES, Sound};
 pub use stamp::{Stamp, StampError};
-pub use vector::{Matrix, Number, Vector, VectorError};
+pub use vector::{Matrix, Number, Vector};

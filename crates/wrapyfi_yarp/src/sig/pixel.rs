@@ -4,35 +4,8 @@ use std::fmt;
 
 use crate::bottle::Vocab;
 
-/// Kind of the numbers that pixels are made of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Sample {
-    /// Unsigned, 8 bits.
-    U8,
-    /// Signed, 8 bits.
-    I8,
-    /// Unsigned, 16 bits, little-endian.
-    U16,
-    /// Signed, 32 bits, little-endian.
-    I32,
-    /// IEEE single precision, little-endian.
-    F32,
-}
-
-impl Sample {
-    /// Bytes of one number.
-    #[must_use]
-    pub const fn bytes(self) -> usize {
-        match self {
-            Self::U8 | Self::I8 => 1,
-            Self::U16 => 2,
-            Self::I32 | Self::F32 => 4,
-        }
-    }
-}
-
 macro_rules! pixel_codes {
-    ($($(#[doc = $doc:literal])+ $name:ident = $code:literal, $channels:literal x $sample:ident;)+) => {
+    ($($(#[doc = $doc:literal])+ $name:ident = $code:literal, $bytes:literal;)+) => {
         /// Code of a pixel type, as it stands in the header of an image.
         #[derive(Clone, Copy, PartialEq, Eq, Hash)]
         #[non_exhaustive]
@@ -55,12 +28,15 @@ macro_rules! pixel_codes {
                 }
             }
 
-            /// Count and kind of the numbers that make a pixel. `None` for codes that are not
-            /// known.
+            /// Bytes of one pixel; none for codes that are not known. YARP's own code for other sizes
+            /// is the size, negative.
             #[must_use]
-            pub const fn layout(self) -> Option<(usize, Sample)> {
+            pub fn bytes(self) -> Option<usize> {
                 match self {
-                    $(Self::$name => Some(($channels, Sample::$sample)),)+
+                    $(Self::$name => Some($bytes),)+
+                    Self::Other(Vocab(size)) if size < 0 => {
+                        usize::try_from(size.unsigned_abs()).ok()
+                    }
                     Self::Other(_) => None,
                 }
             }
@@ -70,57 +46,57 @@ macro_rules! pixel_codes {
 
 pixel_codes! {
     /// Grey, 8 bits.
-    Mono = "mono", 1 x U8;
+    Mono = "mono", 1;
     /// Grey, 16 bits.
-    Mono16 = "mo16", 1 x U16;
+    Mono16 = "mo16", 2;
     /// Grey, 8 bits, signed.
-    MonoSigned = "sign", 1 x I8;
+    MonoSigned = "sign", 1;
     /// One whole number of 32 bits.
-    Int = "int", 1 x I32;
+    Int = "int", 4;
     /// Grey in single precision: YARP's `PixelFloat`.
-    Float = "dec", 1 x F32;
+    Float = "dec", 4;
     /// Red, green, blue, 8 bits each.
-    Rgb = "rgb", 3 x U8;
+    Rgb = "rgb", 3;
     /// Blue, green, red, 8 bits each.
-    Bgr = "bgr", 3 x U8;
+    Bgr = "bgr", 3;
     /// Red, green, blue, opacity, 8 bits each.
-    Rgba = "rgba", 4 x U8;
+    Rgba = "rgba", 4;
     /// Blue, green, red, opacity, 8 bits each.
-    Bgra = "bgra", 4 x U8;
+    Bgra = "bgra", 4;
     /// Hue, saturation, value, 8 bits each.
-    Hsv = "hsv", 3 x U8;
+    Hsv = "hsv", 3;
     /// Red, green, blue, signed 8 bits each.
-    RgbSigned = "rgb-", 3 x I8;
+    RgbSigned = "rgb-", 3;
     /// Red, green, blue, 32 bits each.
-    RgbInt = "rgbi", 3 x I32;
+    RgbInt = "rgbi", 12;
     /// Red, green, blue in single precision.
-    RgbFloat = "rgb.", 3 x F32;
+    RgbFloat = "rgb.", 12;
     /// Hue, saturation, value in single precision.
-    HsvFloat = "hsv.", 3 x F32;
+    HsvFloat = "hsv.", 12;
     /// Bayer mosaic that begins green, red; 8 bits.
-    BayerGrbg8 = "grbg", 1 x U8;
+    BayerGrbg8 = "grbg", 1;
     /// Bayer mosaic that begins green, red; 16 bits.
-    BayerGrbg16 = "gr16", 1 x U16;
+    BayerGrbg16 = "gr16", 2;
     /// Bayer mosaic that begins blue, green; 8 bits.
-    BayerBggr8 = "bggr", 1 x U8;
+    BayerBggr8 = "bggr", 1;
     /// Bayer mosaic that begins blue, green; 16 bits.
-    BayerBggr16 = "bg16", 1 x U16;
+    BayerBggr16 = "bg16", 2;
     /// Bayer mosaic that begins green, blue; 8 bits.
-    BayerGbrg8 = "gbrg", 1 x U8;
+    BayerGbrg8 = "gbrg", 1;
     /// Bayer mosaic that begins green, blue; 16 bits.
-    BayerGbrg16 = "gb16", 1 x U16;
+    BayerGbrg16 = "gb16", 2;
     /// Bayer mosaic that begins red, green; 8 bits.
-    BayerRggb8 = "rggb", 1 x U8;
+    BayerRggb8 = "rggb", 1;
     /// Bayer mosaic that begins red, green; 16 bits.
-    BayerRggb16 = "rg16", 1 x U16;
+    BayerRggb16 = "rg16", 2;
     /// YUV 4:2:0; YARP counts one byte a pixel.
-    Yuv420 = "yuva", 1 x U8;
+    Yuv420 = "yuva", 1;
     /// YUV 4:4:4; YARP counts one byte a pixel.
-    Yuv444 = "yuvb", 1 x U8;
+    Yuv444 = "yuvb", 1;
     /// YUV 4:2:2; YARP counts one byte a pixel.
-    Yuv422 = "yuvc", 1 x U8;
+    Yuv422 = "yuvc", 1;
     /// YUV 4:1:1; YARP counts one byte a pixel.
-    Yuv411 = "yuvd", 1 x U8;
+    Yuv411 = "yuvd", 1;
 }
 
 impl PixelCode {
@@ -129,19 +105,6 @@ impl PixelCode {
     pub fn of(vocab: Vocab) -> Self {
         let known = Self::ALL.iter().find(|code| code.vocab() == vocab);
         known.copied().unwrap_or(Self::Other(vocab))
-    }
-
-    /// Bytes of one pixel; none for codes that are not known. YARP's own code for other sizes is
-    /// the size, negative.
-    #[must_use]
-    pub fn bytes(self) -> Option<usize> {
-        match (self.layout(), self) {
-            (Some((channels, sample)), _) => Some(channels * sample.bytes()),
-            (None, Self::Other(Vocab(size))) if size < 0 => {
-                usize::try_from(size.unsigned_abs()).ok()
-            }
-            _ => None,
-        }
     }
 }
 

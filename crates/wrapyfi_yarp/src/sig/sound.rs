@@ -8,6 +8,7 @@
 
 use bytes::Bytes;
 
+use super::error::{SigError, check, size, written};
 use super::fields::{ints, put};
 use crate::{Bottle, Dialect, Limits, Value};
 
@@ -15,6 +16,8 @@ use crate::{Bottle, Dialect, Limits, Value};
 pub const SOUND_HEADER_BYTES: usize = 48;
 /// The only width that YARP transmits, in bytes.
 const SAMPLE_BYTES: usize = 2;
+/// Object, in errors.
+const WHAT: &str = "a sound";
 /// Code of a list of int16.
 const SAMPLES: i32 = 256 + 64;
 
@@ -28,89 +31,6 @@ pub struct Sound {
     markers: Bytes,
 }
 
-/// Error of reading or making a sound.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum SoundError {
-    /// The bytes end early.
-    #[error("a sound of {needed} bytes, {given} were given: the message was cut short")]
-    Truncated {
-        /// Header and samples.
-        needed: usize,
-        /// Number of bytes that there are.
-        given: usize,
-    },
-    /// The list is as long as sounds of another version.
-    #[error(
-        "a list of {found} elements is {meaning}; this connection reads {dialect}, where a sound has {wanted}"
-    )]
-    OtherVersion {
-        /// Elements of the list.
-        found: i32,
-        /// Version of YARP that writes so many.
-        meaning: &'static str,
-        /// The dialect that was read.
-        dialect: Dialect,
-        /// Elements in that dialect.
-        wanted: i32,
-    },
-    /// Something else than a sound.
-    #[error("not a sound: byte {at} holds {found}, a sound has {wanted} there ({what})")]
-    NotASound {
-        /// Name of the part of the header.
-        what: &'static str,
-        /// Offset of the number in bytes.
-        at: usize,
-        /// Number that was found.
-        found: i32,
-        /// Number that was expected.
-        wanted: i32,
-    },
-    /// A size below zero.
-    #[error("a sound whose {what} is {value}: the message is damaged")]
-    Negative {
-        /// Name of the size.
-        what: &'static str,
-        /// Value of the size.
-        value: i32,
-    },
-    /// Samples of another width.
-    #[error("a sound of {bytes} bytes a sample: YARP transmits 2 only")]
-    SampleBytes {
-        /// Bytes in the header.
-        bytes: i32,
-    },
-    /// A count that is not that of all channels.
-    #[error("{count} samples for {channels} channels of {samples}: the message is damaged")]
-    Count {
-        /// Numbers announced.
-        count: usize,
-        /// Samples of a channel.
-        samples: usize,
-        /// Channels.
-        channels: usize,
-    },
-    /// Larger than a message may be.
-    #[error("a sound of {length} bytes, the limit is {limit}: raise Limits::max_message_bytes")]
-    TooLong {
-        /// Bytes of header and samples.
-        length: usize,
-        /// [`Limits::max_message_bytes`].
-        limit: usize,
-    },
-    /// A size that 31 bits cannot say.
-    #[error("a sound whose {what} is {value} cannot be written: YARP's sizes end at {max}", max = i32::MAX)]
-    Unwritable {
-        /// Name of the size.
-        what: &'static str,
-        /// Value of the size.
-        value: usize,
-    },
-    /// A bottle that is no sound.
-    #[error("the bottle is no sound: it has to be samples, channels, 2, frequency (numbers)")]
-    Bottle,
-}
-
 impl Sound {
     /// A sound of samples in the order of most libraries: all channels of one moment together.
     ///
@@ -120,7 +40,7 @@ impl Sound {
         samples: &[i16],
         channels: usize,
         frequency_hz: i32,
-    ) -> Result<Self, SoundError> {
+    ) -> Result<Self, SigError> {
         let per_channel = per_channel(samples.len(), channels)?;
         let mut data = Vec::with_capacity(samples.len() * SAMPLE_BYTES);
         // Without samples there may be any number of channels.
@@ -140,44 +60,34 @@ impl Sound {
     ///
     /// # Errors
     /// When the bytes are no sound of that dialect, or exceed `limits`.
-    pub fn decode(bytes: &Bytes, dialect: Dialect, limits: &Limits) -> Result<Self, SoundError> {
+    pub fn decode(bytes: &Bytes, dialect: Dialect, limits: &Limits) -> Result<Self, SigError> {
         let given = bytes.len();
         let Some(words) = ints::<12>(bytes, 0) else {
-            return Err(SoundError::Truncated { needed: SOUND_HEADER_BYTES, given });
+            return Err(SigError::Truncated { what: WHAT, needed: SOUND_HEADER_BYTES, given });
         };
         let [list, elements, t1, samples, t2, channels, t3, width, t4, frequency_hz, t5, count] =
             words;
-        let check = |what, at, found, wanted| {
-            if found == wanted {
-                return Ok(());
-            }
-            Err(SoundError::NotASound { what, at, found, wanted })
-        };
-        check("list", 0, list, 256)?;
+        check(WHAT, [("list", 0, list, 256)])?;
         check_elements(elements, dialect)?;
-        for (at, tag) in [(8, t1), (16, t2), (24, t3), (32, t4)] {
-            check("int32", at, tag, 1)?;
-        }
-        check("list of int16", 40, t5, SAMPLES)?;
+        let int = |(at, tag)| ("int32", at, tag, 1);
+        check(WHAT, [(8, t1), (16, t2), (24, t3), (32, t4)].map(int))?;
+        check(WHAT, [("list of int16", 40, t5, SAMPLES)])?;
         if usize::try_from(width) != Ok(SAMPLE_BYTES) {
-            return Err(SoundError::SampleBytes { bytes: width });
+            return Err(SigError::SampleBytes { bytes: width });
         }
-        let size = |what, value: i32| {
-            usize::try_from(value).ok().ok_or(SoundError::Negative { what, value })
-        };
-        let count = size("number of samples", count)?;
-        let samples = size("length in samples", samples)?;
-        let channels = size("number of channels", channels)?;
+        let count = size(WHAT, "number of samples", count)?;
+        let samples = size(WHAT, "length in samples", samples)?;
+        let channels = size(WHAT, "number of channels", channels)?;
         if samples.checked_mul(channels) != Some(count) {
-            return Err(SoundError::Count { count, samples, channels });
+            return Err(SigError::Count { count, samples, channels });
         }
         let length = count.saturating_mul(SAMPLE_BYTES).saturating_add(SOUND_HEADER_BYTES);
         let limit = limits.max_message_bytes;
         if length > limit {
-            return Err(SoundError::TooLong { length, limit });
+            return Err(SigError::TooLong { what: WHAT, length, limit });
         }
         if length > given {
-            return Err(SoundError::Truncated { needed: length, given });
+            return Err(SigError::Truncated { what: WHAT, needed: length, given });
         }
         let data = bytes.slice(SOUND_HEADER_BYTES..length);
         let markers = match dialect {
@@ -191,15 +101,15 @@ impl Sound {
     ///
     /// # Errors
     /// When a size exceeds 31 bits.
-    pub fn encode(&self, dialect: Dialect) -> Result<Vec<u8>, SoundError> {
-        let size = |what, value: usize| {
-            i32::try_from(value).ok().ok_or(SoundError::Unwritable { what, value })
-        };
+    pub fn encode(&self, dialect: Dialect) -> Result<Vec<u8>, SigError> {
         let mut out = Vec::with_capacity(SOUND_HEADER_BYTES + self.data.len() + 8);
-        let channels = size("number of channels", self.channels)?;
-        put(&mut out, &[256, elements(dialect), 1, size("length in samples", self.samples)?]);
+        let channels = written(WHAT, "number of channels", self.channels)?;
+        put(
+            &mut out,
+            &[256, elements(dialect), 1, written(WHAT, "length in samples", self.samples)?],
+        );
         put(&mut out, &[1, channels, 1, 2, 1, self.frequency_hz, SAMPLES]);
-        put(&mut out, &[size("number of samples", self.data.len() / SAMPLE_BYTES)?]);
+        put(&mut out, &[written(WHAT, "number of samples", self.data.len() / SAMPLE_BYTES)?]);
         out.extend_from_slice(&self.data);
         if dialect == Dialect::V4 {
             if self.markers.is_empty() {
@@ -257,38 +167,38 @@ impl Sound {
     ///
     /// # Errors
     /// When the bottle is something else, or holds a number that 16 bits cannot say.
-    pub fn from_bottle(bottle: &Bottle) -> Result<Self, SoundError> {
+    pub fn from_bottle(bottle: &Bottle) -> Result<Self, SigError> {
         let [samples, channels, width, frequency, Value::List(list), ..] = bottle.values.as_slice()
         else {
-            return Err(SoundError::Bottle);
+            return Err(SigError::Bottle);
         };
         let small = |value: &Value| value.as_i64().and_then(|number| i32::try_from(number).ok());
         let size = |value: &Value| small(value).and_then(|number| usize::try_from(number).ok());
         let (Some(samples), Some(channels), Some(width), Some(frequency_hz)) =
             (size(samples), size(channels), small(width), small(frequency))
         else {
-            return Err(SoundError::Bottle);
+            return Err(SigError::Bottle);
         };
         if usize::try_from(width) != Ok(SAMPLE_BYTES) {
-            return Err(SoundError::SampleBytes { bytes: width });
+            return Err(SigError::SampleBytes { bytes: width });
         }
         let count = list.len();
         if samples.checked_mul(channels) != Some(count) {
-            return Err(SoundError::Count { count, samples, channels });
+            return Err(SigError::Count { count, samples, channels });
         }
         let mut data = Vec::with_capacity(count * SAMPLE_BYTES);
         for value in &list.values {
             let sample = value.as_i64().and_then(|number| i16::try_from(number).ok());
-            data.extend_from_slice(&sample.ok_or(SoundError::Bottle)?.to_le_bytes());
+            data.extend_from_slice(&sample.ok_or(SigError::Bottle)?.to_le_bytes());
         }
         Ok(Self::planar(samples, channels, frequency_hz, data.into()))
     }
 }
 
-fn per_channel(count: usize, channels: usize) -> Result<usize, SoundError> {
+fn per_channel(count: usize, channels: usize) -> Result<usize, SigError> {
     let samples = count.checked_div(channels).unwrap_or(0);
     if samples * channels != count {
-        return Err(SoundError::Count { count, samples, channels });
+        return Err(SigError::Count { count, samples, channels });
     }
     Ok(samples)
 }
@@ -300,14 +210,14 @@ const fn elements(dialect: Dialect) -> i32 {
     }
 }
 
-fn check_elements(found: i32, dialect: Dialect) -> Result<(), SoundError> {
+fn check_elements(found: i32, dialect: Dialect) -> Result<(), SigError> {
     let wanted = elements(dialect);
     let meaning = match found {
         _ if found == wanted => return Ok(()),
         2 => "the form of YARP 3.8 and older, which is not read",
         5 => "a sound of dialect v3 (set it for this connection)",
         6 => "a sound of dialect v4 (set it for this connection)",
-        _ => return Err(SoundError::NotASound { what: "elements", at: 4, found, wanted }),
+        _ => return check(WHAT, [("elements", 4, found, wanted)]),
     };
-    Err(SoundError::OtherVersion { found, meaning, dialect, wanted })
+    Err(SigError::OtherVersion { found, meaning, dialect, wanted })
 }

@@ -5,6 +5,7 @@
 //!   matrix   256 3 │ 1 rows │ 1 columns │ 266 │ n │ f64 …      row by row
 //! ```
 
+use super::error::{SigError, check, size, written};
 use super::fields::{ints, put};
 use crate::{Dialect, Limits};
 
@@ -14,75 +15,6 @@ const VECTOR_HEADER_BYTES: usize = 8;
 const MATRIX_HEADER_BYTES: usize = 32;
 /// Bytes before the vector in a matrix.
 const MATRIX_SIZES_BYTES: usize = 24;
-
-/// Error of reading or writing a vector or matrix.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum VectorError {
-    /// The bytes end early.
-    #[error("{what} of {needed} bytes, {given} were given: the message was cut short")]
-    Truncated {
-        /// Vector or matrix.
-        what: &'static str,
-        /// Header and numbers.
-        needed: usize,
-        /// Number of bytes that there are.
-        given: usize,
-    },
-    /// Something else.
-    #[error("byte {at} holds {found}, {what} has {wanted} there: {hint}")]
-    Other {
-        /// Name of the part that differs.
-        what: &'static str,
-        /// Offset of the part in bytes.
-        at: usize,
-        /// Number that was found.
-        found: i32,
-        /// Number that was expected.
-        wanted: i32,
-        /// Hint at the type that the bytes may hold instead.
-        hint: &'static str,
-    },
-    /// A size below zero.
-    #[error("{what} whose size is {value}: the message is damaged")]
-    Negative {
-        /// Vector or matrix.
-        what: &'static str,
-        /// The size.
-        value: i32,
-    },
-    /// Numbers that do not fill the matrix.
-    #[error("{count} numbers for {rows} rows of {columns}: a matrix has as many as fit exactly")]
-    Shape {
-        /// Rows.
-        rows: usize,
-        /// Columns.
-        columns: usize,
-        /// Numbers.
-        count: usize,
-    },
-    /// Larger than a message may be.
-    #[error("{what} of {length} bytes, the limit is {limit}: raise Limits::max_message_bytes")]
-    TooLong {
-        /// Vector or matrix.
-        what: &'static str,
-        /// Bytes of header and numbers.
-        length: usize,
-        /// [`Limits::max_message_bytes`].
-        limit: usize,
-    },
-    /// A size that 31 bits cannot say.
-    #[error("{what} of {value} cannot be written: YARP's sizes end at {max}", max = i32::MAX)]
-    Unwritable {
-        /// Vector or matrix.
-        what: &'static str,
-        /// Numbers, rows or columns.
-        value: usize,
-    },
-    /// A vector of float32, which YARP 3 cannot send.
-    #[error("dialect v3 has no vectors of float32: send float64, or set dialect v4")]
-    NoFloat32,
-}
 
 /// Numbers that vectors are made of: `i32`, `f64`, and `f32` in YARP 4.
 pub trait Number: sealed::Sealed + Copy {
@@ -156,7 +88,7 @@ impl<T: Number> Vector<T> {
     ///
     /// # Errors
     /// When the bytes are not a vector of such numbers in that dialect, or exceed `limits`.
-    pub fn decode(bytes: &[u8], dialect: Dialect, limits: &Limits) -> Result<Self, VectorError> {
+    pub fn decode(bytes: &[u8], dialect: Dialect, limits: &Limits) -> Result<Self, SigError> {
         numbers("a vector", bytes, 0, dialect, limits).map(Self)
     }
 
@@ -164,7 +96,7 @@ impl<T: Number> Vector<T> {
     ///
     /// # Errors
     /// When the dialect lacks such vectors, or the length exceeds 31 bits.
-    pub fn encode(&self, dialect: Dialect) -> Result<Vec<u8>, VectorError> {
+    pub fn encode(&self, dialect: Dialect) -> Result<Vec<u8>, SigError> {
         let mut out = Vec::with_capacity(VECTOR_HEADER_BYTES + self.0.len() * T::BYTES);
         append("a vector", &self.0, &mut out, dialect)?;
         Ok(out)
@@ -184,9 +116,9 @@ impl Matrix {
     ///
     /// # Errors
     /// When there are not `rows` x `columns` numbers.
-    pub fn new(rows: usize, columns: usize, values: Vec<f64>) -> Result<Self, VectorError> {
+    pub fn new(rows: usize, columns: usize, values: Vec<f64>) -> Result<Self, SigError> {
         if rows.checked_mul(columns) != Some(values.len()) {
-            return Err(VectorError::Shape { rows, columns, count: values.len() });
+            return Err(SigError::Shape { rows, columns, count: values.len() });
         }
         Ok(Self { rows, columns, values })
     }
@@ -195,20 +127,15 @@ impl Matrix {
     ///
     /// # Errors
     /// When the bytes are not a matrix in that dialect, or exceed `limits`.
-    pub fn decode(bytes: &[u8], dialect: Dialect, limits: &Limits) -> Result<Self, VectorError> {
+    pub fn decode(bytes: &[u8], dialect: Dialect, limits: &Limits) -> Result<Self, SigError> {
         const WHAT: &str = "a matrix";
         let Some([list, three, row_tag, rows, column_tag, columns]) = ints(bytes, 0) else {
             let (needed, given) = (MATRIX_HEADER_BYTES, bytes.len());
-            return Err(VectorError::Truncated { what: WHAT, needed, given });
+            return Err(SigError::Truncated { what: WHAT, needed, given });
         };
-        let fixed = [(0, list, 256), (4, three, 3), (8, row_tag, 1), (16, column_tag, 1)];
-        for (at, found, wanted) in fixed {
-            if found != wanted {
-                let hint = "it is something else";
-                return Err(VectorError::Other { what: WHAT, at, found, wanted, hint });
-            }
-        }
-        let (rows, columns) = (size(WHAT, rows)?, size(WHAT, columns)?);
+        let is = |(at, found, wanted)| ("it is something else", at, found, wanted);
+        check(WHAT, [(0, list, 256), (4, three, 3), (8, row_tag, 1), (16, column_tag, 1)].map(is))?;
+        let (rows, columns) = (size(WHAT, "rows", rows)?, size(WHAT, "columns", columns)?);
         let values = numbers(WHAT, bytes, MATRIX_SIZES_BYTES, dialect, limits)?;
         Self::new(rows, columns, values)
     }
@@ -217,12 +144,10 @@ impl Matrix {
     ///
     /// # Errors
     /// When a size exceeds 31 bits.
-    pub fn encode(&self, dialect: Dialect) -> Result<Vec<u8>, VectorError> {
-        let size = |value: usize| {
-            i32::try_from(value).ok().ok_or(VectorError::Unwritable { what: "a matrix", value })
-        };
+    pub fn encode(&self, dialect: Dialect) -> Result<Vec<u8>, SigError> {
         let mut out = Vec::with_capacity(MATRIX_HEADER_BYTES + self.values.len() * f64::BYTES);
-        put(&mut out, &[256, 3, 1, size(self.rows)?, 1, size(self.columns)?]);
+        let size = |part, value| written("a matrix", part, value);
+        put(&mut out, &[256, 3, 1, size("rows", self.rows)?, 1, size("columns", self.columns)?]);
         append("a matrix", &self.values, &mut out, dialect)?;
         Ok(out)
     }
@@ -244,15 +169,6 @@ impl Matrix {
     pub fn values(&self) -> &[f64] {
         &self.values
     }
-
-    /// The number in a row and column, counted from 0.
-    #[must_use]
-    pub fn get(&self, row: usize, column: usize) -> Option<f64> {
-        if column >= self.columns {
-            return None;
-        }
-        self.values.get(row.checked_mul(self.columns)?.checked_add(column)?).copied()
-    }
 }
 
 /// A list of numbers of one kind at byte `start`.
@@ -262,11 +178,11 @@ fn numbers<T: Number>(
     start: usize,
     dialect: Dialect,
     limits: &Limits,
-) -> Result<Vec<T>, VectorError> {
+) -> Result<Vec<T>, SigError> {
     let given = bytes.len();
     let header = start + VECTOR_HEADER_BYTES;
     let Some([found, count]) = ints(bytes, start) else {
-        return Err(VectorError::Truncated { what, needed: header, given });
+        return Err(SigError::Truncated { what, needed: header, given });
     };
     let wanted = T::list_code(dialect);
     if found != wanted {
@@ -278,16 +194,16 @@ fn numbers<T: Number>(
         } else {
             "numbers of another kind, or something else: read it as a bottle"
         };
-        return Err(VectorError::Other { what, at: start, found, wanted, hint });
+        return Err(SigError::Other { what, part: hint, at: start, found, wanted });
     }
-    let count = size(what, count)?;
+    let count = size(what, "size", count)?;
     let needed = count.saturating_mul(T::BYTES).saturating_add(header);
     let limit = limits.max_message_bytes;
     if needed > limit {
-        return Err(VectorError::TooLong { what, length: needed, limit });
+        return Err(SigError::TooLong { what, length: needed, limit });
     }
     let numbers = bytes.get(header..needed);
-    Ok(T::all(numbers.ok_or(VectorError::Truncated { what, needed, given })?))
+    Ok(T::all(numbers.ok_or(SigError::Truncated { what, needed, given })?))
 }
 
 fn append<T: Number>(
@@ -295,17 +211,11 @@ fn append<T: Number>(
     numbers: &[T],
     out: &mut Vec<u8>,
     dialect: Dialect,
-) -> Result<(), VectorError> {
+) -> Result<(), SigError> {
     if !T::writable(dialect) {
-        return Err(VectorError::NoFloat32);
+        return Err(SigError::NoFloat32);
     }
-    let value = numbers.len();
-    let count = i32::try_from(value).ok().ok_or(VectorError::Unwritable { what, value })?;
-    put(out, &[T::list_code(dialect), count]);
+    put(out, &[T::list_code(dialect), written(what, "size", numbers.len())?]);
     T::append(numbers, out);
     Ok(())
-}
-
-fn size(what: &'static str, value: i32) -> Result<usize, VectorError> {
-    usize::try_from(value).ok().ok_or(VectorError::Negative { what, value })
 }

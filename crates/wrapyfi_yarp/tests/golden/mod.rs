@@ -6,6 +6,24 @@ use std::path::Path;
 
 use bytes::Bytes;
 use serde_json::Value;
+use wrapyfi_yarp::sig::{Image, ImageHeader};
+
+/// The image with rows at multiples of `quantum` bytes.
+pub(crate) fn with_quantum(image: &Image, quantum: u16) -> Image {
+    let ImageHeader { pixel, width, height, .. } = *image.header();
+    let header = ImageHeader::new(pixel, width, height, quantum).unwrap();
+    let mut data = Vec::new();
+    for row in image.rows() {
+        data.extend_from_slice(row);
+        data.resize(data.len() + header.stride - row.len(), 0);
+    }
+    Image::from_parts(header, data.into()).unwrap()
+}
+
+/// Pixels without what is between rows.
+pub(crate) fn packed(image: &Image) -> Bytes {
+    image.rows().flatten().copied().collect()
+}
 
 /// A recorded file.
 pub(crate) fn file(name: &str) -> Value {

@@ -1,7 +1,7 @@
 //! Faults of YARP's codecs in the words of ours, and the sizes that hold for both.
 
 use wrapyfi_yarp::bottle::{BottleError, TextError};
-use wrapyfi_yarp::sig::{ImageError, SoundError};
+use wrapyfi_yarp::sig::SigError;
 
 use wrapyfi_data::Limits;
 use wrapyfi_endpoint::codec::{DecodeError, EncodeError};
@@ -48,22 +48,11 @@ pub(super) fn encode(error: &wrapyfi_yarp::bottle::EncodeError) -> EncodeError {
     unwritable("bottle", "this value", "$", error.to_string())
 }
 
-/// An image that cannot be read.
-pub(super) fn image(error: &ImageError) -> DecodeError {
+/// An object that cannot be read: `wanted` is `an image` or `a sound`, `format` its name.
+pub(super) fn object(wanted: &'static str, format: &'static str, error: &SigError) -> DecodeError {
     match *error {
-        ImageError::TooLong { length, limit } => DecodeError::too_large(length, limit),
-        ImageError::NotAnImage { .. } => DecodeError::mismatch("an image", error.to_string()),
-        _ => DecodeError::malformed("image", error.to_string()),
-    }
-}
-
-/// A sound that cannot be read.
-pub(super) fn sound(error: &SoundError) -> DecodeError {
-    match *error {
-        SoundError::TooLong { length, limit } => DecodeError::too_large(length, limit),
-        SoundError::NotASound { .. } | SoundError::OtherVersion { .. } | SoundError::Bottle => {
-            DecodeError::mismatch("a sound", error.to_string())
-        }
-        _ => DecodeError::malformed("sound", error.to_string()),
+        SigError::TooLong { length, limit, .. } => DecodeError::too_large(length, limit),
+        _ if error.is_mismatch() => DecodeError::mismatch(wanted, error.to_string()),
+        _ => DecodeError::malformed(format, error.to_string()),
     }
 }

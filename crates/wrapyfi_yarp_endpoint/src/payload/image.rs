@@ -89,7 +89,7 @@ fn encode_raw(raw: RawPixels, spec: &TopicSpec, options: &YarpOptions) -> Encode
 }
 
 /// The picture with its rows where they are, if a header can say so.
-fn lay_out(code: PixelCode, raw: &RawPixels) -> Result<sig::Image, sig::ImageError> {
+fn lay_out(code: PixelCode, raw: &RawPixels) -> Result<sig::Image, sig::SigError> {
     let (width, height) = (raw.width as usize, raw.height as usize);
     let step = raw.step as usize;
     let quanta = QUANTA.into_iter().chain(u16::try_from(step));
@@ -150,7 +150,7 @@ pub(super) fn decode(
 
 fn decode_raw(bytes: &Bytes, spec: &TopicSpec, options: &YarpOptions) -> DecodeResult<RawPixels> {
     let image = sig::Image::decode_as(bytes, rows(options), &fault::limits(&spec.limits));
-    let image = image.map_err(|error| fault::image(&error))?;
+    let image = image.map_err(|error| fault::object("an image", "image", &error))?;
     let code = image.pixel();
     let found = PIXELS.into_iter().find(|(known, _)| *known == code);
     let mut encoding = found.map(|(_, encoding)| encoding).ok_or_else(|| {

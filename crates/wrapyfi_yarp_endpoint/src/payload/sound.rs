@@ -11,7 +11,7 @@
 
 use bytes::Bytes;
 use wrapyfi_yarp::Dialect;
-use wrapyfi_yarp::sig::{Sound, SoundError};
+use wrapyfi_yarp::sig::{SigError, Sound};
 
 use super::rules::Rules;
 use super::{fault, native};
@@ -58,22 +58,21 @@ fn sample(x: f32) -> i16 {
 /// Reads a sound.
 pub(super) fn decode(bytes: &Bytes, rules: Rules<'_>, stamp: Stamp) -> DecodeResult<AudioChunk> {
     let bounds = fault::limits(rules.limits);
+    let unlike = |error: &_| fault::object("a sound", "sound", error);
     let read = match Sound::decode(bytes, rules.dialect, &bounds) {
         // The samples of YARP 4 are followed by no bottle, but the number of elements tells the
         // version.
-        Err(SoundError::OtherVersion { .. }) => {
-            Sound::decode(bytes, rules.dialect.other(), &bounds)
-        }
+        Err(SigError::OtherVersion { .. }) => Sound::decode(bytes, rules.dialect.other(), &bounds),
         read => read,
     };
     let sound = match read {
         // Over text carriers its samples come as numbers of any width.
-        Err(error @ (SoundError::NotASound { .. } | SoundError::Truncated { .. })) => {
-            let bottle = native::bottle(bytes, rules).map_err(|_none| fault::sound(&error))?;
+        Err(error @ (SigError::Other { .. } | SigError::Truncated { .. })) => {
+            let bottle = native::bottle(bytes, rules).map_err(|_none| unlike(&error))?;
             Sound::from_bottle(&bottle)
                 .map_err(|_other| DecodeError::mismatch("a sound", native::shown(&bottle)))
         }
-        read => read.map_err(|error| fault::sound(&error)),
+        read => read.map_err(|error| unlike(&error)),
     }?;
     let damaged = |what: &str, value: &dyn std::fmt::Display, limit: u64| {
         DecodeError::malformed("sound", format!("{what} {value}, from 1 to {limit} are read"))
