@@ -16,8 +16,7 @@ use std::time::Duration;
 
 use tokio::sync::Semaphore;
 
-use super::conf::{ConfError, Located, NameServerConf, locate};
-use super::environment::Environment;
+use super::conf::NameServerConf;
 use super::error::NameError;
 use super::name_fault;
 use super::reply::{self, AnswerReader, Lined};
@@ -77,15 +76,6 @@ impl NameClient {
             hosts: BTreeMap::new(),
             room: Arc::new(Semaphore::new(AT_ONCE)),
         }))
-    }
-
-    /// A client of the name server that this machine's configuration names.
-    ///
-    /// # Errors
-    /// When there is no usable configuration; the error names the file.
-    pub fn from_environment(environment: &Environment) -> Result<Self, ConfError> {
-        let Located { conf, namespace, .. } = locate(environment)?;
-        Ok(Self::new(conf).with_namespace(namespace))
     }
 
     /// The same with addresses of machines whose names the system need not know, that of the name

@@ -76,10 +76,9 @@ impl Core {
         let socket = group_sender(interface, address)?;
         let outbox = Arc::new(self.new_outbox());
         let group = Arc::new(Group { interface, address, name, outbox: Arc::clone(&outbox) });
-        let largest = self.network.0.max_datagram;
         let core = Arc::clone(self);
         tokio::spawn(async move {
-            let way = Way::Datagrams { socket, largest, pace: Pace::new() };
+            let way = Way::Datagrams { socket, pace: Pace::new() };
             if let Err(error) = target::run(way, &outbox).await {
                 let name = &core.name;
                 tracing::warn!(target: "wrapyfi_yarp::port", name, %error, "group ended");

@@ -8,7 +8,6 @@ use super::link::LinkOptions;
 use super::names::{NameTable, Names, Registration};
 use super::room::{Boundless, Rooms};
 use crate::name::Environment;
-use crate::wire::datagram::MAX_DATAGRAM;
 use crate::{Dialect, Limits};
 
 /// Time limits of connections and requests.
@@ -50,7 +49,6 @@ pub(super) struct Shared {
     pub(super) timeouts: Timeouts,
     pub(super) listen: IpAddr,
     pub(super) host: Option<String>,
-    pub(super) max_datagram: usize,
     pub(super) environment: Environment,
     pub(super) rooms: Rooms,
 }
@@ -90,7 +88,6 @@ impl Network {
             timeouts: Timeouts::default(),
             listen: Ipv4Addr::UNSPECIFIED.into(),
             host: None,
-            max_datagram: MAX_DATAGRAM,
             environment: Environment::default(),
             rooms: || Box::new(Boundless),
         })
@@ -186,11 +183,6 @@ impl NetworkBuilder {
     /// Registers ports under this host, instead of under the one that the name server sees.
     pub fn host(self, host: impl Into<String>) -> Self {
         Self(Shared { host: Some(host.into()), ..self.0 })
-    }
-
-    /// Largest datagram of udp and mcast, in bytes with their prefix of 8; at most 65499.
-    pub fn max_datagram(self, bytes: usize) -> Self {
-        Self(Shared { max_datagram: bytes, ..self.0 })
     }
 
     /// Opens ports under the names, at the numbers and addresses that these variables give them:

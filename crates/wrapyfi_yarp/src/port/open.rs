@@ -24,8 +24,6 @@ pub struct PortOptions {
     pub address: Option<SocketAddr>,
     /// Register the name.
     pub register: bool,
-    /// Take the name even when a port of that name lives.
-    pub replace: bool,
     /// Type of what it carries, as YARP registers it: `yarp/image`.
     pub type_name: Option<String>,
     /// Tell those who ask what the port is that it answers requests, as YARP's `setRpcMode` does.
@@ -85,7 +83,7 @@ impl Default for PortOptions {
     fn default() -> Self {
         let (rpc, pictures) = (false, true);
         let (address, type_name, senders, readers) = (None, None, None, None);
-        Self { address, register: true, replace: false, type_name, rpc, pictures, senders, readers }
+        Self { address, register: true, type_name, rpc, pictures, senders, readers }
     }
 }
 
@@ -104,7 +102,7 @@ pub enum OpenError {
         limit: usize,
     },
     /// A port of that name lives.
-    #[error("a port {0} lives already: close it, take another name, or set PortOptions::replace")]
+    #[error("a port {0} lives already: close it, or take another name")]
     Taken(
         /// The name.
         String,
@@ -165,7 +163,7 @@ pub(super) async fn open(
         false => PortNaming { name: name.to_owned(), port: None },
     };
     let name = naming.name.as_str();
-    if options.register && !options.replace && !anonymous && network.exists(name).await {
+    if options.register && !anonymous && network.exists(name).await {
         return Err(OpenError::Taken(name.to_owned()));
     }
     let host = match &shared.host {

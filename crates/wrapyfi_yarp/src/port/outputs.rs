@@ -143,9 +143,8 @@ impl Core {
                 let (local, peer) = link.addresses()?;
                 drop(link);
                 let socket = udp_to(local, peer, number).await?;
-                let largest = self.network.0.max_datagram;
                 let copy = copy_of(&socket);
-                (Way::Datagrams { socket, largest, pace: Pace::new() }, copy)
+                (Way::Datagrams { socket, pace: Pace::new() }, copy)
             }
             _ => {
                 let copy = copy_of(link.stream());

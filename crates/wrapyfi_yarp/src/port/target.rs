@@ -29,12 +29,7 @@ pub(super) enum Way {
     /// A browser or an mjpeg reader.
     Mjpeg(Link),
     /// Datagrams through a connected socket.
-    Datagrams {
-        socket: UdpSocket,
-        /// Largest datagram.
-        largest: usize,
-        pace: Pace,
-    },
+    Datagrams { socket: UdpSocket, pace: Pace },
 }
 
 /// Sends what the queue brings until it closes or the connection ends.
@@ -95,9 +90,9 @@ async fn send(way: &mut Way, message: &Arc<Message>) -> Result<(), LinkError> {
             let head = mjpeg::part_head(picture.len());
             link.write_raw(&[&head, &picture, mjpeg::PART_END]).await
         }
-        Way::Datagrams { socket, largest, pace } => {
+        Way::Datagrams { socket, pace } => {
             let head = message::head(&command, &[payload.bytes.len()])?;
-            for datagram in datagram::split(&head, &payload.bytes, *largest) {
+            for datagram in datagram::split(&head, &payload.bytes, datagram::MAX_DATAGRAM) {
                 pace.turn(datagram.len()).await;
                 socket.send(&datagram).await?;
             }
