@@ -396,10 +396,10 @@ async fn a_name_server_that_never_ends_or_never_begins_is_given_up() {
     // Silence: the connection waits in the backlog, nobody accepts.
     let client = client.with_timeout(Duration::from_millis(50));
     let error = client.query("/a").await.unwrap_err().to_string();
-    assert!(error.contains("did not answer within 50ms"), "{error}");
+    assert!(error.contains("no answer within 50ms"), "{error}");
     drop(listener);
     let error = client.query("/a").await.unwrap_err().to_string();
-    assert!(error.contains("cannot be reached"), "{error}");
+    assert!(error.contains("cannot connect to"), "{error}");
 }
 
 #[tokio::test]
