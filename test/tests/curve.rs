@@ -122,6 +122,16 @@ fn who_is_refused_is_named_with_the_line_that_lets_it_in() -> Result {
         let mut top = env.wrapyfi(["top", "--once"])?;
         top.exits_with(0)?;
         assert!(top.stdout().contains("to let it in: "), "{}", top.stdout());
+        // A broker that does not take a key is neither slow nor none.
+        env.set_variable(
+            "WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE",
+            env.path("keys/stranger.key_secret"),
+        );
+        let mut why = env.wrapyfi(["why", &zeromq(&env.topic("other")), "--json"])?;
+        why.exits_with(1)?;
+        let told: serde_json::Value = serde_json::from_str(why.stdout().trim())?;
+        assert_eq!(told["cause"], "middleware", "{told}");
+        assert!(told["what"].to_string().contains("does not take our CURVE keys"), "{told}");
         Ok(())
     })
 }

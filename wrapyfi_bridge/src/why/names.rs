@@ -4,7 +4,7 @@ use strsim::damerau_levenshtein;
 
 /// Most letters by which two names may differ and still count as one misspelt.
 const MOST_LETTERS: usize = 2;
-/// Shortest name that may be misspelt: shorter ones are all alike.
+/// Letters of a name for each by which it may differ: shorter ones are all alike.
 const SHORTEST: usize = 5;
 
 /// Difference between two names that are perhaps meant to be one, nearest first.
@@ -51,10 +51,13 @@ pub fn kinship(one: &str, other: &str) -> Option<Kinship> {
     if !a.is_empty() && !b.is_empty() && (a.ends_with(&b) || b.ends_with(&a)) {
         return Some(Kinship::Namespace);
     }
+    let digits =
+        |name: &str| name.matches(|letter: char| letter.is_ascii_digit()).collect::<String>();
     let (a, b) = (one.chars().count(), other.chars().count());
-    // Long names that differ by more in length are not compared.
-    let may_be = a.min(b) >= SHORTEST && a.abs_diff(b) <= MOST_LETTERS;
-    (may_be && damerau_levenshtein(one, other) <= MOST_LETTERS).then_some(Kinship::Letters)
+    let most = MOST_LETTERS.min(a.min(b) / SHORTEST);
+    // Long names that differ by more in length are not compared; what is numbered is meant to be several.
+    let may_be = most > 0 && a.abs_diff(b) <= most && digits(one) == digits(other);
+    (may_be && damerau_levenshtein(one, other) <= most).then_some(Kinship::Letters)
 }
 
 /// The nearest of `names` to `wanted`, with the difference.
@@ -86,6 +89,9 @@ mod tests {
             ("/camera/left", "/camera/lfet", Some(Kinship::Letters)),
             ("/chatter", "/chatter", None),
             ("/cat", "/car", None),
+            ("/lamp", "/cam", None),
+            ("/map1", "/map2", None),
+            ("/chat", "/chat1", None),
             ("/chatter", "/camera", None),
             ("/", "/chatter", None),
         ] {

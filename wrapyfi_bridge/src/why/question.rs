@@ -272,7 +272,8 @@ fn route(
     name: &str,
 ) -> Option<(Route, LeftOutName)> {
     let named = plan.routes.iter().find(|route| route.name == name || route.ends() == name);
-    if let Some(route) = named.cloned().or_else(|| made_between(plan, name)) {
+    let between = || made_between(plan, name, running.iter().find(|one| one.key == name));
+    if let Some(route) = named.cloned().or_else(between) {
         return Some((route, None));
     }
     let address = address(name).ok()?;
@@ -280,7 +281,7 @@ fn route(
     let runs = || {
         let from = running.iter().find(|one| one.source == text);
         let one = from.or_else(|| running.iter().find(|one| one.destination == text))?;
-        made_between(plan, &one.key)
+        made_between(plan, &one.key, Some(one))
     };
     let make = |made: fn(&Route, &EndpointAddress) -> Option<Route>| {
         plan.routes.iter().find_map(|pattern| made(pattern, &address))
@@ -296,11 +297,15 @@ fn route(
     Some((pattern, Some((text, why))))
 }
 
-/// Route that a pattern makes, by its name: its ends.
-fn made_between(plan: &Plan, name: &str) -> Option<Route> {
+/// Route that a pattern makes, by its name: its ends. Topics and services may have the same ones: it is of the kind of
+/// the route that is `running`.
+fn made_between(plan: &Plan, name: &str, running: Option<&RouteInfo>) -> Option<Route> {
     let (first, second) = name.split_once(" -> ")?;
     let (first, second) = (address(first).ok()?, address(second).ok()?);
-    plan.routes.iter().find_map(|pattern| {
+    let is_service = |pattern: &Route| matches!(pattern.kind, Kind::Service(_));
+    let is_meant =
+        |pattern: &&Route| running.is_none_or(|it| (it.kind == "service") == is_service(pattern));
+    plan.routes.iter().filter(is_meant).find_map(|pattern| {
         let (from, to) = match pattern.kind {
             Kind::Topic(_) => (&first, &second),
             Kind::Service(_) => (&second, &first),
@@ -533,6 +538,13 @@ mod tests {
             [(back, "ros2:/x", back), (there, "ros2:/x", there), (there, "ros:/x", there)]
         {
             assert_eq!(found_beside(&both, &[runs], name), only(meant), "{name} beside {runs}");
+        }
+        let [key, source, destination, kind] =
+            [back, "ros:/x", "ros2:/x", "service"].map(str::to_owned);
+        let service = RouteInfo { key, source, destination, kind, ..RouteInfo::default() };
+        for name in ["ros2:/x", "ros:/x", back] {
+            let found = route(&both, &index(&both), std::slice::from_ref(&service), name);
+            assert!(matches!(found.unwrap().0.kind, Kind::Service(_)), "{name}");
         }
         // Of one of two ways nothing runs.
         assert_eq!(found(&both, "ros2:/x"), only(there));
