@@ -39,7 +39,7 @@ pub fn xmlrpc(data: &[u8]) {
                 _ = xmlrpc::decode_reply(text.as_bytes());
             }
         }
-        Err(XmlRpcError::Malformed { reason, .. }) => assert!(reason.len() < 4096),
+        Err(XmlRpcError::Unusable(reason)) => assert!(reason.len() < 4096),
         Err(error) => assert!(!error.to_string().is_empty()),
     }
 }

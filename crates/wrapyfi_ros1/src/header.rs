@@ -46,33 +46,19 @@ pub enum HeaderError {
         /// Size that it declares, in bytes.
         actual: u64,
     },
-    /// More fields than any node sends.
-    #[error("the connection header has more than {MAX_FIELDS} fields")]
-    TooManyFields,
-    /// A field that reaches beyond the end.
-    #[error(
-        "the field at byte {at} of the connection header needs {needed} bytes, {left} are left"
-    )]
-    Truncated {
-        /// Offset of the field in bytes from the start of the header.
-        at: usize,
-        /// Bytes that it declares.
-        needed: u64,
-        /// Bytes behind it.
-        left: usize,
-    },
-    /// A field that is no `name=value`.
-    #[error("the field at byte {at} of the connection header is no name=value in UTF-8")]
-    NoField {
-        /// Offset of the field in bytes from the start of the header.
-        at: usize,
-    },
-    /// A name that is there twice.
-    #[error("the connection header has the field {name:?} twice")]
-    Twice {
-        /// The name.
-        name: String,
-    },
+    /// The fields are none that a node sends, as the words say.
+    #[error("{0}")]
+    Malformed(String),
+}
+
+impl HeaderError {
+    fn field(at: usize, fault: &str) -> Self {
+        Self::Malformed(format!("the field at byte {at} of the connection header {fault}"))
+    }
+
+    fn truncated(at: usize, needed: u64, left: usize) -> Self {
+        Self::field(at, &format!("needs {needed} bytes, {left} are left"))
+    }
 }
 
 impl Header {
@@ -132,26 +118,27 @@ impl Header {
         while !rest.is_empty() {
             let at = body.len() - rest.len();
             let Some((size, behind)) = rest.split_first_chunk::<4>() else {
-                return Err(HeaderError::Truncated { at, needed: 4, left: rest.len() });
+                return Err(HeaderError::truncated(at, 4, rest.len()));
             };
             let needed = u32::from_le_bytes(*size);
             let field =
                 usize::try_from(needed).ok().and_then(|needed| behind.split_at_checked(needed));
             let Some((field, behind)) = field else {
-                let (needed, left) = (u64::from(needed), behind.len());
-                return Err(HeaderError::Truncated { at, needed, left });
+                return Err(HeaderError::truncated(at, needed.into(), behind.len()));
             };
             rest = behind;
             let text = std::str::from_utf8(field).ok();
             // Values may hold the sign, names cannot.
             let Some((name, value)) = text.and_then(|text| text.split_once('=')) else {
-                return Err(HeaderError::NoField { at });
+                return Err(HeaderError::field(at, "is no name=value in UTF-8"));
             };
             if fields.len() >= MAX_FIELDS {
-                return Err(HeaderError::TooManyFields);
+                let text = format!("the connection header has more than {MAX_FIELDS} fields");
+                return Err(HeaderError::Malformed(text));
             }
             if fields.insert(name.to_owned(), value.to_owned()).is_some() {
-                return Err(HeaderError::Twice { name: name.to_owned() });
+                let text = format!("the connection header has the field {name:?} twice");
+                return Err(HeaderError::Malformed(text));
             }
         }
         Ok(Self(fields))
@@ -232,19 +219,22 @@ mod tests {
     #[test]
     fn what_is_no_field_is_named() {
         let beyond = Header::decode(b"\xff\xff\xff\xffab").unwrap_err();
-        assert_eq!(beyond, HeaderError::Truncated { at: 0, needed: 0xffff_ffff, left: 2 });
+        assert_eq!(beyond, HeaderError::truncated(0, 0xffff_ffff, 2));
         assert_eq!(
             Header::decode(b"\x03\0\0\0a=b\x01\0").unwrap_err(),
-            HeaderError::Truncated { at: 7, needed: 4, left: 2 }
+            HeaderError::truncated(7, 4, 2)
         );
         for bytes in [&b"\x02\0\0\0ab"[..], b"\x02\0\0\0=\xff", b"\0\0\0\0"] {
-            assert_eq!(Header::decode(bytes), Err(HeaderError::NoField { at: 0 }), "{bytes:?}");
+            let error = Header::decode(bytes).unwrap_err().to_string();
+            assert!(error.contains("byte 0") && error.contains("name=value"), "{bytes:?}: {error}");
         }
         let twice = b"\x03\0\0\0a=b\x03\0\0\0a=c";
-        assert_eq!(Header::decode(twice), Err(HeaderError::Twice { name: "a".into() }));
+        let error = Header::decode(twice).unwrap_err().to_string();
+        assert!(error.contains("the field \"a\" twice"), "{error}");
         let many: Vec<u8> =
             (0..300).flat_map(|n| format!("\x04\0\0\0{n:03}=").into_bytes()).collect();
-        assert_eq!(Header::decode(&many), Err(HeaderError::TooManyFields));
+        let error = Header::decode(&many).unwrap_err().to_string();
+        assert!(error.contains("more than 256 fields"), "{error}");
     }
 
     proptest! {

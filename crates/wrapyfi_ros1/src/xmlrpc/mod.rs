@@ -49,34 +49,9 @@ pub enum XmlRpcError {
     /// Larger, deeper or otherwise than any node sends.
     #[error(transparent)]
     Bounds(#[from] BoundsError),
-    /// The text is no XML-RPC.
-    #[error("this is no XML-RPC {what}: {reason}")]
-    Malformed {
-        /// `call` or `answer`.
-        what: &'static str,
-        /// Message of the parser, shortened.
-        reason: String,
-    },
-    /// The other side could not even run the method.
-    #[error("fault {code}: {text}")]
-    Fault {
-        /// Number of the fault.
-        code: i32,
-        /// Reason in the other side's words.
-        text: String,
-    },
-    /// An answer that is no `[status, text, value]`.
-    #[error("the answer is no [status, text, value] but {actual}")]
-    NoReply {
-        /// Value that came instead, shortened.
-        actual: String,
-    },
-    /// The values have no form in XML.
-    #[error("cannot be written as XML-RPC: {reason}")]
-    Unwritable {
-        /// Reason in words.
-        reason: String,
-    },
+    /// The text is no XML-RPC of ROS 1, or tells a fault, as the words say.
+    #[error("{0}")]
+    Unusable(String),
 }
 
 impl Reply {
@@ -151,25 +126,32 @@ pub fn decode_reply(body: &[u8]) -> Result<Reply, XmlRpcError> {
     let Ok(MethodResponse { value }) = MethodResponse::from_xml(xml) else {
         return Err(match FaultResponse::from_xml(xml) {
             Ok(FaultResponse { fault }) => {
-                XmlRpcError::Fault { code: fault.code(), text: shortened(fault.string()) }
+                let text = shortened(fault.string());
+                XmlRpcError::Unusable(format!("fault {}: {text}", fault.code()))
             }
             Err(_) => malformed("answer", xml),
         });
     };
     match <(i32, String, Value)>::try_from_value(&value) {
         Ok((status, text, value)) => Ok(Reply { status, text, value }),
-        Err(_) => Err(XmlRpcError::NoReply { actual: shortened(&format!("{value:?}")) }),
+        Err(_) => {
+            let actual = shortened(&format!("{value:?}"));
+            let text = format!("the answer is no [status, text, value] but {actual}");
+            Err(XmlRpcError::Unusable(text))
+        }
     }
 }
 
 fn written(xml: Result<String, dxr::Error>) -> Result<String, XmlRpcError> {
-    let unwritable =
-        |error: dxr::Error| XmlRpcError::Unwritable { reason: shortened(&error.to_string()) };
+    let unwritable = |error: dxr::Error| {
+        let reason = shortened(&error.to_string());
+        XmlRpcError::Unusable(format!("cannot be written as XML-RPC: {reason}"))
+    };
     xml.map(|xml| format!("<?xml version=\"1.0\"?>\n{xml}\n")).map_err(unwritable)
 }
 
-fn malformed(what: &'static str, xml: &str) -> XmlRpcError {
-    XmlRpcError::Malformed { what, reason: format!("{:?}", shortened(xml)) }
+fn malformed(what: &str, xml: &str) -> XmlRpcError {
+    XmlRpcError::Unusable(format!("this is no XML-RPC {what}: {:?}", shortened(xml)))
 }
 
 /// Foreign text for a log line.

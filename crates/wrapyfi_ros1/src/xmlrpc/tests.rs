@@ -36,7 +36,7 @@ fn a_call_of_roscpp_reads() {
 fn faults_are_told() {
     let fault = encode_fault("no method \"x\"").unwrap();
     let told = decode_reply(fault.as_bytes()).unwrap_err();
-    assert_eq!(told, XmlRpcError::Fault { code: 1, text: "no method \"x\"".into() });
+    assert_eq!(told.to_string(), "fault 1: no method \"x\"");
 }
 
 #[test]
@@ -57,7 +57,7 @@ fn hostile_texts_are_refused_by_a_bound() {
     assert_eq!(decode_call(&vec![b' '; MAX_BYTES + 1]), Err(BoundsError::TooLarge.into()));
     assert_eq!(decode_call(b"\xff"), Err(BoundsError::NoXml.into()));
     let unknown = refused("<methodCall><methodName>&unknown;</methodName></methodCall>");
-    assert!(matches!(unknown, XmlRpcError::Malformed { .. }), "{unknown}");
+    assert!(unknown.to_string().starts_with("this is no XML-RPC call: "), "{unknown}");
     for text in ["", "x", "<methodCall>", "<methodCall/>", "<a></b>", "{\"json\": 1}"] {
         decode_call(text.as_bytes()).unwrap_err();
         decode_reply(text.as_bytes()).unwrap_err();
