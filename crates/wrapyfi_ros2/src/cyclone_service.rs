@@ -12,9 +12,10 @@ use std::cell::{Cell, RefCell};
 use std::collections::{HashMap, HashSet};
 use std::time::{Duration, Instant};
 
-use super::cyclone::{RawReader, RawSample, RawWriter, Taken};
+use super::cyclone::{RawReader, RawWriter, Taken};
 use super::graph::{
-    CdrClient, CdrReply, CdrRequest, CdrServer, GraphError, Peers, RequestId, ServiceMapping,
+    CdrClient, CdrReply, CdrRequest, CdrSample, CdrServer, GraphError, Peers, RequestId,
+    ServiceMapping,
 };
 use super::service::LOOK_AGAIN;
 use super::service_header::{self, HEADER, LEAST};
@@ -63,7 +64,7 @@ impl Ends {
     }
 
     /// The next sample, the identity still in it.
-    fn take(&mut self) -> Result<Option<RawSample>, GraphError> {
+    fn take(&mut self) -> Result<Option<CdrSample>, GraphError> {
         match self.reader.take(self.max_bytes.saturating_add(HEADER)) {
             Ok(Taken::Nothing) => Ok(None),
             Ok(Taken::Message(sample)) => Ok(Some(sample)),
@@ -77,13 +78,13 @@ impl Ends {
     }
 
     /// Sender of a sample; `None` where the writer is gone.
-    fn origin(&self, sample: &RawSample) -> Option<Origin> {
+    fn origin(&self, sample: &CdrSample) -> Option<Origin> {
         let mut writers = self.writers.borrow_mut();
         if writers.len() >= MAX_WRITERS {
             writers.clear();
         }
-        let known = writers.entry(sample.writer).or_insert_with(|| {
-            let peer = self.reader.writer(sample.writer)?;
+        let known = writers.entry(sample.publisher).or_insert_with(|| {
+            let peer = self.reader.writer(sample.publisher)?;
             let theirs = peer.service_mapping.filter(|&theirs| theirs != OURS);
             Some((EndKey::new(&peer.guid, &peer.user_data), theirs))
         });

@@ -12,13 +12,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, MutexGuard};
 use std::time::{Duration, Instant};
 
-use super::follow::LOG_EVERY;
 use super::graph::{
     DiscoveredEndpoint, Graph, GraphResult, NodeWatch, Notify, PeerWatch, TopicDescription,
 };
 use super::matching::unmet;
 use wrapyfi_endpoint::{
-    AnnouncedQos, Durability, Link, Mutex, PinnedQos, Qos, QosPolicy, TopicSpec,
+    AnnouncedQos, Durability, Link, Mutex, PinnedQos, Qos, QosPolicy, Throttle, TopicSpec,
 };
 
 /// Time for which a peer waits for the name of its node before it is reported without.
@@ -197,7 +196,7 @@ impl Diagnosis {
             texts.push(format!("{more} more {}s on {} do not match", self.peer(), self.topic));
         }
         if !texts.is_empty() {
-            self.quiet_until = Some(now + LOG_EVERY);
+            self.quiet_until = Some(now + Throttle::EVERY);
         }
         (texts, next)
     }

@@ -4,19 +4,16 @@
 //! ```text
 //!   peers changed, or a time has come ─▶ Follower::look ─▶ switch to …, because …
 //!                                                      └─▶ complaints, the next time
-//!   deadlines, liveliness ─▶ EventLog ─▶ counters, a line every LOG_EVERY at most
+//!   deadlines, liveliness ─▶ EventLog ─▶ counters, a line every Throttle::EVERY at most
 //! ```
 
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use super::diagnosis::{Diagnosis, Names};
 use super::graph::{GraphResult, Notify, QosEvents, TopicDescription};
 use super::matching::{Decision, Matching};
-use wrapyfi_endpoint::{Counters, Qos, QosEvent, TopicSpec};
-
-/// Events of an endpoint are logged at most this often; all are counted.
-pub(super) const LOG_EVERY: Duration = Duration::from_secs(5);
+use wrapyfi_endpoint::{Counters, Qos, QosEvent, Throttle, TopicSpec};
 
 /// One endpoint's view of its peers.
 pub(super) struct Follower {
@@ -103,19 +100,13 @@ pub(super) struct EventLog {
     counters: Arc<Counters>,
     topic: String,
     listens: bool,
-    last: Option<Instant>,
-    silent: u64,
+    complaints: Throttle,
 }
 
 impl EventLog {
     pub(super) fn new(counters: &Arc<Counters>, topic: &str, listens: bool) -> Self {
-        Self {
-            counters: Arc::clone(counters),
-            topic: topic.to_owned(),
-            listens,
-            last: None,
-            silent: 0,
-        }
+        let (counters, topic) = (Arc::clone(counters), topic.to_owned());
+        Self { counters, topic, listens, complaints: Throttle::default() }
     }
 
     /// Books what happened since the last call.
@@ -128,21 +119,14 @@ impl EventLog {
         for (event, count) in
             [(deadline, events.deadlines_missed), (liveliness, events.liveliness_lost)]
         {
-            if count > 0 {
-                self.counters.qos_event(event, count);
-                self.log(event, count, now);
+            if count == 0 {
+                continue;
+            }
+            self.counters.qos_event(event, count);
+            if let Some(unlogged_before) = self.complaints.pass(now) {
+                tracing::warn!(topic = self.topic, count, unlogged_before, "{}", in_words(event));
             }
         }
-    }
-
-    fn log(&mut self, event: QosEvent, count: u64, now: Instant) {
-        if self.last.is_some_and(|at| now.saturating_duration_since(at) < LOG_EVERY) {
-            self.silent = self.silent.saturating_add(count);
-            return;
-        }
-        let unlogged_before = std::mem::take(&mut self.silent);
-        tracing::warn!(topic = self.topic, count, unlogged_before, "{}", in_words(event));
-        self.last = Some(now);
     }
 }
 
@@ -167,11 +151,12 @@ mod tests {
         let start = Instant::now();
         let late = QosEvents { deadlines_missed: 2, liveliness_lost: 0 };
         for ms in 0..100 {
-            log.note(late, start + Duration::from_millis(ms));
+            log.note(late, start + std::time::Duration::from_millis(ms));
         }
-        assert_eq!((log.last, log.silent), (Some(start), 198));
-        log.note(QosEvents { liveliness_lost: 1, ..late }, start + LOG_EVERY);
-        assert_eq!((log.last, log.silent), (Some(start + LOG_EVERY), 1));
+        let unlogged = |log: &EventLog, at| log.complaints.clone().pass(at);
+        assert_eq!(unlogged(&log, start + Throttle::EVERY), Some(99));
+        log.note(QosEvents { liveliness_lost: 1, ..late }, start + Throttle::EVERY);
+        assert_eq!(unlogged(&log, start + Throttle::EVERY * 2), Some(1));
         let now = counters.snapshot();
         assert_eq!(now.qos_events_of(QosEvent::DeadlineMissed), 202);
         assert_eq!(now.qos_events_of(QosEvent::PublisherNotAlive), 1);

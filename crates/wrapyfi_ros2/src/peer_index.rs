@@ -25,6 +25,7 @@ const MAX_ENDPOINTS: usize = 65_536;
 type Side = (String, bool);
 
 /// Index of the endpoints that discovery has found.
+#[derive(Default)]
 pub(super) struct PeerIndex {
     own: Gid,
     readers: Mutex<Vec<BuiltinReader>>,
@@ -53,7 +54,7 @@ struct Watched {
 impl PeerIndex {
     /// Begins to listen; `own` is the participant's GUID, whose endpoints are no peers.
     pub(super) fn new(participant: &Entity, own: Gid) -> Result<Arc<Self>, ReturnCode> {
-        let index = Arc::new(Self::empty(own));
+        let index = Arc::new(Self { own, ..Self::default() });
         let mut readers = Vec::new();
         for is_writer in [true, false] {
             // Weak, because the index owns the readers that own the callback.
@@ -70,15 +71,6 @@ impl PeerIndex {
         // none.
         index.drain();
         Ok(index)
-    }
-
-    fn empty(own: Gid) -> Self {
-        Self {
-            own,
-            readers: Mutex::default(),
-            known: Mutex::default(),
-            overflowed: AtomicBool::new(false),
-        }
     }
 
     /// Watches one side of a DDS topic, and keeps `node` for as long.
@@ -237,7 +229,7 @@ mod tests {
 
     #[test]
     fn only_the_side_concerned_is_told() {
-        let index = PeerIndex::empty(OWN);
+        let index = PeerIndex { own: OWN, ..PeerIndex::default() };
         let (side, watched) = watch(&index, "rt/a", true);
         assert_eq!(index.apply(1, Some(endpoint("rt/a", true, 1))).len(), 1);
         for other in [
@@ -256,7 +248,7 @@ mod tests {
 
     #[test]
     fn what_changes_is_replaced_and_what_goes_is_gone() {
-        let index = PeerIndex::empty(OWN);
+        let index = PeerIndex { own: OWN, ..PeerIndex::default() };
         let (side, watched) = watch(&index, "rt/a", false);
         index.apply(5, Some(endpoint("rt/a", false, 1)));
         let mut changed = endpoint("rt/a", false, 1);
@@ -271,7 +263,7 @@ mod tests {
 
     #[test]
     fn nothing_is_left_of_topics_that_are_over() {
-        let index = PeerIndex::empty(OWN);
+        let index = PeerIndex { own: OWN, ..PeerIndex::default() };
         let (side, watched) = watch(&index, "rt/a", true);
         index.apply(1, Some(endpoint("rt/a", true, 1)));
         index.apply(1, None);

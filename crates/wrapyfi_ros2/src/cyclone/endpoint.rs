@@ -16,8 +16,6 @@ use std::ptr;
 use std::sync::Arc;
 use std::time::Duration;
 
-use bytes::Bytes;
-
 use super::builtin::EndpointFound;
 use super::entity::{Entity, ReturnCode};
 use super::events::{Events, Listener, silence};
@@ -25,6 +23,7 @@ use super::matched::{self, Side};
 use super::qos::{EndpointQos, QosObject};
 use super::sequence::Gaps;
 use super::serdata::Sample;
+use crate::graph::CdrSample;
 
 /// Call that creates a writer or a reader.
 type Create = unsafe extern "C" fn(
@@ -203,20 +202,10 @@ pub(crate) struct RawReader {
 pub(crate) enum Taken {
     /// Nothing: no message waits.
     Nothing,
-    /// A message.
-    Message(RawSample),
+    /// A message; its publisher is the handle of the writer, for [`RawReader::writer`].
+    Message(CdrSample),
     /// A message of so many bytes was over the limit and is gone.
     TooLarge(usize),
-}
-
-/// A message and what came with it.
-pub(crate) struct RawSample {
-    /// Encapsulation header and body.
-    pub(crate) cdr: Bytes,
-    /// Source timestamp in nanoseconds since 1970.
-    pub(crate) source_timestamp_ns: i64,
-    /// Handle of the sample's writer, for [`RawReader::writer`].
-    pub(crate) writer: u64,
 }
 
 impl RawReader {
@@ -268,10 +257,10 @@ impl RawReader {
             return Ok(if bytes > max_bytes {
                 Taken::TooLarge(bytes)
             } else {
-                Taken::Message(RawSample {
+                Taken::Message(CdrSample {
                     cdr: sample.into_bytes(),
                     source_timestamp_ns: info.source_timestamp,
-                    writer: info.publication_handle,
+                    publisher: info.publication_handle,
                 })
             });
         }

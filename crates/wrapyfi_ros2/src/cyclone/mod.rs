@@ -37,7 +37,7 @@ mod tests;
 mod topic;
 
 pub(super) use builtin::{BuiltinReader, EndpointFound, endpoints};
-pub(super) use endpoint::{RawReader, RawSample, RawWriter, Taken, WriteFault};
+pub(super) use endpoint::{RawReader, RawWriter, Taken, WriteFault};
 pub(super) use entity::{Entity, ReturnCode};
 pub(super) use events::Events;
 pub(super) use qos::EndpointQos;
