@@ -21,7 +21,8 @@ use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 use wrapyfi_yarp::port::names::NameRequest;
 use wrapyfi_yarp::port::{
-    Answer, Message, Network, OutputOptions, OutputPort, PortOptions, PortPayload, RpcServer,
+    Answer, Message, Network, NetworkOptions, OutputOptions, OutputPort, PortOptions, PortPayload,
+    RpcServer,
 };
 use wrapyfi_yarp::server::{NameServer, NameServerOptions};
 use wrapyfi_yarp::sig::{Sound, Vector};
@@ -59,7 +60,8 @@ impl YarpNetwork {
 
     /// Network of ports of another program.
     fn network(&self) -> Network {
-        Network::builder().names(self.names()).listen(self.server.address().ip()).build()
+        let (names, listen) = (Arc::new(self.names()), self.server.address().ip());
+        Network::new(NetworkOptions { names, listen, ..NetworkOptions::default() })
     }
 
     /// A port that somebody may read, behind a relay that counts who connects.

@@ -19,8 +19,8 @@ use wrapyfi_yarp::bottle::Vocab;
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 use wrapyfi_yarp::port::names::NameRequest;
 use wrapyfi_yarp::port::{
-    Answer, Message, Network, OutputOptions, OutputPort, PortOptions, PortPayload, Received,
-    RpcServer,
+    Answer, Message, Network, NetworkOptions, OutputOptions, OutputPort, PortOptions, PortPayload,
+    Received, RpcServer,
 };
 use wrapyfi_yarp::server::{NameServer, NameServerOptions};
 use wrapyfi_yarp::sig::{Image, PixelCode, Stamp};
@@ -59,7 +59,8 @@ impl YarpNetwork {
 
     /// Network of ports of another program.
     fn network(&self) -> Network {
-        Network::builder().names(self.names()).listen(self.address.ip()).build()
+        let (names, listen) = (Arc::new(self.names()), self.address.ip());
+        Network::new(NetworkOptions { names, listen, ..NetworkOptions::default() })
     }
 
     fn names(&self) -> NameClient {
@@ -493,7 +494,8 @@ fn a_service_of_yarp_4_is_called_with_option_dialect() {
     let other = {
         let host = net.address.ip().to_string();
         let names = NameClient::new(NameServerConf { host, port: net.address.port() });
-        Network::builder().names(names).listen(net.address.ip()).dialect(Dialect::V4).build()
+        let (names, listen, dialect) = (Arc::new(names), net.address.ip(), Dialect::V4);
+        Network::new(NetworkOptions { names, listen, dialect, ..NetworkOptions::default() })
     };
     let server = net.runtime.block_on(async {
         let wanted = PortOptions::default();

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::net::{Ipv4Addr, SocketAddr};
+use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::runtime::Runtime;
@@ -10,7 +11,8 @@ use wrapyfi_core::endpoint::{Middleware, ServiceSpec, TopicSpec};
 use wrapyfi_core::middleware::yarp::{Yarp, YarpConfig};
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 use wrapyfi_yarp::port::{
-    Message, Network, OutputOptions, OutputPort, PortOptions, PortPayload, RpcClient,
+    Message, Network, NetworkOptions, OutputOptions, OutputPort, PortOptions, PortPayload,
+    RpcClient,
 };
 
 struct Named {
@@ -52,11 +54,12 @@ impl Testbed for Named {
         let address = near.embedded().unwrap();
         let server = NameServerConf { host: address.ip().to_string(), port: address.port() };
         let names = NameClient::new(server);
-        let network = Network::builder().names(names.clone()).listen(address.ip());
+        let (of_network, listen) = (Arc::new(names.clone()), address.ip());
+        let network = NetworkOptions { names: of_network, listen, ..NetworkOptions::default() };
         let mut threads = tokio::runtime::Builder::new_multi_thread();
         let runtime = threads.worker_threads(1).enable_all().build().unwrap();
         let (ports, asking) = (BTreeMap::new(), Vec::new());
-        let raw = Raw { runtime, names, network: network.build(), ports, asking };
+        let raw = Raw { runtime, names, network: Network::new(network), ports, asking };
         Self { raw, far: Some(side(address, false)), near: Some(near), address }
     }
 

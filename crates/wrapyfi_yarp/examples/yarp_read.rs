@@ -5,12 +5,12 @@
 #![allow(clippy::print_stdout)]
 
 use tokio::sync::mpsc;
-use wrapyfi_yarp::port::{Answer, Network, PortOptions, Received};
+use wrapyfi_yarp::port::{Answer, Network, NetworkOptions, PortOptions, Received};
 
 #[tokio::main(flavor = "current_thread")]
 async fn main() -> Result<(), Box<dyn std::error::Error>> {
     let address = std::env::args().nth(1).ok_or("usage: yarp_read ADDRESS:PORT")?.parse()?;
-    let network = Network::builder().build();
+    let network = Network::new(NetworkOptions::default());
     let options = PortOptions { address: Some(address), ..PortOptions::default() };
     let (sender, mut messages) = mpsc::channel(16);
     let handler = move |message: Received, _wants_reply| {

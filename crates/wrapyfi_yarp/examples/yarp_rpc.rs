@@ -6,7 +6,7 @@
 
 use std::time::Duration;
 
-use wrapyfi_yarp::port::{Answer, Network, PortOptions};
+use wrapyfi_yarp::port::{Answer, Network, NetworkOptions, PortOptions};
 use wrapyfi_yarp::{Bottle, Value};
 
 /// `add 1 2` is 3.
@@ -23,7 +23,7 @@ fn answer(request: &Bottle) -> Bottle {
 #[tokio::main(flavor = "current_thread")]
 async fn main() -> Result<(), Box<dyn std::error::Error>> {
     let address = std::env::args().nth(1).map(|address| address.parse()).transpose()?;
-    let network = Network::builder().build();
+    let network = Network::new(NetworkOptions::default());
     let options = PortOptions { address, ..PortOptions::default() };
     let server = network
         .serve("/example/server", &options, async |request, _wanted| {

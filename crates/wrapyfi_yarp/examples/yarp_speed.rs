@@ -9,7 +9,7 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::mpsc;
 use wrapyfi_yarp::port::{
-    Answer, Message, Network, OutputOptions, PortOptions, PortPayload, Received,
+    Answer, Message, Network, NetworkOptions, OutputOptions, PortOptions, PortPayload, Received,
 };
 use wrapyfi_yarp::{Bottle, Dialect};
 
@@ -51,7 +51,7 @@ async fn bare_round_trip(rounds: usize, size: usize) -> Outcome<Duration> {
 }
 
 async fn round_trip(rounds: usize, carrier: &str) -> Outcome<(Duration, usize)> {
-    let network = Network::builder().build();
+    let network = Network::new(NetworkOptions::default());
     let options = PortOptions::default();
     let server = network
         .serve("/server", &options, async |request, _| Answer::Object(request.payload.bytes))
@@ -93,7 +93,7 @@ async fn bare_images(rounds: usize) -> Outcome<f64> {
 }
 
 async fn images(rounds: usize, carrier: &str) -> Outcome<f64> {
-    let network = Network::builder().build();
+    let network = Network::new(NetworkOptions::default());
     let (sender, mut messages) = mpsc::channel(4);
     let handler = move |message: Received, _wants_reply| {
         let sender = sender.clone();

@@ -4,11 +4,12 @@
 //! listens there. With a name server, a name takes the place of the address.
 #![allow(clippy::print_stdout)]
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use wrapyfi_yarp::Bottle;
 use wrapyfi_yarp::port::names::NameTable;
-use wrapyfi_yarp::port::{Message, Network, OutputOptions, PortPayload};
+use wrapyfi_yarp::port::{Message, Network, NetworkOptions, OutputOptions, PortPayload};
 use wrapyfi_yarp::sig::Stamp;
 
 #[tokio::main(flavor = "current_thread")]
@@ -16,8 +17,8 @@ async fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
     let address = arguments.next().ok_or("usage: yarp_write ADDRESS:PORT [CARRIER]")?.parse()?;
     let carrier = arguments.next().unwrap_or_else(|| "tcp".to_owned());
-    let network =
-        Network::builder().names(NameTable::new().with("/example/reader", address)).build();
+    let names = Arc::new(NameTable::new().with("/example/reader", address));
+    let network = Network::new(NetworkOptions { names, ..NetworkOptions::default() });
     let writer = network.open_output("/example/writer", &OutputOptions::default()).await?;
     writer.connect(&format!("{carrier}://example/reader")).await?;
     let mut connected = writer.connected();

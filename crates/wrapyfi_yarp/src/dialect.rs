@@ -9,19 +9,19 @@
 //! Connections, commands and the name server are the same in both. Nothing on the wire names the
 //! dialect: it is a setting, or the answer to a probe.
 
-use std::fmt;
-use std::str::FromStr;
-
 /// The data encoding of a connection.
 ///
 /// Integers, strings, vocabs, blobs and lists of them are the same in both, and so is all that
 /// Wrapyfi sends as native objects.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, strum::Display, strum::EnumString)]
+#[strum(parse_err_ty = UnknownDialect, parse_err_fn = UnknownDialect::of)]
 pub enum Dialect {
     /// YARP 3.9 to 3.12, the installed base.
     #[default]
+    #[strum(to_string = "v3", serialize = "V3", serialize = "3")]
     V3,
     /// YARP 4.0.
+    #[strum(to_string = "v4", serialize = "V4", serialize = "4")]
     V4,
 }
 
@@ -36,28 +36,13 @@ impl Dialect {
     }
 }
 
-impl fmt::Display for Dialect {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::V3 => "v3",
-            Self::V4 => "v4",
-        })
-    }
-}
-
 /// A word that names no dialect.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("\"{0}\" is no dialect of YARP: write v3 (YARP 3) or v4 (YARP 4)")]
 pub struct UnknownDialect(pub String);
 
-impl FromStr for Dialect {
-    type Err = UnknownDialect;
-
-    fn from_str(text: &str) -> Result<Self, UnknownDialect> {
-        match text {
-            "v3" | "V3" | "3" => Ok(Self::V3),
-            "v4" | "V4" | "4" => Ok(Self::V4),
-            other => Err(UnknownDialect(other.to_owned())),
-        }
+impl UnknownDialect {
+    fn of(word: &str) -> Self {
+        Self(word.to_owned())
     }
 }

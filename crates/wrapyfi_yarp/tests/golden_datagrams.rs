@@ -1,6 +1,7 @@
 //! Datagrams recorded from real YARP, with our ports in the place of either side.
 
 use std::net::SocketAddrV4;
+use std::sync::Arc;
 
 use crate::golden::conversation::{Part, TIMEOUT, datagrams, expect, expect_end, parts};
 use crate::input::{Connections, InputPort, input};
@@ -9,7 +10,9 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream, UdpSocket};
 use wrapyfi_yarp::Limits;
 use wrapyfi_yarp::port::names::NameTable;
-use wrapyfi_yarp::port::{Message, Network, OutputOptions, OutputPort, PortPayload};
+use wrapyfi_yarp::port::{
+    Message, Network, NetworkOptions, OutputOptions, OutputPort, PortPayload,
+};
 use wrapyfi_yarp::wire::datagram::Assembler;
 use wrapyfi_yarp::wire::{Body, Command, header, number};
 
@@ -21,7 +24,8 @@ async fn within<T>(future: impl Future<Output = T>) -> T {
 }
 
 fn network(names: NameTable) -> Network {
-    Network::builder().listen([127, 0, 0, 1].into()).names(names).build()
+    let (listen, names) = ([127, 0, 0, 1].into(), Arc::new(names));
+    Network::new(NetworkOptions { listen, names, ..NetworkOptions::default() })
 }
 
 async fn reader() -> InputPort {

@@ -13,13 +13,15 @@ use bytes::Bytes;
 use tokio::net::{TcpListener, TcpStream};
 use wrapyfi_yarp::port::names::NameTable;
 use wrapyfi_yarp::port::{
-    Answer, Message, Network, OutputOptions, OutputPort, PortOptions, PortPayload, Received,
+    Answer, Message, Network, NetworkOptions, OutputOptions, OutputPort, PortOptions, PortPayload,
+    Received,
 };
 use wrapyfi_yarp::wire::number;
 use wrapyfi_yarp::{Bottle, Dialect, Limits, Value};
 
 fn network(names: NameTable, dialect: Dialect) -> Network {
-    Network::builder().listen([127, 0, 0, 1].into()).names(names).dialect(dialect).build()
+    let (listen, names) = ([127, 0, 0, 1].into(), Arc::new(names));
+    Network::new(NetworkOptions { listen, names, dialect, ..NetworkOptions::default() })
 }
 
 fn bottle(text: &str) -> Bottle {

@@ -9,16 +9,26 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use wrapyfi_yarp::port::names::NameTable;
 use wrapyfi_yarp::port::{
-    Answer, Fate, Loss, Message, Network, NetworkBuilder, OutputOptions, PortOptions, PortPayload,
-    Room, RpcError, Timeouts, Written,
+    Answer, Fate, Loss, Message, Network, NetworkOptions, OutputOptions, PortOptions, PortPayload,
+    Room, Rooms, RpcError, Timeouts, Written,
 };
 use wrapyfi_yarp::wire::{mjpeg, number};
 use wrapyfi_yarp::{Bottle, Limits};
 
 const TIMEOUT: Duration = Duration::from_secs(20);
 
-fn builder() -> NetworkBuilder {
-    Network::builder().listen([127, 0, 0, 1].into())
+fn options() -> NetworkOptions {
+    NetworkOptions { listen: [127, 0, 0, 1].into(), ..NetworkOptions::default() }
+}
+
+fn waiting(timeouts: Timeouts) -> Network {
+    Network::new(NetworkOptions { timeouts, ..options() })
+}
+
+fn narrow(names: NameTable) -> Network {
+    let names = Arc::new(names);
+    let rooms: Rooms = || Box::new(Narrow(AtomicUsize::new(0)));
+    Network::new(NetworkOptions { names, rooms, ..options() })
 }
 
 async fn within<T>(future: impl Future<Output = T>) -> T {
@@ -72,7 +82,7 @@ fn index(lengths: &[i32]) -> Vec<u8> {
 #[tokio::test]
 async fn what_cannot_be_trusted_is_closed_and_counted() {
     let limits = Limits { max_line_bytes: 4096, ..Limits::default() };
-    let network = builder().limits(limits).build();
+    let network = Network::new(NetworkOptions { limits, ..options() });
     let endless = [b"CONNECT x\nd\n".to_vec(), vec![b'('; 10_000]].concat();
     let name = [b"CONNECT ".to_vec(), vec![b'x'; 2000]].concat();
     let cases: [(&[u8], &str); 9] = [
@@ -97,7 +107,7 @@ async fn what_cannot_be_trusted_is_closed_and_counted() {
 #[tokio::test]
 async fn half_open_connections_end() {
     let handshake = Duration::from_millis(50);
-    let network = builder().timeouts(Timeouts { handshake, ..Timeouts::default() }).build();
+    let network = waiting(Timeouts { handshake, ..Timeouts::default() });
     let port = port(&network).await;
     for start in [&b""[..], b"YA\xe4", HEADER.split_at(14).0, b"CONNECT me", b"GET / HTTP/1.1\r\n"]
     {
@@ -117,7 +127,7 @@ async fn half_open_connections_end() {
 #[tokio::test]
 async fn what_has_begun_goes_on_or_its_connection_ends() {
     let progress = Duration::from_millis(50);
-    let network = builder().timeouts(Timeouts { progress, ..Timeouts::default() }).build();
+    let network = waiting(Timeouts { progress, ..Timeouts::default() });
     let port = port(&network).await;
     let mut idle = TcpStream::connect(port.address()).await.unwrap();
     idle.write_all(b"CONNECT idle\nd\n1\n").await.unwrap();
@@ -154,7 +164,7 @@ impl Room for Narrow {
 
 #[tokio::test]
 async fn what_has_begun_has_no_more_room_than_is_given() {
-    let network = builder().rooms(|| Box::new(Narrow(AtomicUsize::new(0)))).build();
+    let network = narrow(NameTable::new());
     let port = port(&network).await;
     let line = [b"CONNECT x\nd\n(".to_vec(), b"1 ".repeat(1 << 20)].concat();
     is_closed(offend(&port, &line, "over_budget").await).await;
@@ -173,10 +183,10 @@ async fn what_has_begun_has_no_more_room_than_is_given() {
 
 #[tokio::test]
 async fn datagrams_and_pictures_that_have_begun_have_no_more_room_than_is_given() {
-    let network = builder().rooms(|| Box::new(Narrow(AtomicUsize::new(0)))).build();
+    let network = narrow(NameTable::new());
     let port = port(&network).await;
     let names = NameTable::new().with("/port", port.address());
-    let sender = builder().names(names).build();
+    let sender = Network::new(NetworkOptions { names: Arc::new(names), ..options() });
     let writer = sender.open_output("/writer", &OutputOptions::default()).await.unwrap();
     writer.connect("udp://port").await.unwrap();
     let large = Message::new(PortPayload::object(vec![0; 2 << 20]));
@@ -199,7 +209,7 @@ async fn datagrams_and_pictures_that_have_begun_have_no_more_room_than_is_given(
 
     let camera = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let names = NameTable::new().with("/cam", camera.local_addr().unwrap());
-    let network = builder().names(names).rooms(|| Box::new(Narrow(AtomicUsize::new(0)))).build();
+    let network = narrow(names);
     let port = input(&network, "/view", 1000).await;
     let pictures = tokio::spawn(async move {
         let (mut stream, _) = camera.accept().await.unwrap();
@@ -217,7 +227,7 @@ async fn datagrams_and_pictures_that_have_begun_have_no_more_room_than_is_given(
 
 #[tokio::test]
 async fn a_handler_that_panics_is_counted_and_its_port_serves_on() {
-    let network = builder().build();
+    let network = Network::new(options());
     let options = PortOptions::default();
     let server = network
         .serve("/server", &options, async |request, _wanted| {
@@ -245,7 +255,7 @@ async fn a_handler_that_panics_is_counted_and_its_port_serves_on() {
 #[tokio::test]
 async fn more_connections_than_allowed_are_closed() {
     let limits = Limits { max_connections: 4, ..Limits::default() };
-    let network = builder().limits(limits).build();
+    let network = Network::new(NetworkOptions { limits, ..options() });
     let port = port(&network).await;
     let mut held = Vec::new();
     for count in 0..4 {
@@ -266,7 +276,7 @@ async fn more_connections_than_allowed_are_closed() {
 
 #[tokio::test]
 async fn bottles_that_cannot_be_are_left_to_their_reader() {
-    let network = builder().build();
+    let network = Network::new(options());
     let port = port(&network).await;
     let mut bytes = index(&[8, 12]);
     bytes.extend(b"\0\0\0\0~D\0\x01");
@@ -290,7 +300,7 @@ async fn peer() -> (TcpListener, Network) {
         close: Duration::from_millis(200),
         ..Timeouts::default()
     };
-    (listener, builder().names(names).timeouts(timeouts).build())
+    (listener, Network::new(NetworkOptions { names: Arc::new(names), timeouts, ..options() }))
 }
 
 #[tokio::test]
@@ -397,7 +407,7 @@ async fn replies_that_are_none_are_errors_with_a_name() {
 
 #[tokio::test]
 async fn what_has_no_form_on_a_carrier_is_counted() {
-    let network = builder().build();
+    let network = Network::new(options());
     let port = port(&network).await;
     let writer = network.open_output("/writer", &OutputOptions::default()).await.unwrap();
     writer.connect("text_ack://port").await.unwrap();

@@ -1,5 +1,6 @@
 //! Our client, our name server and our ports together, over real sockets on the loopback interface.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use crate::input::{Connections, input};
@@ -10,7 +11,7 @@ use wrapyfi_yarp::name::events::NameEvents;
 use wrapyfi_yarp::name::registrar::RegistrarOptions;
 use wrapyfi_yarp::name::{NameClient, NameError, NameEvent, NameServerConf, Registrar};
 use wrapyfi_yarp::port::names::{NameRequest, Names};
-use wrapyfi_yarp::port::{AdminError, Network, OutputOptions};
+use wrapyfi_yarp::port::{AdminError, Network, NetworkOptions, OutputOptions};
 use wrapyfi_yarp::server::{NameServer, NameServerLimits, NameServerOptions};
 
 const TIMEOUT: Duration = Duration::from_secs(20);
@@ -220,7 +221,7 @@ async fn ports_come_back_when_the_name_server_does() {
 }
 
 fn network(client: NameClient) -> Network {
-    Network::builder().names(client).build()
+    Network::new(NetworkOptions { names: Arc::new(client), ..NetworkOptions::default() })
 }
 
 #[tokio::test]

@@ -1,5 +1,6 @@
 //! Our ports with each other, over every carrier.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use bytes::Bytes;
@@ -9,18 +10,21 @@ use crate::queued::queued;
 use wrapyfi_yarp::name::Environment;
 use wrapyfi_yarp::port::names::NameTable;
 use wrapyfi_yarp::port::{
-    Answer, Message, Network, OutputOptions, Overflow, PayloadKind, PortOptions, PortPayload,
-    RpcError,
+    Answer, Message, Network, NetworkOptions, OutputOptions, Overflow, PayloadKind, PortOptions,
+    PortPayload, RpcError,
 };
 use wrapyfi_yarp::{Bottle, Limits, Value};
 
 const TIMEOUT: Duration = Duration::from_secs(20);
 
+fn options() -> NetworkOptions {
+    NetworkOptions { listen: [127, 0, 0, 1].into(), ..NetworkOptions::default() }
+}
+
 fn network() -> Network {
     // Sockets are gone from there as soon as both ends have met.
     let sockets = Environment::from_pairs([("YARP_RUNTIME_DIR", env!("CARGO_TARGET_TMPDIR"))]);
-    let builder = Network::builder().listen([127, 0, 0, 1].into()).names(NameTable::new());
-    builder.environment(sockets).build()
+    Network::new(NetworkOptions { environment: sockets, ..options() })
 }
 
 fn bottle(text: &str) -> Bottle {
@@ -397,11 +401,11 @@ async fn graphs_of_the_network_find_what_they_ask_for() {
 async fn the_probe_tells_what_our_ports_speak() {
     use wrapyfi_yarp::Dialect;
     for dialect in [Dialect::V3, Dialect::V4] {
-        let names = std::sync::Arc::new(NameTable::new());
-        let builder = || Network::builder().listen([127, 0, 0, 1].into());
-        let theirs = builder().shared_names(names.clone()).dialect(dialect).build();
+        let names = Arc::new(NameTable::new());
+        let theirs = NetworkOptions { names: names.clone(), dialect, ..options() };
+        let theirs = Network::new(theirs);
         let _port = input(&theirs, "/port", 4).await;
-        let ours = builder().shared_names(names).build();
+        let ours = Network::new(NetworkOptions { names, ..options() });
         assert_eq!(ours.probe_dialect("/port").await.unwrap(), dialect);
     }
 }
@@ -410,8 +414,8 @@ async fn the_probe_tells_what_our_ports_speak() {
 async fn a_second_connection_of_a_name_replaces_the_first() {
     let network = network();
     let reader = input(&network, "/reader", 4).await;
-    let other = Network::builder().listen([127, 0, 0, 1].into());
-    let other = other.names(NameTable::new().with("/reader", reader.address())).build();
+    let names = Arc::new(NameTable::new().with("/reader", reader.address()));
+    let other = Network::new(NetworkOptions { names, ..options() });
     let first = network.open_output("/writer", &OutputOptions::default()).await.unwrap();
     let second = other.open_output("/writer", &OutputOptions::default()).await.unwrap();
     first.connect("/reader").await.unwrap();

@@ -3,6 +3,7 @@
 
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
 
 use crate::golden::{file, hex};
@@ -11,7 +12,9 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream, UnixListener, UnixStream};
 use wrapyfi_yarp::name::Environment;
 use wrapyfi_yarp::port::names::NameTable;
-use wrapyfi_yarp::port::{Answer, Network, OutputOptions, PortOptions, RpcError, Timeouts};
+use wrapyfi_yarp::port::{
+    Answer, Network, NetworkOptions, OutputOptions, PortOptions, RpcError, Timeouts,
+};
 use wrapyfi_yarp::{Bottle, Dialect, Limits};
 
 const TIMEOUT: Duration = Duration::from_secs(20);
@@ -34,8 +37,10 @@ fn network(folder: &Path, names: NameTable) -> Network {
         close: Duration::from_millis(300),
         ..Timeouts::default()
     };
-    let builder = Network::builder().listen([127, 0, 0, 1].into()).names(names);
-    builder.environment(environment).timeouts(timeouts).build()
+    let (listen, names) = ([127, 0, 0, 1].into(), Arc::new(names));
+    let options =
+        NetworkOptions { listen, names, environment, timeouts, ..NetworkOptions::default() };
+    Network::new(options)
 }
 
 fn bottle(text: &str) -> Bottle {

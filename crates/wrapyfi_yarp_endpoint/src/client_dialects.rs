@@ -145,6 +145,8 @@ pub(super) fn format(bytes: &[u8]) -> BottleFormat {
 
 #[cfg(test)]
 mod tests {
+    use wrapyfi_yarp::port::NetworkOptions;
+
     use super::*;
 
     fn bytes(text: &str, dialect: Dialect) -> Vec<u8> {
@@ -168,8 +170,8 @@ mod tests {
     #[test]
     fn tools_of_one_name_are_several_clients() {
         let (tool, port): (Arc<str>, Arc<str>) = ("anon_rpc".into(), "/asker".into());
-        let clients =
-            ClientDialects::new(Network::builder().build(), "/root", &YarpOptions::default());
+        let network = Network::new(NetworkOptions::default());
+        let clients = ClientDialects::new(network, "/root", &YarpOptions::default());
         assert!(clients.learn(&client(&tool, 1), Dialect::V4));
         assert!(clients.learn(&client(&tool, 2), Dialect::V3), "another one");
         assert!(clients.learn(&client(&port, 3), Dialect::V4));

@@ -152,7 +152,7 @@ impl YarpConfig {
             Ok(Located { conf, namespace: known, .. }) => {
                 Ok(Where { server: conf, namespace: namespace(Some(known)) })
             }
-            Err(conf::ConfError::Missing { .. } | conf::ConfError::NoFolder) if self.embedded => {
+            Err(missing) if self.embedded && missing.is_missing() => {
                 let port = wrapyfi_yarp::name::environment::DEFAULT_PORT;
                 let host = Ipv4Addr::LOCALHOST.to_string();
                 let server = NameServerConf { host, port };

@@ -70,7 +70,7 @@ use tokio::runtime::{Builder, Handle, Runtime};
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_yarp::name::registrar::RegistrarOptions;
 use wrapyfi_yarp::name::{Environment, NameClient, Registrar};
-use wrapyfi_yarp::port::{Network, Timeouts};
+use wrapyfi_yarp::port::{Network, NetworkOptions, Timeouts};
 use wrapyfi_yarp::server::{NameServer, NameServerOptions};
 
 use self::config::Listening;
@@ -150,26 +150,24 @@ impl Yarp {
             let directory = Arc::new(directory::Directory::new(&client, is_afar));
             let registrar = Registrar::start(client, RegistrarOptions::default());
             let unlisted = Arc::downgrade(&directory);
-            let network = Network::builder()
-                .names(registrar.clone())
-                .known(move |name| unlisted.upgrade()?.unlisted(name))
-                .dialect(config.dialect)
-                .limits(wrapyfi_yarp::Limits {
+            let network = Network::new(NetworkOptions {
+                names: Arc::new(registrar.clone()),
+                known: Arc::new(move |name| unlisted.upgrade()?.unlisted(name)),
+                dialect: config.dialect,
+                limits: wrapyfi_yarp::Limits {
                     max_message_bytes: config.max_message_bytes,
                     ..wrapyfi_yarp::Limits::default()
-                })
-                .timeouts(Timeouts {
+                },
+                timeouts: Timeouts {
                     progress: PROGRESS,
                     close: Duration::from_millis(500),
                     ..Timeouts::default()
-                })
-                .environment(environment.clone())
-                .rooms(|| Box::new(losses::OutputRoom(Share::default())))
-                .listen(on);
-            let network = match advertised {
-                Some(ip) => network.host(ip.to_string()).build(),
-                None => network.build(),
-            };
+                },
+                listen: on,
+                host: advertised.map(|ip| ip.to_string()),
+                environment: environment.clone(),
+                rooms: || Box::new(losses::OutputRoom(Share::default())),
+            });
             let tasks = tasks::Tasks::new(runtime.handle().clone());
             let (own, send_queue) = (own::OwnPorts::default(), config.send_queue.max(1));
             let shared = Shared {

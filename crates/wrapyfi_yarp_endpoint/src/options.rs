@@ -6,9 +6,11 @@
 //!
 //! Options that are not listed here belong to the other end of a route and are left alone.
 
+use std::str::FromStr;
 use std::sync::Arc;
 
 use wrapyfi_yarp::Dialect;
+use wrapyfi_yarp::wire::Carrier;
 
 use super::intrinsics::Intrinsics;
 use super::joint_limits::JointLimits;
@@ -38,10 +40,6 @@ pub const OPTIONS: &[&str] = &[
     "wrapyfi_images",
 ];
 
-/// Carriers that connections can be asked for, without qualifiers (`+recv.…`).
-const CARRIERS: [&str; 8] =
-    ["tcp", "fast_tcp", "udp", "mcast", "text", "text_ack", "mjpeg", "unix_stream"];
-
 /// BottleFormat of native objects in bottles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum BottleFormat {
@@ -55,7 +53,8 @@ pub enum BottleFormat {
 }
 
 /// Meaning of the numbers that are sent to a control board.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, strum::EnumString)]
+#[strum(serialize_all = "snake_case")]
 pub enum Control {
     /// Targets that joints go to on the board's own trajectory: `[poss]`.
     Position,
@@ -68,7 +67,8 @@ pub enum Control {
 }
 
 /// BottleFormat in which a mobile base takes velocities.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, strum::EnumString)]
+#[strum(serialize_all = "snake_case")]
 pub enum BaseCommand {
     /// Three numbers, along x and y and about z: `MobileBaseVelocity`.
     Velocity,
@@ -249,10 +249,7 @@ impl YarpOptions {
         const SWITCH: &str = "true or false";
         const PORT: &str = "the name of a port, which begins with / and has no blanks";
         match key {
-            "base" => {
-                let word = value.as_str().and_then(base);
-                self.base = Some(word.ok_or("velocity or control")?);
-            }
+            "base" => self.base = Some(meant(value).ok_or("velocity or control")?),
             "bottle" if value.as_str() == Some("auto") => self.finds_format = true,
             "bottle" => self.bottle = Some(format(value).ok_or("true, false, property or auto")?),
             "carrier" => {
@@ -270,14 +267,11 @@ impl YarpOptions {
                 self.command = Some(text.ok_or("words as text, such as \"[set] [pos]\"")?.into());
             }
             "control" => {
-                let word = value.as_str().and_then(control);
-                self.control = Some(word.ok_or("position, position_direct, velocity or torque")?);
+                let wanted = "position, position_direct, velocity or torque";
+                self.control = Some(meant(value).ok_or(wanted)?);
             }
             "degrees" => self.degrees = value.as_bool().ok_or(SWITCH)?,
-            "dialect" => {
-                let word = value.as_str().and_then(|text| text.parse().ok());
-                self.dialect = Some(word.ok_or("v3 (YARP 3) or v4 (YARP 4)")?);
-            }
+            "dialect" => self.dialect = Some(meant(value).ok_or("v3 (YARP 3) or v4 (YARP 4)")?),
             "frame_id" => value.as_str().ok_or("a text")?.clone_into(&mut self.frame_id),
             "joints" => self.joints = names(value).ok_or("a list of different names")?,
             "out_topic_connect" => self.out_topic_connect = Some(port(value).ok_or(PORT)?),
@@ -318,27 +312,15 @@ fn format(value: &Value) -> Option<BottleFormat> {
     }
 }
 
-fn control(word: &str) -> Option<Control> {
-    match word {
-        "position" => Some(Control::Position),
-        "position_direct" => Some(Control::PositionDirect),
-        "velocity" => Some(Control::Velocity),
-        "torque" => Some(Control::Torque),
-        _ => None,
-    }
-}
-
-fn base(word: &str) -> Option<BaseCommand> {
-    match word {
-        "velocity" => Some(BaseCommand::Velocity),
-        "control" => Some(BaseCommand::Control),
-        _ => None,
-    }
+/// What a word means.
+fn meant<T: FromStr>(word: &Value) -> Option<T> {
+    word.as_str()?.parse().ok()
 }
 
 fn is_carrier(text: &str) -> bool {
-    CARRIERS.contains(&text.split('+').next().unwrap_or(text))
-        && !text.chars().any(char::is_whitespace)
+    // Qualifiers stand behind it, as in `tcp+recv.…`.
+    let bare = text.split('+').next().unwrap_or(text);
+    bare.parse::<Carrier>().is_ok() && !text.chars().any(char::is_whitespace)
 }
 
 fn port(value: &Value) -> Option<String> {

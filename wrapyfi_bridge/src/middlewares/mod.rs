@@ -54,7 +54,7 @@ pub use self::ros2::Ros2Section;
 use self::settings::One;
 pub use self::settings::Settings;
 pub use self::start::Role;
-pub use self::yarp::{DialectWord, YarpSection};
+pub use self::yarp::YarpSection;
 pub use self::zeromq::{ServicePorts, ZeroMqSection};
 use crate::exit::Failure;
 use crate::files::in_no_file;

@@ -2,7 +2,8 @@
 
 use std::net::IpAddr;
 
-use serde::Deserialize;
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer};
 use wrapyfi_core::engine::{Available, Problem, Spanned};
 pub(super) use wrapyfi_core::middleware::yarp::NAME;
 use wrapyfi_core::middleware::yarp::{self, Convention, Dialect, NameServerConf, Yarp, YarpConfig};
@@ -32,7 +33,8 @@ pub struct YarpSection {
     pub name_server: Option<Spanned<String>>,
     pub embedded: bool,
     pub namespace: Option<String>,
-    pub dialect: Option<DialectWord>,
+    #[serde(deserialize_with = "dialect")]
+    pub dialect: Option<Dialect>,
     pub ip: Option<Spanned<String>>,
     pub insecure: Word,
     pub types: Vec<NamedType>,
@@ -66,12 +68,8 @@ impl NamedType {
 }
 
 /// Dialect in which bottles are encoded.
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(rename_all = "snake_case")]
-#[allow(missing_docs)]
-pub enum DialectWord {
-    V3,
-    V4,
+fn dialect<'de, D: Deserializer<'de>>(written: D) -> Result<Option<Dialect>, D::Error> {
+    String::deserialize(written)?.parse().map(Some).map_err(D::Error::custom)
 }
 
 impl YarpSection {
@@ -134,11 +132,7 @@ impl YarpSection {
         if let Some(namespace) = &self.namespace {
             config.namespace = Some(namespace.clone());
         }
-        match self.dialect {
-            Some(DialectWord::V3) => config.dialect = Dialect::V3,
-            Some(DialectWord::V4) => config.dialect = Dialect::V4,
-            None => {}
-        }
+        config.dialect = self.dialect.unwrap_or(config.dialect);
         config.max_message_bytes = config.max_message_bytes.max(largest_message);
         Ok(config)
     }

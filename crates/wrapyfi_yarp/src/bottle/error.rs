@@ -84,12 +84,10 @@ pub enum BottleError {
         limit: usize,
     },
     /// Lists in lists beyond the limit.
-    #[error("lists nested more than {limit} deep at byte {at}: raise Limits::max_depth")]
+    #[error("lists nested more than {limit} deep: raise Limits::max_depth")]
     TooDeep {
-        /// The depth that holds.
+        /// Limit.
         limit: usize,
-        /// Offset of the list in bytes.
-        at: usize,
     },
     /// Longer than a message may be.
     #[error(
@@ -133,32 +131,5 @@ pub enum EncodeError {
         what: &'static str,
         /// Number of its bytes or elements.
         length: usize,
-    },
-}
-
-/// Error of reading a bottle from text. YARP's own reader takes nearly any text; refused here are
-/// sizes.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum TextError {
-    /// Longer than a message may be.
-    #[error("text of {length} bytes, the limit is {limit}: raise Limits::max_message_bytes")]
-    TooLong {
-        /// Length of the text in bytes.
-        length: usize,
-        /// [`crate::Limits::max_message_bytes`].
-        limit: usize,
-    },
-    /// More elements than the limit.
-    #[error("more than {limit} values in one bottle: raise Limits::max_elements")]
-    TooManyElements {
-        /// [`crate::Limits::max_elements`].
-        limit: usize,
-    },
-    /// Lists in lists beyond the limit.
-    #[error("lists nested more than {limit} deep: raise Limits::max_depth")]
-    TooDeep {
-        /// The depth that holds.
-        limit: usize,
     },
 }

@@ -1,5 +1,7 @@
 //! The type codes of both dialects.
 
+use strum::IntoEnumIterator as _;
+
 use crate::Dialect;
 
 /// The bit that makes a code that of a list.
@@ -8,7 +10,7 @@ pub(super) const LIST: i32 = 256;
 pub(super) const DICT: i32 = 256 + 512;
 
 /// Kind of a value that is no list.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, strum::EnumIter)]
 pub(super) enum Kind {
     Int8,
     Int16,
@@ -23,50 +25,38 @@ pub(super) enum Kind {
 }
 
 impl Kind {
-    const ALL: [Self; 10] = [
-        Self::Int8,
-        Self::Int16,
-        Self::Int32,
-        Self::Int64,
-        Self::Float32,
-        Self::Float64,
-        Self::Vocab32,
-        Self::Vocab64,
-        Self::String,
-        Self::Blob,
-    ];
+    /// Words for the kind, the bytes that every value of it takes behind its code (all of a number, the
+    /// length of a string), and its codes in V3 and V4; `None` where the dialect lacks the type.
+    const fn row(self) -> (&'static str, usize, Option<i32>, Option<i32>) {
+        match self {
+            Self::Int8 => ("an int8", 1, Some(32), Some(32)),
+            Self::Int16 => ("an int16", 2, Some(64), Some(64)),
+            Self::Int32 => ("an int32", 4, Some(1), Some(1)),
+            Self::Int64 => ("an int64", 8, Some(17), Some(17)),
+            Self::Float32 => ("a float32", 4, Some(128), Some(10)),
+            Self::Float64 => ("a float64", 8, Some(10), Some(20)),
+            Self::Vocab32 => ("a vocab", 4, Some(9), Some(9)),
+            Self::Vocab64 => ("a 64-bit vocab", 8, None, Some(18)),
+            Self::String => ("a string", 4, Some(4), Some(4)),
+            Self::Blob => ("a blob", 4, Some(12), Some(12)),
+        }
+    }
 
     /// Code of the kind; `None` where the dialect lacks the type.
     pub(super) const fn code(self, dialect: Dialect) -> Option<i32> {
-        Some(match (self, dialect) {
-            (Self::Int32, _) => 1,
-            (Self::String, _) => 4,
-            (Self::Vocab32, _) => 9,
-            (Self::Float64, Dialect::V3) | (Self::Float32, Dialect::V4) => 10,
-            (Self::Blob, _) => 12,
-            (Self::Int64, _) => 17,
-            (Self::Vocab64, Dialect::V3) => return None,
-            (Self::Vocab64, Dialect::V4) => 18,
-            (Self::Float64, Dialect::V4) => 20,
-            (Self::Int8, _) => 32,
-            (Self::Int16, _) => 64,
-            (Self::Float32, Dialect::V3) => 128,
-        })
+        let (_, _, v3, v4) = self.row();
+        match dialect {
+            Dialect::V3 => v3,
+            Dialect::V4 => v4,
+        }
     }
 
     pub(super) fn of_code(code: i32, dialect: Dialect) -> Option<Self> {
-        Self::ALL.into_iter().find(|kind| kind.code(dialect) == Some(code))
+        Self::iter().find(|kind| kind.code(dialect) == Some(code))
     }
 
-    /// Bytes that every value of this kind takes behind its code: all of a number, the length
-    /// of a string.
     pub(super) const fn size(self) -> usize {
-        match self {
-            Self::Int8 => 1,
-            Self::Int16 => 2,
-            Self::Int32 | Self::Float32 | Self::Vocab32 | Self::String | Self::Blob => 4,
-            Self::Int64 | Self::Float64 | Self::Vocab64 => 8,
-        }
+        self.row().1
     }
 
     /// True when values of this kind all have the same size.
@@ -75,18 +65,7 @@ impl Kind {
     }
 
     pub(super) const fn name(self) -> &'static str {
-        match self {
-            Self::Int8 => "an int8",
-            Self::Int16 => "an int16",
-            Self::Int32 => "an int32",
-            Self::Int64 => "an int64",
-            Self::Float32 => "a float32",
-            Self::Float64 => "a float64",
-            Self::Vocab32 => "a vocab",
-            Self::Vocab64 => "a 64-bit vocab",
-            Self::String => "a string",
-            Self::Blob => "a blob",
-        }
+        self.row().0
     }
 }
 

@@ -20,7 +20,7 @@ mod write;
 
 use bytes::Bytes;
 
-pub use error::{BottleError, EncodeError, TextError};
+pub use error::{BottleError, EncodeError};
 pub use list::Bottle;
 pub use scan::BottleScan;
 pub(crate) use text_write::significant;
@@ -130,7 +130,7 @@ impl Bottle {
     ///
     /// # Errors
     /// When the text exceeds `limits`.
-    pub fn from_text(text: &[u8], limits: &Limits) -> Result<Self, TextError> {
+    pub fn from_text(text: &[u8], limits: &Limits) -> Result<Self, BottleError> {
         Self::from_text_as(text, Dialect::V3, limits)
     }
 
@@ -139,10 +139,14 @@ impl Bottle {
     ///
     /// # Errors
     /// As [`Bottle::from_text`].
-    pub fn from_text_as(text: &[u8], dialect: Dialect, limits: &Limits) -> Result<Self, TextError> {
+    pub fn from_text_as(
+        text: &[u8],
+        dialect: Dialect,
+        limits: &Limits,
+    ) -> Result<Self, BottleError> {
         let (length, limit) = (text.len(), limits.max_message_bytes);
         if length > limit {
-            return Err(TextError::TooLong { length, limit });
+            return Err(BottleError::TooLong { length, limit });
         }
         TextReader::new(dialect, limits).bottle(text, 0)
     }

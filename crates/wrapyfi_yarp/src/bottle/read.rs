@@ -32,7 +32,7 @@ impl<'a> Reader<'a> {
         let at = self.at;
         let code = self.int("a list code")?;
         match Code::of(code, self.dialect) {
-            Some(Code::List(kind)) => self.list(kind, depth, at),
+            Some(Code::List(kind)) => self.list(kind, depth),
             None if code & LIST != 0 => Err(wrong_code(code, at, self.dialect)),
             _ => Err(BottleError::NotAList { code }),
         }
@@ -47,9 +47,9 @@ impl<'a> Reader<'a> {
         Ok(self.at)
     }
 
-    fn list(&mut self, kind: Option<Kind>, depth: usize, at: usize) -> Result<Bottle, BottleError> {
+    fn list(&mut self, kind: Option<Kind>, depth: usize) -> Result<Bottle, BottleError> {
         if depth >= self.limits.depth() {
-            return Err(BottleError::TooDeep { limit: self.limits.depth(), at });
+            return Err(BottleError::TooDeep { limit: self.limits.depth() });
         }
         let count_at = self.at;
         let count = self.length("the count of a list")?;
@@ -89,7 +89,7 @@ impl<'a> Reader<'a> {
         let code = self.int("a type code")?;
         match Code::of(code, self.dialect) {
             Some(Code::Value(kind)) => self.value(kind),
-            Some(Code::List(kind)) => self.list(kind, depth + 1, at).map(Value::List),
+            Some(Code::List(kind)) => self.list(kind, depth + 1).map(Value::List),
             Some(Code::Dict) => self.bottle(depth + 1).map(Value::Dict),
             None => Err(wrong_code(code, at, self.dialect)),
         }

@@ -125,7 +125,7 @@ impl BottleScan {
         }
         let open = self.open.get_or_insert_default();
         if open.len() >= self.limits.depth() {
-            return Err(BottleError::TooDeep { limit: self.limits.depth(), at });
+            return Err(BottleError::TooDeep { limit: self.limits.depth() });
         }
         open.push(Open { kind, left });
         let length = at + 8 - self.at;

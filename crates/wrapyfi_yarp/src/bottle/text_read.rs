@@ -10,7 +10,7 @@ mod number;
 
 use bytes::Bytes;
 
-use super::error::TextError;
+use super::error::BottleError;
 use super::{Bottle, Text, Value, Vocab, Vocab64};
 use crate::{Dialect, Limits};
 
@@ -27,24 +27,24 @@ impl<'a> TextReader<'a> {
     }
 
     /// The bottle of `text`. `depth` counts the lists around it.
-    pub(super) fn bottle(&mut self, text: &[u8], depth: usize) -> Result<Bottle, TextError> {
+    pub(super) fn bottle(&mut self, text: &[u8], depth: usize) -> Result<Bottle, BottleError> {
         let limit = self.limits.depth();
         if depth >= limit {
-            return Err(TextError::TooDeep { limit });
+            return Err(BottleError::TooDeep { limit });
         }
         let mut values = Vec::new();
         for word in Words::new(text) {
             self.elements_left = self
                 .elements_left
                 .checked_sub(1)
-                .ok_or(TextError::TooManyElements { limit: self.limits.max_elements })?;
+                .ok_or(BottleError::TooManyElements { limit: self.limits.max_elements })?;
             values.push(self.value(word, depth)?);
         }
         Ok(Bottle { values })
     }
 
     /// The value of one word, which is not empty.
-    fn value(&mut self, word: &[u8], depth: usize) -> Result<Value, TextError> {
+    fn value(&mut self, word: &[u8], depth: usize) -> Result<Value, BottleError> {
         if let Some(value) = scalar(word) {
             return Ok(value);
         }

@@ -60,37 +60,13 @@ pub enum ConfError {
         /// File that was looked for.
         file: PathBuf,
     },
-    /// The file is there and cannot be read.
-    #[error("{} cannot be read: {source}", file.display())]
-    Unreadable {
-        /// File.
-        file: PathBuf,
-        /// Error of the system.
-        source: std::io::Error,
-    },
-    /// Too long to be a configuration.
-    #[error("{} has {bytes} bytes, more than the {MAX_CONF_BYTES} a configuration has", file.display())]
-    TooLong {
-        /// File.
-        file: PathBuf,
-        /// Size of the file.
-        bytes: u64,
-    },
-    /// The file does not hold an address.
+    /// The file cannot be read or written, or holds no address; the reason tells the form that would be right.
     #[error("{}: {reason}", file.display())]
-    Malformed {
+    Faulty {
         /// File.
         file: PathBuf,
-        /// Fault of the file, and the form that would be right.
+        /// What is wrong with the file, in words.
         reason: String,
-    },
-    /// The file cannot be written.
-    #[error("{} cannot be written: {source}", file.display())]
-    Unwritable {
-        /// File.
-        file: PathBuf,
-        /// Error of the system.
-        source: std::io::Error,
     },
     /// A variable means nothing.
     #[error(transparent)]
@@ -102,6 +78,10 @@ impl ConfError {
     #[must_use]
     pub fn is_missing(&self) -> bool {
         matches!(self, Self::Missing { .. } | Self::NoFolder)
+    }
+
+    fn faulty(file: &Path, reason: String) -> Self {
+        Self::Faulty { file: file.to_owned(), reason }
     }
 }
 
@@ -214,7 +194,7 @@ impl NameServerConf {
     /// When it is missing, unreadable, or no configuration; the error names it.
     pub fn read(file: &Path) -> Result<Self, ConfError> {
         let text = read_text(file)?.ok_or_else(|| ConfError::Missing { file: file.to_owned() })?;
-        Self::parse(&text).map_err(|reason| ConfError::Malformed { file: file.to_owned(), reason })
+        Self::parse(&text).map_err(|reason| ConfError::faulty(file, reason))
     }
 
     /// Writes the file that [`Self::read`] and YARP's own programs read, and its folder.
@@ -222,7 +202,7 @@ impl NameServerConf {
     /// # Errors
     /// When the system refuses.
     pub fn write(&self, file: &Path) -> Result<(), ConfError> {
-        let refused = |source| ConfError::Unwritable { file: file.to_owned(), source };
+        let refused = |error| ConfError::faulty(file, format!("cannot be written: {error}"));
         if let Some(folder) = file.parent() {
             std::fs::create_dir_all(folder).map_err(refused)?;
         }
@@ -272,22 +252,21 @@ pub fn locate(environment: &Environment) -> Result<Located, ConfError> {
 
 /// The text of a file; none where there is no such file.
 fn read_text(file: &Path) -> Result<Option<String>, ConfError> {
-    let unreadable = |source| ConfError::Unreadable { file: file.to_owned(), source };
+    let unreadable = |error| ConfError::faulty(file, format!("cannot be read: {error}"));
     match std::fs::metadata(file) {
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
         Err(error) => return Err(unreadable(error)),
         Ok(meta) if meta.len() > MAX_CONF_BYTES => {
-            return Err(ConfError::TooLong { file: file.to_owned(), bytes: meta.len() });
+            let (bytes, most) = (meta.len(), MAX_CONF_BYTES);
+            let reason = format!("has {bytes} bytes, more than the {most} a configuration has");
+            return Err(ConfError::faulty(file, reason));
         }
         Ok(_) => {}
     }
     let bytes = std::fs::read(file).map_err(unreadable)?;
     match String::from_utf8(bytes) {
         Ok(text) => Ok(Some(text)),
-        Err(_) => Err(ConfError::Malformed {
-            file: file.to_owned(),
-            reason: "is not UTF-8 text".to_owned(),
-        }),
+        Err(_) => Err(ConfError::faulty(file, "is not UTF-8 text".to_owned())),
     }
 }
 

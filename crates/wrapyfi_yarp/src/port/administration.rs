@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::core::{Core, Input, Sink};
 use super::output::Output;
 use crate::wire::Command;
-use crate::wire::admin::{self, AdminRequest, Direction};
+use crate::wire::admin::{self, Direction};
 use crate::{Bottle, Value};
 
 /// Most properties that peers can leave at a port.
@@ -50,49 +50,55 @@ pub(crate) trait Administered: Sync {
     fn property(&self, key: Option<&str>) -> Bottle;
 }
 
+/// Verbs of the requests.
+const VERBS: [&str; 10] =
+    ["ver", "help", "add", "del", "list", "set", "get", "prop", "atch", "dtch"];
+
 /// Carries a request out.
 pub(crate) async fn administer(port: &impl Administered, request: &Bottle) -> Bottle {
-    let found = |direction, name: &str| {
-        port.connections(direction).into_iter().find(|connection| connection.name == name)
-    };
-    match AdminRequest::parse(request) {
-        AdminRequest::Version => admin::version(),
-        AdminRequest::Help => admin::help(),
-        AdminRequest::Add { destination } => match port.add(&destination).await {
-            Ok(sentence) => admin::done(sentence),
-            Err(sentence) => admin::failed(sentence),
+    let is = |at: usize, word: &str| request.get(at).is_some_and(|value| value.is_word(word));
+    let text = |at: usize| request.get(at).map(admin::name).unwrap_or_default();
+    let given = |at: usize| Some(text(at)).filter(|text| !text.is_empty());
+    let directed = is(1, "in") || is(1, "out");
+    let direction = if is(1, "in") { Direction::In } else { Direction::Out };
+    let found = |name: &str| port.connections(direction).into_iter().find(|one| one.name == name);
+    let verb = VERBS.into_iter().find(|verb| is(0, verb)).unwrap_or_default();
+    match verb {
+        "ver" => admin::version(),
+        "help" => admin::help(),
+        "add" => {
+            let carrier = given(2).map(|carrier| carrier + ":/").unwrap_or_default();
+            match port.add(&(carrier + &text(1))).await {
+                Ok(sentence) => admin::done(sentence),
+                Err(sentence) => admin::failed(sentence),
+            }
+        }
+        "del" => remove(port, &text(1)).await,
+        "list" => match given(2) {
+            None => port.connections(direction).into_iter().map(|one| one.name.into()).collect(),
+            Some(name) => found(&name).map_or_else(Bottle::new, |one| {
+                let (from, to) = match direction {
+                    Direction::In => (one.name.as_str(), port.name()),
+                    Direction::Out => (port.name(), one.name.as_str()),
+                };
+                admin::details(from, to, &one.carrier, one.connectionless, one.push)
+            }),
         },
-        AdminRequest::Remove { name } => remove(port, &name).await,
-        AdminRequest::List { direction, name: None } => {
-            port.connections(direction).into_iter().map(|one| one.name.into()).collect()
+        "set" | "get" => {
+            let name = text(2);
+            admin::configuration(direction, &name, found(&name).is_some(), verb == "set")
         }
-        AdminRequest::List { direction, name: Some(name) } => {
-            let Some(ListedConnection { name, carrier, connectionless, push }) =
-                found(direction, &name)
-            else {
-                return Bottle::new();
-            };
-            let (from, to) = match direction {
-                Direction::In => (name.as_str(), port.name()),
-                Direction::Out => (port.name(), name.as_str()),
-            };
-            admin::details(from, to, &carrier, connectionless, push)
+        "prop" if is(1, "set") => {
+            port.set_property(&text(2), request.values.iter().skip(3).cloned().collect())
         }
-        AdminRequest::Configure { direction, name } => {
-            admin::configuration(direction, &name, found(direction, &name).is_some(), true)
-        }
-        AdminRequest::Configuration { direction, name } => {
-            admin::configuration(direction, &name, found(direction, &name).is_some(), false)
-        }
-        AdminRequest::SetProperty { key, values } => port.set_property(&key, values),
-        AdminRequest::Property { key } => port.property(key.as_deref()),
-        AdminRequest::Attach { directed } => {
+        "prop" if is(1, "get") => port.property(given(2).as_deref()),
+        "atch" => {
             let name = port.name();
             tracing::warn!(target: "wrapyfi_yarp::port", name, "port monitors are not available here");
             admin::attached(directed)
         }
-        AdminRequest::Detach { directed } => admin::detached(directed),
-        AdminRequest::Unknown => admin::not_understood(),
+        "dtch" => admin::detached(directed),
+        _ => admin::not_understood(),
     }
 }
 

@@ -111,7 +111,7 @@ fn read(itself: &Bottle) -> (Option<Modes>, Option<String>) {
 mod tests {
     use super::*;
     use crate::Limits;
-    use crate::port::{Answer, OutputOptions, PortOptions};
+    use crate::port::{Answer, NetworkOptions, OutputOptions, PortOptions};
 
     #[test]
     fn what_yarps_ports_say_is_read() {
@@ -126,7 +126,8 @@ mod tests {
 
     #[tokio::test]
     async fn ours_say_what_they_are() {
-        let network = Network::builder().listen([127, 0, 0, 1].into()).build();
+        let listen = [127, 0, 0, 1].into();
+        let network = Network::new(NetworkOptions { listen, ..NetworkOptions::default() });
         let plain = PortOptions::default();
         let reader = network.serve("/reader", &plain, async |_, _| Answer::Nothing).await.unwrap();
         let port = PortOptions { type_name: Some("yarp/image".into()), ..PortOptions::default() };

@@ -46,10 +46,7 @@ pub enum LinkError {
     Closed,
     /// The peer did not answer in time.
     #[error("no answer within {0:?}")]
-    Timeout(
-        /// The time allowed.
-        Duration,
-    ),
+    Timeout(Duration),
     /// A reply that cannot be read.
     #[error("the reply is no bottle: {0}")]
     Reply(#[from] BottleError),

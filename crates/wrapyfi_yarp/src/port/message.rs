@@ -6,7 +6,7 @@ use bytes::Bytes;
 
 use crate::bottle::{BottleError, EncodeError};
 use crate::sig::Stamp;
-use crate::wire::{Body, BodyError, Fault};
+use crate::wire::{Body, Fault};
 use crate::{Bottle, Dialect, Limits};
 
 /// Format of the bytes of a [`PortPayload`].
@@ -58,7 +58,7 @@ impl PortPayload {
 
     /// The payload that came as `body`: text becomes the bytes of the bottle that it is.
     pub(super) fn received(body: Body, dialect: Dialect, limits: &Limits) -> Result<Self, Fault> {
-        let bad = |error: BodyError| Fault::BadPayload(error.to_string());
+        let bad = |error: BottleError| Fault::BadPayload(error.to_string());
         match body {
             Body::Binary(bytes) => Ok(Self::object(bytes)),
             text @ Body::Text(_) => {

@@ -9,10 +9,10 @@
 //!
 //! ```no_run
 //! use wrapyfi_yarp::Bottle;
-//! use wrapyfi_yarp::port::{Answer, Network, OutputOptions, PortOptions, Received};
+//! use wrapyfi_yarp::port::{Answer, Network, NetworkOptions, OutputOptions, PortOptions, Received};
 //!
 //! # async fn f() -> Result<(), Box<dyn std::error::Error>> {
-//! let network = Network::builder().build();
+//! let network = Network::new(NetworkOptions::default());
 //! let (sender, mut messages) = tokio::sync::mpsc::channel(16);
 //! let handler = move |message: Received, _wants_reply| {
 //!     let sender = sender.clone();
@@ -69,6 +69,7 @@
 //! payload in YARP. Both find the next message; after a payload that does not decode, only ours
 //! does.
 
+pub(crate) mod accept;
 pub(crate) mod administration;
 mod connection;
 mod core;
@@ -104,7 +105,7 @@ pub use counters::Counters;
 pub use inspect::{Inspection, Modes};
 pub use link::LinkError;
 pub use message::{Fate, Loss, Message, PayloadKind, PortPayload, Received};
-pub use network::{Network, NetworkBuilder, Timeouts};
+pub use network::{Network, NetworkOptions, Timeouts};
 pub use open::{Admission, OpenError, PortOptions};
 pub use outbox::Overflow;
 pub use outputs::{ConnectError, ConnectionStatus, Written};

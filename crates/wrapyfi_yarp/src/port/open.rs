@@ -103,10 +103,7 @@ pub enum OpenError {
     },
     /// A port of that name lives.
     #[error("a port {0} lives already: close it, or take another name")]
-    Taken(
-        /// The name.
-        String,
-    ),
+    Taken(String),
     /// A variable of the environment cannot be followed.
     #[error(transparent)]
     Environment(#[from] EnvironmentError),

@@ -31,10 +31,7 @@ const MODIFIER: Duration = Duration::from_millis(500);
 /// Error of adding an output, as a whole sentence.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
-pub struct ConnectError(
-    /// Sentence, as `yarp connect` shows it.
-    pub String,
-);
+pub struct ConnectError(pub String);
 
 impl Core {
     /// Connects to `destination`, `/name` or `carrier://name`; the sentence that says so.

@@ -1,15 +1,15 @@
 //! Life of a port: opened, taking connections, saying goodbye.
 
 use std::sync::Arc;
-use std::time::Duration;
 
 use tokio::net::TcpListener;
-use tokio::sync::{Semaphore, watch};
+use tokio::sync::watch;
 use tokio::task::JoinSet;
 use tokio::time::timeout;
 use wrapyfi_retry::Mutex;
 use wrapyfi_retry::restart::restarted;
 
+use super::accept::accept;
 use super::connection;
 use super::core::{Connected, Core, Role, Sink};
 use super::counters::Counters;
@@ -118,8 +118,6 @@ impl Core {
     /// Takes connections until the port closes, and says goodbye.
     async fn attend(self: Arc<Self>, listener: Arc<TcpListener>) {
         let mut closing = self.closing.subscribe();
-        let room = Arc::new(Semaphore::new(self.session.limits.max_connections));
-        let mut tasks = JoinSet::new();
         // Connections are taken until it is done: some peers say goodbye on one of their own.
         let goodbye = async {
             // The sender lives as long as this port.
@@ -129,37 +127,9 @@ impl Core {
                 self.counters.add("goodbye_timeout");
             }
         };
-        tokio::pin!(goodbye);
-        loop {
-            let accepted = tokio::select! {
-                () = &mut goodbye => break,
-                accepted = listener.accept() => accepted,
-                Some(ended) = tasks.join_next() => {
-                    if ended.is_err_and(|error| error.is_panic()) {
-                        self.counters.add("connection_panicked");
-                    }
-                    continue;
-                }
-            };
-            match accepted {
-                Ok((stream, _)) => match Arc::clone(&room).try_acquire_owned() {
-                    Ok(permit) => {
-                        let core = Arc::clone(&self);
-                        tasks.spawn(async move {
-                            connection::run(core, stream).await;
-                            drop(permit);
-                        });
-                    }
-                    Err(_) => self.counters.add("too_many_connections"),
-                },
-                Err(error) => {
-                    // Out of file descriptors, mostly: only time helps.
-                    self.counters.add("accept_failed");
-                    tracing::warn!(target: "wrapyfi_yarp::port", name = self.name, %error, "accept");
-                    tokio::time::sleep(Duration::from_millis(50)).await;
-                }
-            }
-        }
+        let serve = |stream, _| connection::run(Arc::clone(&self), stream);
+        let limit = self.session.limits.max_connections;
+        let mut tasks = accept(&self.name, &listener, limit, &self.counters, serve, goodbye).await;
         drop(listener);
         tasks.shutdown().await;
     }

@@ -26,10 +26,7 @@ use crate::Bottle;
 pub enum RpcError {
     /// No server is connected.
     #[error("port {0} is connected to no server: call RpcClient::connect, or use `yarp connect`")]
-    NotConnected(
-        /// Name of the client.
-        String,
-    ),
+    NotConnected(String),
     /// The server did not answer in time; its late answer will not be mistaken for another one.
     #[error("{server} did not answer within {after:?}")]
     Timeout {

@@ -17,10 +17,7 @@ use crate::{Bottle, Dialect, Value};
 pub enum AdminError {
     /// No port has this name.
     #[error("no port {0} is registered: check the name, and that its program runs")]
-    Unknown(
-        /// The name.
-        String,
-    ),
+    Unknown(String),
     /// The name server failed.
     #[error(transparent)]
     Names(#[from] NameError),
@@ -103,7 +100,7 @@ impl Network {
         self.admin_at(name, None, request).await
     }
 
-    async fn admin_at(
+    pub(crate) async fn admin_at(
         &self,
         name: &str,
         contact: Option<&str>,

@@ -11,12 +11,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-/// There is nothing left to give.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Exhausted;
-
 /// Everything the name server gives away.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Allocator {
     first: u16,
     last: u16,
@@ -70,13 +66,8 @@ impl Allocator {
             first,
             last: base.saturating_add(9999),
             number: first.saturating_sub(1),
-            numbers: Pool::default(),
-            held_by: BTreeMap::new(),
-            held: BTreeMap::new(),
-            name: 0,
-            names: Pool::default(),
             group: FIRST_GROUP - 1,
-            groups: Pool::default(),
+            ..Self::default()
         }
     }
 
@@ -86,22 +77,18 @@ impl Allocator {
     }
 
     /// A port number for `name`; none that `taken` says somebody chose himself.
-    pub(crate) fn number(
-        &mut self,
-        name: &str,
-        taken: impl Fn(u16) -> bool,
-    ) -> Result<u16, Exhausted> {
+    pub(crate) fn number(&mut self, name: &str, taken: impl Fn(u16) -> bool) -> Option<u16> {
         let open = |text: &String| text.parse().ok().filter(|&number| !taken(number));
         let before = self.held.get(name).and_then(BTreeSet::first);
         let before = before.filter(|text| !self.numbers.used.contains(*text)).and_then(open);
         let number = before
             .or_else(|| self.next_number(&taken))
             .or_else(|| self.numbers.free.iter().find_map(open));
-        let number: u16 = number.ok_or(Exhausted)?;
+        let number: u16 = number?;
         let text = number.to_string();
         self.numbers.take(&text);
         self.remember(&text, name);
-        Ok(number)
+        Some(number)
     }
 
     fn next_number(&mut self, taken: impl Fn(u16) -> bool) -> Option<u16> {
@@ -142,17 +129,17 @@ impl Allocator {
     }
 
     /// A multicast group.
-    pub(crate) fn group(&mut self) -> Result<String, Exhausted> {
+    pub(crate) fn group(&mut self) -> Option<String> {
         let group = match self.groups.first_free(|_| true) {
             Some(group) => group,
-            None if self.group + 1 >= END_OF_GROUPS => return Err(Exhausted),
+            None if self.group + 1 >= END_OF_GROUPS => return None,
             None => {
                 self.group += 1;
                 format!("224.1.{}.{}", self.group / 255 + 1, self.group % 255 + 1)
             }
         };
         self.groups.take(&group);
-        Ok(group)
+        Some(group)
     }
 
     /// Takes back what a port had: only what was given away returns.
@@ -178,12 +165,12 @@ mod tests {
     #[test]
     fn a_name_gets_its_number_again() {
         let mut given = Allocator::new(10_000);
-        assert_eq!(given.number("/a", any), Ok(10_002));
-        assert_eq!(given.number("/b", any), Ok(10_003));
+        assert_eq!(given.number("/a", any), Some(10_002));
+        assert_eq!(given.number("/b", any), Some(10_003));
         given.give_back("/a", "127.0.0.1", 10_002);
-        assert_eq!(given.number("/c", any), Ok(10_004), "freed numbers wait for their names");
-        assert_eq!(given.number("/a", any), Ok(10_002));
-        assert_eq!(given.number("/d", |number| number == 10_005), Ok(10_006));
+        assert_eq!(given.number("/c", any), Some(10_004), "freed numbers wait for their names");
+        assert_eq!(given.number("/a", any), Some(10_002));
+        assert_eq!(given.number("/d", |number| number == 10_005), Some(10_006));
     }
 
     #[test]
@@ -191,12 +178,12 @@ mod tests {
         let mut given = Allocator::new(65_530);
         assert_eq!(given.range(), (65_532, 65_535));
         for number in 65_532..=65_535 {
-            assert_eq!(given.number(&format!("/p{number}"), any), Ok(number));
+            assert_eq!(given.number(&format!("/p{number}"), any), Some(number));
         }
-        assert_eq!(given.number("/late", any), Err(Exhausted));
+        assert_eq!(given.number("/late", any), None);
         given.give_back("/p65534", "", 65_534);
-        assert_eq!(given.number("/late", any), Ok(65_534));
-        assert_eq!(given.number("/p65534", any), Err(Exhausted), "/late had it last");
+        assert_eq!(given.number("/late", any), Some(65_534));
+        assert_eq!(given.number("/p65534", any), None, "/late had it last");
     }
 
     #[test]
@@ -214,7 +201,7 @@ mod tests {
         assert_eq!(given.group().unwrap(), "224.1.1.4");
         given.give_back("", "224.1.1.3", 0);
         assert_eq!(given.group().unwrap(), "224.1.1.3");
-        let all = std::iter::repeat_with(|| given.group()).take_while(Result::is_ok).count();
+        let all = std::iter::repeat_with(|| given.group()).take_while(Option::is_some).count();
         assert!(all > 60_000, "{all} groups");
     }
 }

@@ -15,11 +15,10 @@ use tokio::task::JoinSet;
 
 use wrapyfi_retry::Mutex;
 
-use super::options::NameServerOptions;
 use super::shared::Shared;
 use crate::Dialect;
 use crate::name::{NameEvent, Target};
-use crate::port::link::{Link, LinkOptions};
+use crate::port::link::Link;
 use crate::port::{Counters, LinkError};
 use crate::wire::{Carrier, Command, Sender, admin};
 
@@ -121,17 +120,6 @@ impl Readers {
 /// Longest time that a goodbye may take.
 const FAREWELL: Duration = Duration::from_secs(1);
 
-/// Settings of the connections to readers.
-pub(super) fn link_options(shared: &Shared) -> LinkOptions {
-    let NameServerOptions { dialect, wire, link_timeout, .. } = &shared.options;
-    LinkOptions {
-        dialect: *dialect,
-        limits: wire.clone(),
-        timeout: *link_timeout,
-        runtime_folder: None,
-    }
-}
-
 /// Connects to a port that wants to hear of changes; the sentence that says how it went.
 pub(super) async fn connect(destination: &str, shared: &Arc<Shared>) -> Result<String, String> {
     let target = Target::parse(destination);
@@ -151,7 +139,7 @@ pub(super) async fn connect(destination: &str, shared: &Arc<Shared>) -> Result<S
     if carrier.is_connectionless() || carrier.is_unix() || !carrier.is_push() {
         return Err(unreachable());
     }
-    let (contact, options) = (found.contact(), link_options(shared));
+    let (contact, options) = (found.contact(), shared.network.link_options());
     let opened = Link::open(&contact, carrier, &sender, &[], &options).await;
     let (link, _) = opened.map_err(|_error| unreachable())?;
     if !shared.readers.add(target.name, text, link, shared) {

@@ -14,12 +14,12 @@ use std::sync::atomic::Ordering::Relaxed;
 use bytes::Bytes;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{Notify, watch};
-use tokio::task::JoinSet;
 
 use super::commands::Outcome;
 use super::shared::{SessionEntry, Shared};
 use super::{events, http};
 use crate::Bottle;
+use crate::port::accept::accept;
 use crate::port::administration::{self, Administered, ListedConnection};
 use crate::port::link::Link;
 use crate::port::session::{Answer, Event, Session, SessionError, SessionOptions};
@@ -42,42 +42,17 @@ pub(super) async fn serve(
         ..SessionOptions::default()
     };
     let options = Arc::new(options);
-    let mut connections = JoinSet::new();
-    loop {
-        tokio::select! {
-            accepted = listener.accept() => match accepted {
-                Ok((stream, peer)) => {
-                    if connections.len() >= shared.options.limits.max_connections {
-                        shared.counters.add("too_many_connections");
-                        tracing::warn!(
-                            target: "wrapyfi_yarp::server", %peer,
-                            "connection closed: {} are open, which is the limit", connections.len()
-                        );
-                        continue;
-                    }
-                    let (shared, options) = (Arc::clone(&shared), Arc::clone(&options));
-                    connections.spawn(attend(stream, peer, shared, options));
-                }
-                // Too many open files, for instance: the next connection may find some closed.
-                Err(error) => {
-                    shared.counters.add("accept_failed");
-                    tracing::warn!(target: "wrapyfi_yarp::server", %error, "cannot accept");
-                    tokio::time::sleep(ACCEPT_PAUSE).await;
-                }
-            },
-            Some(_) = connections.join_next() => {}
-            // An error means that nobody can stop us any more: the server was dropped.
-            _ = stopping.changed() => break,
-        }
-    }
+    let serve = |stream, peer| attend(stream, peer, Arc::clone(&shared), Arc::clone(&options));
+    let limit = shared.options.limits.max_connections;
+    // An error means that nobody can stop us any more: the server was dropped.
+    let end = async { _ = stopping.changed().await };
+    let mut connections =
+        accept(&shared.own.name, &listener, limit, &shared.counters, serve, end).await;
     drop(listener);
     shared.links.end();
     shared.readers.farewell().await;
     connections.shutdown().await;
 }
-
-/// Time to recover after the system refused a connection.
-const ACCEPT_PAUSE: std::time::Duration = std::time::Duration::from_millis(50);
 
 /// One connection, from its header to its end.
 async fn attend(
@@ -180,7 +155,7 @@ async fn converse(mut session: Session, shared: &Arc<Shared>) -> Result<(), Sess
                 };
                 let (name, text) = (session.sender().name, session.carrier_text());
                 let Some(stream) = session.into_tcp() else { return Ok(()) };
-                let link = Link::reversed(stream, carrier, events::link_options(shared));
+                let link = Link::reversed(stream, carrier, shared.network.link_options());
                 shared.readers.add(name, text, link, shared);
                 return Ok(());
             }

@@ -19,11 +19,10 @@ use tokio::task::JoinSet;
 
 use wrapyfi_retry::Mutex;
 
-use super::events::link_options;
 use super::shared::Shared;
 use super::subscriptions::Link;
-use crate::name::{Target, name_fault};
-use crate::port::link::LinkError;
+use crate::name::{NameError, Target, name_fault};
+use crate::port::AdminError;
 use crate::port::names::Registration;
 use crate::{Bottle, Limits, Value};
 
@@ -119,23 +118,6 @@ async fn enact(src: &str, dest: &str, wish: bool, shared: &Arc<Shared>) {
     }
 }
 
-/// Error of connecting and disconnecting ports.
-#[derive(Debug, thiserror::Error)]
-pub(super) enum ConnectError {
-    /// The name cannot be that of a port.
-    #[error("port name {name:?} {reason}")]
-    BadName { name: String, reason: String },
-    /// No port of this name is registered.
-    #[error("there is no port {name}: see which there are with yarp name list")]
-    Unknown { name: String },
-    /// The port that should do it does not answer.
-    #[error("port {name} does not answer: {source}")]
-    Port { name: String, source: LinkError },
-    /// The port that should do it would not.
-    #[error("port {name} would not: {reason}")]
-    Refused { name: String, reason: String },
-}
-
 /// Two registered ports, and how they are to be connected.
 pub(super) struct Pair<'a> {
     shared: &'a Arc<Shared>,
@@ -149,11 +131,7 @@ pub(super) struct Pair<'a> {
 impl<'a> Pair<'a> {
     /// Finds two ports. Either may have a carrier before it (`fast_tcp://view`); that of the
     /// receiver counts, then that of the sender, then the one that the receiver is registered with.
-    pub(super) fn find(
-        shared: &'a Arc<Shared>,
-        src: &str,
-        dest: &str,
-    ) -> Result<Self, ConnectError> {
+    pub(super) fn find(shared: &'a Arc<Shared>, src: &str, dest: &str) -> Result<Self, AdminError> {
         let (from, to) = (Target::parse(src), Target::parse(dest));
         let (mut src, mut dest) = (lookup(shared, &from)?, lookup(shared, &to)?);
         let named = [to.carrier, from.carrier].into_iter().find(|carrier| !carrier.is_empty());
@@ -165,25 +143,25 @@ impl<'a> Pair<'a> {
     }
 
     /// True when the ports are connected by the carrier that [`Pair::connect`] would use.
-    pub(super) async fn is_connected(&self) -> Result<bool, ConnectError> {
+    pub(super) async fn is_connected(&self) -> Result<bool, AdminError> {
         let now = self.listed().await?;
         Ok(now.find("carrier").is_some_and(|carrier| carrier.is_word(&self.carrier)))
     }
 
     /// Connects the ports.
-    pub(super) async fn connect(&self) -> Result<(), ConnectError> {
+    pub(super) async fn connect(&self) -> Result<(), AdminError> {
         let (asked, other, _) = self.sides();
         self.listed().await?;
-        let add = [Value::vocab("add"), format!("{}:/{other}", self.carrier).into()];
-        let connected = self.obeyed(asked, add).await;
-        if let Err(ConnectError::Refused { .. }) = connected {
+        let (contact, target) = (asked.contact(), format!("{}:/{other}", self.carrier));
+        let added = self.shared.network.add_output(&asked.name, Some(&contact), &target).await;
+        if let Err(AdminError::Refused { .. }) = added {
             self.shared.doubt(&self.dest.name);
         }
-        connected
+        self.heard(asked, added)
     }
 
-    /// Ends the connection; [`ConnectError::Refused`] where there is none.
-    pub(super) async fn disconnect(&self) -> Result<(), ConnectError> {
+    /// Ends the connection; [`AdminError::Refused`] where there is none.
+    pub(super) async fn disconnect(&self) -> Result<(), AdminError> {
         let (asked, other, _) = self.sides();
         let now = self.listed().await?;
         let pulled = now.find("push").is_some_and(|push| push.as_i64() == Some(0));
@@ -194,7 +172,9 @@ impl<'a> Pair<'a> {
                 if self.pull { (&self.src, &self.dest) } else { (&self.dest, &self.src) };
             self.ask(told, [Value::vocab("del"), about.name.as_str().into()]).await?;
         }
-        self.obeyed(asked, [Value::vocab("del"), other.into()]).await
+        let contact = asked.contact();
+        let ended = self.shared.network.remove_output(&asked.name, Some(&contact), other).await;
+        self.heard(asked, ended)
     }
 
     /// Port that is asked, name of the port that the question is about, and the direction.
@@ -207,47 +187,43 @@ impl<'a> Pair<'a> {
     }
 
     /// Connection between the two as it is now, in the asked port's words; empty where there is none.
-    async fn listed(&self) -> Result<Bottle, ConnectError> {
+    async fn listed(&self) -> Result<Bottle, AdminError> {
         let (asked, other, side) = self.sides();
         self.ask(asked, [Value::vocab("list"), Value::vocab(side), other.into()]).await
     }
 
-    /// Has a port carry out a request.
-    async fn obeyed(&self, port: &Registration, request: [Value; 2]) -> Result<(), ConnectError> {
-        let answer = self.ask(port, request).await?;
-        let words = answer.get(1).and_then(Value::as_str).unwrap_or_default();
-        match answer.get(0).and_then(Value::as_i64) {
-            Some(0) => Ok(()),
-            _ => Err(ConnectError::Refused {
-                name: port.name.clone(),
-                reason: if words.is_empty() { answer.to_text() } else { words.trim().to_owned() },
-            }),
-        }
-    }
-
-    /// Asks a port's administration. A port that does not answer is doubted.
+    /// Asks a port's administration.
     async fn ask(
         &self,
         port: &Registration,
         request: impl IntoIterator<Item = Value>,
-    ) -> Result<Bottle, ConnectError> {
-        let (options, limit) = (link_options(self.shared), self.shared.options.link_timeout);
-        let request: Bottle = request.into_iter().collect();
-        options.ask(&port.contact(), &request, limit).await.map_err(|source| {
+    ) -> Result<Bottle, AdminError> {
+        let (contact, request) = (port.contact(), request.into_iter().collect());
+        let asked = self.shared.network.admin_at(&port.name, Some(&contact), &request).await;
+        self.heard(port, asked)
+    }
+
+    /// Answer of a port, which is doubted where there is none.
+    fn heard<T>(
+        &self,
+        port: &Registration,
+        answer: Result<T, AdminError>,
+    ) -> Result<T, AdminError> {
+        if let Err(AdminError::Port { .. }) = answer {
             self.shared.doubt(&port.name);
-            ConnectError::Port { name: port.name.clone(), source }
-        })
+        }
+        answer
     }
 }
 
 /// Finds a port, whatever stands before its name.
-fn lookup(shared: &Shared, target: &Target) -> Result<Registration, ConnectError> {
+fn lookup(shared: &Shared, target: &Target) -> Result<Registration, AdminError> {
     let name = rooted(target.name.clone());
     if let Some(reason) = name_fault(&name, Limits::default().max_name_bytes) {
-        return Err(ConnectError::BadName { name, reason });
+        return Err(NameError::BadName { name, reason }.into());
     }
     let found = shared.state.lock().registry.find(&name, &target.network);
-    found.ok_or(ConnectError::Unknown { name })
+    found.ok_or(AdminError::Unknown(name))
 }
 
 /// `tcp:/cam` names /cam as well as `tcp://cam` does.

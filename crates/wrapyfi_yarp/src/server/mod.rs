@@ -42,8 +42,8 @@ use tokio::task::JoinSet;
 use wrapyfi_retry::Mutex;
 
 use crate::name::{NameClient, NameServerConf, name_fault};
-use crate::port::Counters;
 use crate::port::names::Registration;
+use crate::port::{Counters, Network, NetworkOptions, Timeouts};
 use commands::NameState;
 use shared::Shared;
 
@@ -152,9 +152,17 @@ impl NameServer {
         };
         let group = options.discovery_port.unwrap_or(crate::name::environment::DEFAULT_PORT);
         let state = NameState::new(&own, group, options.limits.clone());
+        let timeout = options.link_timeout;
+        let network = Network::new(NetworkOptions {
+            dialect: options.dialect,
+            limits: options.wire.clone(),
+            timeouts: Timeouts { connect: timeout, admin: timeout, ..Timeouts::default() },
+            ..NetworkOptions::default()
+        });
         let (stop, stopping) = watch::channel(false);
         let shared = Arc::new(Shared {
             own,
+            network,
             options,
             state: Mutex::new(state),
             started: Instant::now(),

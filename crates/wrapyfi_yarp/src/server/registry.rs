@@ -10,7 +10,7 @@
 use std::collections::BTreeMap;
 
 use super::NameServerLimits;
-use super::allocator::{Allocator, Exhausted};
+use super::allocator::Allocator;
 use super::subscriptions::Known;
 use crate::port::names::Registration;
 
@@ -193,27 +193,23 @@ impl Registry {
             }
         };
         if carrier == "mcast" && host == "..." {
-            match self.allocator.group() {
-                Ok(group) => host = group,
-                Err(Exhausted) => {
-                    undo(self, "");
-                    return Err(Refusal::Groups);
-                }
-            }
+            let Some(group) = self.allocator.group() else {
+                undo(self, "");
+                return Err(Refusal::Groups);
+            };
+            host = group;
         }
         let number = match u16::try_from(port) {
-            Ok(number) if number != 0 => number,
-            _ => match self.allocator.number(&name, |number| {
-                // YARP gives away what is in use, and its ports then fail to listen.
-                self.numbers.contains_key(&number) || busy(number)
-            }) {
-                Ok(number) => number,
-                Err(Exhausted) => {
-                    undo(self, &host);
-                    let (first, last) = self.allocator.range();
-                    return Err(Refusal::Numbers { first, last });
-                }
-            },
+            Ok(number) if number != 0 => Some(number),
+            // YARP gives away what is in use, and its ports then fail to listen.
+            _ => self
+                .allocator
+                .number(&name, |number| self.numbers.contains_key(&number) || busy(number)),
+        };
+        let Some(number) = number else {
+            undo(self, &host);
+            let (first, last) = self.allocator.range();
+            return Err(Refusal::Numbers { first, last });
         };
         let contact = Registration { name, host, port: number, carrier };
         self.insert(&contact, kind);

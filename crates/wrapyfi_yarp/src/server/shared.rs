@@ -16,8 +16,8 @@ use super::links::Links;
 use super::options::NameServerOptions;
 use super::registry::Refusal;
 use crate::Bottle;
-use crate::port::Counters;
 use crate::port::names::Registration;
+use crate::port::{Counters, Network};
 use crate::wire::Body;
 
 /// A name server at one moment.
@@ -53,6 +53,8 @@ pub(super) struct SessionEntry {
 pub(super) struct Shared {
     pub(super) own: Registration,
     pub(super) options: NameServerOptions,
+    /// Way to the ports that are connected, and told of changes.
+    pub(super) network: Network,
     pub(super) state: Mutex<NameState>,
     pub(super) started: Instant,
     pub(super) counters: Arc<Counters>,

@@ -48,7 +48,7 @@ pub(crate) struct TooMany {
 }
 
 /// Everything kept about connections.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Subscriptions {
     kept: BTreeMap<(String, String), Subscription>,
     /// Time at which each port was first announced.
@@ -68,13 +68,7 @@ pub(crate) trait Known {
 impl Subscriptions {
     /// Keeps at most `limit` of everything.
     pub(crate) fn new(limit: usize) -> Self {
-        Self {
-            kept: BTreeMap::new(),
-            live: BTreeMap::new(),
-            topics: Vec::new(),
-            types: BTreeMap::new(),
-            limit,
-        }
+        Self { limit, ..Self::default() }
     }
 
     /// Keeps a connection, and says what to connect now.

@@ -9,7 +9,7 @@
 
 use bytes::Bytes;
 
-use super::error::SigError;
+use super::error::{SigError, contradictory, unwritable};
 use super::image_header::{IMAGE_HEADER_BYTES, ImageHeader, WHAT};
 use super::pixel::PixelCode;
 use crate::Limits;
@@ -54,12 +54,8 @@ impl Image {
     /// When `data` is not as long as `header` says.
     pub fn from_parts(header: ImageHeader, data: Bytes) -> Result<Self, SigError> {
         if data.len() != header.image_bytes() || header.stride < header.row_bytes() {
-            return Err(SigError::Sizes {
-                width: header.width,
-                height: header.height,
-                pixel_bytes: header.pixel_bytes,
-                image_bytes: data.len(),
-            });
+            let size = (header.width, header.height);
+            return Err(contradictory(size, header.pixel_bytes, data.len()));
         }
         Ok(Self { header, data })
     }
@@ -172,7 +168,7 @@ impl ImageHeader {
     fn padded(&self, quantum: u16) -> Result<Self, SigError> {
         let stride = self.row_bytes().checked_next_multiple_of(usize::from(quantum.max(1)));
         let stride = stride.filter(|stride| stride.checked_mul(self.height).is_some());
-        let unwritable = SigError::Unwritable { what: WHAT, part: "width", value: self.width };
-        Ok(Self { quantum, stride: stride.ok_or(unwritable)?, ..*self })
+        let stride = stride.ok_or_else(|| unwritable(WHAT, "width", self.width))?;
+        Ok(Self { quantum, stride, ..*self })
     }
 }

@@ -9,7 +9,7 @@
 //!   52  12, bytes       blob: the rows
 //! ```
 
-use super::error::{SigError, check, size, written};
+use super::error::{SigError, check, contradictory, size, unwritable, written};
 use super::fields::{ints, put};
 use super::pixel::PixelCode;
 use crate::Limits;
@@ -53,13 +53,15 @@ impl ImageHeader {
         height: usize,
         quantum: u16,
     ) -> Result<Self, SigError> {
-        let pixel_bytes = pixel.bytes().ok_or(SigError::UnknownPixel { pixel })?;
-        let unwritable = |part, value| SigError::Unwritable { what: WHAT, part, value };
-        let row = width.checked_mul(pixel_bytes).ok_or(unwritable("width", width))?;
-        let stride = row
-            .checked_next_multiple_of(usize::from(quantum.max(1)))
-            .ok_or(unwritable("width", width))?;
-        stride.checked_mul(height).ok_or(unwritable("height", height))?;
+        let pixel_bytes = pixel.bytes().ok_or_else(|| {
+            let what = format!("the size of pixels {pixel} is not known");
+            SigError::Unsupported(format!("{what}: use ImageHeader with their size"))
+        })?;
+        let too_wide = || unwritable(WHAT, "width", width);
+        let row = width.checked_mul(pixel_bytes).ok_or_else(too_wide)?;
+        let stride =
+            row.checked_next_multiple_of(usize::from(quantum.max(1))).ok_or_else(too_wide)?;
+        stride.checked_mul(height).ok_or_else(|| unwritable(WHAT, "height", height))?;
         Ok(Self { pixel, pixel_bytes, width, height, quantum, stride })
     }
 
@@ -92,20 +94,19 @@ impl ImageHeader {
         let blob_bytes = size("size", blob_bytes)?;
         let (width, height) = (size("width", width)?, size("height", height)?);
         if let Some(wanted) = pixel.bytes().filter(|&wanted| wanted != pixel_bytes) {
-            return Err(SigError::PixelBytes { pixel, given: pixel_bytes, wanted });
+            let what = format!("pixels {pixel} of {pixel_bytes} bytes, YARP's have {wanted}");
+            return Err(SigError::Damaged(what));
         }
         if image_bytes != blob_bytes {
-            return Err(SigError::Blob { image_bytes, blob_bytes });
+            let what = format!("an image of {image_bytes} bytes in a blob of {blob_bytes}");
+            return Err(SigError::Damaged(what));
         }
         // The upper half is a flag whose meaning changed with every other version.
         let quantum = (quantum & 0xffff) as u16;
         let mut header = Self { pixel, pixel_bytes, width, height, quantum, stride: 0 };
-        header.stride = header.find_stride(image_bytes).ok_or(SigError::Sizes {
-            width,
-            height,
-            pixel_bytes,
-            image_bytes,
-        })?;
+        header.stride = header
+            .find_stride(image_bytes)
+            .ok_or_else(|| contradictory((width, height), pixel_bytes, image_bytes))?;
         let (length, limit) = (IMAGE_HEADER_BYTES + header.image_bytes(), limits.max_message_bytes);
         if length > limit {
             return Err(SigError::TooLong { what: WHAT, length, limit });

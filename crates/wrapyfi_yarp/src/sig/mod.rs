@@ -23,5 +23,5 @@ pub use image::{Image, Rows};
 pub use image_header::{DEFAULT_QUANTUM, IMAGE_HEADER_BYTES, ImageHeader};
 pub use pixel::PixelCode;
 pub use sound::{SOUND_HEADER_BYTES, Sound};
-pub use stamp::{Stamp, StampError};
+pub use stamp::Stamp;
 pub use vector::{Matrix, Number, Vector};

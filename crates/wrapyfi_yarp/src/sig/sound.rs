@@ -73,13 +73,13 @@ impl Sound {
         check(WHAT, [(8, t1), (16, t2), (24, t3), (32, t4)].map(int))?;
         check(WHAT, [("list of int16", 40, t5, SAMPLES)])?;
         if usize::try_from(width) != Ok(SAMPLE_BYTES) {
-            return Err(SigError::SampleBytes { bytes: width });
+            return Err(other_samples(width));
         }
         let count = size(WHAT, "number of samples", count)?;
         let samples = size(WHAT, "length in samples", samples)?;
         let channels = size(WHAT, "number of channels", channels)?;
         if samples.checked_mul(channels) != Some(count) {
-            return Err(SigError::Count { count, samples, channels });
+            return Err(miscounted(count, samples, channels));
         }
         let length = count.saturating_mul(SAMPLE_BYTES).saturating_add(SOUND_HEADER_BYTES);
         let limit = limits.max_message_bytes;
@@ -180,11 +180,11 @@ impl Sound {
             return Err(SigError::Bottle);
         };
         if usize::try_from(width) != Ok(SAMPLE_BYTES) {
-            return Err(SigError::SampleBytes { bytes: width });
+            return Err(other_samples(width));
         }
         let count = list.len();
         if samples.checked_mul(channels) != Some(count) {
-            return Err(SigError::Count { count, samples, channels });
+            return Err(miscounted(count, samples, channels));
         }
         let mut data = Vec::with_capacity(count * SAMPLE_BYTES);
         for value in &list.values {
@@ -195,10 +195,18 @@ impl Sound {
     }
 }
 
+fn other_samples(bytes: i32) -> SigError {
+    SigError::Unsupported(format!("a sound of {bytes} bytes a sample: YARP transmits 2 only"))
+}
+
+fn miscounted(count: usize, samples: usize, channels: usize) -> SigError {
+    SigError::Damaged(format!("{count} samples for {channels} channels of {samples}"))
+}
+
 fn per_channel(count: usize, channels: usize) -> Result<usize, SigError> {
     let samples = count.checked_div(channels).unwrap_or(0);
     if samples * channels != count {
-        return Err(SigError::Count { count, samples, channels });
+        return Err(miscounted(count, samples, channels));
     }
     Ok(samples)
 }
@@ -219,5 +227,7 @@ fn check_elements(found: i32, dialect: Dialect) -> Result<(), SigError> {
         6 => "a sound of dialect v4 (set it for this connection)",
         _ => return check(WHAT, [("elements", 4, found, wanted)]),
     };
-    Err(SigError::OtherVersion { found, meaning, dialect, wanted })
+    Err(SigError::OtherVersion(format!(
+        "a list of {found} elements is {meaning}; this connection reads {dialect}, where a sound has {wanted}"
+    )))
 }

@@ -7,7 +7,7 @@
 
 use bytes::Bytes;
 
-use crate::bottle::{BottleError, EncodeError, significant};
+use crate::bottle::{EncodeError, significant};
 use crate::{Bottle, Dialect, Limits, Value};
 
 /// Significant digits of the time in an envelope: C's `DBL_DIG`. Of today's times, microseconds
@@ -21,21 +21,6 @@ pub struct Stamp {
     pub count: i32,
     /// Time in seconds, since 1970 unless the sender says otherwise.
     pub time_s: f64,
-}
-
-/// Error of reading a stamp.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum StampError {
-    /// The message is no bottle.
-    #[error("a stamp is a bottle of a number and a time: {0}")]
-    Bottle(#[from] BottleError),
-    /// A bottle of something else.
-    #[error("a stamp is a whole number and a time in seconds, not {text}")]
-    Other {
-        /// The start of the bottle as text.
-        text: String,
-    },
 }
 
 impl Stamp {
@@ -69,14 +54,11 @@ impl Stamp {
         Bottle { values: vec![Value::Int32(self.count), Value::Float64(self.time_s)] }
     }
 
-    /// Reads a stamp that was sent as data.
-    ///
-    /// # Errors
-    /// When the bytes are no bottle of that dialect, or one of something else.
-    pub fn decode(bytes: &Bytes, dialect: Dialect, limits: &Limits) -> Result<Self, StampError> {
-        let (bottle, _) = Bottle::decode(bytes, dialect, limits)?;
-        Self::from_bottle(&bottle)
-            .ok_or_else(|| StampError::Other { text: bottle.to_text().chars().take(80).collect() })
+    /// Reads a stamp that was sent as data; `None` when the bytes are no bottle of that dialect, or one of
+    /// something else.
+    #[must_use]
+    pub fn decode(bytes: &Bytes, dialect: Dialect, limits: &Limits) -> Option<Self> {
+        Self::from_bottle(&Bottle::decode(bytes, dialect, limits).ok()?.0)
     }
 
     /// The stamp as data: 28 bytes.

@@ -118,7 +118,10 @@ impl Matrix {
     /// When there are not `rows` x `columns` numbers.
     pub fn new(rows: usize, columns: usize, values: Vec<f64>) -> Result<Self, SigError> {
         if rows.checked_mul(columns) != Some(values.len()) {
-            return Err(SigError::Shape { rows, columns, count: values.len() });
+            let what = format!("{} numbers for {rows} rows of {columns}", values.len());
+            return Err(SigError::Unsupported(format!(
+                "{what}: a matrix has as many as fit exactly"
+            )));
         }
         Ok(Self { rows, columns, values })
     }
@@ -213,7 +216,8 @@ fn append<T: Number>(
     dialect: Dialect,
 ) -> Result<(), SigError> {
     if !T::writable(dialect) {
-        return Err(SigError::NoFloat32);
+        let what = "dialect v3 has no vectors of float32: send float64, or set dialect v4";
+        return Err(SigError::Unsupported(what.to_owned()));
     }
     put(out, &[T::list_code(dialect), written(what, "size", numbers.len())?]);
     T::append(numbers, out);

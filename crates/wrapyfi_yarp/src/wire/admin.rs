@@ -1,8 +1,8 @@
-//! Administrative requests of ports, and the exact sentences of the answers (protocol section 9).
+//! Words of administrative requests to ports, and the exact sentences of the answers (protocol section 9).
 //!
 //! ```text
-//!   [add] "tcp://dst"   ─▶ AdminRequest::Add { "tcp://dst" … } ─▶ 0 "Added connection from A to B\r\n"
-//!   list in             ─▶ AdminRequest::List { Direction::In } ─▶ "/golden/src" admin
+//!   [add] "tcp://dst"   ─▶ 0 "Added connection from A to B\r\n"
+//!   list in             ─▶ "/golden/src" admin
 //! ```
 //!
 //! Verbs come as vocabs or as strings. What a port does for a request is `port::administration`.
@@ -18,113 +18,8 @@ pub enum Direction {
     Out,
 }
 
-/// A request to a port.
-#[derive(Debug, Clone, PartialEq)]
-pub enum AdminRequest {
-    /// `[ver]`.
-    Version,
-    /// `[help]`.
-    Help,
-    /// `[add]`: the destination as given, with a carrier where one was named.
-    Add {
-        /// `/name`, or `carrier://name`.
-        destination: String,
-    },
-    /// `[del]`.
-    Remove {
-        /// The other port.
-        name: String,
-    },
-    /// `[list]`.
-    List {
-        /// Direction of the connections.
-        direction: Direction,
-        /// Details of the one with this port, instead of all names.
-        name: Option<String>,
-    },
-    /// `[set] [in] /name …`.
-    Configure {
-        /// Direction of the connection.
-        direction: Direction,
-        /// The other port.
-        name: String,
-    },
-    /// `[get] [in] /name`.
-    Configuration {
-        /// Direction of the connection.
-        direction: Direction,
-        /// The other port.
-        name: String,
-    },
-    /// `[prop] [set] key value`.
-    SetProperty {
-        /// The property; one with a slash names a connection, or the port itself.
-        key: String,
-        /// Value of the property, and further values behind.
-        values: Bottle,
-    },
-    /// `[prop] [get] key`, or of all.
-    Property {
-        /// The property.
-        key: Option<String>,
-    },
-    /// `[atch]`: monitors that change data.
-    Attach {
-        /// True when `[in]` or `[out]` followed.
-        directed: bool,
-    },
-    /// `[dtch]`.
-    Detach {
-        /// True when `[in]` or `[out]` followed.
-        directed: bool,
-    },
-    /// Anything else.
-    Unknown,
-}
-
-impl AdminRequest {
-    /// Reads a request; anything that is none is [`AdminRequest::Unknown`].
-    #[must_use]
-    pub fn parse(request: &Bottle) -> Self {
-        let is = |at: usize, word: &str| request.get(at).is_some_and(|value| value.is_word(word));
-        let text = |at: usize| request.get(at).map(name);
-        let given = |at: usize| text(at).filter(|text| !text.is_empty());
-        let direction = if is(1, "in") { Direction::In } else { Direction::Out };
-        if is(0, "ver") {
-            Self::Version
-        } else if is(0, "help") {
-            Self::Help
-        } else if is(0, "add") {
-            let destination = text(1).unwrap_or_default();
-            match given(2) {
-                Some(carrier) => Self::Add { destination: format!("{carrier}:/{destination}") },
-                None => Self::Add { destination },
-            }
-        } else if is(0, "del") {
-            Self::Remove { name: text(1).unwrap_or_default() }
-        } else if is(0, "list") {
-            Self::List { direction, name: given(2) }
-        } else if is(0, "set") {
-            Self::Configure { direction, name: text(2).unwrap_or_default() }
-        } else if is(0, "get") {
-            Self::Configuration { direction, name: text(2).unwrap_or_default() }
-        } else if is(0, "prop") && is(1, "set") {
-            let values = request.values.iter().skip(3).cloned().collect();
-            Self::SetProperty { key: text(2).unwrap_or_default(), values }
-        } else if is(0, "prop") && is(1, "get") {
-            Self::Property { key: given(2) }
-        } else if is(0, "atch") {
-            Self::Attach { directed: is(1, "in") || is(1, "out") }
-        } else if is(0, "dtch") {
-            Self::Detach { directed: is(1, "in") || is(1, "out") }
-        } else {
-            Self::Unknown
-        }
-    }
-}
-
 /// A value as the name of a port or a key.
-fn name(value: &Value) -> String {
+pub(crate) fn name(value: &Value) -> String {
     match value {
         Value::String(text) => text.to_string_lossy().into_owned(),
         other => Bottle::from(vec![other.clone()]).to_text(),
@@ -331,33 +226,16 @@ const HELP: [&str; 20] = [
 /// understood.
 #[must_use]
 pub fn type_of_service(values: &Bottle) -> Option<u32> {
-    // The classes that YARP's priorities stand for, as DSCP.
-    const CLASSES: [(&str, u32); 21] = [
-        ("CS0", 0),
-        ("CS1", 8),
-        ("CS2", 16),
-        ("CS3", 24),
-        ("CS4", 32),
-        ("CS5", 40),
-        ("CS6", 48),
-        ("CS7", 56),
-        ("AF11", 10),
-        ("AF12", 12),
-        ("AF13", 14),
-        ("AF21", 18),
-        ("AF22", 20),
-        ("AF23", 22),
-        ("AF31", 26),
-        ("AF32", 28),
-        ("AF33", 30),
-        ("AF41", 34),
-        ("AF42", 36),
-        ("AF43", 38),
-        ("VA", 44),
-    ];
-    let class = |word: &str| {
-        let found = CLASSES.iter().find(|(known, _)| *known == word).map(|&(_, dscp)| dscp);
-        found.or_else(|| (word == "EF").then_some(46)).or_else(|| word.parse().ok())
+    // The classes of DSCP: class selectors, and assured forwarding of a class and a drop precedence.
+    let digit = |letter: &u8| u32::from(letter - b'0');
+    let class = |word: &str| match word.as_bytes() {
+        [b'C', b'S', class @ b'0'..=b'7'] => Some(8 * digit(class)),
+        [b'A', b'F', class @ b'1'..=b'4', drop @ b'1'..=b'3'] => {
+            Some(8 * digit(class) + 2 * digit(drop))
+        }
+        b"VA" => Some(44),
+        b"EF" => Some(46),
+        _ => word.parse().ok(),
     };
     let qos = values.find("qos")?.as_list()?;
     // The pairs stand in a list of their own, or right here.

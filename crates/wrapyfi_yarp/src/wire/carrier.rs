@@ -1,12 +1,14 @@
 //! The kinds of connections, by name.
 
-use std::fmt;
 use std::str::FromStr;
 
 use super::Sender;
 
 /// Carrier of a connection's messages (protocol section 2).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, strum::Display, strum::IntoStaticStr,
+)]
+#[strum(serialize_all = "snake_case")]
 pub enum Carrier {
     /// Binary, every message acknowledged: the default of YARP.
     Tcp,
@@ -25,6 +27,7 @@ pub enum Carrier {
     /// A unix socket between two ports of one host, nothing acknowledged.
     UnixStream,
     /// The same with the qualifier `ack`: every message acknowledged.
+    #[strum(serialize = "unix_stream")]
     UnixStreamAck,
 }
 
@@ -43,17 +46,8 @@ impl Carrier {
 
     /// YARP's name of it.
     #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Tcp => "tcp",
-            Self::FastTcp => "fast_tcp",
-            Self::Text => "text",
-            Self::TextAck => "text_ack",
-            Self::Udp => "udp",
-            Self::Mcast => "mcast",
-            Self::Mjpeg => "mjpeg",
-            Self::UnixStream | Self::UnixStreamAck => "unix_stream",
-        }
+    pub fn name(self) -> &'static str {
+        self.into()
     }
 
     /// Carrier that the qualifiers of `sender` turn this one into.
@@ -95,22 +89,13 @@ impl Carrier {
     }
 }
 
-impl fmt::Display for Carrier {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
 /// A carrier that is not one of [`Carrier::ALL`].
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
     "carrier {0:?} is unknown: use tcp, fast_tcp, text, text_ack, udp, mcast, mjpeg or unix_stream \
      (shmem and local need YARP's own process at both ends)"
 )]
-pub struct UnknownCarrier(
-    /// The name that was given.
-    pub String,
-);
+pub struct UnknownCarrier(pub String);
 
 impl FromStr for Carrier {
     type Err = UnknownCarrier;

@@ -8,7 +8,7 @@
 
 use bytes::Bytes;
 
-use crate::bottle::{BottleError, TextError};
+use crate::bottle::BottleError;
 use crate::{Bottle, Dialect, Limits};
 
 /// A command, without its payload.
@@ -139,27 +139,16 @@ pub enum Body {
     Text(Bytes),
 }
 
-/// Error of reading a payload as a bottle.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum BodyError {
-    /// Bottle of a binary carrier.
-    #[error(transparent)]
-    Binary(#[from] BottleError),
-    /// Text of a text carrier.
-    #[error(transparent)]
-    Text(#[from] TextError),
-}
-
 impl Body {
     /// The bottle in it.
     ///
     /// # Errors
     /// When it is none, or exceeds a limit.
-    pub fn bottle(&self, dialect: Dialect, limits: &Limits) -> Result<Bottle, BodyError> {
-        Ok(match self {
-            Self::Binary(bytes) => Bottle::decode(bytes, dialect, limits)?.0,
-            Self::Text(text) => Bottle::from_text_as(text, dialect, limits)?,
-        })
+    pub fn bottle(&self, dialect: Dialect, limits: &Limits) -> Result<Bottle, BottleError> {
+        match self {
+            Self::Binary(bytes) => Ok(Bottle::decode(bytes, dialect, limits)?.0),
+            Self::Text(text) => Bottle::from_text_as(text, dialect, limits),
+        }
     }
 
     /// Size in bytes, as it came.

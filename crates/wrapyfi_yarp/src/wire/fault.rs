@@ -4,35 +4,24 @@ use std::net::IpAddr;
 use std::time::Duration;
 
 /// Fault for which a connection is closed, or a message not taken.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, Eq, strum::IntoStaticStr, thiserror::Error)]
+#[strum(serialize_all = "snake_case")]
 pub enum Fault {
-    /// The first eight bytes begin no known carrier.
+    /// The first eight bytes, which are kept shortened as text, begin no known carrier.
     #[error(
         "the first bytes {0:?} begin no carrier of YARP: send `CONNECT name` for text, or connect \
          with tcp, fast_tcp, text_ack, udp or mcast"
     )]
-    UnknownHeader(
-        /// The bytes, shortened, as text.
-        String,
-    ),
-    /// A carrier that only works between processes of YARP itself.
+    UnknownHeader(String),
+    /// A carrier, by YARP's name, that only works between processes of YARP itself.
     #[error("carrier {0} is not supported: connect with tcp, fast_tcp, text_ack, udp or mcast")]
-    UnsupportedCarrier(
-        /// YARP's name of it.
-        &'static str,
-    ),
-    /// The receiver should apply a modifier, and has none.
+    UnsupportedCarrier(&'static str),
+    /// The receiver should apply the modifier of this name, and has none.
     #[error("modifier recv.{0} is not available here: connect without it")]
-    MissingModifier(
-        /// Name of the modifier.
-        String,
-    ),
-    /// Carrier mjpeg at a port whose messages are no pictures.
+    MissingModifier(String),
+    /// Carrier mjpeg at the port of this name, whose messages are no pictures.
     #[error("port {0} has no pictures, which are all that carrier mjpeg brings: connect with tcp")]
-    NoPictures(
-        /// The port.
-        String,
-    ),
+    NoPictures(String),
     /// Carrier `unix_stream` between two hosts.
     #[error(
         "carrier unix_stream is for one host, and {other} is not on the one of {own}: connect with tcp"
@@ -70,12 +59,9 @@ pub enum Fault {
         /// Address of its connection.
         address: String,
     },
-    /// A block of a message has a negative length.
+    /// A block of a message has a negative length, kept as it was sent.
     #[error("a message declares a block of {0} bytes")]
-    NegativeLength(
-        /// Length as sent.
-        i32,
-    ),
+    NegativeLength(i32),
     /// A message is larger than allowed.
     #[error("a message declares {size} bytes, allowed are {limit}: raise max_message_bytes")]
     MessageTooLarge {
@@ -84,54 +70,30 @@ pub enum Fault {
         /// Limit.
         limit: usize,
     },
-    /// A message does not begin with a port command.
+    /// A message of this declared size does not begin with a port command.
     #[error("a message of {0} bytes does not begin with a port command: it was left out")]
-    BadCommand(
-        /// Declared size of the message.
-        usize,
-    ),
-    /// Bytes stood where a message must begin.
+    BadCommand(usize),
+    /// So many bytes stood where a message must begin, and were left out.
     #[error("{0} bytes stood where a message must begin, with no index in them")]
-    NoIndex(
-        /// Bytes that were left out.
-        usize,
-    ),
-    /// A line of text does not end.
+    NoIndex(usize),
+    /// A line of text does not end within this limit.
     #[error("a line of text has more than {0} bytes: raise max_line_bytes")]
-    LineTooLong(
-        /// Limit.
-        usize,
-    ),
-    /// The connection ended inside a message.
+    LineTooLong(usize),
+    /// The connection ended inside a message, of which at least so many bytes are missing.
     #[error("the connection ended inside a message, {0} bytes before its end or more")]
-    Truncated(
-        /// Bytes that are missing at least.
-        usize,
-    ),
-    /// Nothing that identifies a carrier came in time.
+    Truncated(usize),
+    /// Nothing that identifies a carrier came in the time allowed.
     #[error("no complete header within {0:?}")]
-    HandshakeTimeout(
-        /// The time allowed.
-        Duration,
-    ),
-    /// A message has begun, and nothing more of it comes.
+    HandshakeTimeout(Duration),
+    /// A message has begun, and nothing more of it came in the time allowed.
     #[error("a message has begun, and nothing more of it came for {0:?}")]
-    NoProgress(
-        /// The time allowed.
-        Duration,
-    ),
-    /// Too much waits in this process for a begun message to grow.
+    NoProgress(Duration),
+    /// Too much waits in this process for a message, of which so many bytes have come, to grow.
     #[error("no room for a message of {0} bytes so far: too much waits in this process")]
-    OverBudget(
-        /// Number of bytes that have come of the message.
-        usize,
-    ),
-    /// A datagram whose checksum does not fit its content, or with too few bytes.
+    OverBudget(usize),
+    /// A datagram of so many bytes whose checksum does not fit its content, or that is too short.
     #[error("a datagram of {0} bytes is damaged: its checksum does not fit")]
-    BadDatagram(
-        /// Size of the datagram in bytes.
-        usize,
-    ),
+    BadDatagram(usize),
     /// A datagram of a message is missing.
     #[error("datagram {found} came where {expected} was due: its message is lost")]
     LostDatagram {
@@ -140,18 +102,12 @@ pub enum Fault {
         /// Counter that came.
         found: i32,
     },
-    /// A payload is not what it must be.
+    /// A payload is not what it must be, for a reason in words.
     #[error("a payload cannot be read: {0}")]
-    BadPayload(
-        /// Reason in words.
-        String,
-    ),
-    /// An answer over HTTP, or its parts, are not those of a camera.
+    BadPayload(String),
+    /// An answer over HTTP, or its parts, are not those of a camera, for a reason in words.
     #[error("the answer is no MJPEG stream: {0}")]
-    BadHttp(
-        /// Reason in words.
-        String,
-    ),
+    BadHttp(String),
 }
 
 impl Fault {
@@ -171,29 +127,7 @@ impl Fault {
 
     /// The name under which it is counted.
     #[must_use]
-    pub const fn name(&self) -> &'static str {
-        match self {
-            Self::UnknownHeader(_) => "unknown_header",
-            Self::UnsupportedCarrier(_) => "unsupported_carrier",
-            Self::MissingModifier(_) => "missing_modifier",
-            Self::NoPictures(_) => "no_pictures",
-            Self::OtherHost { .. } => "other_host",
-            Self::UnixSocket { .. } => "unix_socket",
-            Self::NotAdmitted { .. } => "not_admitted",
-            Self::NameLength { .. } => "name_length",
-            Self::NegativeLength(_) => "negative_length",
-            Self::MessageTooLarge { .. } => "message_too_large",
-            Self::BadCommand(_) => "bad_command",
-            Self::NoIndex(_) => "no_index",
-            Self::LineTooLong(_) => "line_too_long",
-            Self::Truncated(_) => "truncated",
-            Self::HandshakeTimeout(_) => "handshake_timeout",
-            Self::NoProgress(_) => "no_progress",
-            Self::OverBudget(_) => "over_budget",
-            Self::BadDatagram(_) => "bad_datagram",
-            Self::LostDatagram { .. } => "lost_datagram",
-            Self::BadPayload(_) => "bad_payload",
-            Self::BadHttp(_) => "bad_http",
-        }
+    pub fn name(&self) -> &'static str {
+        self.into()
     }
 }

@@ -38,15 +38,9 @@ pub enum Opening {
     },
     /// A request to a name server, without the line's end and without `NAME_SERVER`; more lines
     /// may follow ([`text::Lines`]).
-    Names(
-        /// The request.
-        Bytes,
-    ),
+    Names(Bytes),
     /// A request over HTTP.
-    Http(
-        /// The request.
-        HttpRequest,
-    ),
+    Http(HttpRequest),
 }
 
 /// Reads the beginning of a connection that somebody opened to us.

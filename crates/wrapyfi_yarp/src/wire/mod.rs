@@ -35,7 +35,7 @@ mod carrier;
 mod fault;
 
 pub use carrier::{Carrier, UnknownCarrier};
-pub use command::{Body, BodyError, Command, Incoming};
+pub use command::{Body, Command, Incoming};
 pub use fault::Fault;
 pub use header::Opening;
 pub use sender::Sender;

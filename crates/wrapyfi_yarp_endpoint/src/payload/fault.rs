@@ -1,6 +1,6 @@
 //! Faults of YARP's codecs in the words of ours, and the sizes that hold for both.
 
-use wrapyfi_yarp::bottle::{BottleError, TextError};
+use wrapyfi_yarp::bottle::BottleError;
 use wrapyfi_yarp::sig::SigError;
 
 use wrapyfi_data::Limits;
@@ -39,7 +39,7 @@ pub(super) fn bottle(error: &BottleError) -> DecodeError {
 }
 
 /// A text that is no bottle.
-pub(super) fn text(error: &TextError) -> EncodeError {
+pub(super) fn text(error: &BottleError) -> EncodeError {
     unwritable("bottle", "this text", "$", error.to_string())
 }
 

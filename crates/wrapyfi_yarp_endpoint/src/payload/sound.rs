@@ -62,7 +62,7 @@ pub(super) fn decode(bytes: &Bytes, rules: Rules<'_>, stamp: Stamp) -> DecodeRes
     let read = match Sound::decode(bytes, rules.dialect, &bounds) {
         // The samples of YARP 4 are followed by no bottle, but the number of elements tells the
         // version.
-        Err(SigError::OtherVersion { .. }) => Sound::decode(bytes, rules.dialect.other(), &bounds),
+        Err(SigError::OtherVersion(_)) => Sound::decode(bytes, rules.dialect.other(), &bounds),
         read => read,
     };
     let sound = match read {
