@@ -136,6 +136,48 @@ fn who_is_refused_is_named_with_the_line_that_lets_it_in() -> Result {
     })
 }
 
+/// A key that the broker takes, and that may not listen: the program says so, and is neither silent nor idle.
+#[test]
+fn a_listener_is_told_that_its_key_may_not_subscribe() -> Result {
+    run("a_listener_is_told_that_its_key_may_not_subscribe", NEEDS, |env| {
+        certificates(env, "broker,robot")?;
+        let topic = env.topic("x");
+        let curve = format!(
+            "    curve:\n      secret_key_file: keys/broker.key_secret\n      clients:\n        - {{ key: \
+             keys/robot.key, publish: [\"{topic}\"], subscribe: [\"/other\"] }}\n"
+        );
+        let route = Route::new(&zeromq(&topic), &ros2(&topic), "NativeObject").with("name", "x");
+        let bridge = env.bridge(&env.embedded().endpoint(&curve).route(route))?;
+        let _publisher = socket(env, "pub", &topic, "robot", "broker")?;
+        until_route(&bridge, "x", |route| {
+            route.is_some_and(|it| it["counters"]["received"].as_u64() > Some(0))
+        })?;
+        env.set_variable("WRAPYFI_ZEROMQ_CURVE_SERVER_KEY", env.path("keys/broker.key"));
+        env.set_variable("WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE", env.path("keys/robot.key_secret"));
+        let line = format!(", subscribe: [\"{topic}\"] }}");
+        let echo = env.wrapyfi(["echo", &zeromq(&topic), "--type", "NativeObject"])?;
+        logged(&echo, &["does not let our CURVE key listen", &line])?;
+        let mut why = env.wrapyfi(["why", &zeromq(&topic), "--json"])?;
+        why.exits_with(1)?;
+        let told: serde_json::Value = serde_json::from_str(why.stdout().trim())?;
+        assert!(told["what"].to_string().contains("does not let our CURVE key listen"), "{told}");
+        // Keys that are made anew each time cannot be listed.
+        env.set_variable("WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE", "");
+        let mut why = env.wrapyfi(["why", &zeromq(&topic), "--json"])?;
+        why.exits_with(1)?;
+        let told: serde_json::Value = serde_json::from_str(why.stdout().trim())?;
+        assert!(told["what"].to_string().contains("has another one with each start"), "{told}");
+        // A fault of the environment is not one of the file.
+        env.set_variable("WRAPYFI_ZEROMQ_CURVE_SERVER_KEY", env.path("keys/none.key"));
+        let mut check = env.wrapyfi(["check", &env.path("bridge.yaml").display().to_string()])?;
+        check.exits_with(2)?;
+        let said = check.stderr();
+        assert!(said.contains("set by WRAPYFI_ZEROMQ_CURVE_SERVER_KEY"), "{said}");
+        assert!(!said.contains("bridge.yaml:"), "{said}");
+        Ok(())
+    })
+}
+
 #[test]
 fn programs_take_keys_from_the_environment() -> Result {
     run("programs_take_keys_from_the_environment", NEEDS, |env| {

@@ -27,6 +27,10 @@ impl Keys {
         match *self {}
     }
 
+    pub(crate) fn is_kept(&self) -> bool {
+        match *self {}
+    }
+
     pub(crate) fn is_of_another(&self) -> bool {
         match *self {}
     }

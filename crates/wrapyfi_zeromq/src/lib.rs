@@ -224,7 +224,7 @@ impl ZeroMq {
     }
 
     fn check(&self, topic: &str) -> OpenResult<()> {
-        let own = [self.config.monitor_topic.as_str(), traffic::TRAFFIC_TOPIC];
+        let own = [self.config.monitor_topic.as_str(), traffic::TRAFFIC_TOPIC, traffic::DENIED];
         let own = own.into_iter().find(|own| topic.starts_with(own));
         let checked = match own {
             Some(own) => {

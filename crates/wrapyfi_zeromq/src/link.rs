@@ -42,6 +42,9 @@ pub(super) const SECURED: u8 = 6;
 /// State of a socket whose keys the broker does not take.
 pub(super) const KEYS: u8 = 7;
 
+/// State of a listener whose key the broker takes, and does not let listen to the topic.
+pub(super) const DENIED: u8 = 8;
+
 /// Event of libzmq with this value: the two sides have different mechanisms.
 const MECHANISM_MISMATCH: u32 = 0x1100_0002;
 
@@ -55,15 +58,17 @@ pub(super) const FAREWELL: Duration = Duration::from_secs(1);
 #[derive(Debug)]
 pub(super) struct BrokerLink {
     broker: String,
-    /// Our public key, where connections have CURVE.
-    key: Option<String>,
+    /// Topic or service that the connection is for; empty where it is for all.
+    name: String,
+    /// Our keys, where connections have CURVE.
+    keys: Option<Arc<Keys>>,
     state: AtomicU8,
 }
 
 impl BrokerLink {
-    pub(super) fn new(broker: &str, keys: Option<&Arc<Keys>>) -> Arc<Self> {
-        let (broker, key) = (broker.to_owned(), keys.map(|keys| keys.public()));
-        Arc::new(Self { broker, key, state: AtomicU8::new(DOWN) })
+    pub(super) fn new(broker: &str, name: &str, keys: Option<&Arc<Keys>>) -> Arc<Self> {
+        let (broker, name) = (broker.to_owned(), name.to_owned());
+        Arc::new(Self { broker, name, keys: keys.cloned(), state: AtomicU8::new(DOWN) })
     }
 
     pub(super) fn is_up(&self) -> bool {
@@ -72,7 +77,7 @@ impl BrokerLink {
 
     /// The last try to reach the broker failed.
     pub(super) fn has_failed(&self) -> bool {
-        matches!(self.state.load(Relaxed), REFUSED | ENDED | UNANSWERED | STARVED | SECURED | KEYS)
+        !matches!(self.state(), DOWN | UP)
     }
 
     /// Description of the event that is waited for; `None` when the broker is reached.
@@ -89,10 +94,15 @@ impl BrokerLink {
                 self.broker
             )),
             KEYS => Some(format!(
-                "the broker at {}, which does not take our CURVE keys: `server_key` must be its public key, and our \
-                 public key one of its `clients`: - {{ key: \"{}\" }}",
+                "the broker at {}, which does not take our CURVE keys: `server_key` must be its public key, and {}",
                 self.broker,
-                self.key.as_deref().unwrap_or_default()
+                self.to_be_listed("")
+            )),
+            DENIED => Some(format!(
+                "the broker at {}, which does not let our CURVE key listen to {:?}: {}",
+                self.broker,
+                self.name,
+                self.to_be_listed(&format!(", subscribe: [{:?}]", self.name))
             )),
             STARVED => Some(format!(
                 "a connection to the broker at {}: {}",
@@ -105,6 +115,18 @@ impl BrokerLink {
                 self.broker
             )),
             _ => Some(format!("the broker at {}", self.broker)),
+        }
+    }
+
+    /// Condition under which a broker with a list takes our key and `grant`, in words.
+    fn to_be_listed(&self, grant: &str) -> String {
+        match self.keys.as_ref().filter(|keys| keys.is_kept()).map(|keys| keys.public()) {
+            Some(key) => format!(
+                "our public key one of its `clients` (endpoints: zeromq: curve): - {{ key: \"{key}\"{grant} }}"
+            ),
+            None => "our public key one of its `clients`, which takes a key that stays: this program has another one with \
+                     each start until WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE is set"
+                .to_owned(),
         }
     }
 
@@ -124,9 +146,9 @@ impl BrokerLink {
         // Lost before the handshake was over: refused, for a wrong socket type without further
         // notice.
         self.note(match self.state() {
-            UP => DOWN,
+            UP | DENIED => DOWN,
             state @ (SECURED | KEYS) => state,
-            _ if self.key.is_some() => KEYS,
+            _ if self.keys.is_some() => KEYS,
             _ => REFUSED,
         })
     }
@@ -145,14 +167,15 @@ impl BrokerLink {
     fn happened(&self, event: u16, value: u32) -> bool {
         let is = |kind: SocketEvent| event == kind.to_raw();
         if is(SocketEvent::HANDSHAKE_SUCCEEDED) {
-            self.note(UP)
+            // The answer of a broker that is quick may have been read before this event.
+            self.state() != DENIED && self.note(UP)
         } else if is(SocketEvent::HANDSHAKE_FAILED_PROTOCOL) && value == MECHANISM_MISMATCH {
             self.note(SECURED)
         } else if is(SocketEvent::HANDSHAKE_FAILED_NO_DETAIL)
             || is(SocketEvent::HANDSHAKE_FAILED_PROTOCOL)
             || is(SocketEvent::HANDSHAKE_FAILED_AUTH)
         {
-            self.note(if self.key.is_some() { KEYS } else { REFUSED })
+            self.note(if self.keys.is_some() { KEYS } else { REFUSED })
         } else if is(SocketEvent::CLOSED) {
             self.note(UNANSWERED)
         } else {
@@ -324,13 +347,13 @@ mod tests {
 
     #[test]
     fn the_reason_follows_the_events() {
-        let link = BrokerLink::new("tcp://127.0.0.1:5555", None);
+        let link = BrokerLink::new("tcp://127.0.0.1:5555", "/x", None);
         assert_eq!(link.waiting_for().unwrap(), "the broker at tcp://127.0.0.1:5555");
         assert!(!link.happened(SocketEvent::CONNECTED.to_raw(), 0));
         assert!(link.happened(SocketEvent::HANDSHAKE_SUCCEEDED.to_raw(), 0));
         assert_eq!(link.waiting_for(), None);
         assert!(!link.has_failed());
-        let elsewhere = BrokerLink::new("tcp://192.0.2.1:5555", None).waiting_for().unwrap();
+        let elsewhere = BrokerLink::new("tcp://192.0.2.1:5555", "/x", None).waiting_for().unwrap();
         assert!(elsewhere.contains("unless WRAPYFI_ZEROMQ_SOCKET_IP is set there"), "{elsewhere}");
         assert!(link.happened(SocketEvent::DISCONNECTED.to_raw(), 0));
         assert!(!link.is_up());

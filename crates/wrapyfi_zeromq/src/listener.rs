@@ -8,6 +8,7 @@ use super::link::{self, BrokerLink, Watch};
 use super::own_messages::Listening;
 use super::reception::{Arrival, Reception};
 use super::shared::Shared;
+use super::traffic::DENIED;
 use super::zmtp::Kind;
 use super::{contexts, options};
 use wrapyfi_endpoint::codec::frames;
@@ -40,7 +41,7 @@ fn socket_depth(queue: QueueSpec) -> i32 {
 
 impl ZeroMqListener {
     pub(super) fn open(shared: &Shared, spec: &TopicSpec, context: &Context) -> OpenResult<Self> {
-        let link = BrokerLink::new(&shared.pub_endpoint, shared.keys.as_ref());
+        let link = BrokerLink::new(&shared.pub_endpoint, &spec.topic, shared.keys.as_ref());
         let (socket, watch) = shared
             .contexts
             .open(|context| open_socket(context, shared, spec, &link))
@@ -76,6 +77,9 @@ fn open_socket(
     socket.set_rcvhwm(socket_depth(spec.queue))?;
     options::set_message_limit(&socket, spec.limits.message_bytes)?;
     socket.set_subscribe(spec.topic.as_bytes())?;
+    if shared.keys.is_some() {
+        socket.set_subscribe(format!("{DENIED}{}", spec.topic).as_bytes())?;
+    }
     link::connect(context, socket, link, shared.keys.as_ref())
 }
 

@@ -20,7 +20,7 @@ use super::heard::{End, Heard};
 use super::mechanism::{Mechanism, Secured};
 use super::message::{Content, Message};
 use super::options;
-use super::traffic::REFUSED;
+use super::traffic::{DENIED, REFUSED};
 use super::zmtp::{self, Breach, Kind, Step};
 use wrapyfi_endpoint::{DropReason, PROGRESS, Share};
 
@@ -457,6 +457,14 @@ impl<S: Read + Write> Peer<S> {
         }
         if let Some(only) = self.only.as_ref().filter(|only| !only.starts_with(&topic)) {
             self.is_refused |= topic.strip_prefix(REFUSED.as_bytes()) == Some(only);
+            return;
+        }
+        if let Some(asked) = topic.strip_prefix(DENIED.as_bytes()) {
+            if on && !self.may_hear(asked) {
+                let is_sealed = self.mechanism.secured().is_some();
+                // Bounded: the queue takes few such answers while none is read.
+                _ = self.queue(&Message::new(vec![topic.into()], is_sealed, None, None), None);
+            }
             return;
         }
         if on && !self.may_hear(&topic) {

@@ -25,7 +25,7 @@ use super::message::Loss;
 use super::monitor::Monitor;
 use super::options;
 use super::status::BrokerStatus;
-use super::traffic::{TRAFFIC_TOPIC, Traffic, TrafficTable};
+use super::traffic::{DENIED, TRAFFIC_TOPIC, Traffic, TrafficTable};
 use super::turns::Turns;
 use wrapyfi_endpoint::codec::frames::looks_like;
 use wrapyfi_endpoint::{Mutex, Throttle};
@@ -89,7 +89,8 @@ impl Proxy {
         for (_, frames) in messages {
             let bytes = frames.iter().map(Bytes::len).sum();
             let forged = |first: &Bytes| {
-                self.monitor.is_forged(first) || first.starts_with(TRAFFIC_TOPIC.as_bytes())
+                self.monitor.is_forged(first)
+                    || [TRAFFIC_TOPIC, DENIED].iter().any(|own| first.starts_with(own.as_bytes()))
             };
             if frames.first().is_some_and(forged) {
                 status.forged += 1;

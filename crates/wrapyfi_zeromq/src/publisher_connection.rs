@@ -89,6 +89,7 @@ impl PublisherConnection {
             hwm: Some(usize::from(shared.send_hwm)).filter(|hwm| *hwm > 0),
             link: BrokerLink::new(
                 &options::endpoint(broker.ip(), broker.port()),
+                topic,
                 shared.keys.as_ref(),
             ),
             keys: shared.keys.clone(),

@@ -25,6 +25,7 @@ use super::frames::{Received, receive};
 use super::io::{End, Look};
 use super::link::{self, Watch};
 use super::own_messages::Listening;
+use super::traffic::DENIED;
 use wrapyfi_data::types::Stamp;
 use wrapyfi_endpoint::{DropReason, Sender, Throttle, Waits};
 
@@ -134,6 +135,11 @@ impl Reception {
     }
 
     fn receive(&mut self, Received { frames, count, bytes: wire_bytes }: Received) {
+        // Subscribed to with keys only, so that nothing else comes under such a name.
+        if frames.first().is_some_and(|first| first.starts_with(DENIED.as_bytes())) {
+            self.watch.link.note(link::DENIED);
+            return self.inbox.context().wake.ring();
+        }
         let counters = self.inbox.counters();
         counters.received(wire_bytes);
         if let Some(reason) = self.objection(&frames, count, wire_bytes) {

@@ -203,7 +203,7 @@ impl ServiceConnection {
         spec: &ServiceSpec,
         context: &Context,
     ) -> zmq::Result<Arc<ServiceHandle>> {
-        let link = BrokerLink::new(endpoint, shared.keys.as_ref());
+        let link = BrokerLink::new(endpoint, &spec.service, shared.keys.as_ref());
         let (socket, watch) = shared.contexts.open(|context| {
             let socket = context.socket(zmq::DEALER)?;
             options::set_common(&socket, shared.ip)?;

@@ -99,7 +99,7 @@ impl<B: Supervised> Supervisor<B> {
         options::set_common(&socket, ip)?;
         socket.set_linger(0)?;
         let [front_port, _] = B::ports(config);
-        let link = BrokerLink::new(&options::endpoint(reachable(ip), front_port), keys);
+        let link = BrokerLink::new(&options::endpoint(reachable(ip), front_port), "", keys);
         let (socket, watch) = link::connect(&context, socket, &link, keys)?;
         let mut backoff = Backoff::of_process(2);
         let guard = Guard::<B> {

@@ -19,6 +19,9 @@ pub(super) const ASKS_FOR_COUNTS: &str = "WRAPYFI/LOOK/";
 /// Prefix of the subscription that tells a publisher of the topic after it that its CURVE key may not publish it. Not
 /// listed.
 pub(super) const REFUSED: &str = "WRAPYFI/REFUSED/";
+/// Prefix of the subscription with which a listener asks whether its CURVE key may listen to the topic after it. A broker
+/// of ours answers, with a message of this name, where it may not: it ignores the other subscription. Not listed.
+pub(super) const DENIED: &str = "WRAPYFI/DENIED/";
 
 /// Topics kept. What comes on others is counted together.
 const MAX_TOPICS: usize = 4096;

@@ -233,8 +233,14 @@ fn read(
     let (plan, own) = Plan::read(&config, &super::available::available(), &mut types);
     // Routes that could not be read are left out: that none remains is no fault of its own.
     problems.extend(own.into_iter().filter(|it| is_readable || it.position.is_some()));
-    let services = check_services(&plan).err();
-    problems.extend(services.map(|message| Problem { position: None, message }));
+    // Where every entry is a route, they stand in one order.
+    let is_whole = plan.routes.len() == config.routes.len();
+    problems.extend(check_services(&plan).err().map(|(index, message)| {
+        match config.routes.get(index).filter(|_| is_whole) {
+            Some(entry) => Problem::at(entry.referenced, message),
+            None => Problem { position: None, message },
+        }
+    }));
     if !problems.is_empty() {
         return Err(refused(problems));
     }
@@ -300,29 +306,35 @@ fn check(config: &mut Config<Endpoints>, beside: &Path, problems: &mut Vec<Probl
     })
 }
 
-/// Services that cannot be found by name are refused before anything starts.
-fn check_services(plan: &Plan) -> Result<(), String> {
+/// Refuses services of zeromq that cannot be told apart: the index of the route, and the fault. Routes that call one
+/// name share its server.
+fn check_services(plan: &Plan) -> Result<(), (usize, String)> {
     let is_zeromq = |end: &EndpointAddress| end.middleware == "zeromq";
-    let is_on_zeromq = |it: &&Route| {
+    let mut services = plan.routes.iter().enumerate().filter(|(_, it)| {
         matches!(it.kind, Kind::Service(_)) && (is_zeromq(&it.from) || is_zeromq(&it.to))
-    };
-    let services: Vec<_> = plan.routes.iter().filter(is_on_zeromq).collect();
-    let is_nameless = |it: &&&Route| !it.is_whole() && (is_zeromq(&it.from) || it.is_many());
-    if let Some(pattern) = services.iter().find(is_nameless) {
-        return Err(format!(
+    });
+    let is_nameless = |it: &Route| !it.is_whole() && (is_zeromq(&it.from) || it.is_many());
+    if let Some((index, pattern)) = services.clone().find(|(_, it)| is_nameless(it)) {
+        let fault = format!(
             "{}: services of zeromq have no names, and tell no types: a pair of ports is one service; \
              write a route for it, with a type",
             pattern.name
-        ));
+        );
+        return Err((index, fault));
     }
-    match services[..] {
-        [one, other, ..] => Err(format!(
-            "{} and {}: a pair of ports of zeromq is one service, and each would get the requests of the other; \
-             give one of them to another bridge, on other ports (endpoints.zeromq.rep_port, req_port)",
-            one.ends(),
-            other.ends()
+    let Some((_, one)) = services.next() else { return Ok(()) };
+    let shares_server = |it: &Route| is_zeromq(&it.from) && it.from == one.from;
+    match services.find(|(_, it)| !shares_server(it)) {
+        Some((index, other)) => Err((
+            index,
+            format!(
+                "{} and {}: a pair of ports of zeromq is one service, and each would get the requests of the other; \
+                 give one of them to another bridge, on other ports (endpoints.zeromq.rep_port, req_port)",
+                one.ends(),
+                other.ends()
+            ),
         )),
-        _ => Ok(()),
+        None => Ok(()),
     }
 }
 
@@ -373,6 +385,26 @@ mod tests {
         ] {
             assert!(told.contains(words), "{words}: {told}");
         }
+    }
+
+    #[test]
+    fn routes_share_a_server_of_zeromq_and_nothing_else() {
+        let route = |service: &str, other: &str| {
+            format!("- {{ service: '{service}', as: '{other}', type: std_srvs/srv/SetBool }}\n")
+        };
+        let load = |routes: [&str; 2]| load_text(&format!("routes:\n{}", routes.concat()), "file");
+        let call = route("zeromq:/light", "ros2:/light");
+        load([&call, &route("zeromq:/light", "yarp:/light")]).unwrap();
+        for other in [
+            route("zeromq:/lamp", "ros2:/lamp"),
+            route("ros:/lamp", "zeromq:/lamp"),
+            route("ros:/light", "zeromq:/light"),
+        ] {
+            let told = load([&call, &other]).unwrap_err().to_string();
+            assert!(told.contains("file:3:") && told.contains("requests of the other"), "{told}");
+        }
+        let told = load([&call, &route("zeromq:/(.*)", "ros2:/$1")]).unwrap_err().to_string();
+        assert!(told.contains("file:3:") && told.contains("have no names"), "{told}");
     }
 
     #[test]

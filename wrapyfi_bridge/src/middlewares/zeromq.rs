@@ -102,7 +102,16 @@ impl ZeroMqSection {
         }
         let (Some(written), Some(curve)) = (&self.curve, &config.curve) else { return Ok(()) };
         let checked = curve.check(config.broker == BrokerMode::Embedded);
-        checked.map_err(|fault| Problem::at(written.referenced, fault.to_string()))
+        checked.map_err(|fault| match written.value.check(false) {
+            Err(_) => Problem::at(written.referenced, fault.to_string()),
+            // Of the two, the file is in order by itself.
+            Ok(()) => {
+                let message = format!(
+                    "{fault} (set by WRAPYFI_ZEROMQ_CURVE_SERVER_KEY or WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE)"
+                );
+                Problem { position: None, message }
+            }
+        })
     }
 
     /// Refuses what no broker can start with, and nobody can connect to.

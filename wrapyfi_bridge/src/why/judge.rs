@@ -510,6 +510,20 @@ impl Walk<'_> {
             self.pass(format!("none came here within {} ms, but at the bridge", time.as_millis()));
             return Ok(());
         }
+        if let Some(away) = &source.unconnected {
+            let what = format!(
+                "nothing could be heard on {} within {} ms: no connection to {away}",
+                source.address,
+                time.as_millis()
+            );
+            let remedy = "do what the reason says; where it names nothing, the broker or this machine is busy: ask again";
+            return Err(Finding::new(
+                Cause::Middleware,
+                what,
+                "the broker, or the keys of this shell",
+                remedy,
+            ));
+        }
         let publisher = source.of(Role::Publisher).next();
         let what = format!(
             "everything is in place, and no message came on {} within {} ms: the connection is open and \

@@ -480,4 +480,5 @@ fn listen(end: &mut End, middleware: &dyn Middleware, types: &mut TypeStore) {
         context.wake.wait(LOOK);
     }
     end.silent = Some(LISTEN);
+    end.unconnected = listener.link().waiting_for;
 }

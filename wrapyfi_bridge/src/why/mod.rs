@@ -151,6 +151,8 @@ pub struct End {
     pub undefined: Option<(String, String)>,
     /// Time for which somebody listened and nothing came.
     pub silent: Option<Duration>,
+    /// Event that the connection of who listened still waited for at the end.
+    pub unconnected: Option<String>,
     /// Number of messages that came in that time.
     pub heard: u64,
     /// Number of names that match, of a pattern.

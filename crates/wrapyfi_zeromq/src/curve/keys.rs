@@ -38,6 +38,8 @@ pub(crate) struct Keys {
     pub(super) public: Key,
     /// Public key of the broker.
     pub(super) server: Key,
+    /// True where the secret key is that of a file.
+    is_kept: bool,
     /// Clients that a broker of ours takes; none: all.
     clients: Option<BTreeMap<Key, Arc<Grant>>>,
 }
@@ -83,7 +85,8 @@ impl Keys {
             Some(text) => public_key(text)?,
             None => public,
         };
-        let mut keys = Self { secret, public, server, clients: None };
+        let is_kept = config.secret_key_file.is_some();
+        let mut keys = Self { secret, public, server, is_kept, clients: None };
         if serves && keys.is_of_another() {
             let (server, own) = (z85(&server), z85(&public));
             return Err(CurveError::OtherServer { server, own });
@@ -97,6 +100,11 @@ impl Keys {
     /// Public key of this process, as others write it down.
     pub(crate) fn public(&self) -> String {
         z85(&self.public)
+    }
+
+    /// True where the next start has the same key.
+    pub(crate) fn is_kept(&self) -> bool {
+        self.is_kept
     }
 
     /// True where the broker has the key of another process.
@@ -281,13 +289,13 @@ impl Keys {
         let secret = Zeroizing::new([number; 32]);
         let public = *SecretKey::from(*secret).public_key().as_bytes();
         let server = server.map_or(public, |server| server.public);
-        Arc::new(Self { secret, public, server, clients: None })
+        Arc::new(Self { secret, public, server, is_kept: true, clients: None })
     }
 
     /// The same with the public key of another.
     pub(super) fn pretending(&self, other: &Self) -> Arc<Self> {
         let (secret, server) = (self.secret.clone(), self.server);
-        Arc::new(Self { secret, public: other.public, server, clients: None })
+        Arc::new(Self { secret, public: other.public, server, is_kept: true, clients: None })
     }
 }
 
