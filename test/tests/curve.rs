@@ -152,21 +152,22 @@ fn a_listener_is_told_that_its_key_may_not_subscribe() -> Result {
         until_route(&bridge, "x", |route| {
             route.is_some_and(|it| it["counters"]["received"].as_u64() > Some(0))
         })?;
+        let why = || -> Result<String> {
+            let mut why = env.wrapyfi(["why", &zeromq(&topic), "--json"])?;
+            why.exits_with(1)?;
+            let told: serde_json::Value = serde_json::from_str(why.stdout().trim())?;
+            Ok(told["what"].to_string())
+        };
         env.set_variable("WRAPYFI_ZEROMQ_CURVE_SERVER_KEY", env.path("keys/broker.key"));
+        // A key that is made anew each time cannot be listed.
+        let told = why()?;
+        assert!(told.contains("has another one with each start"), "{told}");
         env.set_variable("WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE", env.path("keys/robot.key_secret"));
         let line = format!(", subscribe: [\"{topic}\"] }}");
         let echo = env.wrapyfi(["echo", &zeromq(&topic), "--type", "NativeObject"])?;
         logged(&echo, &["does not let our CURVE key listen", &line])?;
-        let mut why = env.wrapyfi(["why", &zeromq(&topic), "--json"])?;
-        why.exits_with(1)?;
-        let told: serde_json::Value = serde_json::from_str(why.stdout().trim())?;
-        assert!(told["what"].to_string().contains("does not let our CURVE key listen"), "{told}");
-        // Keys that are made anew each time cannot be listed.
-        env.set_variable("WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE", "");
-        let mut why = env.wrapyfi(["why", &zeromq(&topic), "--json"])?;
-        why.exits_with(1)?;
-        let told: serde_json::Value = serde_json::from_str(why.stdout().trim())?;
-        assert!(told["what"].to_string().contains("has another one with each start"), "{told}");
+        let told = why()?;
+        assert!(told.contains("does not let our CURVE key listen"), "{told}");
         // A fault of the environment is not one of the file.
         env.set_variable("WRAPYFI_ZEROMQ_CURVE_SERVER_KEY", env.path("keys/none.key"));
         let mut check = env.wrapyfi(["check", &env.path("bridge.yaml").display().to_string()])?;
