@@ -161,7 +161,7 @@ fn a_listener_is_told_that_its_key_may_not_subscribe() -> Result {
         env.set_variable("WRAPYFI_ZEROMQ_CURVE_SERVER_KEY", env.path("keys/broker.key"));
         // A key that is made anew each time cannot be listed.
         let told = why()?;
-        assert!(told.contains("has another one with each start"), "{told}");
+        assert!(told.contains("makes another one with each start"), "{told}");
         env.set_variable("WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE", env.path("keys/robot.key_secret"));
         let line = format!(", subscribe: [\"{topic}\"] }}");
         let echo = env.wrapyfi(["echo", &zeromq(&topic), "--type", "NativeObject"])?;

@@ -122,10 +122,10 @@ impl BrokerLink {
     fn to_be_listed(&self, grant: &str) -> String {
         match self.keys.as_ref().filter(|keys| keys.is_kept()).map(|keys| keys.public()) {
             Some(key) => format!(
-                "our public key one of its `clients` (endpoints: zeromq: curve): - {{ key: \"{key}\"{grant} }}"
+                "its `clients` (endpoints: zeromq: curve) must have - {{ key: \"{key}\"{grant} }}"
             ),
-            None => "our public key one of its `clients`, which takes a key that stays: this program has another one with \
-                     each start until WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE is set"
+            None => "its `clients` must have a key of ours that stays, and this program makes another one with each start \
+                     until WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE is set"
                 .to_owned(),
         }
     }
