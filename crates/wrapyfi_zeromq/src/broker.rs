@@ -1,13 +1,16 @@
-//! The meeting point of publishers and listeners, in place of Wrapyfi's own.
+//! The brokers, in place of Wrapyfi's own: of topics, and of requests and replies.
 //!
 //! ```text
 //!   Broker::start ── binds XPUB pub_port (listeners) and XSUB sub_port (publishers)
 //!        │           └─ thread: Proxy
 //!   status() ◀────────── counters, subscriptions
 //!   drop     ──────────▶ thread ends, ports are free
+//!
+//!   clients ──connect──▶ ROUTER rep_port │ ServiceProxy │ DEALER req_port ◀──connect── servers
 //! ```
 //!
-//! The broker lives in a thread of its owner: it cannot outlive the process and keep the ports.
+//! A broker lives in a thread of its owner: it cannot outlive the process and keep the ports. No name of a service
+//! travels: one pair of ports is one service, and several servers on it are asked in turn.
 
 use std::net::IpAddr;
 use std::sync::Arc;
@@ -17,26 +20,36 @@ use super::config::ZeroMqConfig;
 use super::error::BrokerError;
 use super::ledger::Ledger;
 use super::monitor::Monitor;
+use super::options::SEND_HWM;
 use super::proxy::Proxy;
-use super::sides::{Sides, failed_to};
-use super::status::BrokerStatus;
+use super::service_proxy::ServiceProxy;
+use super::sides::{Bound, Sides, failed_to};
+use super::status::{BrokerStatus, ServiceBrokerStatus};
 use super::supervisor::Supervised;
 use super::traffic::Traffic;
-use super::turns::Runs;
+use super::turns::{Runs, Turns};
 use super::zmtp::Kind;
 use wrapyfi_endpoint::{Mutex, Throttle};
 
-/// A running broker. Dropping it ends it and frees its ports.
+/// A running broker with counters `S`: a [`Broker`] or a [`ServiceBroker`]. Dropping it ends it and frees its ports.
 #[derive(Debug)]
-pub struct Broker {
+pub struct RunningBroker<S> {
     ip: IpAddr,
-    pub_port: u16,
-    sub_port: u16,
-    status: Arc<Mutex<BrokerStatus>>,
+    ports: [u16; 2],
+    status: Arc<Mutex<S>>,
     _runs: Runs,
 }
 
-impl Broker {
+/// The meeting point of publishers and listeners.
+pub type Broker = RunningBroker<BrokerStatus>;
+/// The meeting point of clients and servers.
+pub type ServiceBroker = RunningBroker<ServiceBrokerStatus>;
+
+#[allow(private_bounds)] // what the supervisor needs to know of both is nobody else's
+impl<S: Clone> RunningBroker<S>
+where
+    Self: Supervised,
+{
     /// Binds both ports and starts passing messages.
     ///
     /// # Errors
@@ -51,22 +64,54 @@ impl Broker {
         self.ip
     }
 
+    /// Counters; of topics, subscriptions at most half a second old.
+    #[must_use]
+    pub fn status(&self) -> S {
+        self.status.lock().clone()
+    }
+
+    /// Starts the thread `name` of a broker that is bound.
+    fn run<T: Turns>(
+        name: &str,
+        bound: Bound,
+        status: Arc<Mutex<S>>,
+        proxy: T,
+    ) -> Result<Self, BrokerError> {
+        let Bound { ip, ports, keys, stop_signal } = bound;
+        let runs = Runs::start(name, stop_signal, proxy).map_err(failed_to("start its thread"))?;
+        let public_key = keys.map(|keys| keys.public());
+        let ([front, back], [front_port, back_port]) = (Self::SETTINGS, ports);
+        let name = T::NAME;
+        tracing::info!(%ip, public_key, "{name} runs: {front} {front_port}, {back} {back_port}");
+        Ok(Self { ip, ports, status, _runs: runs })
+    }
+}
+
+impl Broker {
     /// Port to which listeners connect.
     #[must_use]
     pub fn pub_port(&self) -> u16 {
-        self.pub_port
+        self.ports[0]
     }
 
     /// Port to which publishers connect.
     #[must_use]
     pub fn sub_port(&self) -> u16 {
-        self.sub_port
+        self.ports[1]
+    }
+}
+
+impl ServiceBroker {
+    /// Port to which clients connect.
+    #[must_use]
+    pub fn rep_port(&self) -> u16 {
+        self.ports[0]
     }
 
-    /// Counters and subscriptions; the latter at most half a second old.
+    /// Port to which servers connect.
     #[must_use]
-    pub fn status(&self) -> BrokerStatus {
-        self.status.lock().clone()
+    pub fn req_port(&self) -> u16 {
+        self.ports[1]
     }
 }
 
@@ -83,30 +128,43 @@ impl Supervised for Broker {
 
     fn start_with(config: &ZeroMqConfig, ledger: &Arc<Ledger>) -> Result<Self, BrokerError> {
         let own_topic = config.monitor.then_some(config.monitor_topic.as_str());
-        let sides = Sides::bind::<Self>(config, [config.send_hwm; 2], own_topic)?;
-        let Sides { ip, ports: [pub_port, sub_port], front, back, keys, stop_signal, stop } = sides;
+        let (sides, bound) = Sides::bind::<Self>(config, [config.send_hwm; 2], own_topic, ledger)?;
         let status = Arc::<Mutex<BrokerStatus>>::default();
-        if keys.as_ref().is_some_and(|keys| !keys.has_list()) {
+        if bound.keys.as_ref().is_some_and(|keys| !keys.has_list()) {
             tracing::warn!(
                 "every client that knows the public key of this broker may use all topics: list those that may \
                  (endpoints: zeromq: curve: clients)"
             );
         }
         let proxy = Proxy {
-            front,
-            back,
-            stop,
+            sides,
             monitor: Monitor::new(own_topic),
             traffic: Traffic::default(),
             status: Arc::clone(&status),
-            ledger: Arc::clone(ledger),
             slow: Throttle::default(),
             repeat_at: Instant::now(),
         };
-        let runs = Runs::start("zeromq-broker", stop_signal, proxy)
-            .map_err(failed_to("start its thread"))?;
-        let public_key = keys.map(|keys| keys.public());
-        tracing::info!(%ip, pub_port, sub_port, public_key, "ZeroMQ broker runs");
-        Ok(Self { ip, pub_port, sub_port, status, _runs: runs })
+        Self::run("zeromq-broker", bound, status, proxy)
+    }
+}
+
+impl Supervised for ServiceBroker {
+    const KINDS: [Kind; 2] = [Kind::Router, Kind::Dealer];
+    // Asked as a socket that neither side takes: one that the DEALER took would be given a request.
+    const ASKED_AS: [&'static str; 2] = ["SUB", "SUB"];
+    const WATCHER: zmq::SocketType = zmq::DEALER;
+    const SETTINGS: [&'static str; 2] = ["rep_port", "req_port"];
+
+    fn ports(config: &ZeroMqConfig) -> [u16; 2] {
+        [config.rep_port, config.req_port]
+    }
+
+    fn start_with(config: &ZeroMqConfig, ledger: &Arc<Ledger>) -> Result<Self, BrokerError> {
+        let depth = u16::try_from(config.pending.max(1)).unwrap_or(u16::MAX);
+        // What a client does not read waits behind that, in the thread of the broker.
+        let (sides, bound) = Sides::bind::<Self>(config, [SEND_HWM, depth], None, ledger)?;
+        let status = Arc::<Mutex<ServiceBrokerStatus>>::default();
+        let proxy = ServiceProxy::new(sides, config.pending, Arc::clone(&status));
+        Self::run("zeromq-services", bound, status, proxy)
     }
 }

@@ -107,8 +107,14 @@ pub(super) struct Front {
 }
 
 impl Front {
-    /// Binds the port.
-    pub(super) fn bind(kind: Kind, ip: IpAddr, port: u16, bounds: Bounds) -> std::io::Result<Self> {
+    /// Binds the port; with CURVE where there are keys.
+    pub(super) fn bind(
+        kind: Kind,
+        ip: IpAddr,
+        port: u16,
+        bounds: Bounds,
+        keys: Option<Arc<Keys>>,
+    ) -> std::io::Result<Self> {
         let port = TcpListener::bind((ip, port))?;
         port.set_nonblocking(true)?;
         let poll = Poll::new()?;
@@ -122,7 +128,7 @@ impl Front {
             messages: Vec::new(),
             last: 0,
             cuts: BTreeMap::new(),
-            keys: None,
+            keys,
             denied: 0,
             faults: Throttles::default(),
             refusals: Vec::new(),
@@ -139,11 +145,6 @@ impl Front {
             losses: Vec::new(),
             scratch: vec![0; READ_BYTES],
         })
-    }
-
-    /// The same, with CURVE where there are keys.
-    pub(super) fn secured(self, keys: Option<Arc<Keys>>) -> Self {
-        Self { keys, ..self }
     }
 
     /// The port that it is bound to.

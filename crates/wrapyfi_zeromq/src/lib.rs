@@ -14,12 +14,13 @@
 //! | --- | --- |
 //! | `config`, `error`, `status` | settings and environment, errors of the start, brokers at one moment |
 //! | `supervisor` | there is a broker: ours, or a foreign one until it dies |
-//! | `broker`, `proxy`, `turns`, `monitor`, `traffic` | the broker, its thread, its counts |
+//! | `broker`, `turns` | the brokers of topics, and of requests and replies; the life of their threads |
+//! | `proxy`, `monitor`, `traffic` | the thread of the one, its counts |
 //! | `sides` | the two ports of a broker, bound |
 //! | `front`, `assembly`, `ledger` | one of its sides, messages from their frames, whose messages it lost and whose peers it refused |
 //! | `discovery` | which topics a broker has |
 //! | `port_check` | what has a port |
-//! | `service_broker`, `service_proxy` | the broker of requests and replies, its thread |
+//! | `service_proxy` | the thread of the other |
 //! | `io`, `reception`, `service_connection`, `link` | the thread that receives, the parts of one listener and of one service in it, connection state |
 //! | `listener`, `publisher`, `client`, `server`, `shared` | the endpoints, what they share |
 //! | `publisher_connection` | a publisher's connection to the broker |
@@ -63,7 +64,6 @@ mod publisher;
 mod publisher_connection;
 mod reception;
 mod server;
-mod service_broker;
 mod service_connection;
 mod service_proxy;
 mod shared;
@@ -77,12 +77,11 @@ mod zmtp;
 use std::net::SocketAddr;
 use std::sync::Arc;
 
-pub use broker::Broker;
+pub use broker::{Broker, RunningBroker, ServiceBroker};
 pub use config::{BrokerMode, NAME, ZeroMqConfig};
 pub use curve_config::{CurveClient, CurveConfig, CurveError};
 pub use error::{BrokerError, ZeroMqError};
 pub use port_check::Answer;
-pub use service_broker::ServiceBroker;
 pub use status::{BrokerStatus, ServiceBrokerStatus};
 pub use traffic::TopicTraffic;
 

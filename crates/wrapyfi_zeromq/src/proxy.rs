@@ -18,12 +18,11 @@ use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 
-use super::front::{self, Front};
 use super::heard::Heard;
-use super::ledger::Ledger;
 use super::message::Loss;
 use super::monitor::Monitor;
 use super::options;
+use super::sides::Sides;
 use super::status::BrokerStatus;
 use super::traffic::{DENIED, TRAFFIC_TOPIC, Traffic, TrafficTable};
 use super::turns::Turns;
@@ -34,14 +33,11 @@ use wrapyfi_endpoint::{Mutex, Throttle};
 const REPEAT: Duration = Duration::from_millis(500);
 
 pub(super) struct Proxy {
-    pub(super) front: Front,
-    pub(super) back: Front,
-    pub(super) stop: zmq::Socket,
+    pub(super) sides: Sides,
     pub(super) monitor: Monitor,
     pub(super) traffic: Traffic,
     /// Counts, as others see them.
     pub(super) status: Arc<Mutex<BrokerStatus>>,
-    pub(super) ledger: Arc<Ledger>,
     pub(super) slow: Throttle,
     /// Time at which the counts are sent again.
     pub(super) repeat_at: Instant,
@@ -50,7 +46,7 @@ pub(super) struct Proxy {
 impl Proxy {
     fn pass_subscriptions(&mut self, now: Instant) {
         let is_traffic = |topic: &[u8]| topic == TRAFFIC_TOPIC.as_bytes();
-        for heard in std::mem::take(&mut self.front.heard) {
+        for heard in std::mem::take(&mut self.sides.front.heard) {
             let pass_on = match &heard {
                 Heard::Ignored | Heard::Message(_) | Heard::Denied(_) => {
                     self.status.lock().ignored += 1;
@@ -73,17 +69,17 @@ impl Proxy {
                 }
             };
             if let Some((is_wanted, topic)) = pass_on {
-                self.back.want(topic, is_wanted);
+                self.sides.back.want(topic, is_wanted);
             }
         }
     }
 
     /// Reads and passes on what has come, as far as each publisher has a turn; false when nothing had.
     fn pass_messages(&mut self, now: Instant) -> bool {
-        if let Err(error) = self.back.turn(now) {
+        if let Err(error) = self.sides.back.turn(now) {
             tracing::error!(%error, "the ZeroMQ broker cannot wait for its publishers");
         }
-        let messages = std::mem::take(&mut self.back.messages);
+        let messages = std::mem::take(&mut self.sides.back.messages);
         let any = !messages.is_empty();
         let mut status = self.status.lock();
         for (_, frames) in messages {
@@ -101,19 +97,19 @@ impl Proxy {
             } else if let [topic] = &frames[..] {
                 self.traffic.count(topic, bytes, None);
             }
-            self.front.publish(frames, Some(bytes));
+            self.sides.front.publish(frames, Some(bytes));
             status.messages += 1;
             status.bytes += bytes as u64;
         }
-        self.front.flush();
-        status.ignored += self.back.heard.drain(..).len() as u64;
+        self.sides.front.flush();
+        status.ignored += self.sides.back.heard.drain(..).len() as u64;
         any
     }
 
     /// Counts what listeners missed, and who was refused.
     fn settle(&mut self) {
         let mut status = self.status.lock();
-        for Loss { reason, listener, first } in std::mem::take(&mut self.front.losses) {
+        for Loss { reason, listener, first } in std::mem::take(&mut self.sides.front.losses) {
             *status.missed.entry(reason.as_str()).or_default() += 1;
             let topic = first.as_ref().map(|(topic, _)| String::from_utf8_lossy(topic));
             if let Some(unlogged_before) = self.slow.pass(Instant::now()) {
@@ -121,20 +117,17 @@ impl Proxy {
                 tracing::warn!(%listener, topic, unlogged_before, "a listener missed a message ({reason})");
             }
             if let Some((topic, bytes)) = &first {
-                self.ledger.undelivered(topic, reason, *bytes);
+                self.sides.ledger.undelivered(topic, reason, *bytes);
             }
         }
-        for refusal in self.front.refusals.drain(..).chain(self.back.refusals.drain(..)) {
-            self.ledger.refused(&refusal);
-        }
-        status.denied = self.front.denied + self.back.denied;
-        status.cut = front::cuts([&self.front, &self.back]);
+        status.denied = self.sides.front.denied + self.sides.back.denied;
+        status.cut = self.sides.settle();
     }
 
     /// Publishes the table of topics to those who asked for it.
     fn tell_traffic(&mut self) {
         if let Some(table) = self.traffic.message() {
-            self.front.publish(vec![TRAFFIC_TOPIC.into(), table.into()], None);
+            self.sides.front.publish(vec![TRAFFIC_TOPIC.into(), table.into()], None);
         }
     }
 
@@ -149,9 +142,9 @@ impl Proxy {
         drop(status);
         self.tell_traffic();
         if let (Some(json), Some(topic)) = (message, self.monitor.own_topic()) {
-            self.front.publish(vec![Bytes::copy_from_slice(topic), json.into()], None);
+            self.sides.front.publish(vec![Bytes::copy_from_slice(topic), json.into()], None);
         }
-        self.front.flush();
+        self.sides.front.flush();
     }
 }
 
@@ -160,34 +153,23 @@ impl Turns for Proxy {
 
     /// Waits for one event or for the time of the next counts.
     fn turn(&mut self) -> zmq::Result<bool> {
-        let wait = match self.front.is_unread() || self.back.is_unread() {
-            true => 0,
-            false => self.repeat_at.saturating_duration_since(Instant::now()).as_millis() + 1,
-        };
-        let mut items = [
-            zmq::PollItem::from_fd(self.front.fd(), zmq::POLLIN),
-            zmq::PollItem::from_fd(self.back.fd(), zmq::POLLIN),
-            self.stop.as_poll_item(zmq::POLLIN),
-        ];
-        zmq::poll(&mut items, i64::try_from(wait).unwrap_or(1))?;
-        let [front, back, stop] = items.map(|item| item.is_readable());
-        if stop {
+        let wait = self.repeat_at.saturating_duration_since(Instant::now()).as_millis() + 1;
+        let Some([front, back]) = self.sides.wait(i64::try_from(wait).unwrap_or(1))? else {
             return Ok(false);
-        }
+        };
         let mut now = Instant::now();
-        if front || self.front.is_unread() {
-            if let Err(error) = self.front.turn(now) {
+        if front {
+            if let Err(error) = self.sides.front.turn(now) {
                 tracing::error!(%error, "the ZeroMQ broker cannot wait for its listeners");
             }
             self.pass_subscriptions(now);
         }
-        if back || self.back.is_unread() {
+        if back {
             self.pass_messages(now);
             now = Instant::now();
         }
         if now >= self.repeat_at {
-            self.front.tick(now);
-            self.back.tick(now);
+            self.sides.tick(now);
             self.pass_subscriptions(now);
         }
         if self.monitor.take_changed() || now >= self.repeat_at {
@@ -199,7 +181,7 @@ impl Turns for Proxy {
     }
 
     fn stop(&self) -> &zmq::Socket {
-        &self.stop
+        &self.sides.stop
     }
 
     fn failed(&mut self, why: Option<String>) {
@@ -209,12 +191,12 @@ impl Turns for Proxy {
     /// Passes on what has come, and what waits.
     fn end(mut self) {
         let deadline = Instant::now() + options::LINGER;
-        while self.pass_messages(Instant::now()) || self.back.is_unread() {
+        while self.pass_messages(Instant::now()) || self.sides.back.is_unread() {
             if Instant::now() >= deadline {
                 break;
             }
         }
-        self.front.close(deadline);
+        self.sides.front.close(deadline);
         self.settle();
     }
 }

@@ -19,9 +19,9 @@ use bytes::Bytes;
 
 use super::deadline;
 use super::envelope::{self, ServiceMessage};
-use super::front::{self, Front};
-use super::ledger::Ledger;
+use super::front::Front;
 use super::options;
+use super::sides::Sides;
 use super::status::ServiceBrokerStatus;
 use super::turns::Turns;
 use wrapyfi_endpoint::{Mutex, PROGRESS, Share};
@@ -35,9 +35,7 @@ const RETRY_MS: i64 = 5;
 const TICK: Duration = Duration::from_millis(500);
 
 pub(super) struct ServiceProxy {
-    front: Front,
-    back: Front,
-    stop: zmq::Socket,
+    sides: Sides,
     tick_at: Instant,
     /// Requests that no server has room for, the oldest first.
     held: VecDeque<Held>,
@@ -49,7 +47,6 @@ pub(super) struct ServiceProxy {
     tally: ServiceBrokerStatus,
     /// The same, as others see it.
     shown: Arc<Mutex<ServiceBrokerStatus>>,
-    ledger: Arc<Ledger>,
 }
 
 /// Replies that wait until their client reads.
@@ -77,17 +74,12 @@ struct Held {
 
 impl ServiceProxy {
     pub(super) fn new(
-        front: Front,
-        back: Front,
-        stop: zmq::Socket,
+        sides: Sides,
         pending: usize,
         shown: Arc<Mutex<ServiceBrokerStatus>>,
-        ledger: Arc<Ledger>,
     ) -> Self {
         Self {
-            front,
-            back,
-            stop,
+            sides,
             tick_at: Instant::now(),
             held: VecDeque::new(),
             pending: pending.max(1),
@@ -95,7 +87,6 @@ impl ServiceProxy {
             unread: BTreeMap::new(),
             tally: ServiceBrokerStatus::default(),
             shown,
-            ledger,
         }
     }
 
@@ -106,7 +97,7 @@ impl ServiceProxy {
         loop {
             self.pass_replies();
             // Clients that read again have room.
-            if let Err(error) = self.front.turn(Instant::now()) {
+            if let Err(error) = self.sides.front.turn(Instant::now()) {
                 tracing::error!(%error, "the ZeroMQ broker cannot wait for its clients");
             }
             self.pass_unread();
@@ -116,24 +107,18 @@ impl ServiceProxy {
                 return Ok(());
             }
             let wait = i64::try_from(left.as_millis()).unwrap_or(0) + 1;
-            let wait = if self.back.is_unread() { 0 } else { wait.min(RETRY_MS) };
-            zmq::poll(&mut [zmq::PollItem::from_fd(self.back.fd(), zmq::POLLIN)], wait)?;
+            let wait = if self.sides.back.is_unread() { 0 } else { wait.min(RETRY_MS) };
+            zmq::poll(&mut [zmq::PollItem::from_fd(self.sides.back.fd(), zmq::POLLIN)], wait)?;
         }
     }
 
     fn show(&mut self) {
-        for refusal in self.front.refusals.drain(..).chain(self.back.refusals.drain(..)) {
-            self.ledger.refused(&refusal);
-        }
-        self.tally.cut = front::cuts([&self.front, &self.back]);
+        self.tally.cut = self.sides.settle();
         self.shown.lock().clone_from(&self.tally);
     }
 
     /// Milliseconds until the next request is too old, a reply is tried again, or peers are looked at.
     fn wait_ms(&self) -> i64 {
-        if self.front.is_unread() || self.back.is_unread() {
-            return 0;
-        }
         let next = self.held.iter().filter_map(|held| held.until).chain([self.tick_at]).min();
         let left = next.map(|until| {
             let left = until.saturating_duration_since(Instant::now());
@@ -144,11 +129,11 @@ impl ServiceProxy {
     }
 
     fn take_requests(&mut self, now: Instant) {
-        if let Err(error) = self.front.turn(now) {
+        if let Err(error) = self.sides.front.turn(now) {
             tracing::error!(%error, "the ZeroMQ broker cannot wait for its clients");
         }
-        self.tally.malformed += self.front.heard.drain(..).len() as u64;
-        for (client, mut frames) in std::mem::take(&mut self.front.messages) {
+        self.tally.malformed += self.sides.front.heard.drain(..).len() as u64;
+        for (client, mut frames) in std::mem::take(&mut self.sides.front.messages) {
             frames.insert(0, Bytes::copy_from_slice(&client.to_be_bytes()));
             let count = frames.len();
             let message = match envelope::split(frames, count) {
@@ -168,7 +153,7 @@ impl ServiceProxy {
                 continue;
             }
             // Straight through where nobody waits in front of it.
-            if self.held.is_empty() && forward(&message, &mut self.back, &mut self.tally) {
+            if self.held.is_empty() && forward(&message, &mut self.sides.back, &mut self.tally) {
                 continue;
             }
             let bytes = message.size();
@@ -205,7 +190,7 @@ impl ServiceProxy {
         });
         self.tally.expired += (before - self.held.len()) as u64;
         while let Some(held) = self.held.front() {
-            if !forward(&held.message, &mut self.back, &mut self.tally) {
+            if !forward(&held.message, &mut self.sides.back, &mut self.tally) {
                 break;
             }
             self.share.give(held.message.size());
@@ -215,11 +200,11 @@ impl ServiceProxy {
     }
 
     fn pass_replies(&mut self) {
-        if let Err(error) = self.back.turn(Instant::now()) {
+        if let Err(error) = self.sides.back.turn(Instant::now()) {
             tracing::error!(%error, "the ZeroMQ broker cannot wait for its servers");
         }
-        self.tally.malformed += self.back.heard.drain(..).len() as u64;
-        for (_, frames) in std::mem::take(&mut self.back.messages) {
+        self.tally.malformed += self.sides.back.heard.drain(..).len() as u64;
+        for (_, frames) in std::mem::take(&mut self.sides.back.messages) {
             let count = frames.len();
             match envelope::split(frames, count) {
                 Some((envelope, Ok(body))) => self.answer(ServiceMessage { envelope, body }, 1),
@@ -279,7 +264,8 @@ impl ServiceProxy {
     fn send(&mut self, reply: &ServiceMessage, replies: u64) -> Sent {
         let client = reply.envelope.first().and_then(|client| client.first_chunk::<8>());
         let client = client.and_then(|client| usize::try_from(u64::from_be_bytes(*client)).ok());
-        match client.and_then(|client| self.front.send(client, reply.frames(1), reply.size())) {
+        match client.and_then(|client| self.sides.front.send(client, reply.frames(1), reply.size()))
+        {
             Some(true) => {
                 self.tally.replies += replies;
                 self.tally.bytes += reply.size() as u64 * replies;
@@ -295,29 +281,21 @@ impl Turns for ServiceProxy {
     const NAME: &'static str = "the ZeroMQ broker of requests and replies";
 
     fn turn(&mut self) -> zmq::Result<bool> {
-        let mut items = [
-            zmq::PollItem::from_fd(self.front.fd(), zmq::POLLIN),
-            zmq::PollItem::from_fd(self.back.fd(), zmq::POLLIN),
-            self.stop.as_poll_item(zmq::POLLIN),
-        ];
-        zmq::poll(&mut items, self.wait_ms())?;
-        let [front, back, stop] = items.map(|item| item.is_readable());
-        if stop {
+        let Some([front, back]) = self.sides.wait(self.wait_ms())? else {
             self.last_replies()?;
             self.show();
             return Ok(false);
-        }
+        };
         self.pass_unread();
-        if back || self.back.is_unread() {
+        if back {
             self.pass_replies();
         }
         let now = Instant::now();
-        if front || self.front.is_unread() {
+        if front {
             self.take_requests(now);
         }
         if now >= self.tick_at {
-            self.front.tick(now);
-            self.back.tick(now);
+            self.sides.tick(now);
             self.tick_at = now + TICK;
         }
         self.pass_requests();
@@ -326,7 +304,7 @@ impl Turns for ServiceProxy {
     }
 
     fn stop(&self) -> &zmq::Socket {
-        &self.stop
+        &self.sides.stop
     }
 
     fn failed(&mut self, why: Option<String>) {
@@ -336,8 +314,8 @@ impl Turns for ServiceProxy {
 
     fn end(mut self) {
         let deadline = Instant::now() + options::LINGER;
-        self.front.close(deadline);
-        self.back.close(deadline);
+        self.sides.front.close(deadline);
+        self.sides.back.close(deadline);
     }
 }
 
@@ -363,20 +341,21 @@ mod tests {
     fn broker(context: &zmq::Context) -> (ServiceProxy, zmq::Socket) {
         let bounds = Bounds { hwm: 2, message_bytes: 16 << 20, connections: 8 };
         let ip = std::net::Ipv4Addr::LOCALHOST.into();
-        let bound = |kind| Front::bind(kind, ip, 0, bounds).unwrap();
+        let bound = |kind| Front::bind(kind, ip, 0, bounds, None).unwrap();
         let (front, back) = (bound(Kind::Router), bound(Kind::Dealer));
         let stop = context.socket(zmq::PAIR).unwrap();
         stop.bind("inproc://stop").unwrap();
         let client = context.socket(zmq::DEALER).unwrap();
         client.set_rcvhwm(1).unwrap();
         client.connect(&format!("tcp://127.0.0.1:{}", front.port().unwrap())).unwrap();
-        (ServiceProxy::new(front, back, stop, 10, Arc::default(), Arc::default()), client)
+        let sides = Sides { front, back, stop, ledger: Arc::default() };
+        (ServiceProxy::new(sides, 10, Arc::default()), client)
     }
 
     fn server(context: &zmq::Context, proxy: &ServiceProxy, kind: zmq::SocketType) -> zmq::Socket {
         let server = context.socket(kind).unwrap();
         server.set_linger(0).unwrap();
-        let port = proxy.back.port().unwrap();
+        let port = proxy.sides.back.port().unwrap();
         server.connect(&format!("tcp://127.0.0.1:{port}")).unwrap();
         server
     }

@@ -1,25 +1,33 @@
 //! The two ports of a broker of ours.
 
+use std::collections::BTreeMap;
 use std::io::ErrorKind;
 use std::net::IpAddr;
 use std::sync::Arc;
+use std::time::Instant;
 
 use super::config::{NAME, ZeroMqConfig};
 use super::curve::Keys;
 use super::error::BrokerError;
-use super::front::{Bounds, Front};
+use super::front::{self, Bounds, Front};
+use super::ledger::Ledger;
 use super::options::{self, StopSignal};
 use super::supervisor::Supervised;
 
-/// Both sides of a broker, bound, and what stops its thread.
+/// Both sides of a broker, bound, and the socket that stops its thread.
 pub(super) struct Sides {
-    pub(super) ip: IpAddr,
-    pub(super) ports: [u16; 2],
     pub(super) front: Front,
     pub(super) back: Front,
+    pub(super) stop: zmq::Socket,
+    pub(super) ledger: Arc<Ledger>,
+}
+
+/// A broker before its thread runs.
+pub(super) struct Bound {
+    pub(super) ip: IpAddr,
+    pub(super) ports: [u16; 2],
     pub(super) keys: Option<Arc<Keys>>,
     pub(super) stop_signal: StopSignal,
-    pub(super) stop: zmq::Socket,
 }
 
 impl Sides {
@@ -28,7 +36,8 @@ impl Sides {
         config: &ZeroMqConfig,
         hwm: [u16; 2],
         own_topic: Option<&str>,
-    ) -> Result<Self, BrokerError> {
+        ledger: &Arc<Ledger>,
+    ) -> Result<(Self, Bound), BrokerError> {
         let keys = config.curve.as_ref().map(|curve| Keys::load(curve, true, own_topic));
         let keys = keys.transpose()?;
         let ip = config.address()?;
@@ -46,18 +55,47 @@ impl Sides {
                 message_bytes: config.max_frame_bytes,
                 connections: config.max_connections,
             };
-            let bound = Front::bind(kind, ip, port, bounds);
+            let bound = Front::bind(kind, ip, port, bounds, keys.clone());
             let front = bound.map_err(|error| refused(ip, port, &error))?;
             let port = front.port().map_err(failed_to("learn its port"))?;
-            Ok::<_, BrokerError>((front.secured(keys.clone()), port))
+            Ok::<_, BrokerError>((front, port))
         };
         let ([front_kind, back_kind], [front_hwm, back_hwm]) = (B::KINDS, hwm);
         let (front, front_port) = bind(front_kind, front, front_hwm)?;
         let (back, back_port) = bind(back_kind, back, back_hwm)?;
         let (stop_signal, stop) =
             StopSignal::new(&zmq::Context::new()).map_err(failed_to("open its control socket"))?;
-        let ports = [front_port, back_port];
-        Ok(Self { ip, ports, front, back, keys, stop_signal, stop })
+        let bound = Bound { ip, ports: [front_port, back_port], keys, stop_signal };
+        Ok((Self { front, back, stop, ledger: Arc::clone(ledger) }, bound))
+    }
+
+    /// Waits for something to happen at a side; the sides where it did, `None` when it is time to stop.
+    pub(super) fn wait(&self, wait_ms: i64) -> zmq::Result<Option<[bool; 2]>> {
+        let [front_unread, back_unread] = [&self.front, &self.back].map(Front::is_unread);
+        let wait_ms = if front_unread || back_unread { 0 } else { wait_ms };
+        let mut items = [
+            zmq::PollItem::from_fd(self.front.fd(), zmq::POLLIN),
+            zmq::PollItem::from_fd(self.back.fd(), zmq::POLLIN),
+            self.stop.as_poll_item(zmq::POLLIN),
+        ];
+        zmq::poll(&mut items, wait_ms)?;
+        let [front, back, stop] = items.map(|item| item.is_readable());
+        Ok((!stop).then_some([front || front_unread, back || back_unread]))
+    }
+
+    /// Looks for peers that are dead.
+    pub(super) fn tick(&mut self, now: Instant) {
+        self.front.tick(now);
+        self.back.tick(now);
+    }
+
+    /// Counts who was refused at the endpoints of this process. Number of connections that were refused or ended, by
+    /// reason.
+    pub(super) fn settle(&mut self) -> BTreeMap<&'static str, u64> {
+        for refusal in self.front.refusals.drain(..).chain(self.back.refusals.drain(..)) {
+            self.ledger.refused(&refusal);
+        }
+        front::cuts([&self.front, &self.back])
     }
 }
 
