@@ -8,6 +8,7 @@ use syn::{Ident, ImplItem, ItemImpl, Type, Visibility};
 
 use crate::emit;
 use crate::method::{self, Method};
+use crate::suggest::wrong;
 
 /// The block, its type and its registered methods.
 pub(crate) struct Block {
@@ -147,10 +148,9 @@ fn analyse(attribute: TokenStream, block: &mut ItemImpl) -> syn::Result<Block> {
             methods,
         }),
         (Some(error), _) => Err(error),
-        (None, None) => Err(syn::Error::new(
-            block.self_ty.span(),
-            "a communicator is made of a struct or an enum",
-        )),
+        (None, None) => {
+            wrong(block.self_ty.span(), "a communicator is made of a struct or an enum")
+        }
     }
 }
 

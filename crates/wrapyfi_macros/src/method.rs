@@ -18,7 +18,7 @@ use syn::spanned::Spanned as _;
 use syn::{Attribute, FnArg, GenericParam, ImplItemFn, Pat, ReturnType, Type};
 
 use crate::register::Registration;
-use crate::suggest::{did_you_mean, listed};
+use crate::suggest::{did_you_mean, listed, wrong};
 
 /// Way in which an argument is passed.
 pub(crate) enum Passing {
@@ -106,10 +106,10 @@ impl Method {
         let name = signature.ident.clone();
         refuse_generics(method)?;
         if let Some(attribute) = method.attrs.iter().find(|attribute| is(attribute, "cfg")) {
-            return Err(syn::Error::new(
+            return wrong(
                 attribute.span(),
                 "a registered method is always there: put #[cfg] on the impl block, or choose mode disable",
-            ));
+            );
         }
         let registrations = marks
             .iter()
@@ -117,10 +117,10 @@ impl Method {
                 syn::Meta::List(list) if !list.tokens.is_empty() => {
                     list.parse_args::<Registration>()
                 }
-                other => Err(syn::Error::new(
+                other => wrong(
                     other.span(),
                     "say what is sent where: #[register(NativeObject, \"zeromq\", \"/topic\")]",
-                )),
+                ),
             })
             .collect::<syn::Result<Vec<_>>>()?;
         let receiver = receiver(signature)?;
@@ -132,10 +132,7 @@ impl Method {
             let (name, written) = (argument_name(&argument.pat)?, (*argument.ty).clone());
             if received.contains(&index) {
                 if prev.is_some() {
-                    return Err(syn::Error::new(
-                        name.span(),
-                        "one argument can be #[received], not two",
-                    ));
+                    return wrong(name.span(), "one argument can be #[received], not two");
                 }
                 prev = Some((index - 1, name, written));
                 continue;
@@ -216,10 +213,7 @@ impl Method {
                     ),
                 };
                 let hint = did_you_mean(wanted, names.iter().map(String::as_str));
-                return Err(syn::Error::new(
-                    text.span(),
-                    format!("`{value}` names no argument; {hint}{has}"),
-                ));
+                return wrong(text.span(), format!("`{value}` names no argument; {hint}{has}"));
             }
         }
         Ok(())
@@ -247,19 +241,19 @@ fn refuse_generics(method: &ImplItemFn) -> syn::Result<()> {
                   write one method for each type, or take a `Value`"
             }
         };
-        return Err(syn::Error::new(parameter.span(), advice));
+        return wrong(parameter.span(), advice);
     }
     if let Some(unsafety) = &signature.unsafety {
-        return Err(syn::Error::new(
+        return wrong(
             unsafety.span(),
             "a registered method is called for others: it cannot be unsafe",
-        ));
+        );
     }
     if let Some(abi) = &signature.abi {
-        return Err(syn::Error::new(
+        return wrong(
             abi.span(),
             "a registered method is an ordinary Rust method, without `extern`",
-        ));
+        );
     }
     Ok(())
 }
@@ -270,17 +264,17 @@ fn receiver(signature: &syn::Signature) -> syn::Result<TokenStream> {
             if receiver.reference.is_none() {
                 let advice =
                     "a registered method is called again and again: take `&self` or `&mut self`";
-                return Err(syn::Error::new(receiver.span(), advice));
+                return wrong(receiver.span(), advice);
             }
             Ok(if receiver.mutability.is_some() { quote!(&mut self) } else { quote!(&self) })
         }
         Some(FnArg::Receiver(receiver)) => {
-            Err(syn::Error::new(receiver.span(), "write `&self` or `&mut self` here"))
+            wrong(receiver.span(), "write `&self` or `&mut self` here")
         }
-        _ => Err(syn::Error::new(
+        _ => wrong(
             signature.ident.span(),
             "a registered method belongs to an instance: take `&self` or `&mut self`",
-        )),
+        ),
     }
 }
 
@@ -289,11 +283,11 @@ fn argument_name(pattern: &Pat) -> syn::Result<Ident> {
         Pat::Ident(ident) if ident.by_ref.is_none() && ident.subpat.is_none() => {
             Ok(ident.ident.clone())
         }
-        _ => Err(syn::Error::new(
+        _ => wrong(
             pattern.span(),
             "an argument of a registered method has a name, which travels with a request: write `name: Type` \
              and take it apart inside",
-        )),
+        ),
     }
 }
 
@@ -304,10 +298,10 @@ fn passing(written: &Type) -> syn::Result<Passing> {
     };
     if reference.mutability.is_some() {
         let advice = "a server cannot give changes back through `&mut`: take it by value and return what changed";
-        return Err(syn::Error::new(written.span(), advice));
+        return wrong(written.span(), advice);
     }
     if let Some(lifetime) = &reference.lifetime {
-        return Err(syn::Error::new(lifetime.span(), "leave the lifetime out"));
+        return wrong(lifetime.span(), "leave the lifetime out");
     }
     match &*reference.elem {
         Type::Slice(slice) => {
@@ -373,14 +367,14 @@ fn returns(output: &ReturnType, registrations: &[Registration]) -> syn::Result<V
             Type::Tuple(tuple) if tuple.elems.len() == count => {
                 Ok(tuple.elems.iter().cloned().collect())
             }
-            Type::Tuple(tuple) => Err(syn::Error::new(
+            Type::Tuple(tuple) => wrong(
                 kind.span(),
                 format!("{what}: a tuple of {count} should be here, not of {}", tuple.elems.len()),
-            )),
-            _ => Err(syn::Error::new(
+            ),
+            _ => wrong(
                 kind.span(),
                 format!("{what}: write the return type as a tuple of {count}, one for each"),
-            )),
+            ),
         }
     };
     let parts = match registrations {

@@ -15,7 +15,7 @@ use syn::spanned::Spanned as _;
 use syn::{Expr, ExprLit, Ident, Lit, LitStr, Token, UnOp, bracketed, parenthesized};
 
 use crate::options::{self, Form};
-use crate::suggest::{did_you_mean, listed};
+use crate::suggest::{did_you_mean, listed, wrong};
 
 const DATA_TYPES: [&str; 5] = ["NativeObject", "Image", "AudioChunk", "Properties", "RosMessage"];
 /// Wrapyfi's names for the last one.
@@ -137,7 +137,7 @@ impl Register {
                 SettingValue::Text(text) => {
                     Ok(Some(Expr::Lit(ExprLit { attrs: Vec::new(), lit: Lit::Str(text) })))
                 }
-                _ => Err(syn::Error::new(span, format!("{name} is a text: {name} = \"…\""))),
+                _ => wrong(span, format!("{name} is a text: {name} = \"…\"")),
             }
         };
         let (named_middleware, named_topic) = (named("middleware")?, named("topic")?);
@@ -150,10 +150,10 @@ impl Register {
             // The class name of Python's signature is the type's name here.
             (Some(middleware), Some(_class), Some(topic), None) => (Some(middleware), Some(topic)),
             (.., Some(extra)) => {
-                return Err(syn::Error::new(
+                return wrong(
                     extra.span(),
                     "too many texts: write data type, middleware, topic, and options by name",
-                ));
+                );
             }
         };
         let twice = |what: &str, expr: &Expr| {
@@ -179,10 +179,7 @@ impl Register {
         if let Expr::Lit(ExprLit { lit: Lit::Str(text), .. }) = &topic
             && text.value().is_empty()
         {
-            return Err(syn::Error::new(
-                text.span(),
-                "an empty topic: write a name such as \"/camera\"",
-            ));
+            return wrong(text.span(), "an empty topic: write a name such as \"/camera\"");
         }
         Ok(Self { data_type, middleware, topic, options })
     }
@@ -284,7 +281,7 @@ fn data_type(input: ParseStream<'_>) -> syn::Result<Ident> {
     let hint = did_you_mean(&word, DATA_TYPES.into_iter().chain(OF_WRAPYFI));
     let text =
         format!("`{word}` is no data type here; {hint}data types are {}", listed(DATA_TYPES));
-    Err(syn::Error::new(span, text))
+    wrong(span, text)
 }
 
 /// A text, or a constant that is one.
@@ -292,10 +289,10 @@ fn text(input: ParseStream<'_>) -> syn::Result<Expr> {
     let expr: Expr = input.parse()?;
     match &expr {
         Expr::Lit(ExprLit { lit: Lit::Str(_), .. }) | Expr::Path(_) | Expr::Macro(_) => Ok(expr),
-        _ => Err(syn::Error::new(
+        _ => wrong(
             expr.span(),
             "a text or a constant should be here: data type, \"middleware\", \"/topic\", then name = value",
-        )),
+        ),
     }
 }
 
@@ -369,11 +366,11 @@ fn check_dollar(expr: &Expr) -> syn::Result<()> {
     match value.find('$') {
         None | Some(0) if value != "$" => Ok(()),
         None => Ok(()),
-        Some(_) => Err(syn::Error::new(
+        Some(_) => wrong(
             text.span(),
             "`$` stands first and an argument's name or number follows it, such as \"$topic\" or \"$0\": \
              the argument replaces the whole text",
-        )),
+        ),
     }
 }
 
@@ -385,15 +382,15 @@ fn check(settings: &[Setting], one_side: bool) -> syn::Result<()> {
                 "unknown option `{name}`; {}the table of options is in docs/reference/communicator.md",
                 did_you_mean(name, options::names())
             );
-            return Err(syn::Error::new(*span, text));
+            return wrong(*span, text);
         };
         if settings.iter().take(index).any(|earlier| earlier.name == *name) {
-            return Err(syn::Error::new(*span, format!("`{name}` is given twice: leave one out")));
+            return wrong(*span, format!("`{name}` is given twice: leave one out"));
         }
         let fits = match (form, value) {
             (Form::Side, _) if one_side => {
                 let text = format!("`{name}` cannot stand inside options of one side");
-                return Err(syn::Error::new(*span, text));
+                return wrong(*span, text);
             }
             (Form::Side, SettingValue::Map(inner)) => {
                 check(inner, true)?;
@@ -408,7 +405,7 @@ fn check(settings: &[Setting], one_side: bool) -> syn::Result<()> {
         };
         if !fits {
             let text = format!("this is no value of `{name}`: write {}", form.example(name));
-            return Err(syn::Error::new(*value_span, text));
+            return wrong(*value_span, text);
         }
     }
     Ok(())

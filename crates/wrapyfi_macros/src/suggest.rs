@@ -1,4 +1,11 @@
-//! "did you mean": the known word nearest to a wrong one.
+//! Errors of what is written, and "did you mean": the known word nearest to a wrong one.
+
+use proc_macro2::Span;
+
+/// The error that `advice` says, at `place`.
+pub(crate) fn wrong<T>(place: Span, advice: impl std::fmt::Display) -> syn::Result<T> {
+    Err(syn::Error::new(place, advice))
+}
 
 /// `did you mean ...? ` when one of `known` is near `word`, else nothing.
 pub(crate) fn did_you_mean<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> String {
