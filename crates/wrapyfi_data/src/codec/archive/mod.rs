@@ -8,8 +8,8 @@
 //!         deflated ─▶ inflated, at most as long as the directory says, booked before
 //! ```
 //!
-//! The directory is read here and not by the crate `zip`, which sizes its tables by counts that the
-//! archive claims, and copies members that could be shared.
+//! Archives are written by the crate `zip`. Their directory is read here, because that crate sizes its tables by
+//! counts that the archive claims, and copies members that could be shared.
 
 mod read;
 mod write;
@@ -18,13 +18,3 @@ pub(crate) use read::Archive;
 #[cfg(feature = "torch")]
 pub(crate) use read::Member;
 pub(crate) use write::Writer;
-
-const LOCAL: &[u8; 4] = b"PK\x03\x04";
-const DIRECTORY: &[u8; 4] = b"PK\x01\x02";
-const END: &[u8; 4] = b"PK\x05\x06";
-/// Length of an end record without its comment.
-const END_LENGTH: usize = 22;
-/// Length of a directory entry without name, extra field and comment.
-const ENTRY_LENGTH: usize = 46;
-/// Length of a local header without name and extra field.
-const LOCAL_LENGTH: usize = 30;

@@ -7,7 +7,15 @@ use bytes::Bytes;
 use flate2::Crc;
 use flate2::read::DeflateDecoder;
 
-use super::{DIRECTORY, END, END_LENGTH, ENTRY_LENGTH, LOCAL, LOCAL_LENGTH};
+const LOCAL: &[u8; 4] = b"PK\x03\x04";
+const DIRECTORY: &[u8; 4] = b"PK\x01\x02";
+const END: &[u8; 4] = b"PK\x05\x06";
+/// Length of an end record without its comment.
+const END_LENGTH: usize = 22;
+/// Length of a directory entry without name, extra field and comment.
+const ENTRY_LENGTH: usize = 46;
+/// Length of a local header without name and extra field.
+const LOCAL_LENGTH: usize = 30;
 
 /// Packing, checksum, sizes and place of a member, as the directory states them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

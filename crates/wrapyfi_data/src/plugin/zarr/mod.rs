@@ -70,7 +70,7 @@ impl Plugin for Zarr {
     }
 
     fn encode(&self, value: &Value) -> Result<Vec<Part>, PluginError> {
-        let mut files = Files::default();
+        let mut files = Files(Writer::with_capacity(0));
         let (kind, name) = if let Some(group) = value.as_object::<ZarrGroup>() {
             group.write("", &mut files)?;
             (GROUP, None)
@@ -91,7 +91,6 @@ impl Plugin for Zarr {
 }
 
 /// The zip in the making.
-#[derive(Default)]
 struct Files(Writer);
 
 impl Files {
