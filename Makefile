@@ -1,4 +1,5 @@
-# make demo    all programs, and the main job on a bare machine: ZeroMQ in, ROS 2 out, a live table
+# make demo    the main job on a bare machine: ZeroMQ in, ROS 2 out, a live table
+# make build   all programs with all that they can, in target/release
 # make check   for daily work: format, lints, tests without real peers
 # make test    everything: format, lints, tests against real peers, documentation, colcon
 # make nightly what takes hours: fuzz targets, more seeds, every feature alone, the release build, the oldest Rust,
@@ -19,7 +20,7 @@ SHELL := /bin/bash
 MAKEFLAGS += --no-print-directory
 # One after the other: every step uses all cores, and each one fails with its own message.
 .NOTPARALLEL:
-.PHONY: demo check test nightly soak test-churn bench doc fmt lint fuzz setup-build setup-test setup-frameworks test-fmt test-rust
+.PHONY: demo build check test nightly soak test-churn bench doc fmt lint fuzz setup-build setup-test setup-frameworks test-fmt test-rust
 .PHONY: test-asan test-frameworks test-python test-colcon test-rmw test-release test-seeds test-features test-oldest test-semver deny sbom
 
 DEMO_ARGS ?= --seconds 20
@@ -30,9 +31,15 @@ export PYTHON3 ?= /usr/bin/python3
 # A quiet cargo still prints warnings and errors.
 CARGO := cargo --quiet
 
+# Without what the demo does not show: libraries of Python's formats, and of services of Fast DDS nodes. `make build`
+# compiles these alone, and anew what uses them.
+LEAN := --release --locked --package wrapyfi_bridge --bin wrapyfi --no-default-features
 demo: setup-build
+	cargo build $(LEAN)
+	@$(CARGO) run $(LEAN) -- demo $(DEMO_ARGS)
+
+build: setup-build
 	cargo build --release --locked --package wrapyfi_bridge
-	@$(CARGO) run --release --locked --package wrapyfi_bridge --bin wrapyfi -- demo $(DEMO_ARGS)
 
 # The same selection of the workspace as everywhere, so that nothing is compiled twice.
 check: test-fmt lint

@@ -66,10 +66,10 @@ for package in $packages; do
         fail "$package/package.xml is not of version $version, the workspace's"
 done
 
-step="make demo"
-commands=$(make -C "$tree" -n demo | grep 'cargo.* build ')
+step="make build"
+commands=$(make -C "$tree" -n build | grep 'cargo.* build ')
 [[ $commands == *"--package wrapyfi_bridge"* && $commands != *--bin* ]] ||
-    fail "make demo does not build every program: $commands"
+    fail "make build does not build every program: $commands"
 
 step="colcon build"
 paths=(src)

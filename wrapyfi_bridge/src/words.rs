@@ -15,9 +15,10 @@
 use std::fmt::Write as _;
 
 use wrapyfi_core::Limits;
-use wrapyfi_core::codec::image_file;
+use wrapyfi_core::codec::convert;
 use wrapyfi_core::types::{
-    Dtype, Element, Labelled, LabelledContent, Picture, Pixels, Tensor, Value, Variable,
+    Dtype, Element, Encoding, Labelled, LabelledContent, MessageType, Picture, Pixels, Tensor,
+    Value, Variable,
 };
 
 use crate::canonical::canonical;
@@ -212,10 +213,12 @@ fn picture(out: &mut String, picture: &Picture) {
             size(out, raw.width, raw.height);
             out.push_str(picture.mode.as_deref().unwrap_or(raw.encoding.name()));
         }
-        Pixels::Compressed { format, data } => {
-            match image_file::decode(data, &Limits::default(), None) {
-                Ok(raw) => size(out, raw.width, raw.height),
-                Err(_unreadable) => out.push_str("Picture "),
+        Pixels::Compressed { format, .. } => {
+            let limits = Limits::default();
+            let image = convert(picture.image.clone(), MessageType::Image, Encoding::Bgr8, &limits);
+            match image.map(|image| image.pixels) {
+                Ok(Pixels::Raw(raw)) => size(out, raw.width, raw.height),
+                _ => out.push_str("Picture "),
             }
             out.push_str(format.name());
         }
@@ -256,8 +259,8 @@ fn variable(out: &mut String, variable: &Variable) {
 mod tests {
     use std::sync::Arc;
 
-    use wrapyfi_core::codec::json;
-    use wrapyfi_core::types::{CompressedFormat, Encoding, Image, Map, Quantity, RawPixels, Stamp};
+    use wrapyfi_core::codec::{image_file, json};
+    use wrapyfi_core::types::{CompressedFormat, Image, Map, Quantity, RawPixels, Stamp};
 
     use super::*;
 
