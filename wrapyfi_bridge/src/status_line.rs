@@ -34,6 +34,7 @@ mod tests {
             kind: "topic",
             message_type: "std_msgs/msg/String",
             state: RouteState::Active,
+            has_source: false,
             from_qos: Some(Qos::from(QosPreset::SensorData)),
             to_qos: None,
             counters: Default::default(),

@@ -54,6 +54,7 @@ pub(super) struct Member {
     step_began_ms: AtomicU64,
     panics: AtomicU64,
     is_open: AtomicBool,
+    has_source: AtomicBool,
     is_closed: AtomicBool,
     is_told_blocked: AtomicBool,
     /// Place of the member in the pool, and the earliest timer that it has there.
@@ -160,6 +161,7 @@ impl Member {
             step_began_ms: AtomicU64::new(0),
             panics: AtomicU64::new(0),
             is_open: AtomicBool::new(false),
+            has_source: AtomicBool::new(false),
             is_closed: AtomicBool::new(false),
             is_told_blocked: AtomicBool::new(false),
             place: AtomicU8::new(Place::IDLE),
@@ -248,7 +250,8 @@ impl Member {
         let step = match stepped {
             Ok(step) => {
                 self.is_open.store(work.is_open(), Ordering::Relaxed);
-                let (state, qos) = work.state();
+                let (state, qos, has_source) = work.state();
+                self.has_source.store(has_source, Ordering::Relaxed);
                 if slot.shown.state != *state || slot.shown.qos != qos {
                     let state = state.clone();
                     self.publish(slot, state, qos, now);
@@ -288,6 +291,7 @@ impl Member {
             tracing::error!(route = self.identity.name, "panicked while it closed: {again}");
         }
         self.is_open.store(false, Ordering::Relaxed);
+        self.has_source.store(false, Ordering::Relaxed);
         let why = format!("a step panicked, both ends are opened again: {panic}");
         self.publish(slot, RouteState::Error(why), [None, None], now);
         Step { moved: 0, next }
@@ -378,6 +382,7 @@ impl Member {
         let [from_qos, to_qos] = published.qos;
         RouteStatus {
             state,
+            has_source: self.has_source.load(Ordering::Relaxed),
             from_qos,
             to_qos,
             counters: self.counters.snapshot(),

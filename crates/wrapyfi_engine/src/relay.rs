@@ -46,6 +46,7 @@ pub struct Relay {
     /// Instant since which a lazy route has no listener.
     unwanted_since: Option<Instant>,
     state: RouteState,
+    has_source: bool,
     /// Instant of the last message or change.
     stirred_at: Option<Instant>,
     /// Listeners of another type than the route's, in words.
@@ -80,6 +81,7 @@ impl Relay {
         let sink = End::new(registry, &spec.to.middleware);
         Self {
             state: RouteState::Waiting("its first step".to_owned()),
+            has_source: false,
             context: Context { clock: registry.clock().clone(), counters, ..Context::default() },
             backoff: Backoff::new(seed),
             not_before: None,
@@ -332,11 +334,14 @@ impl Relay {
 
     fn judge(&mut self, now: Instant) -> RouteState {
         let loops = self.tripwire.state(now);
+        self.has_source = false;
         if let Some(trouble) = self.sink.trouble.as_ref().or(self.source.trouble.as_ref()) {
             return trouble.clone();
         }
         if self.spec.policy.lazy && self.source.open.is_none() && self.sink.open.is_some() {
             let source = self.source.middleware.as_ref().and_then(|source| source.waiting_for());
+            // A route of a pattern lasts no longer than what is found at its source.
+            self.has_source = self.spec.mark.is_some() && source.is_none();
             return source.map_or_else(|| self.no_listener(), RouteState::Waiting);
         }
         let (Some(listener), Some(publisher)) = (&self.source.open, &self.sink.open) else {
@@ -346,6 +351,7 @@ impl Relay {
             return stopped;
         }
         let (source, mut sink) = (listener.link(), publisher.link());
+        self.has_source = source.peers > Some(0);
         if self.misfits.is_some() && sink.peers == Some(0) {
             // The names of those who are there say more.
             sink.waiting_for = None;
@@ -379,8 +385,8 @@ impl Work for Relay {
         Self::step(self, now)
     }
 
-    fn state(&self) -> (&RouteState, [Option<Qos>; 2]) {
-        (&self.state, [self.source.qos, self.sink.qos])
+    fn state(&self) -> (&RouteState, [Option<Qos>; 2], bool) {
+        (&self.state, [self.source.qos, self.sink.qos], self.has_source)
     }
 
     fn is_open(&self) -> bool {

@@ -84,6 +84,9 @@ pub struct RouteStatus {
     /// State and its reason.
     #[serde(flatten)]
     pub state: RouteState,
+    /// True where somebody is known at the source: there is a connection to a publisher, of a service to its server, or
+    /// a look at the middleware has found one.
+    pub has_source: bool,
     /// Quality of service in use at the source, where its middleware has one.
     pub from_qos: Option<Qos>,
     /// Quality of service in use at the destination.
@@ -120,6 +123,7 @@ impl RouteStatus {
             kind,
             message_type,
             state,
+            has_source: false,
             from_qos: None,
             to_qos: None,
             counters: CountersSnapshot::default(),

@@ -41,6 +41,7 @@ pub struct ServiceRelay {
     /// Calls under way, each with the request that it is for.
     calls: BTreeMap<Ticket, RequestId>,
     state: RouteState,
+    has_source: bool,
     /// Instant of the last request or reply.
     moved_at: Option<Instant>,
     last_loss: Option<(Instant, String)>,
@@ -68,6 +69,7 @@ impl ServiceRelay {
             backoff: Backoff::new(seed),
             calls: BTreeMap::new(),
             state: RouteState::Waiting("its first step".to_owned()),
+            has_source: false,
             moved_at: None,
             last_loss: None,
             losses: Throttle::default(),
@@ -210,6 +212,7 @@ impl ServiceRelay {
     }
 
     fn judge(&mut self, now: Instant) -> RouteState {
+        self.has_source = false;
         if let Some(trouble) = self.called.trouble.as_ref().or(self.offered.trouble.as_ref()) {
             return trouble.clone();
         }
@@ -217,6 +220,7 @@ impl ServiceRelay {
             return self.state.clone();
         };
         let (server, client) = (server.link(), client.link());
+        self.has_source = client.peers > Some(0);
         let is_alone = client.peers == Some(0);
         let alone = || is_alone.then(|| format!("a server of {}", self.spec.from));
         if let Some(what) = client.waiting_for.or(server.waiting_for).or_else(alone) {
@@ -238,8 +242,8 @@ impl Work for ServiceRelay {
         Self::step(self, now)
     }
 
-    fn state(&self) -> (&RouteState, [Option<Qos>; 2]) {
-        (&self.state, [None, None])
+    fn state(&self) -> (&RouteState, [Option<Qos>; 2], bool) {
+        (&self.state, [None, None], self.has_source)
     }
 
     fn is_open(&self) -> bool {

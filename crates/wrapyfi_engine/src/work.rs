@@ -28,8 +28,9 @@ pub(super) trait Work: Send {
     /// Brings the route one step on.
     fn step(&mut self, now: Instant) -> Step;
 
-    /// State of the route after its last step, and quality of service in use at source and destination.
-    fn state(&self) -> (&RouteState, [Option<Qos>; 2]);
+    /// State of the route after its last step, quality of service in use at source and destination, and whether
+    /// somebody is known at the source.
+    fn state(&self) -> (&RouteState, [Option<Qos>; 2], bool);
 
     /// True once the route has opened what it needs.
     fn is_open(&self) -> bool;

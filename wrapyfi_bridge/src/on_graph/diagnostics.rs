@@ -131,6 +131,7 @@ mod tests {
             kind: "topic",
             message_type: "std_msgs/msg/String",
             state,
+            has_source: false,
             from_qos: None,
             to_qos: None,
             counters: CountersSnapshot { received, drops, ..CountersSnapshot::default() },

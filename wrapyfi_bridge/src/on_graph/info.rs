@@ -27,6 +27,7 @@ pub fn of(status: &RouteStatus) -> RouteInfo {
         },
         state: status.state.word().to_owned(),
         reason: status.state.reason().unwrap_or_default().to_owned(),
+        has_source: status.has_source,
         received: *received,
         sent: *sent,
         sent_bytes: *sent_bytes,
@@ -77,6 +78,7 @@ mod tests {
             kind: "topic",
             message_type: "Text",
             state: RouteState::Degraded("queue full".to_owned()),
+            has_source: false,
             from_qos: None,
             to_qos: None,
             counters: CountersSnapshot {

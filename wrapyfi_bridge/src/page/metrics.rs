@@ -135,6 +135,7 @@ mod tests {
             kind: "topic",
             message_type: "Text",
             state: RouteState::Degraded("queue full".to_owned()),
+            has_source: false,
             from_qos: None,
             to_qos: None,
             counters: CountersSnapshot {
