@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 use tokio::runtime::Runtime;
 use tokio::sync::mpsc;
 use wrapyfi_core::endpoint::{
-    Context, Discovered, DropReason, Link, Listener, Middleware, PublishError, Publisher, Request,
-    Role, ServiceSpec, TopicSpec,
+    Context, DropReason, Link, Listener, Middleware, PublishError, Publisher, Request, Role,
+    ServiceSpec, TopicSpec,
 };
 use wrapyfi_core::middleware::yarp::{Yarp, YarpConfig};
 use wrapyfi_core::types::{Map, MessageType, Payload, RosMessage, ServiceKind, Tensor, Value};
@@ -689,11 +689,14 @@ fn a_camera_tells_its_calibration_once() {
     let mut eye = open_eye();
     let name = "/robot/rgbImage:camera_info";
     let mut look = yarp.discover().unwrap();
+    look.only(Box::new(move |other| other == name));
     until(&here, "a calibration beside the pictures", || {
         let found = look.endpoints().unwrap();
-        let is =
-            |one: &Discovered| one.name == name && one.type_name.as_deref() == Some(CALIBRATION);
-        found.iter().any(is)
+        let told = found.iter().find(|one| one.name == name);
+        told.is_some_and(|one| {
+            assert_eq!(one.node.as_deref(), Some("/robot/rgbImage:o"));
+            one.type_name.as_deref() == Some(CALIBRATION)
+        })
     });
     let kind = MessageType::resolve(CALIBRATION, &mut TypeStore::generated()).unwrap();
     let mut sink = yarp.open_listener(&TopicSpec::new(name, kind), &here).unwrap();

@@ -68,7 +68,10 @@ impl YarpDiscovery {
         ports.retain(|name, _| match self.judged.get(name) {
             Some(known) => *known,
             None => {
-                let is_wanted = wanted(topic_of(name).0);
+                // The calibration of a camera is found by its pictures.
+                let of_pictures = intrinsics::topic_of(name);
+                let is_wanted =
+                    wanted(topic_of(name).0) || of_pictures.is_some_and(|it| wanted(&it));
                 self.judged.insert(name.clone(), is_wanted);
                 is_wanted
             }
@@ -121,10 +124,13 @@ impl Discovery for YarpDiscovery {
             .filter(|one| one.role == Role::Publisher && one.type_name.as_deref() == Some("Image"));
         let calibrations: Vec<Discovered> = pictures
             .filter(|picture| shared.directory.knows(&intrinsics::requests(&picture.name)))
-            .filter_map(|picture| intrinsics::topic_of(&picture.name))
-            .map(|topic| Discovered {
-                type_name: Some(intrinsics::CAMERA_INFO.to_owned()),
-                ..Discovered::new(topic, Role::Publisher)
+            .filter_map(|picture| {
+                let topic = intrinsics::topic_of(&picture.name)?;
+                Some(Discovered {
+                    type_name: Some(intrinsics::CAMERA_INFO.to_owned()),
+                    node: Some(picture.name.clone()),
+                    ..Discovered::new(topic, Role::Publisher)
+                })
             })
             .collect();
         self.found = found.into_values().chain(calibrations).collect();
