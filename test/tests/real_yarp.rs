@@ -383,7 +383,14 @@ fn a_new_name_server_ends_no_route_whose_port_lives() -> Result {
             echo.objects(heard).map_err(|error| error.context(bridge.tail()))?;
             std::thread::sleep(std::time::Duration::from_secs(1));
         }
-        told(env, &["name", "list"], |said| said.contains("/root") && !said.contains(&typed))?;
+        // The bridge's own port is registered again.
+        let lists = format!("{typed} ");
+        told(env, &["name", "list"], |said| said.contains("/root") && !said.contains(&lists))?;
+        let mut why = env.wrapyfi(["why", &yarp(&typed), "--node", "/wrapyfi_bridge"])?;
+        why.exit_code()?;
+        let said = why.stdout();
+        let forgotten = format!("has 1 publisher, but nobody publishes {} that the", yarp(&typed));
+        assert!(said.contains(&forgotten), "{said}");
         let log = bridge.stderr();
         assert!(!log.contains("route ended"), "{log}");
         // The program ends, and nobody tells.

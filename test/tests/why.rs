@@ -186,10 +186,17 @@ fn a_bridge_is_heard_whatever_its_services_are_mapped_to() -> Result {
         let mut call = env.wrapyfi_as(FAST, change.into_iter().chain([value]))?;
         call.exits_with(0).map_err(|e| e.context(bridge.tail()))?;
         let bare = ros2(&light);
+        let remedy =
+            format!("RMW_IMPLEMENTATION={FAST} ros2 lifecycle set /wrapyfi_bridge activate");
         for told in [answered(env, ["words", "--config", &file])?, answered(env, [&bare])?] {
-            assert_eq!(told["remedy"], "ros2 lifecycle set /wrapyfi_bridge activate", "{told}");
+            assert_eq!(told["remedy"], remedy, "{told}");
             assert!(told["what"].to_string().contains("/wrapyfi_bridge is inactive"), "{told}");
         }
+        let mut call = env.wrapyfi(["call", &bare, "--timeout", "1", "--args", "[true]"])?;
+        call.exits_with(3)?;
+        let said = call.stderr();
+        assert!(said.contains("the bridge /wrapyfi_bridge is inactive"), "{said}");
+        assert!(said.contains(&remedy), "{said}");
         Ok(())
     })
 }
@@ -218,6 +225,80 @@ fn a_master_that_was_restarted_is_not_believed_before_the_bridge() -> Result {
         assert!(told["cause"].is_null(), "{told}");
         assert!(passed.contains("messages pass, but nobody publishes"), "{told}");
         assert!(passed.contains("that the ROS 1 master knows: where it was restarted"), "{told}");
+        Ok(())
+    })
+}
+
+/// Nothing has passed on them: the server that the bridge has, and the publisher that nobody listens to.
+#[test]
+fn what_a_bridge_has_outlives_the_list_of_a_master() -> Result {
+    run("what_a_bridge_has_outlives_the_list_of_a_master", WITH_ROS, |env| {
+        let mut roscore = env.roscore()?;
+        let (topic, lamp) = (env.topic("chat"), env.topic("lamp"));
+        let chat = Route::new(&ros1(&topic), &ros2(&topic), "std_msgs/msg/String");
+        let serves = Route::service(&ros1(&lamp), &ros2(&lamp), "std_srvs/srv/SetBool");
+        let routes = env.embedded().route(chat.with("name", "chat"));
+        let bridge = env.bridge(&routes.route(serves.with("name", "lamp")))?;
+        let talk = format!("publish --topic {topic} --node talker --rate 10");
+        let _talker = env.rospy(&talk, Some("{\"data\": \"hello\"}"))?;
+        let _server = env.rospy(&format!("serve --topic {lamp} --node server"), None)?;
+        for name in ["chat", "lamp"] {
+            until_route(&bridge, name, |route| route.is_some_and(|it| it["has_source"] == true))?;
+        }
+        roscore.kill()?;
+        let _again = env.roscore()?;
+        let file = env.path("bridge.yaml").display().to_string();
+        let said = "the bridge /wrapyfi_bridge has it, but nobody";
+        let asked = [answered(env, ["lamp", "--config", &file])?, answered(env, [&ros1(&lamp)])?];
+        for told in asked {
+            assert!(told["cause"].is_null(), "{told}");
+            assert!(told["passed"].to_string().contains(&format!("{said} offers")), "{told}");
+        }
+        let told = answered(env, ["chat", "--config", &file])?;
+        assert_eq!(told["cause"], "nobody_listens", "{told}");
+        assert!(told["passed"].to_string().contains(&format!("{said} publishes")), "{told}");
+        Ok(())
+    })
+}
+
+/// A bridge that was told to leave a route out, one that is stopped, and a second one.
+#[test]
+fn a_second_bridge_is_not_what_mends_a_route() -> Result {
+    run("a_second_bridge_is_not_what_mends_a_route", &[Need::Program], |env| {
+        let words = env.topic("words");
+        let route = Route::new(&ros2(&words), &zeromq(&words), "Text").with("name", "words");
+        let bridge = env.bridge(&env.embedded().route(route))?;
+        let talk = ["pub", &ros2(&words), "--type", "Text", "--value", "\"x\"", "--rate", "10"];
+        let _talker = env.wrapyfi(talk)?;
+        let _ear = env.wrapyfi(["echo", &zeromq(&words), "--type", "Text"])?;
+        let file = env.path("bridge.yaml").display().to_string();
+        let is_well = |route: Option<&Value>| route.is_some_and(|it| it["state"] == "active");
+        until_route(&bridge, "words", is_well)?;
+
+        let remove = ["call", "ros2:/wrapyfi_bridge/remove_route", "--value"];
+        let name = r#"{"name": "words"}"#;
+        env.wrapyfi(remove.into_iter().chain([name]))?.exits_with(0)?;
+        let told = of_running(env, "words", "no_bridge")?;
+        let remedy = told["remedy"].as_str().unwrap_or_default();
+        let (call, value) = remedy.split_once(" --value ").unwrap_or_default();
+        let call = call.split(' ').skip(1).chain(["--value", value.trim_matches('\'')]);
+        env.wrapyfi(call)?.exits_with(0).map_err(|error| error.context(told.to_string()))?;
+        until_route(&bridge, "words", is_well)?;
+
+        bridge.pause()?;
+        let told = of_running(env, "words", "no_bridge");
+        bridge.resume()?;
+        let told = told?;
+        assert_eq!(told["remedy"], format!("kill -CONT {}, or `fg` in its shell", bridge.id()));
+
+        let second = env.wrapyfi(["bridge", "--config", &file, "--json"])?;
+        until_route(&second, "words", is_well)?;
+        let told = of_running(env, "words", "several_bridges")?;
+        let what = told["what"].to_string();
+        assert!(
+            what.contains("2 bridges run the route, /wrapyfi_bridge, /wrapyfi_bridge"),
+            "{told}"
+        );
         Ok(())
     })
 }

@@ -34,6 +34,7 @@ use wrapyfi_core::endpoint::{
 };
 use wrapyfi_core::engine::{Applier, RouteStatus};
 use wrapyfi_core::middleware::ros2::NodeHandle;
+use wrapyfi_core::middleware::ros2::graph::ServiceMapping;
 use wrapyfi_core::types::{MessageType, Payload, RosMessage, RosType, ServiceKind, Value};
 use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::builtin_interfaces::msg::Time;
@@ -266,7 +267,7 @@ fn answer_all(
             let Parts { node, routes, in_force, lifecycle, .. } = parts;
             let state = lifecycle.state();
             if state != State::Active {
-                let finding = Some(not_active(state, &node.name().fqn()));
+                let finding = Some(not_active(state, &node.name().fqn(), None));
                 let verdict = Verdict { way: name.clone(), passed: Vec::new(), finding };
                 return Ok(info::explained(&verdict, &meant(&name, &name, &routes.status())));
             }
@@ -284,17 +285,16 @@ fn answer_all(
     }
 }
 
-/// What keeps any way through a bridge whose routes are closed.
-pub(crate) fn not_active(state: State, node: &str) -> Finding {
-    let steps = match state {
-        State::Inactive => format!("ros2 lifecycle set {node} activate"),
-        _ => format!("ros2 lifecycle set {node} configure, then activate"),
-    };
+/// What keeps any way through a bridge whose routes are closed. `foreign` is the mapping of its services, where who asks
+/// has another.
+pub(crate) fn not_active(state: State, node: &str, foreign: Option<ServiceMapping>) -> Finding {
+    let asker = foreign.map(|it| format!("RMW_IMPLEMENTATION={} ", it.rmw())).unwrap_or_default();
+    let step = if state == State::Inactive { "activate" } else { "configure, then activate" };
     Finding {
         cause: Cause::State,
         what: format!("the bridge {node} is {}: its routes are closed", state.label()),
         who: "whoever manages the node".to_owned(),
-        remedy: steps,
+        remedy: format!("{asker}ros2 lifecycle set {node} {step}"),
     }
 }
 

@@ -6,19 +6,22 @@
 //! ```
 
 use wrapyfi_core::endpoint::{AnnouncedQos, Discovered, Role, mismatches};
-use wrapyfi_core::engine::{LeftOut, TO_BE_ACTIVATED};
+use wrapyfi_core::engine::LeftOut;
 use wrapyfi_core::middleware::ros2::remedy;
 
-use crate::lifecycle::State;
 use crate::middlewares::Server;
-use crate::on_graph::not_active;
 
-use super::door::{Answer, name as server_name};
+use super::bridges::{inactive, lacking, several};
+use super::door::name as server_name;
 use super::names::nearest;
 use super::reach::{opened, reachable};
-use super::state::{broken, hears_others, is_carried, is_used, rate, refused, runs, state};
+use super::state::{
+    broken, hears_others, is_carried, is_met, is_provider, is_used, rate, refused, runs, state,
+};
 use super::words::{between, example, is_same_type, nobody, owner, people, provider, types_differ};
-use super::{Cause, Elsewhere, End, Finding, Graph, Registered, RouteFacts, Step, Verdict, Way};
+use super::{
+    Cause, Elsewhere, End, Finding, Graph, Registered, RouteFacts, Step, Verdict, Way, roles,
+};
 
 /// Steps of a walk: what is in place, until something is not.
 struct Walk<'w> {
@@ -60,12 +63,9 @@ impl Walk<'_> {
             return Err(found);
         }
         let Some(source) = &way.source else { return Ok(()) };
-        let (provider, taker) = match way.is_service {
-            false => (Role::Publisher, Role::Listener),
-            true => (Role::Server, Role::Client),
-        };
+        let (provider, taker) = roles(way.is_service);
         self.side(source)?;
-        if way.route.is_none() {
+        if way.route.is_none() && !is_met(way, &source.address, provider) {
             // The bridge that would be there says why it is not.
             state(way)?;
         }
@@ -95,7 +95,7 @@ impl Walk<'_> {
                 }
             }
             Some(destination) => {
-                self.bridge(source, destination)?;
+                self.passed.extend(lacking(way, source, destination)?);
                 self.side(destination)?;
                 self.callers(destination)?;
                 if !way.is_service {
@@ -110,7 +110,7 @@ impl Walk<'_> {
                 } else {
                     self.passed.extend(state(way)?);
                 }
-                self.namesakes([source, destination])?;
+                several(way, [source, destination])?;
                 self.passed.extend(refused.map(|it| format!("{}; {}", it.what, it.remedy)));
             }
         }
@@ -127,7 +127,7 @@ impl Walk<'_> {
     /// The servers of a side, and the side itself.
     fn side(&mut self, end: &End) -> Step {
         for knock in &end.doors {
-            opened(knock, &end.address, self.way.route.as_ref())?;
+            opened(knock, &end.address, self.way)?;
             self.pass(format!("{} answers", knock.words()));
         }
         if let Some(graph) = &end.graph {
@@ -215,19 +215,36 @@ impl Walk<'_> {
             let who = "a program that is no route of this bridge";
             return Err(Finding::new(cause, what, who, unheard.text.clone()));
         }
+        let forgotten = |server: &str| {
+            format!(
+                "{nobody} that the {server} knows: where it was restarted, who comes new does not find {} until that is \
+                 started again",
+                provider(end, role)
+            )
+        };
         if !there.is_empty() {
-            self.pass(format!("{address} has {}", people(&there, role)));
+            let found = format!("{address} has {}", people(&there, role));
+            let server = registry(end).filter(|_| end.is_forgotten && is_provider(role));
+            self.pass(match server {
+                Some(server) => format!("{found}, but {}", forgotten(server)),
+                None => found,
+            });
             return Ok(());
         }
         if is_carried(self.way) && end.slow.is_some() {
             return Ok(());
         }
-        if let Some(server) = registry(end).filter(|_| is_carried(self.way)) {
-            let who = provider(end, role);
-            self.pass(format!(
-                "messages pass, but {nobody} that the {server} knows: where it was restarted, who comes new does not \
-                 find {who} until that is started again"
-            ));
+        let is_bare = self.way.route.is_none();
+        if (is_bare || registry(end).is_some()) && is_met(self.way, address, role) {
+            let has = match is_carried(self.way) && !is_bare {
+                true => "messages pass".to_owned(),
+                false => format!("the bridge {} has it", self.way.node),
+            };
+            // Of a mere name the bridge is one that takes it.
+            self.pass(match registry(end).filter(|_| !is_bare || is_provider(role)) {
+                Some(server) => format!("{has}, but {}", forgotten(server)),
+                None => has,
+            });
             return Ok(());
         }
         // Services of ZeroMQ have no names: whoever answers at the broker is one.
@@ -436,70 +453,6 @@ impl Walk<'_> {
         Err(Finding::new(Cause::Qos, what, "either program", between(policy, &offered, &asked)))
     }
 
-    /// A bridge that runs the route.
-    fn bridge(&mut self, source: &End, destination: &End) -> Step {
-        let Way { running: None, others, route: Some(route), .. } = self.way else { return Ok(()) };
-        let remedy = format!("wrapyfi bridge --config {}", route.file);
-        if let Some(others) = others {
-            let names = others.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
-            let graph = [source, destination].into_iter().find_map(|end| end.graph.as_ref());
-            let domain = graph.map_or(String::new(), |it| format!(" (domain {})", it.domain_id));
-            let what = match names.is_empty() {
-                true => format!("no bridge runs the route: none is on the graph of ROS 2{domain}"),
-                false => format!("no bridge runs the route: {names}{domain} has others"),
-            };
-            // One that is to be configured has no routes yet.
-            let begins = |(node, state): (&String, &String)| {
-                (state == State::Unconfigured.label())
-                    .then(|| not_active(State::Unconfigured, node))
-            };
-            let begins = others.iter().find_map(begins).map(|it| format!("; or {}", it.remedy));
-            let remedy = remedy + &begins.unwrap_or_default();
-            return Err(Finding::new(Cause::NoBridge, what, "a bridge", remedy));
-        }
-        let (at_source, at_destination) = match self.way.is_service {
-            false => (Role::Listener, Role::Publisher),
-            true => (Role::Client, Role::Server),
-        };
-        let tells = |end: &End| end.address.middleware != "zeromq";
-        let seen = source.of(at_source).next().is_some()
-            || destination.of(at_destination).next().is_some()
-            || !destination.doors.iter().all(|knock| knock.answer == Answer::Open)
-            || (!tells(source) && !tells(destination));
-        if seen {
-            self.pass("the route may run: no bridge tells its state (`--node NODE` asks one)");
-            return Ok(());
-        }
-        let what = format!(
-            "no bridge runs the route: nobody listens to {} for it, and nobody has {} at the other end",
-            source.address, destination.address
-        );
-        Err(Finding::new(Cause::NoBridge, what, "a bridge", remedy))
-    }
-
-    /// Other bridges whose node has the same name.
-    fn namesakes(&self, ends: [&End; 2]) -> Step {
-        let Way { node, route: Some(RouteFacts { is_own, .. }), .. } = self.way else {
-            return Ok(());
-        };
-        // Each bridge publishes its status once; one that looks does not see its own.
-        let status = format!("{node}/status");
-        let is_status = |one: &&Discovered| one.name == status && one.role == Role::Publisher;
-        let bridges = |end: &End| end.found.iter().filter(is_status).count();
-        let of_ros2 = ends.into_iter().filter(|end| end.address.middleware == "ros2");
-        let others = of_ros2.map(bridges).max().unwrap_or(0);
-        let others = others.saturating_sub(usize::from(!is_own));
-        if others == 0 {
-            return Ok(());
-        }
-        Err(Finding::new(
-            Cause::SameNode,
-            super::same_node(node),
-            "whoever starts the bridges",
-            super::OTHER_NODE,
-        ))
-    }
-
     /// Messages that come.
     fn messages(&mut self, source: &End) -> Step {
         if source.heard > 0 {
@@ -536,12 +489,6 @@ impl Walk<'_> {
             format!("look at that program; `wrapyfi echo {}` shows what comes", source.address);
         Err(Finding::new(Cause::Idle, what, who, remedy))
     }
-}
-
-/// A bridge that is not activated, whatever is there.
-fn inactive(way: &Way) -> Option<Finding> {
-    let running = way.running.as_ref()?;
-    (running.reason == TO_BE_ACTIVATED).then(|| not_active(State::Inactive, &way.node))
 }
 
 /// Causes that the file alone tells.

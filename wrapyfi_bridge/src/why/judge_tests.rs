@@ -3,8 +3,11 @@ use std::time::Duration;
 use wrapyfi_core::endpoint::{EndpointAddress, Qos, QosPreset, Reliability};
 use wrapyfi_core::middleware::ros2::graph::ServiceMapping;
 
-use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
+use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
 
+use wrapyfi_core::engine::TO_BE_ACTIVATED;
+
+use super::super::door::Answer;
 use super::super::{Limited, Unheard};
 use super::*;
 use crate::middlewares::{Door, Server};
@@ -573,10 +576,14 @@ fn running(state: &str, reason: &str, received: u64, sent: u64) -> Option<RouteI
 #[test]
 fn the_bridges_that_are_heard_say_whether_one_runs_the_route() {
     let beside = |others: &[(&str, &str)]| {
-        let name = |(node, state): &(&str, &str)| ((*node).to_owned(), (*state).to_owned());
+        let name = |(node, state): &(&str, &str)| {
+            let status = BridgeStatus { state: (*state).to_owned(), ..BridgeStatus::default() };
+            ((*node).to_owned(), status)
+        };
         // Whoever else listens is no bridge.
-        judge(&Way { others: Some(others.iter().map(name).collect()), ..whole() }).finding.unwrap()
+        Way { others: Some(others.iter().map(name).collect()), ..whole() }
     };
+    let found = |way: &Way| judge(way).finding.unwrap();
     for (others, what, remedy) in [
         (&[][..], "none is on the graph of ROS 2 (domain 3)", "wrapyfi bridge --config b.yaml"),
         (
@@ -586,10 +593,48 @@ fn the_bridges_that_are_heard_say_whether_one_runs_the_route() {
         ),
         (&[("/a", "unconfigured")], "/a", "; or ros2 lifecycle set /a configure, then activate"),
     ] {
-        let found = beside(others);
+        let found = found(&beside(others));
         assert_eq!(found.cause, Cause::NoBridge, "{found:?}");
         assert!(found.what.contains(what) && found.remedy.contains(remedy), "{found:?}");
     }
+    let mut foreign = beside(&[("/a", "unconfigured")]);
+    foreign.foreign.insert("/a".to_owned(), ServiceMapping::FastDds);
+    let wanted = "; or RMW_IMPLEMENTATION=rmw_fastrtps_cpp ros2 lifecycle set /a configure";
+    assert!(found(&foreign).remedy.contains(wanted), "{}", found(&foreign).remedy);
+    let mut taken = beside(&[("/a", "active")]);
+    let entry = "{from: \"ros2:/in\", to: \"ros:/out\"}".to_owned();
+    taken.route.as_mut().unwrap().taken_from = Some(("/a".to_owned(), entry));
+    let found = found(&taken);
+    assert!(found.what.contains("it was taken out of /a"), "{found:?}");
+    let wanted = "wrapyfi call ros2:/a/add_route --value '{\"route\":\"{from: \\\"ros2:/in\\\",";
+    assert!(found.remedy.starts_with(wanted), "{found:?}");
+}
+
+#[test]
+fn bridges_that_carry_the_same_route_are_named_before_their_names() {
+    let of = |also: &[&str]| {
+        let status = || Discovered::new("/one/status", Role::Publisher);
+        let mut way = of_source(|it| it.found.extend([status(), status()]));
+        (way.node, way.running) = ("/one".to_owned(), running("active", "", 40, 40));
+        way.also = also.iter().map(|node| (*node).to_owned()).collect();
+        judge(&way).finding.unwrap()
+    };
+    assert_eq!(of(&[]).cause, Cause::SameNode);
+    let found = of(&["/one", "/two"]);
+    assert_eq!(found.cause, Cause::SeveralBridges);
+    let wanted = "3 bridges run the route, /one, /one, /two: each message comes 3 times";
+    assert_eq!(found.what, wanted);
+}
+
+#[test]
+fn a_bridge_that_runs_the_route_is_not_to_be_started_for_its_broker() {
+    let of = |running| {
+        let own = || knock(Server::Broker, "127.0.0.1", Answer::Refused, true, true);
+        let way = of_source(|it| it.doors = vec![own()]);
+        judge(&Way { running, ..way }).finding.unwrap().remedy
+    };
+    assert!(of(None).starts_with("wrapyfi bridge --config b.yaml"));
+    assert_eq!(of(running("waiting", "the broker", 0, 0)), "wrapyfi broker");
 }
 
 #[test]
@@ -602,6 +647,12 @@ fn a_bridge_that_would_offer_a_name_says_why_it_does_not() {
     let found = of("waiting", TO_BE_ACTIVATED);
     assert!(found.what.contains("the bridge /eye is inactive"), "{found:?}");
     assert_eq!(found.remedy, "ros2 lifecycle set /eye activate");
+    let way = Way { node: "/eye".to_owned(), ..whole() };
+    let running = running("waiting", TO_BE_ACTIVATED, 0, 0);
+    let foreign = [("/eye".to_owned(), ServiceMapping::FastDds)].into();
+    let found = judge(&Way { running, foreign, ..way }).finding.unwrap();
+    let wanted = "RMW_IMPLEMENTATION=rmw_fastrtps_cpp ros2 lifecycle set /eye activate";
+    assert_eq!(found.remedy, wanted);
     let found = of("waiting", "the broker at tcp://x");
     assert!(found.what.contains("the route lamp of /eye waits for the broker"), "{found:?}");
     assert_eq!(of("active", "").cause, Cause::NobodyPublishes);
@@ -611,7 +662,7 @@ fn a_bridge_that_would_offer_a_name_says_why_it_does_not() {
 fn what_passes_is_believed_before_the_list_of_a_master_that_was_restarted() {
     let of = |state: &str, sent: u64, change: &dyn Fn(&mut End)| {
         let mut way = of_destination(change);
-        way.running = running(state, "", 40, sent);
+        (way.node, way.running) = ("/eye".to_owned(), running(state, "", 40, sent));
         judge(&way)
     };
     let forgotten = |it: &mut End| it.found.retain(|one| one.role != Role::Listener);
@@ -621,10 +672,11 @@ fn what_passes_is_believed_before_the_list_of_a_master_that_was_restarted() {
     for words in ["40 in, 40 out", "nobody listens to ros:/out that the ROS 1 master knows"] {
         assert!(said.contains(words), "{words:?} is not in {said}");
     }
-    for (state, sent) in [("waiting", 40), ("active", 0)] {
-        let found = of(state, sent, &forgotten).finding.unwrap();
-        assert_eq!(found.cause, Cause::NobodyListens, "{found:?}");
-    }
+    let found = of("waiting", 40, &forgotten).finding.unwrap();
+    assert_eq!(found.cause, Cause::NobodyListens, "{found:?}");
+    let quiet = of("active", 0, &forgotten);
+    assert_eq!(quiet.finding, None, "{quiet}");
+    assert!(quiet.to_string().contains("the bridge /eye has it, but nobody listens"), "{quiet}");
     let slow = |it: &mut End| {
         forgotten(it);
         (it.away, it.slow) = (Some("no answer from broker".into()), Some(Duration::from_secs(2)));
@@ -636,6 +688,67 @@ fn what_passes_is_believed_before_the_list_of_a_master_that_was_restarted() {
     };
     assert_eq!(of("active", 40, &gone).finding, None);
     assert_eq!(of("active", 0, &gone).finding.unwrap().cause, Cause::PeerUnreachable);
+}
+
+/// A server, and a publisher while nobody listens, that the bridge has and a new list has not.
+#[test]
+fn what_a_bridge_has_is_believed_also_where_nothing_passes() {
+    let of = |kind: &str, state: &str, has_source: bool| {
+        let mut way = whole();
+        let (source, destination) = (way.source.as_mut(), way.destination.as_mut());
+        let (source, destination) = (source.unwrap(), destination.unwrap());
+        std::mem::swap(source, destination);
+        source.found.clear();
+        destination.found.retain(|one| one.role == Role::Publisher);
+        let info = running(state, "a subscriber of /in", 0, 0).unwrap();
+        way.running = Some(RouteInfo { kind: kind.to_owned(), has_source, ..info });
+        way.is_service = kind == "service";
+        judge(&way)
+    };
+    let lamp = of("service", "active", true);
+    assert_eq!(lamp.finding, None, "{lamp}");
+    assert!(lamp.to_string().contains("has it, but nobody offers ros:/out that the"), "{lamp}");
+    let unheard = of("topic", "waiting", true);
+    assert!(unheard.to_string().contains("has it, but nobody publishes ros:/out"), "{unheard}");
+    assert_eq!(unheard.finding.unwrap().cause, Cause::NobodyListens);
+    let gone = of("service", "waiting", false);
+    assert_eq!(gone.finding.unwrap().cause, Cause::NobodyOffers);
+}
+
+#[test]
+fn a_mere_name_that_a_bridge_takes_is_there() {
+    let of = |address: &str, has_source| {
+        let mut way = of_destination(|it| it.found.clear());
+        way.source = way.destination.take();
+        let [source, destination, kind] = ["ros2:/x", "ros:/out", "service"].map(str::to_owned);
+        let state = running("active", "", 0, 0).unwrap();
+        way.running = Some(RouteInfo { source, destination, kind, has_source, ..state });
+        (way.node, way.route, way.is_service) = ("/eye".to_owned(), None, true);
+        way.source.as_mut().unwrap().address = self::address(address);
+        judge(&way)
+    };
+    let lamp = of("ros:/out", true);
+    assert_eq!(lamp.finding, None, "{lamp}");
+    assert!(lamp.to_string().contains("the bridge /eye has it, but nobody offers"), "{lamp}");
+    for (address, has_source) in [("ros:/out", false), ("ros:/other", true)] {
+        assert_eq!(of(address, has_source).finding.unwrap().cause, Cause::NobodyOffers);
+    }
+}
+
+#[test]
+fn a_publisher_that_the_bridge_alone_remembers_is_told_so() {
+    let way = |is_forgotten| {
+        let mut way = of_source(|it| {
+            it.doors = vec![knock(Server::NameServer, "127.0.0.1", Answer::Open, true, false)];
+            it.is_forgotten = is_forgotten;
+        });
+        way.running = running("active", "", 4, 4);
+        judge(&way).to_string()
+    };
+    let said =
+        "ros2:/in has 1 publisher (/publisher_node), but nobody publishes ros2:/in that the YARP";
+    assert!(way(true).contains(said), "{}", way(true));
+    assert!(!way(false).contains("but nobody"), "{}", way(false));
 }
 
 #[test]

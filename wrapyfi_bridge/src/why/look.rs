@@ -46,6 +46,8 @@ const SLOW: Duration = Duration::from_millis(400);
 const BROKER_TELLS_WITHIN: Duration = Duration::from_secs(1);
 /// Time for which messages are listened for.
 const LISTEN: Duration = Duration::from_millis(600);
+/// Time that a look takes at most, with its listening: what is left of two seconds is for the rest of the command.
+const MOST: Duration = Duration::from_millis(1900);
 /// Most addresses of one name that are connected to.
 const MAX_CONNECTED: usize = 8;
 
@@ -121,7 +123,7 @@ impl<'s> Sight<'s> {
 
 /// Finds out about one end.
 pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> End {
-    let endpoints = sight.endpoints;
+    let (endpoints, looked_since) = (sight.endpoints, Instant::now());
     let mut end = End::new(wanted.address.clone());
     let middleware = wanted.address.middleware.as_str();
     match middlewares::doors(endpoints, middleware, wanted.is_service) {
@@ -222,7 +224,7 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
         learn(&mut end, observer.as_ref(), wanted, types);
     }
     if wanted.listens && end.of(Role::Publisher).next().is_some() {
-        listen(&mut end, observer.as_ref(), types);
+        listen(&mut end, observer.as_ref(), types, looked_since + MOST - LISTEN);
     }
     if wanted.is_there(&end) {
         end.elsewhere.clear();
@@ -344,11 +346,15 @@ fn addresses(end: &mut End, endpoints: &Endpoints, ros1: Option<&Ros1>) {
             Err(_) => Vec::new(),
         },
         (None, "yarp") => {
-            let ports = ports(end, endpoints);
             let roles = [Role::Publisher, Role::Listener, Role::Server];
-            let is_there = |role: &Role| end.of(*role).next().is_some();
-            let role = roles.into_iter().find(is_there).unwrap_or(Role::Publisher);
-            ports.into_iter().map(|(host, port)| (role, name.clone(), host, port)).collect()
+            let there = roles.iter().find_map(|role| end.of(*role).next());
+            let role = there.map_or(Role::Publisher, |one| one.role);
+            // A calibration has no port of its own.
+            let owner = there.and_then(|one| one.node.clone()).unwrap_or_else(|| name.clone());
+            let is_provided = there.is_some() && role != Role::Listener;
+            let Ok(found) = port(&owner, end, endpoints) else { return };
+            end.is_forgotten = is_provided && found.is_none();
+            found.into_iter().map(|(host, port)| (role, owner.clone(), host, port)).collect()
         }
         _ => return,
     };
@@ -375,40 +381,41 @@ fn addresses(end: &mut End, endpoints: &Endpoints, ros1: Option<&Ros1>) {
     });
 }
 
-/// Address under which YARP's name server has the port.
-fn ports(end: &End, endpoints: &Endpoints) -> Vec<(String, u16)> {
+/// Address under which YARP's name server has a port; an error where it says nothing in time.
+fn port(name: &str, end: &End, endpoints: &Endpoints) -> Result<Option<(String, u16)>, ()> {
     let server = end.doors.iter().find(|knock| knock.door.server == Server::NameServer);
-    let Some(Knock { door, .. }) = server else { return Vec::new() };
+    let Some(Knock { door, .. }) = server else { return Err(()) };
     let conf = NameServerConf { host: door.host.clone(), port: door.port };
     let client = NameClient::new(conf)
         .with_hosts(endpoints.hosts.iter().map(|(host, ip)| (host.to_owned(), ip)))
         .with_timeout(LISTEN);
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
-    let Ok(runtime) = runtime else { return Vec::new() };
-    match runtime.block_on(client.query(&end.address.name)) {
-        Ok(Some(found)) => vec![(found.host, found.port)],
-        // It has no such port, or says nothing in time.
-        Ok(None) | Err(_) => Vec::new(),
-    }
+    let found = runtime.map_err(drop)?.block_on(client.query(name)).map_err(drop)?;
+    Ok(found.map(|found| (found.host, found.port)))
 }
 
 /// Mapping of the servers and of the clients, where all of them have another than this node, and than the servers.
 fn mapping(end: &mut End, ros2: &dyn graph::Graph) {
-    let Ok(all) = ros2.endpoints() else { return };
-    let requests = format!("rq{}Request", end.address.name);
     let of = |is_client: bool, but: ServiceMapping| {
-        let of_side = all.iter().filter(|one| one.is_publisher == is_client);
-        let told: Vec<_> = of_side
-            .filter(|one| one.dds_topic == requests)
-            .filter_map(|one| one.service_mapping)
-            .collect();
-        let are_others = told.iter().all(|mapping| *mapping != but);
-        told.first().copied().filter(|_| are_others)
+        let told = mappings(ros2, &end.address.name, is_client);
+        told.first().copied().filter(|_| !told.contains(&but))
     };
     let ours = ros2.service_mapping();
     let servers = of(false, ours);
-    end.foreign = servers.map(|theirs| (theirs, ours));
-    end.clients = of(true, servers.unwrap_or(ours));
+    let clients = of(true, servers.unwrap_or(ours));
+    (end.foreign, end.clients) = (servers.map(|theirs| (theirs, ours)), clients);
+}
+
+/// Mappings of those who serve a name on ROS 2, or of those who call it.
+pub(super) fn mappings(
+    ros2: &dyn graph::Graph,
+    service: &str,
+    is_client: bool,
+) -> Vec<ServiceMapping> {
+    let requests = format!("rq{service}Request");
+    let all = ros2.endpoints().unwrap_or_default().into_iter();
+    let of_side = all.filter(|one| one.is_publisher == is_client && one.dds_topic == requests);
+    of_side.filter_map(|one| one.service_mapping).collect()
 }
 
 /// Type that is announced or shown, and its definition.
@@ -446,8 +453,14 @@ fn learn(end: &mut End, middleware: &dyn Middleware, wanted: &Wanted, types: &mu
     }
 }
 
-/// Listens for a while, where that tells anything: a publisher that keeps its last message sends seldom.
-fn listen(end: &mut End, middleware: &dyn Middleware, types: &mut TypeStore) {
+/// Listens for a while, where that tells anything: a publisher that keeps its last message sends seldom. The connection
+/// is waited for until `opened_until`.
+fn listen(
+    end: &mut End,
+    middleware: &dyn Middleware,
+    types: &mut TypeStore,
+    opened_until: Instant,
+) {
     let keeps = |one: &Discovered| {
         one.qos.is_some_and(|qos| qos.durability != AnnouncedDurability::Volatile)
     };
@@ -468,7 +481,7 @@ fn listen(end: &mut End, middleware: &dyn Middleware, types: &mut TypeStore) {
     let context = Context::default();
     let Ok(mut listener) = middleware.open_listener(&spec, &context) else { return };
     let mut begin = Instant::now();
-    let opened_until = begin + LISTEN;
+    let opened_until = opened_until.min(begin + LISTEN);
     while begin.elapsed() < LISTEN && end.heard == 0 {
         while listener.discard() {
             end.heard += 1;

@@ -8,7 +8,8 @@
 //!
 //!   drops    what the reasons of drops mean
 //!   names    names that are nearly the same
-//!   judge    facts -> verdict; reach: servers and addresses; state: a route that runs; words: ends and remedies
+//!   judge    facts -> verdict; reach: servers and addresses; state: a route that runs; words: ends and remedies;
+//!            bridges: who runs the route; stopped: a bridge whose process is
 //!   door     a server that has to answer first
 //!   look     facts about one end
 //!   elsewhere  the same name on ROS 2 in other domains
@@ -19,6 +20,7 @@
 //! Looking opens no port and starts no broker; everything is asked side by side, and nothing for longer than
 //! 1.4 s.
 
+mod bridges;
 pub mod door;
 mod drops;
 mod elsewhere;
@@ -29,6 +31,7 @@ pub mod question;
 mod reach;
 mod running;
 mod state;
+mod stopped;
 mod words;
 
 use std::collections::BTreeMap;
@@ -40,7 +43,7 @@ use wrapyfi_core::endpoint::{Discovered, EndpointAddress, Qos, Role};
 use wrapyfi_core::engine::LeftOut;
 use wrapyfi_core::middleware::ros2::graph::ServiceMapping;
 use wrapyfi_core::types::MessageType;
-use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
+use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
 
 use self::door::Knock;
 
@@ -64,9 +67,15 @@ pub struct Way {
     pub node: String,
     /// Status of the route in a bridge that runs it, or of the first route of a pattern that is not well.
     pub running: Option<RouteInfo>,
-    /// Bridges on the graph of ROS 2 of which none has the route, by node, with their states; `None` where some may be
+    /// Nodes of the further bridges in which the route is active.
+    pub also: Vec<String>,
+    /// Bridges on the graph of ROS 2 of which none has the route, by node; `None` where some may be
     /// unknown.
-    pub others: Option<BTreeMap<String, String>>,
+    pub others: Option<BTreeMap<String, BridgeStatus>>,
+    /// Mapping of services of the bridges that have another than ours, by node.
+    pub foreign: BTreeMap<String, ServiceMapping>,
+    /// Number and command line of the bridge of the file whose process is stopped, where none that answers has the route.
+    pub stopped: Option<(u32, String)>,
     /// File of which no route means the endpoint that was asked for.
     pub without_route: Option<String>,
     /// Parts that are known to be in place before the walk.
@@ -90,6 +99,8 @@ pub struct RouteFacts {
     pub unheard: Option<Unheard>,
     /// True where the bridge that runs the route looks; a command sees the endpoints of that bridge, too.
     pub is_own: bool,
+    /// Node of a bridge that runs others of the file's routes, and the entry of this one for its `~/add_route`.
+    pub taken_from: Option<(String, String)>,
     /// Limit of the rate, and the messages that it has left out.
     pub limited: Option<Limited>,
 }
@@ -141,6 +152,8 @@ pub struct End {
     pub foreign: Option<(ServiceMapping, ServiceMapping)>,
     /// Mapping of services that clients of the name speak, where its servers have another.
     pub clients: Option<ServiceMapping>,
+    /// True where the bridge that looks knows who has the name, and the server of names does not.
+    pub is_forgotten: bool,
     /// Addresses of those who have the name.
     pub registered: Vec<Registered>,
     /// Endpoints of the name that are found in another domain or range.
@@ -265,6 +278,11 @@ pub(crate) fn same_node(node: &str) -> String {
     )
 }
 
+/// Roles of who has to be at the source and at the destination.
+fn roles(is_service: bool) -> (Role, Role) {
+    if is_service { (Role::Server, Role::Client) } else { (Role::Publisher, Role::Listener) }
+}
+
 /// Step along the way: nothing where all is in place.
 type Step = Result<(), Finding>;
 
@@ -307,6 +325,7 @@ pub enum Cause {
     RateLimit,
     Refused,
     SameNode,
+    SeveralBridges,
     Idle,
     /// A word of a bridge elsewhere that is not known here.
     #[serde(skip_deserializing)]

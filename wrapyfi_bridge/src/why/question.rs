@@ -12,7 +12,9 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 use wrapyfi_core::endpoint::{Discovered, DropReason, EndpointAddress, Mutex, Role};
-use wrapyfi_core::engine::{Applier, Kind, Plan, Route, RouteIndex, Typing, may_be_read_as};
+use wrapyfi_core::engine::{
+    Applier, Kind, Plan, Route, RouteIndex, TO_BE_ACTIVATED, Typing, may_be_read_as,
+};
 use wrapyfi_core::middleware::yarp;
 use wrapyfi_core::types::{DataType, MessageType};
 use wrapyfi_interfaces::store::TypeStore;
@@ -20,12 +22,13 @@ use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
 use super::drops::count;
 use super::look::{Sight, Wanted, graph, look, patience, widen};
-use super::state::came;
-use super::{End, Limited, RouteFacts, Unheard, Way, running};
+use super::state::{came, takes};
+use super::{End, Finding, Limited, RouteFacts, Unheard, Way, bridges, roles, running, stopped};
 use crate::cli::WhyArgs;
 use crate::command::definitions;
 use crate::exit::Failure;
 use crate::in_force::InForce;
+use crate::lifecycle::State;
 use crate::middlewares::{self, Endpoints, Loaded, Undefined, is_ros};
 use crate::node::Node;
 use crate::on_graph::info;
@@ -162,10 +165,7 @@ impl Configured<'_> {
         let status = || running::of(route, self.status?());
         let (before, begin) = (status(), Instant::now());
         let is_service = matches!(route.kind, Kind::Service(_));
-        let (provider, taker) = match is_service {
-            false => (Role::Publisher, Role::Listener),
-            true => (Role::Server, Role::Client),
-        };
+        let (provider, taker) = roles(is_service);
         let is_learned = route.typing == Typing::Learned && !route.is_many();
         let wanted = |end: &EndpointAddress, role| Wanted {
             role,
@@ -231,14 +231,22 @@ impl Configured<'_> {
             came_hz = Some(came as f64 / begin.elapsed().as_secs_f64());
         }
         facts.limited = running.as_ref().and_then(|running| limited(route, running, came_hz));
+        facts.taken_from = heard.others.iter().flatten().find_map(|(node, status)| {
+            let is_of_file = |one: &Route| running::of(one, status.routes.clone()).is_some();
+            let runs_file = status.state == State::Active.label()
+                && (status.routes.is_empty() || self.plan.routes.iter().any(is_of_file));
+            runs_file.then(|| (node.clone(), entry(route)))
+        });
         let destination = (!route.is_many()).then_some(destination);
         let title = match route.name == route.ends() {
             true => route.ends(),
             false => format!("{}: {}", route.name, route.ends()),
         };
-        let (route, source, others) = (Some(facts), Some(source), heard.others);
+        let stopped = running.is_none().then(|| stopped::bridge_of(&facts.file)).flatten();
+        let (route, source) = (Some(facts), Some(source));
+        let running::Heard { others, also, foreign, .. } = heard;
         let way = Way { title, is_service, route, source, destination, ..Way::default() };
-        Way { node, running, others, ..way }
+        Way { node, running, others, also, foreign, stopped, ..way }
     }
 }
 
@@ -302,9 +310,8 @@ fn route(
 fn made_between(plan: &Plan, name: &str, running: Option<&RouteInfo>) -> Option<Route> {
     let (first, second) = name.split_once(" -> ")?;
     let (first, second) = (address(first).ok()?, address(second).ok()?);
-    let is_service = |pattern: &Route| matches!(pattern.kind, Kind::Service(_));
     let is_meant =
-        |pattern: &&Route| running.is_none_or(|it| (it.kind == "service") == is_service(pattern));
+        |pattern: &&Route| running.is_none_or(|running| running::is_kind(pattern, running));
     plan.routes.iter().filter(is_meant).find_map(|pattern| {
         let (from, to) = match pattern.kind {
             Kind::Topic(_) => (&first, &second),
@@ -332,6 +339,15 @@ fn circle(index: &RouteIndex<'_>, route: &Route) -> Vec<String> {
     let Some((circle, begin)) = found else { return Vec::new() };
     let ends = circle.ends.iter().cycle().skip(begin).take(circle.ends.len() + 1);
     ends.map(ToString::to_string).collect()
+}
+
+/// Entry of `routes` with the ends of a route.
+fn entry(route: &Route) -> String {
+    let (from, to) = match route.kind {
+        Kind::Topic(_) => ("from", "to"),
+        Kind::Service(_) => ("service", "as"),
+    };
+    format!("{{{from}: {:?}, {to}: {:?}}}", route.from.to_string(), route.to.to_string())
 }
 
 /// Limit of a route's rate where it has left messages out.
@@ -406,16 +422,33 @@ fn beside_bridges<R>(
     let (begin, patience) = (Instant::now(), patience(&graph(sight.endpoints)));
     let is_answered = &AtomicBool::new(false);
     let sight = Sight { ros2: ros2.as_ref(), is_answered, ..sight };
-    let is_over = &|| {
-        let longest = if is_answered.load(Relaxed) { AT_ONCE } else { patience };
-        begin.elapsed() >= longest
+    let has_looked = &AtomicBool::new(false);
+    let is_over = &|is_found: bool| {
+        // Another bridge may have the route, too.
+        let is_enough = is_answered.load(Relaxed) || (is_found && has_looked.load(Relaxed));
+        begin.elapsed() >= if is_enough { AT_ONCE } else { patience }
     };
     std::thread::scope(|scope| {
         let hear = |ros2| scope.spawn(move || running::heard(ros2, find, is_over));
         let heard = ros2.as_deref().map(hear);
         let seen = look(sight);
+        has_looked.store(true, Relaxed);
         (seen, heard.and_then(|heard| heard.join().ok()).unwrap_or_default())
     })
+}
+
+/// A bridge that would offer a service, were it activated.
+pub(crate) fn inactive_at(service: &EndpointAddress) -> Option<Finding> {
+    /// Time within which a bridge that is there has told.
+    const TELLS_WITHIN: Duration = Duration::from_millis(700);
+    let ros2 = Endpoints::default().ros2.hidden().ok()?;
+    let (text, begin) = (service.to_string(), Instant::now());
+    let is_it = |one: &RouteInfo| one.source == text && one.reason == TO_BE_ACTIVATED;
+    let find = |all: Vec<RouteInfo>| all.into_iter().find(is_it);
+    let heard = running::heard(&ros2, &find, &|found| found || begin.elapsed() >= TELLS_WITHIN);
+    let (node, running) = heard.running?;
+    let (running, foreign) = (Some(running), heard.foreign);
+    bridges::inactive(&Way { node, running, foreign, ..Way::default() })
 }
 
 /// Facts about an endpoint that no route of a file has; where nobody is there, with the route of a bridge that would be.
@@ -434,7 +467,7 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, mut types: TypeStore)
             false => one.destination == text,
         };
         let refuses = |one: &RouteInfo| one.source == text && !one.refused.is_empty();
-        all.into_iter().find(|one| offers(one) || refuses(one))
+        all.into_iter().find(|one| offers(one) || refuses(one) || takes(one, &text))
     };
     let (mut end, heard) = beside_bridges(sight, true, &find, |sight| {
         let end = look(sight, &wanted, &mut types);
@@ -444,12 +477,15 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, mut types: TypeStore)
     if sight.bridge.is_none() {
         widen(sight.endpoints, &wanted, &mut end);
     }
-    let mut way = Way { title: text, is_service: end.is_service, ..Way::default() };
-    if end.found.iter().all(|one| !wanted.is_met(one)) {
-        let running = heard.running.map(|(node, running)| (node, Some(running)));
-        (way.node, way.running) = running.unwrap_or_default();
-    }
-    Way { source: Some(end), ..way }
+    let is_missing = end.found.iter().all(|one| !wanted.is_met(one));
+    let told = heard.running.filter(|(_, running)| is_missing || takes(running, &text));
+    let (node, running) = told.map(|(node, running)| (node, Some(running))).unwrap_or_default();
+    let is_service = match &running {
+        Some(running) if is_missing => running.kind == "service",
+        _ => end.is_service,
+    };
+    let (source, foreign) = (Some(end), heard.foreign);
+    Way { title: text, is_service, node, running, source, foreign, ..Way::default() }
 }
 
 /// Finds out about a name, from where the bridge runs and with what it runs.

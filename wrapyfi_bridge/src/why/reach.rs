@@ -3,13 +3,15 @@
 use wrapyfi_core::endpoint::EndpointAddress;
 
 use super::door::{Answer, Knock, name as server_name};
-use super::{Cause, End, Finding, Registered, RouteFacts, Step};
+use super::{Cause, End, Finding, Registered, Step, Way};
 use crate::middlewares::Server;
 
 /// A server that answered, or the finding that it did not.
-pub(super) fn opened(knock: &Knock, address: &EndpointAddress, route: Option<&RouteFacts>) -> Step {
+pub(super) fn opened(knock: &Knock, address: &EndpointAddress, way: &Way) -> Step {
     let server = knock.door.server;
     let (words, host, port) = (knock.words(), &knock.door.host, knock.door.port);
+    // One that runs the route would run the server, if it were to.
+    let route = way.route.as_ref().filter(|_| way.running.is_none());
     let bridge = route.map(|route| format!("wrapyfi bridge --config {}", route.file));
     let here = match server {
         Server::Broker | Server::ServiceBroker => "wrapyfi broker",
@@ -30,7 +32,7 @@ pub(super) fn opened(knock: &Knock, address: &EndpointAddress, route: Option<&Ro
                     format!("{bridge}    # it runs the server itself; or {here}")
                 }
                 // Who asks about a mere name may not have meant ROS 1.
-                (None, Server::Master) => format!(
+                (None, Server::Master) if way.route.is_none() => format!(
                     "{here}    # or set ROS_MASTER_URI to where it runs; `ros:` is ROS 1, a name of ROS 2 is written \
                      ros2:{}",
                     address.name

@@ -8,13 +8,14 @@ use std::collections::BTreeMap;
 use wrapyfi_core::endpoint::{
     Context, History, Listener, Middleware as _, Qos, QosPreset, Role, TopicSpec,
 };
-use wrapyfi_core::engine::{Kind, Route};
+use wrapyfi_core::engine::{Kind, Route, TO_BE_ACTIVATED};
 use wrapyfi_core::middleware::ros2::Ros2;
+use wrapyfi_core::middleware::ros2::graph::ServiceMapping;
 use wrapyfi_core::types::{MessageType, Payload};
 use wrapyfi_interfaces::Message as _;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
 
-use super::look::LOOK;
+use super::look::{LOOK, mappings};
 use crate::on_graph::client::ros_type;
 
 /// End of the name of the topic that has the status of a bridge; its node stands before it.
@@ -32,19 +33,28 @@ pub(super) type Find<'f> = &'f (dyn Fn(Vec<RouteInfo>) -> Option<RouteInfo> + Sy
 pub(super) struct Heard {
     /// Node of the bridge that has it, and its status there.
     pub(super) running: Option<(String, RouteInfo)>,
-    /// Bridges without it, each with its state; `None` where one of them has told nothing, or all may not be found.
-    pub(super) others: Option<BTreeMap<String, String>>,
+    /// Nodes of the further bridges in which it is active, too.
+    pub(super) also: Vec<String>,
+    /// Bridges without it, where none has it; `None` where one of them has told nothing, or all may not be found.
+    pub(super) others: Option<BTreeMap<String, BridgeStatus>>,
+    /// Mapping of services of the bridges that have another than ours, by node.
+    pub(super) foreign: BTreeMap<String, ServiceMapping>,
 }
 
-/// Hears the bridges on the graph until one has the route, or it `is_over`.
-pub(super) fn heard(ros2: &Ros2, find: Find<'_>, is_over: &dyn Fn() -> bool) -> Heard {
+/// Hears the bridges on the graph until it `is_over`, which is told whether one has the route.
+pub(super) fn heard(ros2: &Ros2, find: Find<'_>, is_over: &dyn Fn(bool) -> bool) -> Heard {
     let (Ok(mut discovery), Ok(ros_type)) = (ros2.discover(), ros_type::<BridgeStatus>()) else {
         return Heard::default();
     };
     discovery.only(Box::new(|name| name.ends_with(STATUS)));
     let context = Context::default();
     let qos = Qos { history: History::KeepLast(NAMESAKES as u32), ..QosPreset::Latched.into() };
-    let mut bridges: BTreeMap<String, (Box<dyn Listener>, Option<String>)> = BTreeMap::new();
+    let mut bridges: BTreeMap<String, (Box<dyn Listener>, Option<BridgeStatus>)> = BTreeMap::new();
+    // Bridges of one name are told apart by their publishers.
+    let mut having: BTreeMap<(String, Option<u64>), RouteInfo> = BTreeMap::new();
+    let graph = ros2.graph().as_ref();
+    let served =
+        |node: &str| mappings(graph, &format!("{node}/change_state"), false).first().copied();
     loop {
         let Ok(found) = discovery.endpoints() else { return Heard::default() };
         for one in found {
@@ -58,28 +68,48 @@ pub(super) fn heard(ros2: &Ros2, find: Find<'_>, is_over: &dyn Fn() -> bool) -> 
                 bridges.insert(node.to_owned(), (listener, None));
             }
         }
-        for (node, (listener, state)) in &mut bridges {
+        for (node, (listener, told)) in &mut bridges {
             while let Ok(Some(sample)) = listener.take() {
                 let Payload::RosMessage(message) = &sample.payload else { continue };
                 let Ok(status) = BridgeStatus::decode(&message.cdr, MAX_BYTES) else { continue };
-                *state = Some(status.state);
-                if let Some(route) = find(status.routes) {
-                    return Heard { running: Some((node.clone(), route)), others: None };
-                }
+                let bridge = (node.clone(), sample.origin.map(|origin| origin.publisher));
+                _ = match find(status.routes.clone()) {
+                    Some(route) => having.insert(bridge, route),
+                    None => having.remove(&bridge),
+                };
+                *told = Some(status);
             }
         }
-        if is_over() {
-            let told = bridges.into_iter().map(|(node, (_, state))| Some((node, state?)));
-            return Heard { running: None, others: told.collect() };
+        // Who would have to activate it has to know how its services are mapped.
+        let is_told = |((node, _), route): (&(String, _), &RouteInfo)| {
+            route.reason != TO_BE_ACTIVATED || served(node).is_some()
+        };
+        if !is_over(having.iter().any(is_told)) {
+            context.wake.wait(LOOK);
+            continue;
         }
-        context.wake.wait(LOOK);
+        let ours = graph.service_mapping();
+        let foreign = bridges.keys().filter_map(|node| Some((node.clone(), served(node)?)));
+        let foreign = foreign.filter(|(_, mapping)| *mapping != ours).collect();
+        let (active, rest): (Vec<_>, Vec<_>) =
+            having.into_iter().partition(|(_, route)| route.state == "active");
+        let mut all = active.into_iter().chain(rest).map(|((node, _), route)| (node, route));
+        let running = all.next();
+        let also = all.filter(|(_, route)| route.state == "active").map(|(node, _)| node);
+        let others = bridges.into_iter().map(|(node, (_, status))| Some((node, status?)));
+        let others = others.collect::<Option<_>>().filter(|_| running.is_none());
+        return Heard { also: also.collect(), others, running, foreign };
     }
+}
+
+/// True where a bridge runs something of the kind of a route: topics and services may have the same ends.
+pub(super) fn is_kind(route: &Route, one: &RouteInfo) -> bool {
+    matches!(route.kind, Kind::Service(_)) == (one.kind == "service")
 }
 
 /// Status of a route among those of a bridge: the one between the same ends. Of a pattern that is well it is that of
 /// the first of its routes that is not.
 pub(super) fn of(route: &Route, all: Vec<RouteInfo>) -> Option<RouteInfo> {
-    let kind = if matches!(route.kind, Kind::Topic(_)) { "topic" } else { "service" };
     let ends = |one: &RouteInfo| {
         let is_service = one.kind == "service";
         let (from, to) = (one.source.clone(), one.destination.clone());
@@ -93,7 +123,7 @@ pub(super) fn of(route: &Route, all: Vec<RouteInfo>) -> Option<RouteInfo> {
     };
     let is_ill = |one: &RouteInfo| matches!(one.state.as_str(), "error" | "degraded");
     let (mut own, mut ill) = (None, None);
-    for one in all.into_iter().filter(|one| one.kind == kind) {
+    for one in all.into_iter().filter(|one| is_kind(route, one)) {
         if ends(&one) == (from.clone(), to.clone()) {
             own = Some(one);
         } else if ill.is_none() && is_ill(&one) && is_one_of(&one) {

@@ -1,6 +1,6 @@
 //! Findings about a route that runs: what its bridge tells of it.
 
-use wrapyfi_core::endpoint::DropReason;
+use wrapyfi_core::endpoint::{DropReason, EndpointAddress, Role};
 use wrapyfi_core::middleware::ros2::ACKNOWLEDGES_NOTHING;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
@@ -8,7 +8,7 @@ use super::drops::{count, drops, meaning, mends};
 use super::{Cause, Finding, Limited, Step, Way};
 
 /// A step that may be in place.
-type Passed = Result<Option<String>, Finding>;
+pub(super) type Passed = Result<Option<String>, Finding>;
 
 /// Number of messages that came, without the programs that were refused.
 pub(super) fn came(running: &RouteInfo) -> u64 {
@@ -24,6 +24,29 @@ pub(super) fn hears_others(way: &Way) -> bool {
 /// publisher has left is another within a second.
 pub(super) fn is_carried(way: &Way) -> bool {
     is_used(way) && way.running.as_ref().is_some_and(|running| running.state == "active")
+}
+
+/// True where a bridge knows somebody in the role at the end, whatever the server of names says: its route runs there,
+/// or takes from there.
+pub(super) fn is_met(way: &Way, at: &EndpointAddress, role: Role) -> bool {
+    let Some(running) = &way.running else { return false };
+    if way.route.is_none() {
+        return takes(running, &at.to_string());
+    }
+    let is_found = is_provider(role) && running.has_source;
+    is_found || matches!(running.state.as_str(), "active" | "degraded")
+}
+
+/// True for the role of the end from which a route takes.
+pub(super) fn is_provider(role: Role) -> bool {
+    matches!(role, Role::Publisher | Role::Server)
+}
+
+/// True for a route that gets what an address has, messages or replies.
+pub(super) fn takes(running: &RouteInfo, address: &str) -> bool {
+    let is_service = running.kind == "service";
+    let from = if is_service { &running.destination } else { &running.source };
+    from == address && running.has_source
 }
 
 /// Route that a bridge runs, in words.

@@ -20,6 +20,7 @@ use crate::exit::Failure;
 use crate::middlewares::{Middlewares, Role, is_ros};
 use crate::output;
 use crate::shutdown::Shutdown;
+use crate::why::question::inactive_at;
 use crate::words::words;
 
 /// Calls once and prints the reply.
@@ -28,6 +29,17 @@ use crate::words::words;
 /// Exit code 3 when there was no reply in time, 2 when type, service or request is wrong, 1 when the
 /// server answered with an error.
 pub fn run(args: &CallArgs, shutdown: &Shutdown) -> Result<(), Failure> {
+    called(args, shutdown).map_err(|failure| match failure {
+        Failure::TimedOut(text) if is_ros(&args.endpoint) => {
+            let more =
+                inactive_at(&args.endpoint).map(|it| format!("; {}: {}", it.what, it.remedy));
+            Failure::TimedOut(text + &more.unwrap_or_default())
+        }
+        other => other,
+    })
+}
+
+fn called(args: &CallArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let mut options = args.options.of(&args.endpoint.middleware)?;
     let begin = Instant::now();
     let named = match &args.service_type {

@@ -1,0 +1,96 @@
+//! Findings about the bridges on the graph: one is not activated, none has the route, several have it.
+
+use wrapyfi_core::endpoint::Role;
+use wrapyfi_core::engine::TO_BE_ACTIVATED;
+use wrapyfi_interfaces::wrapyfi_msgs::msg::BridgeStatus;
+
+use super::door::Answer;
+use super::state::Passed;
+use super::{Cause, End, Finding, OTHER_NODE, RouteFacts, Step, Way, roles, same_node};
+use crate::lifecycle::State;
+use crate::on_graph::not_active;
+
+/// A bridge that is not activated, whatever is there.
+pub(super) fn inactive(way: &Way) -> Option<Finding> {
+    let Way { running, node, foreign, .. } = way;
+    let is_inactive = running.as_ref()?.reason == TO_BE_ACTIVATED;
+    is_inactive.then(|| not_active(State::Inactive, node, foreign.get(node).copied()))
+}
+
+/// The finding that no bridge runs the route; else what is known instead of that.
+pub(super) fn lacking(way: &Way, source: &End, destination: &End) -> Passed {
+    let Way { running: None, others, route: Some(route), .. } = way else { return Ok(None) };
+    if let Some((pid, command)) = &way.stopped {
+        let what = format!("`{command}` is stopped and does not answer: its routes rest");
+        let remedy = format!("kill -CONT {pid}, or `fg` in its shell");
+        return Err(Finding::new(Cause::NoBridge, what, "whoever stopped it", remedy));
+    }
+    let remedy = format!("wrapyfi bridge --config {}", route.file);
+    if let Some(others) = others {
+        let names = others.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
+        let graph = [source, destination].into_iter().find_map(|end| end.graph.as_ref());
+        let domain = graph.map_or(String::new(), |it| format!(" (domain {})", it.domain_id));
+        let what = match names.is_empty() {
+            true => format!("no bridge runs the route: none is on the graph of ROS 2{domain}"),
+            false => format!("no bridge runs the route: {names}{domain} has others"),
+        };
+        if let Some((node, entry)) = &route.taken_from {
+            let request = serde_json::json!({ "route": entry });
+            let remedy = format!("wrapyfi call ros2:{node}/add_route --value '{request}'");
+            let file = &route.file;
+            let what =
+                format!("{what}; it was taken out of {node}, which runs what else {file} has");
+            return Err(Finding::new(Cause::NoBridge, what, "whoever took it out", remedy));
+        }
+        // One that is to be configured has no routes yet.
+        let begins = |(node, status): (&String, &BridgeStatus)| {
+            let is_it = status.state == State::Unconfigured.label();
+            let mapping = way.foreign.get(node).copied();
+            is_it.then(|| not_active(State::Unconfigured, node, mapping))
+        };
+        let begins = others.iter().find_map(begins).map(|it| format!("; or {}", it.remedy));
+        let remedy = remedy + &begins.unwrap_or_default();
+        return Err(Finding::new(Cause::NoBridge, what, "a bridge", remedy));
+    }
+    let (at_destination, at_source) = roles(way.is_service);
+    let tells = |end: &End| end.address.middleware != "zeromq";
+    let seen = source.of(at_source).next().is_some()
+        || destination.of(at_destination).next().is_some()
+        || !destination.doors.iter().all(|knock| knock.answer == Answer::Open)
+        || (!tells(source) && !tells(destination));
+    if seen {
+        let what = "the route may run: no bridge tells its state (`--node NODE` asks one)";
+        return Ok(Some(what.to_owned()));
+    }
+    let what = format!(
+        "no bridge runs the route: nobody listens to {} for it, and nobody has {} at the other end",
+        source.address, destination.address
+    );
+    Err(Finding::new(Cause::NoBridge, what, "a bridge", remedy))
+}
+
+/// Other bridges that run the route, or whose node has the same name.
+pub(super) fn several(way: &Way, ends: [&End; 2]) -> Step {
+    let Way { node, also, route: Some(RouteFacts { is_own, .. }), .. } = way else { return Ok(()) };
+    let who = "whoever starts the bridges";
+    if !also.is_empty() {
+        let count = also.len() + 1;
+        let names = [std::slice::from_ref(node), also].concat().join(", ");
+        let each = if way.is_service { "a call may be made" } else { "each message comes" };
+        let what = format!("{count} bridges run the route, {names}: {each} {count} times");
+        let remedy = "end all of them but one, or take the route out of their files";
+        return Err(Finding::new(Cause::SeveralBridges, what, who, remedy));
+    }
+    // Each bridge publishes its status once; one that looks does not see its own.
+    let status = format!("{node}/status");
+    let is_status = |end: &&End| end.address.middleware == "ros2";
+    let named = |end: &End| {
+        let of_name = end.found.iter().filter(|one| one.name == status);
+        of_name.filter(|one| one.role == Role::Publisher).count()
+    };
+    let bridges = ends.into_iter().filter(is_status).map(named).max().unwrap_or(0);
+    if bridges <= usize::from(!is_own) {
+        return Ok(());
+    }
+    Err(Finding::new(Cause::SameNode, same_node(node), who, OTHER_NODE))
+}
