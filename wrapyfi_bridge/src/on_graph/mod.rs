@@ -34,7 +34,6 @@ use wrapyfi_core::endpoint::{
 };
 use wrapyfi_core::engine::{Applier, RouteStatus};
 use wrapyfi_core::middleware::ros2::NodeHandle;
-use wrapyfi_core::middleware::ros2::graph::ServiceMapping;
 use wrapyfi_core::types::{MessageType, Payload, RosMessage, RosType, ServiceKind, Value};
 use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::builtin_interfaces::msg::Time;
@@ -53,9 +52,10 @@ use crate::in_force::InForce;
 use crate::lifecycle::{Lifecycle, State};
 use crate::middlewares;
 use crate::node::Node;
+use crate::why::Verdict;
+use crate::why::bridges::not_active;
 use crate::why::judge::judge;
 use crate::why::question::explain;
-use crate::why::{Cause, Finding, Verdict};
 
 /// Time between two diagnostics.
 const EVERY: Duration = Duration::from_secs(1);
@@ -282,19 +282,6 @@ fn answer_all(
             return;
         }
         wake.ring();
-    }
-}
-
-/// What keeps any way through a bridge whose routes are closed. `foreign` is the mapping of its services, where who asks
-/// has another.
-pub(crate) fn not_active(state: State, node: &str, foreign: Option<ServiceMapping>) -> Finding {
-    let asker = foreign.map(|it| format!("RMW_IMPLEMENTATION={} ", it.rmw())).unwrap_or_default();
-    let step = if state == State::Inactive { "activate" } else { "configure, then activate" };
-    Finding {
-        cause: Cause::State,
-        what: format!("the bridge {node} is {}: its routes are closed", state.label()),
-        who: "whoever manages the node".to_owned(),
-        remedy: format!("{asker}ros2 lifecycle set {node} {step}"),
     }
 }
 

@@ -2,19 +2,29 @@
 
 use wrapyfi_core::endpoint::Role;
 use wrapyfi_core::engine::TO_BE_ACTIVATED;
+use wrapyfi_core::middleware::ros2::graph::ServiceMapping;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::BridgeStatus;
 
 use super::door::Answer;
 use super::state::Passed;
 use super::{Cause, End, Finding, OTHER_NODE, RouteFacts, Step, Way, roles, same_node};
 use crate::lifecycle::State;
-use crate::on_graph::not_active;
 
 /// A bridge that is not activated, whatever is there.
 pub(super) fn inactive(way: &Way) -> Option<Finding> {
     let Way { running, node, foreign, .. } = way;
     let is_inactive = running.as_ref()?.reason == TO_BE_ACTIVATED;
     is_inactive.then(|| not_active(State::Inactive, node, foreign.get(node).copied()))
+}
+
+/// What keeps any way through a bridge whose routes are closed. `foreign` is the mapping of its services, where who asks
+/// has another.
+pub(crate) fn not_active(state: State, node: &str, foreign: Option<ServiceMapping>) -> Finding {
+    let asker = foreign.map(|it| format!("RMW_IMPLEMENTATION={} ", it.rmw())).unwrap_or_default();
+    let step = if state == State::Inactive { "activate" } else { "configure, then activate" };
+    let what = format!("the bridge {node} is {}: its routes are closed", state.label());
+    let remedy = format!("{asker}ros2 lifecycle set {node} {step}");
+    Finding::new(Cause::State, what, "whoever manages the node", remedy)
 }
 
 /// The finding that no bridge runs the route; else what is known instead of that.

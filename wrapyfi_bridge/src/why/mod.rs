@@ -20,7 +20,7 @@
 //! Looking opens no port and starts no broker; everything is asked side by side, and nothing for longer than
 //! 1.4 s.
 
-mod bridges;
+pub(crate) mod bridges;
 pub mod door;
 mod drops;
 mod elsewhere;
