@@ -1,10 +1,11 @@
 //! `Deserialize` from [`Value`].
 
 use num_bigint::BigInt;
+use serde::de::value::{MapAccessDeserializer, StringDeserializer};
 use serde::de::{Deserializer, Visitor};
 use serde::forward_to_deserialize_any;
 
-use super::de_access::{Elements, EnumContent, Pairs};
+use super::de_access::{Elements, Pairs};
 use super::{TypedError, exact};
 use crate::types::{Dtype, Tensor, Value, nested_list};
 
@@ -136,13 +137,10 @@ impl<'de> Deserializer<'de> for FromValue {
         visitor: V,
     ) -> Result<V::Value, TypedError> {
         match self.value {
-            Value::Str(variant) => visitor.visit_enum(EnumContent { variant, content: None }),
-            Value::Map(map) if map.len() == 1 => match map.into_iter().next() {
-                Some((Value::Str(variant), content)) => {
-                    visitor.visit_enum(EnumContent { variant, content: Some(content) })
-                }
-                _ => Err(TypedError::new("a dict whose key is no text where a variant should be")),
-            },
+            Value::Str(variant) => visitor.visit_enum(StringDeserializer::new(variant)),
+            Value::Map(map) if map.len() == 1 => {
+                visitor.visit_enum(MapAccessDeserializer::new(Pairs::new(map)))
+            }
             Value::Map(map) => Err(TypedError::new(format!(
                 "a dict of {} members where one should be: {{variant: content}}",
                 map.len()

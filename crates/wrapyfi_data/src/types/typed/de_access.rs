@@ -1,9 +1,7 @@
-//! Sequences, maps and variants on their way out of a [`Value`].
+//! Sequences and maps on their way out of a [`Value`].
 
 use bytes::Bytes;
-use serde::de::{
-    DeserializeSeed, Deserializer, EnumAccess, MapAccess, SeqAccess, VariantAccess, Visitor,
-};
+use serde::de::{DeserializeSeed, MapAccess, SeqAccess};
 
 use super::TypedError;
 use super::de::FromValue;
@@ -78,7 +76,7 @@ impl<'de> SeqAccess<'de> for Elements {
     }
 }
 
-/// Members of a dict.
+/// Members of a dict, one of which may be a variant with its content.
 pub(super) struct Pairs {
     pairs: <Map as IntoIterator>::IntoIter,
     waiting: Option<(String, Value)>,
@@ -116,80 +114,5 @@ impl<'de> MapAccess<'de> for Pairs {
 
     fn size_hint(&self) -> Option<usize> {
         self.pairs.size_hint().1
-    }
-}
-
-/// A variant with what it holds.
-pub(super) struct EnumContent {
-    pub(super) variant: String,
-    pub(super) content: Option<Value>,
-}
-
-impl<'de> EnumAccess<'de> for EnumContent {
-    type Error = TypedError;
-    type Variant = Content;
-
-    fn variant_seed<V: DeserializeSeed<'de>>(
-        self,
-        seed: V,
-    ) -> Result<(V::Value, Content), TypedError> {
-        let variant = seed.deserialize(plain(Value::Str(self.variant.clone())))?;
-        Ok((variant, Content(self)))
-    }
-}
-
-/// Content of a variant.
-pub(super) struct Content(EnumContent);
-
-impl Content {
-    fn below(self) -> Result<(FromValue, String), TypedError> {
-        let EnumContent { variant, content } = self.0;
-        match content {
-            Some(content) => Ok((plain(content), format!(".{variant}"))),
-            None => Err(TypedError::new(format!(
-                "only the name of variant {variant:?} where its content should be as well"
-            ))),
-        }
-    }
-}
-
-impl<'de> VariantAccess<'de> for Content {
-    type Error = TypedError;
-
-    fn unit_variant(self) -> Result<(), TypedError> {
-        match self.0.content {
-            None | Some(Value::Null) => Ok(()),
-            Some(content) => Err(TypedError::new(format!(
-                "{} as content of variant {:?}, which has none",
-                content.kind(),
-                self.0.variant
-            ))),
-        }
-    }
-
-    fn newtype_variant_seed<T: DeserializeSeed<'de>>(
-        self,
-        seed: T,
-    ) -> Result<T::Value, TypedError> {
-        let (content, step) = self.below()?;
-        seed.deserialize(content).map_err(|error| error.below(step))
-    }
-
-    fn tuple_variant<V: Visitor<'de>>(
-        self,
-        length: usize,
-        visitor: V,
-    ) -> Result<V::Value, TypedError> {
-        let (content, step) = self.below()?;
-        content.deserialize_tuple(length, visitor).map_err(|error| error.below(step))
-    }
-
-    fn struct_variant<V: Visitor<'de>>(
-        self,
-        fields: &'static [&'static str],
-        visitor: V,
-    ) -> Result<V::Value, TypedError> {
-        let (content, step) = self.below()?;
-        content.deserialize_struct("", fields, visitor).map_err(|error| error.below(step))
     }
 }
