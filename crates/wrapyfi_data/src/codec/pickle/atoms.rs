@@ -27,20 +27,21 @@ impl<'a> Machine<'a> {
 
     /// A frame says only how much may be read ahead; one that is not there is refused.
     pub(super) fn frame(&mut self) -> Result<()> {
-        let length = u64::from_le_bytes(self.scanner.array("FRAME")?);
+        let length = self.scanner.unsigned("FRAME", 8)?;
         let start = self.scanner.at;
         self.scanner.span("a frame", length)?;
         self.scanner.at = start;
         Ok(())
     }
 
+    pub(super) fn short_int(&mut self, width: u8) -> Result<()> {
+        let value = self.scanner.unsigned("an integer", width)?;
+        self.push_integer(value.into())
+    }
+
     /// The bytes behind a length of `width` bytes.
     fn counted_span(&mut self, width: u8) -> Result<Span> {
-        let length = match width {
-            1 => u64::from(u8::from_le_bytes(self.scanner.array("a length")?)),
-            4 => u64::from(u32::from_le_bytes(self.scanner.array("a length")?)),
-            _ => u64::from_le_bytes(self.scanner.array("a length")?),
-        };
+        let length = self.scanner.unsigned("a length", width)?;
         self.scanner.span("counted bytes", length)
     }
 

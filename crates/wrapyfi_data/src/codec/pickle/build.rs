@@ -5,7 +5,7 @@ use bytes::Bytes;
 use super::arena::{CallData, EDGE, Kind, NodeId, Span};
 use super::globals::GETATTR;
 use super::machine::{Machine, Result};
-use super::text;
+use super::{opcode as op, text};
 
 impl Machine<'_> {
     pub(super) fn short_tuple(&mut self, length: usize) -> Result<()> {
@@ -21,24 +21,15 @@ impl Machine<'_> {
         self.push(Kind::Tuple(items.into()))
     }
 
-    pub(super) fn append(&mut self, items: &[NodeId]) -> Result<()> {
+    /// Adds members to the list on top, or to the set for `ADDITEMS`.
+    pub(super) fn extend(&mut self, items: &[NodeId]) -> Result<()> {
         self.arena.charge(items.len() * EDGE, self.at)?;
-        let target = self.top()?;
+        let (target, set) = (self.top()?, self.code == op::ADDITEMS);
         match self.arena.kind_mut(target) {
-            Some(Kind::List(list)) => list.extend_from_slice(items),
+            Some(Kind::List(members)) if !set => members.extend_from_slice(items),
+            Some(Kind::Set(members)) if set => members.extend_from_slice(items),
             Some(Kind::Call(call)) => call.items.extend_from_slice(items),
-            _ => return Err(self.not_a(target, "a list")),
-        }
-        Ok(())
-    }
-
-    pub(super) fn add_items(&mut self, items: &[NodeId]) -> Result<()> {
-        self.arena.charge(items.len() * EDGE, self.at)?;
-        let target = self.top()?;
-        match self.arena.kind_mut(target) {
-            Some(Kind::Set(set)) => set.extend_from_slice(items),
-            Some(Kind::Call(call)) => call.items.extend_from_slice(items),
-            _ => return Err(self.not_a(target, "a set")),
+            _ => return Err(self.not_a(target, if set { "a set" } else { "a list" })),
         }
         Ok(())
     }

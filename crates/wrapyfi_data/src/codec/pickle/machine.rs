@@ -87,14 +87,8 @@ impl<'a> Machine<'a> {
             op::NONE => self.stack.push(NodeId::NONE),
             op::NEWTRUE => self.stack.push(NodeId::TRUE),
             op::NEWFALSE => self.stack.push(NodeId::FALSE),
-            op::BININT1 => {
-                let [value] = self.scanner.array("BININT1")?;
-                self.push(Kind::Int(value.into()))?;
-            }
-            op::BININT2 => {
-                let value = u16::from_le_bytes(self.scanner.array("BININT2")?);
-                self.push(Kind::Int(value.into()))?;
-            }
+            op::BININT1 => self.short_int(1)?,
+            op::BININT2 => self.short_int(2)?,
             op::BININT => {
                 let value = i32::from_le_bytes(self.scanner.array("BININT")?);
                 self.push(Kind::Int(value.into()))?;
@@ -146,12 +140,12 @@ impl<'a> Machine<'a> {
                 self.push(Kind::List(items))?;
             }
             op::APPEND => {
-                let item = self.pop()?;
-                self.append(&[item])?;
+                let items = self.take(1)?;
+                self.extend(&items)?;
             }
-            op::APPENDS => {
+            op::APPENDS | op::ADDITEMS => {
                 let items = self.pop_mark()?;
-                self.append(&items)?;
+                self.extend(&items)?;
             }
             op::EMPTY_DICT => self.push(Kind::Dict(Vec::new()))?,
             op::DICT => {
@@ -160,19 +154,14 @@ impl<'a> Machine<'a> {
                 self.push(Kind::Dict(pairs))?;
             }
             op::SETITEM => {
-                let value = self.pop()?;
-                let key = self.pop()?;
-                self.set_items(&[key, value])?;
+                let items = self.take(2)?;
+                self.set_items(&items)?;
             }
             op::SETITEMS => {
                 let items = self.pop_mark()?;
                 self.set_items(&items)?;
             }
             op::EMPTY_SET => self.push(Kind::Set(Vec::new()))?,
-            op::ADDITEMS => {
-                let items = self.pop_mark()?;
-                self.add_items(&items)?;
-            }
             op::FROZENSET => {
                 let items = self.pop_mark()?;
                 self.push(Kind::FrozenSet(items.into()))?;
@@ -189,28 +178,12 @@ impl<'a> Machine<'a> {
             }
 
             op::MEMOIZE => self.put(self.memoised as u64)?,
-            op::BINPUT => {
-                let [index] = self.scanner.array("BINPUT")?;
-                self.put(index.into())?;
-            }
-            op::LONG_BINPUT => {
-                let index = u32::from_le_bytes(self.scanner.array("LONG_BINPUT")?);
-                self.put(index.into())?;
-            }
-            op::PUT => {
-                let index = self.index("PUT")?;
+            op::BINPUT | op::LONG_BINPUT | op::PUT => {
+                let index = self.index()?;
                 self.put(index)?;
             }
-            op::BINGET => {
-                let [index] = self.scanner.array("BINGET")?;
-                self.get(index.into())?;
-            }
-            op::LONG_BINGET => {
-                let index = u32::from_le_bytes(self.scanner.array("LONG_BINGET")?);
-                self.get(index.into())?;
-            }
-            op::GET => {
-                let index = self.index("GET")?;
+            op::BINGET | op::LONG_BINGET | op::GET => {
+                let index = self.index()?;
                 self.get(index)?;
             }
 
@@ -219,15 +192,10 @@ impl<'a> Machine<'a> {
                 self.stack.push(global);
             }
             op::STACK_GLOBAL => self.stack_global()?,
-            op::REDUCE => {
+            op::REDUCE | op::NEWOBJ => {
                 let args = self.pop()?;
                 let callable = self.pop()?;
-                self.call(callable, args, None, false)?;
-            }
-            op::NEWOBJ => {
-                let args = self.pop()?;
-                let class = self.pop()?;
-                self.call(class, args, None, true)?;
+                self.call(callable, args, None, code == op::NEWOBJ)?;
             }
             op::NEWOBJ_EX => {
                 let kwargs = self.pop()?;
@@ -257,15 +225,12 @@ impl<'a> Machine<'a> {
                 self.build(state)?;
             }
 
-            op::PERSID => {
+            op::PERSID | op::BINPERSID => {
                 self.check_persistent()?;
-                let line = self.scanner.line("PERSID")?;
-                self.push(text::latin1(self.scanner.get(line), Some(line)))?;
-                let id = self.pop()?;
-                self.push(Kind::Persistent(id))?;
-            }
-            op::BINPERSID => {
-                self.check_persistent()?;
+                if code == op::PERSID {
+                    let line = self.scanner.line("PERSID")?;
+                    self.push(text::latin1(self.scanner.get(line), Some(line)))?;
+                }
                 let id = self.pop()?;
                 self.push(Kind::Persistent(id))?;
             }

@@ -4,7 +4,10 @@
 use super::arena::{EDGE, Kind, NodeId};
 use super::error::PickleError;
 use super::machine::{Machine, Result};
+use super::opcode as op;
 
+/// Name of a number in the memo, in errors.
+const MEMO_INDEX: &str = "memo index";
 /// Entry of the memo without an object.
 const UNSET: NodeId = NodeId(u32::MAX);
 
@@ -15,7 +18,7 @@ impl Machine<'_> {
         let limit = self.scanner.data.len();
         let place = usize::try_from(index).ok().filter(|&place| place <= limit);
         let place = place.ok_or(PickleError::TooLarge {
-            what: "memo index",
+            what: MEMO_INDEX,
             at: self.at,
             actual: index,
             limit: limit as u64,
@@ -42,8 +45,14 @@ impl Machine<'_> {
         }
     }
 
-    pub(super) fn index(&mut self, what: &'static str) -> Result<u64> {
-        let line = self.scanner.line(what)?;
+    /// Number of an object in the memo: one byte, four, or a line of digits.
+    pub(super) fn index(&mut self) -> Result<u64> {
+        match self.code {
+            op::BINPUT | op::BINGET => return self.scanner.unsigned(MEMO_INDEX, 1),
+            op::LONG_BINPUT | op::LONG_BINGET => return self.scanner.unsigned(MEMO_INDEX, 4),
+            _ => {}
+        }
+        let line = self.scanner.line(MEMO_INDEX)?;
         self.line_text(line)
             .and_then(|text| text.parse().ok())
             .ok_or_else(|| self.fault("the memo's index is no number"))

@@ -96,6 +96,22 @@ impl Pickle {
     }
 }
 
+/// Methods that read an object as one kind of value.
+macro_rules! kinds {
+    ($($(#[$doc:meta])* $name:ident -> $value:ty: $($view:ident)|+, $expected:literal;)*) => {$(
+        $(#[$doc])*
+        ///
+        /// # Errors
+        /// When the object is of another kind.
+        pub fn $name(&self) -> Result<$value> {
+            match self.view() {
+                $(View::$view(value))|+ => Ok(value),
+                _ => Err(self.unexpected($expected)),
+            }
+        }
+    )*};
+}
+
 impl<'p> Node<'p> {
     pub(super) fn child(&self, id: NodeId, step: Step) -> Self {
         Self { pickle: self.pickle, id, trail: self.trail.and(step) }
@@ -163,6 +179,7 @@ impl<'p> Node<'p> {
     #[must_use]
     pub fn view(&self) -> View<'p> {
         let pickle = self.pickle;
+        let items = |ids| Items { owner: *self, step: Step::Index, ids };
         match self.kind() {
             Kind::None => View::None,
             Kind::Bool(value) => View::Bool(*value),
@@ -184,14 +201,10 @@ impl<'p> Node<'p> {
                     None => View::None,
                 }
             }
-            Kind::List(items) => View::List(Items { owner: *self, step: Step::Index, ids: items }),
-            Kind::Tuple(items) => {
-                View::Tuple(Items { owner: *self, step: Step::Index, ids: items })
-            }
-            Kind::Set(items) => View::Set(Items { owner: *self, step: Step::Index, ids: items }),
-            Kind::FrozenSet(items) => {
-                View::FrozenSet(Items { owner: *self, step: Step::Index, ids: items })
-            }
+            Kind::List(ids) => View::List(items(ids)),
+            Kind::Tuple(ids) => View::Tuple(items(ids)),
+            Kind::Set(ids) => View::Set(items(ids)),
+            Kind::FrozenSet(ids) => View::FrozenSet(items(ids)),
             Kind::Dict(pairs) => View::Dict(Pairs { owner: *self, ids: pairs }),
             Kind::Global(global) => View::Global(global),
             Kind::Call(data) => View::Call(PickleCall { node: *self, data }),
@@ -211,26 +224,29 @@ impl<'p> Node<'p> {
         (!self.is_none()).then_some(self)
     }
 
-    /// The object as a `bool`.
-    ///
-    /// # Errors
-    /// When the object is of another kind; so for all that follow.
-    pub fn bool(&self) -> Result<bool> {
-        match self.view() {
-            View::Bool(value) => Ok(value),
-            _ => Err(self.unexpected("a bool")),
-        }
-    }
-
-    /// The object as an integer that fits 64 bits signed.
-    ///
-    /// # Errors
-    /// As [`Self::bool`].
-    pub fn int(&self) -> Result<i64> {
-        match self.view() {
-            View::Int(value) => Ok(value),
-            _ => Err(self.unexpected("an int of 64 bits")),
-        }
+    kinds! {
+        /// The object as a `bool`.
+        bool -> bool: Bool, "a bool";
+        /// The object as an integer that fits 64 bits signed.
+        int -> i64: Int, "an int of 64 bits";
+        /// The object as a float.
+        float -> f64: Float, "a float";
+        /// The object as text without lone surrogates.
+        str -> &'p str: Str, "a str";
+        /// The object as a `list`.
+        list -> Items<'p>: List, "a list";
+        /// The object as a `tuple`.
+        tuple -> Items<'p>: Tuple, "a tuple";
+        /// The object as a `list` or a `tuple`.
+        sequence -> Items<'p>: List | Tuple, "a list or tuple";
+        /// The object as a `dict`.
+        dict -> Pairs<'p>: Dict, "a dict";
+        /// The object as a function or class named as data.
+        global -> &'static Global: Global, "a function or class";
+        /// The object as a call of any function or class.
+        any_call -> PickleCall<'p>: Call, "an object";
+        /// The id of something beside the pickle.
+        persistent -> Node<'p>: Persistent, "a persistent id";
     }
 
     /// The object as an integer that can be a size or an index.
@@ -240,28 +256,6 @@ impl<'p> Node<'p> {
     pub fn size(&self) -> Result<usize> {
         let size = self.int().ok().and_then(|value| usize::try_from(value).ok());
         size.ok_or_else(|| self.unexpected("an int of 0 or more"))
-    }
-
-    /// The object as a float.
-    ///
-    /// # Errors
-    /// As [`Self::bool`].
-    pub fn float(&self) -> Result<f64> {
-        match self.view() {
-            View::Float(value) => Ok(value),
-            _ => Err(self.unexpected("a float")),
-        }
-    }
-
-    /// The object as text without lone surrogates.
-    ///
-    /// # Errors
-    /// As [`Self::bool`].
-    pub fn str(&self) -> Result<&'p str> {
-        match self.view() {
-            View::Str(text) => Ok(text),
-            _ => Err(self.unexpected("a str")),
-        }
     }
 
     /// The object as bytes, which are shared: of `bytes`, a `bytearray` or an out-of-band buffer.
@@ -280,76 +274,10 @@ impl<'p> Node<'p> {
         }
     }
 
-    /// The object as a `list`.
-    ///
-    /// # Errors
-    /// As [`Self::bool`].
-    pub fn list(&self) -> Result<Items<'p>> {
-        match self.view() {
-            View::List(items) => Ok(items),
-            _ => Err(self.unexpected("a list")),
-        }
-    }
-
-    /// The object as a `tuple`.
-    ///
-    /// # Errors
-    /// As [`Self::bool`].
-    pub fn tuple(&self) -> Result<Items<'p>> {
-        match self.view() {
-            View::Tuple(items) => Ok(items),
-            _ => Err(self.unexpected("a tuple")),
-        }
-    }
-
-    /// The object as a `list` or a `tuple`.
-    ///
-    /// # Errors
-    /// As [`Self::bool`].
-    pub fn sequence(&self) -> Result<Items<'p>> {
-        match self.view() {
-            View::List(items) | View::Tuple(items) => Ok(items),
-            _ => Err(self.unexpected("a list or tuple")),
-        }
-    }
-
-    /// The object as a `dict`.
-    ///
-    /// # Errors
-    /// As [`Self::bool`].
-    pub fn dict(&self) -> Result<Pairs<'p>> {
-        match self.view() {
-            View::Dict(pairs) => Ok(pairs),
-            _ => Err(self.unexpected("a dict")),
-        }
-    }
-
-    /// The object as a function or class named as data.
-    ///
-    /// # Errors
-    /// As [`Self::bool`].
-    pub fn global(&self) -> Result<&'static Global> {
-        match self.view() {
-            View::Global(global) => Ok(global),
-            _ => Err(self.unexpected("a function or class")),
-        }
-    }
-
     /// True for exactly this function or class, named as data: `is_global("numpy.ndarray")`.
     #[must_use]
     pub fn is_global(&self, dotted: &str) -> bool {
         matches!(self.kind(), Kind::Global(global) if global.is(dotted))
-    }
-
-    /// The object as a call of any function or class.
-    ///
-    /// # Errors
-    /// As [`Self::bool`].
-    pub fn any_call(&self) -> Result<PickleCall<'p>> {
-        match self.view() {
-            View::Call(call) => Ok(call),
-            _ => Err(self.unexpected("an object")),
-        }
     }
 
     /// The object as a call of this function or class: `call("torch._utils._rebuild_tensor_v2")`.
@@ -368,17 +296,6 @@ impl<'p> Node<'p> {
         match self.view() {
             View::Call(call) if dotted.iter().any(|name| call.global().is(name)) => Ok(call),
             _ => Err(self.unexpected(format!("an object of {}", dotted.join(" or ")))),
-        }
-    }
-
-    /// The id of something beside the pickle.
-    ///
-    /// # Errors
-    /// As [`Self::bool`].
-    pub fn persistent(&self) -> Result<Node<'p>> {
-        match self.view() {
-            View::Persistent(id) => Ok(id),
-            _ => Err(self.unexpected("a persistent id")),
         }
     }
 }

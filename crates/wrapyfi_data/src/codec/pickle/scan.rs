@@ -27,6 +27,12 @@ impl<'a> Scanner<'a> {
         }
     }
 
+    /// The number in the next `width` bytes, 8 at most.
+    pub(super) fn unsigned(&mut self, what: &'static str, width: u8) -> Result<u64> {
+        let span = self.span(what, width.into())?;
+        Ok(self.get(span).iter().rev().fold(0, |high, &byte| high << 8 | u64::from(byte)))
+    }
+
     /// The next `length` bytes, whatever length the pickle claims.
     pub(super) fn span(&mut self, what: &'static str, length: u64) -> Result<Span> {
         let start = self.at;
