@@ -5,11 +5,10 @@ use std::fmt;
 use arrow_array::cast::AsArray as _;
 use arrow_array::types::{
     Decimal128Type, DurationMicrosecondType, DurationMillisecondType, DurationNanosecondType,
-    DurationSecondType, Float16Type, Float32Type, Float64Type, Int8Type, Int16Type, Int32Type,
-    Int64Type, TimestampMicrosecondType, TimestampMillisecondType, TimestampNanosecondType,
-    TimestampSecondType, UInt8Type, UInt16Type, UInt32Type, UInt64Type,
+    DurationSecondType, Float16Type, Float32Type, Float64Type, TimestampMicrosecondType,
+    TimestampMillisecondType, TimestampNanosecondType, TimestampSecondType,
 };
-use arrow_array::{Array, ArrayRef};
+use arrow_array::{Array, ArrayRef, downcast_integer};
 use arrow_schema::{DataType, TimeUnit};
 
 use super::Table;
@@ -81,16 +80,8 @@ fn cell(array: &ArrayRef, row: usize) -> String {
         let items = (0..items.len().min(SHOWN)).map(|row| cell(items, row));
         format!("[{}{more}]", items.collect::<Vec<_>>().join(", "))
     };
-    match array.data_type() {
+    downcast_integer! { array.data_type() => (number),
         DataType::Boolean => array.as_boolean().value(row).to_string(),
-        DataType::Int8 => number!(Int8Type),
-        DataType::Int16 => number!(Int16Type),
-        DataType::Int32 => number!(Int32Type),
-        DataType::Int64 => number!(Int64Type),
-        DataType::UInt8 => number!(UInt8Type),
-        DataType::UInt16 => number!(UInt16Type),
-        DataType::UInt32 => number!(UInt32Type),
-        DataType::UInt64 => number!(UInt64Type),
         DataType::Float16 => number!(Float16Type),
         DataType::Float32 => number!(Float32Type),
         DataType::Float64 => number!(Float64Type),

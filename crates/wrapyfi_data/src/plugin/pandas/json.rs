@@ -11,8 +11,7 @@
 
 use std::sync::Arc;
 
-use arrow_array::builder::{BooleanBuilder, StringBuilder};
-use arrow_array::{ArrayRef, Float64Array, Int64Array};
+use arrow_array::{ArrayRef, BooleanArray, Float64Array, Int64Array, StringArray};
 
 use super::super::error::malformed;
 use super::super::{Body, Part, PluginError, Unpacking};
@@ -221,13 +220,9 @@ fn column(label: Value, cells: &[&Value]) -> Result<Column> {
         let numbers = cells.iter().map(|cell| cell.as_f64().unwrap_or(f64::NAN));
         (Arc::new(Float64Array::from_iter_values(numbers)), "float64")
     } else if all(|cell| matches!(cell, Value::Bool(_))) {
-        let mut builder = BooleanBuilder::new();
-        cells.iter().for_each(|cell| builder.append_option(cell.as_bool()));
-        (Arc::new(builder.finish()), "bool")
+        (Arc::new(cells.iter().map(|cell| cell.as_bool()).collect::<BooleanArray>()), "bool")
     } else if all(|cell| matches!(cell, Value::Str(_) | Value::Null)) {
-        let mut builder = StringBuilder::new();
-        cells.iter().for_each(|cell| builder.append_option(cell.as_str()));
-        (Arc::new(builder.finish()), "object")
+        (Arc::new(cells.iter().map(|cell| cell.as_str()).collect::<StringArray>()), "object")
     } else {
         return Err(PluginError::unsupported(
             format!("a column {label:?} of mixed or nested values"),

@@ -2,10 +2,7 @@
 
 use std::sync::Arc;
 
-use arrow_array::ArrayRef;
-use arrow_array::builder::{
-    BinaryBuilder, BooleanBuilder, Float64Builder, Int64Builder, StringBuilder,
-};
+use arrow_array::{ArrayRef, BinaryArray, BooleanArray, Float64Array, Int64Array, StringArray};
 
 use super::super::budget::Budget;
 use crate::codec::pickle::{Node, PickleError, View};
@@ -36,50 +33,29 @@ pub(super) fn array(
 ) -> Result<(ArrayRef, Option<Missing>), PickleError> {
     let (content, missing) = survey(owner, items)?;
     budget.take(owner, items.len().saturating_mul(8))?;
+    // Values of another kind are missing ones.
     let array: ArrayRef = match content {
-        Content::Text => {
-            let mut builder = StringBuilder::new();
-            for item in items {
-                match item.view() {
-                    View::Str(text) => {
-                        budget.take(item, text.len())?;
-                        builder.append_value(text);
-                    }
-                    _ => builder.append_null(),
-                }
-            }
-            Arc::new(builder.finish())
-        }
-        Content::Bytes => {
-            let mut builder = BinaryBuilder::new();
-            for item in items {
-                match item.bytes() {
-                    Ok(bytes) => {
-                        budget.take(item, bytes.len())?;
-                        builder.append_value(bytes);
-                    }
-                    Err(_missing) => builder.append_null(),
-                }
-            }
-            Arc::new(builder.finish())
-        }
-        Content::Bool => {
-            let mut builder = BooleanBuilder::new();
-            items.iter().for_each(|item| builder.append_option(item.bool().ok()));
-            Arc::new(builder.finish())
-        }
-        Content::Int => {
-            let mut builder = Int64Builder::new();
-            items.iter().for_each(|item| builder.append_option(item.int().ok()));
-            Arc::new(builder.finish())
-        }
-        Content::Float => {
-            let mut builder = Float64Builder::new();
-            items.iter().for_each(|item| builder.append_option(item.float().ok()));
-            Arc::new(builder.finish())
-        }
+        Content::Text => Arc::new(StringArray::from_iter(sized(items, budget, Node::str)?)),
+        Content::Bytes => Arc::new(BinaryArray::from_iter(sized(items, budget, Node::bytes)?)),
+        Content::Bool => Arc::new(BooleanArray::from_iter(items.iter().map(|it| it.bool().ok()))),
+        Content::Int => Arc::new(Int64Array::from_iter(items.iter().map(|it| it.int().ok()))),
+        Content::Float => Arc::new(Float64Array::from_iter(items.iter().map(|it| it.float().ok()))),
     };
     Ok((array, missing))
+}
+
+/// The values whose bytes are booked before they are copied, nothing for missing ones.
+fn sized<'p, T: AsRef<[u8]>>(
+    items: &[Node<'p>],
+    budget: &Budget,
+    read: fn(&Node<'p>) -> Result<T, PickleError>,
+) -> Result<Vec<Option<T>>, PickleError> {
+    let booked = items.iter().map(|item| {
+        let value = read(item).ok();
+        budget.take(item, value.as_ref().map_or(0, |value| value.as_ref().len()))?;
+        Ok(value)
+    });
+    booked.collect()
 }
 
 /// The one kind of content that all items have.

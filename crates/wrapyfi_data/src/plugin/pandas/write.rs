@@ -16,10 +16,7 @@
 use std::collections::HashSet;
 
 use arrow_array::cast::AsArray as _;
-use arrow_array::types::{
-    ArrowDictionaryKeyType, Float64Type, Int8Type, Int16Type, Int32Type, Int64Type, UInt8Type,
-    UInt16Type, UInt32Type,
-};
+use arrow_array::types::{Float64Type, Int64Type};
 use arrow_array::{Array, ArrayRef};
 use arrow_schema::DataType;
 
@@ -407,23 +404,13 @@ fn write_codes(to: &mut Writer, data_type: &DataType, codes: &[i64]) {
 
 /// The codes of a dictionary, -1 where one is missing, and its labels.
 fn codes(array: &ArrayRef) -> Option<(Vec<i64>, ArrayRef)> {
-    fn of<K: ArrowDictionaryKeyType>(array: &ArrayRef) -> (Vec<i64>, ArrayRef)
-    where
-        K::Native: Into<i64>,
-    {
-        let dictionary = array.as_dictionary::<K>();
-        let codes = dictionary.keys().iter().map(|code| code.map_or(-1, Into::into));
-        (codes.collect(), ArrayRef::clone(dictionary.values()))
-    }
-    let DataType::Dictionary(key, _) = array.data_type() else { return None };
-    Some(match **key {
-        DataType::Int8 => of::<Int8Type>(array),
-        DataType::Int16 => of::<Int16Type>(array),
-        DataType::Int32 => of::<Int32Type>(array),
-        DataType::Int64 => of::<Int64Type>(array),
-        DataType::UInt8 => of::<UInt8Type>(array),
-        DataType::UInt16 => of::<UInt16Type>(array),
-        DataType::UInt32 => of::<UInt32Type>(array),
-        _ => return None,
-    })
+    let dictionary = array.as_any_dictionary_opt()?;
+    let labels = dictionary.values();
+    // No code is valid where there are no labels.
+    let codes = if labels.is_empty() { vec![0; array.len()] } else { dictionary.normalized_keys() };
+    let codes = codes.into_iter().enumerate().map(|(row, code)| match i64::try_from(code) {
+        Ok(code) if array.is_valid(row) => code,
+        _ => -1,
+    });
+    Some((codes.collect(), ArrayRef::clone(labels)))
 }

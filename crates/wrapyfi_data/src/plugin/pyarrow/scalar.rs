@@ -8,17 +8,15 @@
 
 use std::sync::Arc;
 
-use arrow_array::builder::{
-    BinaryBuilder, FixedSizeBinaryBuilder, LargeBinaryBuilder, LargeStringBuilder, StringBuilder,
-};
 use arrow_array::cast::AsArray as _;
 use arrow_array::types::{
-    ArrowPrimitiveType, Decimal128Type, Float16Type, Float32Type, Float64Type, Int8Type, Int16Type,
-    Int32Type, Int64Type, UInt8Type, UInt16Type, UInt32Type, UInt64Type,
+    ArrowPrimitiveType, Decimal128Type, Float16Type, Float32Type, Float64Type, Int32Type,
+    Int64Type, UInt64Type,
 };
 use arrow_array::{
-    Array as _, ArrayRef, BooleanArray, FixedSizeListArray, LargeListArray, ListArray, NullArray,
-    PrimitiveArray, StructArray, make_array,
+    Array as _, ArrayRef, BinaryArray, BooleanArray, FixedSizeBinaryArray, FixedSizeListArray,
+    LargeBinaryArray, LargeListArray, LargeStringArray, ListArray, NullArray, PrimitiveArray,
+    StringArray, StructArray, downcast_integer, make_array,
 };
 use arrow_buffer::{NullBuffer, OffsetBuffer};
 use arrow_schema::{ArrowError, DataType, Fields, TimeUnit};
@@ -27,6 +25,7 @@ use super::super::PluginError;
 use super::super::budget::Budget;
 use super::types;
 use crate::codec::pickle::{Node, PickleCall, PickleError, View, Writer};
+use crate::types::{Value, arrow, nested_list};
 
 type Result<T> = std::result::Result<T, PickleError>;
 
@@ -55,58 +54,36 @@ fn array(
     budget.take(owner, items.len().saturating_mul(32))?;
     let wrong = |error: ArrowError| owner.unexpected(format!("a {data_type}: {error}"));
     let valid = || NullBuffer::from_iter(items.iter().map(Option::is_some));
-    macro_rules! append {
-        ($builder:expr, |$item:ident| $read:expr) => {{
-            let mut builder = $builder;
-            for item in items {
-                match item {
-                    Some($item) => {
-                        let value = $read;
-                        budget.take($item, value.len())?;
-                        builder.append_value(value);
-                    }
-                    None => builder.append_null(),
-                }
-            }
-            Arc::new(builder.finish())
-        }};
+    macro_rules! integers {
+        ($number:ty) => {
+            numbers::<$number>(items, int)?
+        };
     }
-    Ok(match data_type {
+    Ok(downcast_integer!(data_type => (integers),
         DataType::Null => Arc::new(NullArray::new(items.len())),
         DataType::Boolean => {
             let values = items.iter().map(|item| item.as_ref().map(Node::bool).transpose());
             Arc::new(BooleanArray::from(values.collect::<Result<Vec<_>>>()?))
         }
-        DataType::Int8 => numbers::<Int8Type>(items, int)?,
-        DataType::Int16 => numbers::<Int16Type>(items, int)?,
-        DataType::Int32 => numbers::<Int32Type>(items, int)?,
-        DataType::Int64 => numbers::<Int64Type>(items, Node::int)?,
-        DataType::UInt8 => numbers::<UInt8Type>(items, int)?,
-        DataType::UInt16 => numbers::<UInt16Type>(items, int)?,
-        DataType::UInt32 => numbers::<UInt32Type>(items, int)?,
-        DataType::UInt64 => numbers::<UInt64Type>(items, |n| match n.view() {
-            View::BigInt(value) => u64::try_from(value).map_err(|_wide| wide(n)),
-            _ => int(n),
-        })?,
         DataType::Float16 => numbers::<Float16Type>(items, |n| n.float().map(half::f16::from_f64))?,
-        #[allow(clippy::cast_possible_truncation, reason = "Python has it as a double")]
         DataType::Float32 => {
-            numbers::<Float32Type>(items, |n| n.float().map(|value| value as f32))?
+            #[allow(clippy::cast_possible_truncation, reason = "Python has it as a double")]
+            let narrow = |n: &Node<'_>| n.float().map(|value| value as f32);
+            numbers::<Float32Type>(items, narrow)?
         }
         DataType::Float64 => numbers::<Float64Type>(items, Node::float)?,
-        DataType::Utf8 => append!(StringBuilder::new(), |item| item.str()?),
-        DataType::LargeUtf8 => append!(LargeStringBuilder::new(), |item| item.str()?),
-        DataType::Binary => append!(BinaryBuilder::new(), |item| item.bytes()?),
-        DataType::LargeBinary => append!(LargeBinaryBuilder::new(), |item| item.bytes()?),
+        DataType::Utf8 => Arc::new(StringArray::from_iter(sized(items, budget, Node::str)?)),
+        DataType::LargeUtf8 => {
+            Arc::new(LargeStringArray::from_iter(sized(items, budget, Node::str)?))
+        }
+        DataType::Binary => Arc::new(BinaryArray::from_iter(sized(items, budget, Node::bytes)?)),
+        DataType::LargeBinary => {
+            Arc::new(LargeBinaryArray::from_iter(sized(items, budget, Node::bytes)?))
+        }
         DataType::FixedSizeBinary(size) => {
-            let mut builder = FixedSizeBinaryBuilder::new(*size);
-            for item in items {
-                match item {
-                    Some(item) => builder.append_value(item.bytes()?).map_err(wrong)?,
-                    None => builder.append_null(),
-                }
-            }
-            Arc::new(builder.finish())
+            let values = sized(items, budget, Node::bytes)?.into_iter();
+            let made = FixedSizeBinaryArray::try_from_sparse_iter_with_size(values, *size);
+            Arc::new(made.map_err(wrong)?)
         }
         DataType::Decimal128(precision, scale) => {
             let values = numbers::<Decimal128Type>(items, |n| decimal(n, *scale))?;
@@ -184,7 +161,7 @@ fn array(
             Arc::new(made.map_err(wrong)?)
         }
         _ => return Err(owner.unexpected(format!("a scalar that is read here, not a {data_type}"))),
-    })
+    ))
 }
 
 /// Offsets at which the elements of each list end, and the elements of all lists.
@@ -226,12 +203,29 @@ fn members<'p>(item: &Node<'p>, fields: &Fields) -> Result<Vec<Node<'p>>> {
     Ok(pairs.into_iter().map(|(_, member)| member).collect())
 }
 
-fn int<N: TryFrom<i64>>(node: &Node<'_>) -> Result<N> {
-    node.int()?.try_into().map_err(|_wide| wide(node))
+fn int<N: TryFrom<i128>>(node: &Node<'_>) -> Result<N> {
+    let value = match node.view() {
+        View::BigInt(value) => i128::try_from(value).ok(),
+        _ => Some(node.int()?.into()),
+    };
+    value.and_then(|value| value.try_into().ok()).ok_or_else(|| wide(node))
 }
 
 fn wide(node: &Node<'_>) -> PickleError {
     node.unexpected("a number that its type holds")
+}
+
+/// Values whose bytes are booked before they are copied.
+fn sized<'p, T: AsRef<[u8]>>(
+    items: &[Option<Node<'p>>],
+    budget: &Budget,
+    read: fn(&Node<'p>) -> Result<T>,
+) -> Result<Vec<Option<T>>> {
+    let booked = |item: &Node<'p>| {
+        let value = read(item)?;
+        budget.take(item, value.as_ref().len()).map(|()| value)
+    };
+    items.iter().map(|item| item.as_ref().map(booked).transpose()).collect()
 }
 
 fn numbers<'p, T: ArrowPrimitiveType>(
@@ -311,24 +305,9 @@ fn value(to: &mut Writer, array: &ArrayRef, row: usize) -> std::result::Result<(
         to.none();
         return Ok(());
     }
-    macro_rules! int {
-        ($kind:ty) => {{
-            to.int(array.as_primitive::<$kind>().value(row).into());
-        }};
-    }
     match array.data_type() {
         DataType::Boolean => _ = to.bool(array.as_boolean().value(row)),
-        DataType::Int8 => int!(Int8Type),
-        DataType::Int16 => int!(Int16Type),
-        DataType::Int32 => int!(Int32Type),
-        DataType::Int64 => int!(Int64Type),
-        DataType::UInt8 => int!(UInt8Type),
-        DataType::UInt16 => int!(UInt16Type),
-        DataType::UInt32 => int!(UInt32Type),
         DataType::UInt64 => _ = to.big_int(&array.as_primitive::<UInt64Type>().value(row).into()),
-        DataType::Float16 => _ = to.float(array.as_primitive::<Float16Type>().value(row).to_f64()),
-        DataType::Float32 => _ = to.float(array.as_primitive::<Float32Type>().value(row).into()),
-        DataType::Float64 => _ = to.float(array.as_primitive::<Float64Type>().value(row)),
         DataType::Utf8 => _ = to.str(array.as_string::<i32>().value(row)),
         DataType::LargeUtf8 => _ = to.str(array.as_string::<i64>().value(row)),
         DataType::Binary => _ = to.bytes(array.as_binary::<i32>().value(row)),
@@ -337,17 +316,6 @@ fn value(to: &mut Writer, array: &ArrayRef, row: usize) -> std::result::Result<(
         DataType::Decimal128(..) => {
             let text = array.as_primitive::<Decimal128Type>().value_as_string(row);
             to.global("decimal", "Decimal").str(&text).tuple(1).reduce();
-        }
-        DataType::Date32 | DataType::Time32(_) => {
-            let counts = recount(array, &DataType::Int32)?;
-            to.int(counts.as_primitive::<Int32Type>().value(row).into());
-        }
-        DataType::Date64
-        | DataType::Time64(_)
-        | DataType::Timestamp(..)
-        | DataType::Duration(_) => {
-            let counts = recount(array, &DataType::Int64)?;
-            to.int(counts.as_primitive::<Int64Type>().value(row));
         }
         DataType::List(_) => list(to, &array.as_list::<i32>().value(row))?,
         DataType::LargeList(_) => list(to, &array.as_list::<i64>().value(row))?,
@@ -360,23 +328,24 @@ fn value(to: &mut Writer, array: &ArrayRef, row: usize) -> std::result::Result<(
             }
             to.dict_since_mark();
         }
-        other => {
-            return Err(PluginError::unsupported(
-                format!("a scalar of type {other}"),
-                "send an array of one element",
-            ));
-        }
+        // Plain numbers, and times as counts of their unit.
+        other => match arrow::elements(&array.slice(row, 1)).as_ref().and_then(nested_list) {
+            Some(Value::List(number)) => match number[..] {
+                [Value::Int(value)] => _ = to.int(value),
+                [Value::Float(value)] => _ = to.float(value),
+                _ => return Err(no_scalar(other)),
+            },
+            _ => return Err(no_scalar(other)),
+        },
     }
     Ok(())
 }
 
-fn recount(array: &ArrayRef, data_type: &DataType) -> std::result::Result<ArrayRef, PluginError> {
-    retyped(array, data_type).map_err(|error| {
-        PluginError::unsupported(
-            format!("a scalar of type {}: {error}", array.data_type()),
-            "send an array of one element",
-        )
-    })
+fn no_scalar(data_type: &DataType) -> PluginError {
+    PluginError::unsupported(
+        format!("a scalar of type {data_type}"),
+        "send an array of one element",
+    )
 }
 
 fn list(to: &mut Writer, elements: &ArrayRef) -> std::result::Result<(), PluginError> {

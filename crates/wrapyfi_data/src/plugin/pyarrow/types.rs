@@ -73,6 +73,10 @@ fn read_type(node: &Node<'_>, budget: &Budget, depth: usize) -> Result<DataType>
         let name = call.arg(index)?;
         unit(name.str()?).ok_or_else(|| name.unexpected("a unit: s, ms, us or ns"))
     };
+    let size = |index| {
+        let size = call.arg(index)?;
+        i32::try_from(size.int()?).map_err(|_wide| size.unexpected("a size of 32 bits"))
+    };
     let inner = |index| -> Result<_> {
         let part = call.arg(index)?;
         let is_field = part.any_call().is_ok_and(|call| call.global().is("pyarrow.lib.field"));
@@ -96,12 +100,7 @@ fn read_type(node: &Node<'_>, budget: &Budget, depth: usize) -> Result<DataType>
         "duration" => DataType::Duration(time(0)?),
         "time32" => DataType::Time32(time(0)?),
         "time64" => DataType::Time64(time(0)?),
-        "binary" => {
-            let length = call.arg(0)?;
-            let length = i32::try_from(length.int()?)
-                .map_err(|_wide| length.unexpected("a size of 32 bits"))?;
-            DataType::FixedSizeBinary(length)
-        }
+        "binary" => DataType::FixedSizeBinary(size(0)?),
         "decimal128" => {
             let (precision, scale) = (call.arg(0)?, call.arg(1)?);
             let wrong = |part: &Node<'_>| part.unexpected("a precision and scale of 8 bits");
@@ -111,10 +110,7 @@ fn read_type(node: &Node<'_>, budget: &Budget, depth: usize) -> Result<DataType>
             )
         }
         "list_" if call.args().len() > 1 && call.arg(1)?.int()? >= 0 => {
-            let length = call.arg(1)?;
-            let size = i32::try_from(length.int()?)
-                .map_err(|_wide| length.unexpected("a size of 32 bits"))?;
-            DataType::FixedSizeList(inner(0)?, size)
+            DataType::FixedSizeList(inner(0)?, size(1)?)
         }
         "list_" => DataType::List(inner(0)?),
         "large_list" => DataType::LargeList(inner(0)?),
@@ -246,13 +242,9 @@ pub(super) fn write_type(
             to.global(LIB, "decimal128").int((*precision).into()).int((*scale).into());
             to.tuple(2).reduce();
         }
-        DataType::List(item) => {
-            to.global(LIB, "list_");
-            write_field(to, item)?;
-            to.tuple(1).reduce();
-        }
-        DataType::LargeList(item) => {
-            to.global(LIB, "large_list");
+        DataType::List(item) | DataType::LargeList(item) => {
+            let large = matches!(data_type, DataType::LargeList(_));
+            to.global(LIB, if large { "large_list" } else { "list_" });
             write_field(to, item)?;
             to.tuple(1).reduce();
         }

@@ -21,20 +21,14 @@ pub(super) fn table(to: &mut Writer, table: &Table) -> Result<(), PluginError> {
         ("Array", [only]) => array(to, &only.to_data()),
         ("ChunkedArray", [only]) => chunked(to, &only.to_data()),
         ("Scalar", [only]) if only.len() == 1 => scalar::write(to, only),
-        ("RecordBatch", _) => {
-            to.global(LIB, "_reconstruct_record_batch").mark();
-            for column in columns {
-                array(to, &column.to_data())?;
-            }
-            to.list_since_mark();
-            types::write_schema(to, table.batch.schema_ref())?;
-            to.tuple(2).reduce();
-            Ok(())
-        }
-        ("Table", _) => {
-            to.global(LIB, "_reconstruct_table").mark();
-            for column in columns {
-                chunked(to, &column.to_data())?;
+        ("RecordBatch" | "Table", _) => {
+            let (function, column): (_, fn(&mut Writer, &ArrayData) -> _) = match kind {
+                "Table" => ("_reconstruct_table", chunked),
+                _ => ("_reconstruct_record_batch", array),
+            };
+            to.global(LIB, function).mark();
+            for array in columns {
+                column(to, &array.to_data())?;
             }
             to.list_since_mark();
             types::write_schema(to, table.batch.schema_ref())?;

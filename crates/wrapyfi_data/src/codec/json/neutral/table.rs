@@ -22,22 +22,20 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use arrow_array::builder::{LargeStringBuilder, StringBuilder};
 use arrow_array::cast::AsArray as _;
 use arrow_array::{
-    Array as _, ArrayRef, BinaryArray, BooleanArray, FixedSizeListArray, LargeListArray, ListArray,
-    NullArray, OffsetSizeTrait, RecordBatch, RecordBatchOptions, StructArray, make_array,
+    Array as _, ArrayRef, BinaryArray, BooleanArray, FixedSizeListArray, LargeListArray,
+    LargeStringArray, ListArray, NullArray, OffsetSizeTrait, RecordBatch, RecordBatchOptions,
+    StringArray, StructArray, make_array,
 };
-use arrow_buffer::{
-    ArrowNativeType as _, BooleanBuffer, Buffer, NullBuffer, OffsetBuffer, ToByteSlice as _,
-};
+use arrow_buffer::{ArrowNativeType as _, BooleanBuffer, Buffer, NullBuffer, OffsetBuffer};
 use arrow_data::ArrayData;
 use arrow_schema::{ArrowError, DataType, Field, Schema};
 use bytes::Bytes;
 
 use super::{origin_body, read_origin, text};
 use crate::types::arrow::{self, unit_name};
-use crate::types::{Dtype, Map, Table, Tensor, Value};
+use crate::types::{Dtype, Element, Map, Table, Tensor, Value};
 
 /// Deepest nesting of categories, lists and structs.
 const MAX_DEPTH: usize = 16;
@@ -105,13 +103,13 @@ fn column(field: &Field, array: &ArrayRef, depth: usize) -> Option<Map> {
         DataType::List(item) => {
             let list = array.as_list::<i32>();
             let (offsets, items) = bounded(list.offsets(), list.values())?;
-            column.insert("offsets", tensor_of(Dtype::I32, &offsets)?);
+            column.insert("offsets", numbers(offsets)?);
             column.insert("items", self::column(item, &items, depth + 1)?);
         }
         DataType::LargeList(item) => {
             let list = array.as_list::<i64>();
             let (offsets, items) = bounded(list.offsets(), list.values())?;
-            column.insert("offsets", tensor_of(Dtype::I64, &offsets)?);
+            column.insert("offsets", numbers(offsets)?);
             column.insert("items", self::column(item, &items, depth + 1)?);
         }
         DataType::FixedSizeList(item, size) => {
@@ -129,7 +127,7 @@ fn column(field: &Field, array: &ArrayRef, depth: usize) -> Option<Map> {
             let binary = array.as_binary::<i32>();
             let (first, last) = (binary.offsets().first(), binary.offsets().last());
             let offsets: Vec<i32> = binary.offsets().iter().map(|at| at - first).collect();
-            column.insert("offsets", tensor_of(Dtype::I32, &offsets)?);
+            column.insert("offsets", numbers(offsets)?);
             let bytes = binary.value_data().get(first.as_usize()..last.as_usize())?;
             let bytes = Bytes::copy_from_slice(bytes);
             column.insert("data", Tensor::new(Dtype::U8, [bytes.len()], bytes).ok()?);
@@ -153,9 +151,8 @@ fn bounded<O: OffsetSizeTrait>(
     Some((offsets.iter().map(|at| *at - first).collect(), items.slice(first.as_usize(), length)))
 }
 
-fn tensor_of<O: OffsetSizeTrait>(dtype: Dtype, offsets: &[O]) -> Option<Tensor> {
-    let bytes = Bytes::copy_from_slice(offsets.to_byte_slice());
-    Tensor::new(dtype, [offsets.len()], bytes).ok()
+fn numbers<O: Element>(offsets: Vec<O>) -> Option<Tensor> {
+    Tensor::from_elements(&[offsets.len()], offsets).ok()
 }
 
 fn type_name(data_type: &DataType) -> Option<String> {
@@ -244,16 +241,8 @@ fn read_column(body: &Value, rows: usize, depth: usize) -> Result<(Field, ArrayR
     }
     let data = member("data")?;
     let array: ArrayRef = match kind.as_str() {
-        "utf8" => {
-            let mut builder = StringBuilder::new();
-            texts(data, |text| builder.append_option(text))?;
-            Arc::new(builder.finish())
-        }
-        "large_utf8" => {
-            let mut builder = LargeStringBuilder::new();
-            texts(data, |text| builder.append_option(text))?;
-            Arc::new(builder.finish())
-        }
+        "utf8" => Arc::new(StringArray::from(texts(data)?)),
+        "large_utf8" => Arc::new(LargeStringArray::from(texts(data)?)),
         "bool" => {
             let bits = tensor(data, Dtype::Bool)?.data().iter().map(|&byte| byte != 0);
             let bits: BooleanBuffer = bits.collect();
@@ -306,12 +295,12 @@ fn nested<'a>(
     Ok(Some(match kind {
         "null" => Arc::new(NullArray::new(rows)),
         "list" => {
-            let offsets = offsets_32(member("offsets")?)?;
+            let offsets = offsets::<i32>(member("offsets")?)?;
             let (field, items) = items(offsets.last().as_usize())?;
             Arc::new(ListArray::try_new(field.into(), offsets, items, valid).map_err(wrong)?)
         }
         "large_list" => {
-            let offsets = offsets_64(member("offsets")?)?;
+            let offsets = offsets::<i64>(member("offsets")?)?;
             let (field, items) = items(offsets.last().as_usize())?;
             Arc::new(LargeListArray::try_new(field.into(), offsets, items, valid).map_err(wrong)?)
         }
@@ -334,7 +323,7 @@ fn nested<'a>(
             Arc::new(array.map_err(wrong)?)
         }
         "binary" => {
-            let offsets = offsets_32(member("offsets")?)?;
+            let offsets = offsets::<i32>(member("offsets")?)?;
             let bytes = Buffer::from(tensor(member("data")?, Dtype::U8)?.data().clone());
             Arc::new(BinaryArray::try_new(offsets, bytes, valid).map_err(wrong)?)
         }
@@ -343,12 +332,8 @@ fn nested<'a>(
 }
 
 /// Offsets that are not negative and never fall.
-fn offsets<O: OffsetSizeTrait>(
-    value: &Value,
-    dtype: Dtype,
-    read: impl Fn(&[u8]) -> Vec<O>,
-) -> Result<OffsetBuffer<O>, String> {
-    let offsets = read(tensor(value, dtype)?.data());
+fn offsets<O: OffsetSizeTrait + Element>(value: &Value) -> Result<OffsetBuffer<O>, String> {
+    let offsets: Vec<O> = tensor(value, O::DTYPE)?.to_vec().unwrap_or_default();
     let rising = offsets.windows(2).all(|pair| pair.first() <= pair.last());
     if !rising || offsets.first().is_none_or(|first| *first < O::usize_as(0)) {
         return Err("offsets are no numbers from 0 on that never fall".into());
@@ -356,25 +341,14 @@ fn offsets<O: OffsetSizeTrait>(
     Ok(OffsetBuffer::new(offsets.into()))
 }
 
-fn offsets_32(value: &Value) -> Result<OffsetBuffer<i32>, String> {
-    let read = |data: &[u8]| data.as_chunks().0.iter().map(|&at| i32::from_le_bytes(at)).collect();
-    offsets(value, Dtype::I32, read)
-}
-
-fn offsets_64(value: &Value) -> Result<OffsetBuffer<i64>, String> {
-    let read = |data: &[u8]| data.as_chunks().0.iter().map(|&at| i64::from_le_bytes(at)).collect();
-    offsets(value, Dtype::I64, read)
-}
-
-fn texts(data: &Value, mut append: impl FnMut(Option<&str>)) -> Result<(), String> {
-    for item in data.as_items().ok_or("data is no list of text")? {
-        match item {
-            Value::Str(text) => append(Some(text)),
-            Value::Null => append(None),
-            other => return Err(format!("data has a {} among its text", other.kind())),
-        }
-    }
-    Ok(())
+fn texts(data: &Value) -> Result<Vec<Option<&str>>, String> {
+    let items = data.as_items().ok_or("data is no list of text")?.iter();
+    let texts = items.map(|item| match item {
+        Value::Str(text) => Ok(Some(text.as_str())),
+        Value::Null => Ok(None),
+        other => Err(format!("data has a {} among its text", other.kind())),
+    });
+    texts.collect()
 }
 
 fn tensor(data: &Value, dtype: Dtype) -> Result<&Tensor, String> {
