@@ -1,6 +1,5 @@
 //! Values of parameters as messages carry them.
 
-use bytes::Bytes;
 use wrapyfi_interfaces::rcl_interfaces::msg;
 
 use super::{ParameterType, ParameterValue};
@@ -13,42 +12,44 @@ pub struct UnknownType(
     pub u8,
 );
 
-impl From<ParameterValue> for msg::ParameterValue {
-    fn from(value: ParameterValue) -> Self {
-        let mut message = Self { r#type: value.parameter_type().number(), ..Self::default() };
-        match value {
-            ParameterValue::NotSet => {}
-            ParameterValue::Bool(value) => message.bool_value = value,
-            ParameterValue::Integer(value) => message.integer_value = value,
-            ParameterValue::Double(value) => message.double_value = value,
-            ParameterValue::String(value) => message.string_value = value,
-            ParameterValue::ByteArray(values) => message.byte_array_value = Bytes::from(values),
-            ParameterValue::BoolArray(values) => message.bool_array_value = values,
-            ParameterValue::IntegerArray(values) => message.integer_array_value = values,
-            ParameterValue::DoubleArray(values) => message.double_array_value = values,
-            ParameterValue::StringArray(values) => message.string_array_value = values,
+/// Conversions, by the variant of a value and the field that holds it.
+macro_rules! fields {
+    ($($variant:ident: $field:ident,)*) => {
+        impl From<ParameterValue> for msg::ParameterValue {
+            fn from(value: ParameterValue) -> Self {
+                let kind = value.parameter_type().number();
+                let mut message = Self { r#type: kind, ..Self::default() };
+                match value {
+                    ParameterValue::NotSet => {}
+                    $(ParameterValue::$variant(value) => message.$field = value.into(),)*
+                }
+                message
+            }
         }
-        message
-    }
+
+        impl TryFrom<msg::ParameterValue> for ParameterValue {
+            type Error = UnknownType;
+
+            /// Reads the field that the type names, and none of the others.
+            fn try_from(message: msg::ParameterValue) -> Result<Self, UnknownType> {
+                let kind = message.r#type;
+                Ok(match ParameterType::from_number(kind).ok_or(UnknownType(kind))? {
+                    ParameterType::NotSet => Self::NotSet,
+                    $(ParameterType::$variant => Self::$variant(message.$field.into()),)*
+                })
+            }
+        }
+    };
 }
 
-impl TryFrom<msg::ParameterValue> for ParameterValue {
-    type Error = UnknownType;
-
-    /// Reads the field that the type names, and none of the others.
-    fn try_from(message: msg::ParameterValue) -> Result<Self, UnknownType> {
-        let kind = ParameterType::from_number(message.r#type).ok_or(UnknownType(message.r#type))?;
-        Ok(match kind {
-            ParameterType::NotSet => Self::NotSet,
-            ParameterType::Bool => Self::Bool(message.bool_value),
-            ParameterType::Integer => Self::Integer(message.integer_value),
-            ParameterType::Double => Self::Double(message.double_value),
-            ParameterType::String => Self::String(message.string_value),
-            ParameterType::ByteArray => Self::ByteArray(message.byte_array_value.to_vec()),
-            ParameterType::BoolArray => Self::BoolArray(message.bool_array_value),
-            ParameterType::IntegerArray => Self::IntegerArray(message.integer_array_value),
-            ParameterType::DoubleArray => Self::DoubleArray(message.double_array_value),
-            ParameterType::StringArray => Self::StringArray(message.string_array_value),
-        })
-    }
+fields! {
+    Bool: bool_value,
+    Integer: integer_value,
+    Double: double_value,
+    String: string_value,
+    ByteArray: byte_array_value,
+    BoolArray: bool_array_value,
+    IntegerArray: integer_array_value,
+    DoubleArray: double_array_value,
+    StringArray: string_array_value,
 }

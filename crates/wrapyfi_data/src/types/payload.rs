@@ -150,15 +150,10 @@ impl MessageType {
     ];
 
     /// Types that topics carry on every middleware.
-    pub const TOPICS: [Self; 7] = [
-        Self::NativeObject,
-        Self::StringJson,
-        Self::Text,
-        Self::Image,
-        Self::CompressedImage,
-        Self::AudioChunk,
-        Self::UpstreamAudio,
-    ];
+    pub const TOPICS: [Self; 7] = {
+        let [topics @ .., _properties] = Self::ALL;
+        topics
+    };
 
     /// Kind of payload that messages of the type carry.
     #[must_use]
@@ -204,13 +199,8 @@ impl MessageType {
     #[must_use]
     pub fn has_header(self) -> bool {
         match self {
-            Self::NativeObject
-            | Self::Image
-            | Self::CompressedImage
-            | Self::AudioChunk
-            | Self::UpstreamAudio => true,
-            Self::StringJson | Self::Text | Self::Properties => false,
             Self::Ros(ros_type) => ros_type.has_header(),
+            other => !matches!(other, Self::StringJson | Self::Text | Self::Properties),
         }
     }
 

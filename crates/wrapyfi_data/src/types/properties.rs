@@ -363,31 +363,20 @@ fn array(name: &str, tensor: &Tensor) -> Result<ParameterValue, PropertiesError>
         return Err(refuse(&format!("with {} dimensions", tensor.shape.len())));
     }
     let data = &tensor.data;
-    macro_rules! each {
-        ($number:ty) => {
-            data.chunks_exact(size_of::<$number>())
-                .filter_map(|chunk| chunk.try_into().ok())
-                .map(<$number>::from_le_bytes)
-        };
-    }
+    let numbers = match super::nested_list(tensor) {
+        Some(Value::List(numbers)) => numbers,
+        _ => return Err(refuse(&format!("of {}", tensor.dtype))),
+    };
     Ok(match tensor.dtype {
         Dtype::U8 => ParameterValue::ByteArray(data.to_vec()),
         Dtype::Bool => ParameterValue::BoolArray(data.iter().map(|&byte| byte != 0).collect()),
-        Dtype::I8 => ParameterValue::IntegerArray(each!(i8).map(i64::from).collect()),
-        Dtype::I16 => ParameterValue::IntegerArray(each!(i16).map(i64::from).collect()),
-        Dtype::U16 => ParameterValue::IntegerArray(each!(u16).map(i64::from).collect()),
-        Dtype::I32 => ParameterValue::IntegerArray(each!(i32).map(i64::from).collect()),
-        Dtype::U32 => ParameterValue::IntegerArray(each!(u32).map(i64::from).collect()),
-        Dtype::I64 => ParameterValue::IntegerArray(each!(i64).collect()),
-        Dtype::U64 => {
-            let numbers: Result<Vec<i64>, _> = each!(u64).map(i64::try_from).collect();
-            let numbers =
-                numbers.map_err(|_beyond| refuse("with a number of more than 63 bits"))?;
-            ParameterValue::IntegerArray(numbers)
+        Dtype::F32 | Dtype::F64 => {
+            ParameterValue::DoubleArray(numbers.iter().filter_map(Value::as_f64).collect())
         }
-        Dtype::F32 => ParameterValue::DoubleArray(each!(f32).map(f64::from).collect()),
-        Dtype::F64 => ParameterValue::DoubleArray(each!(f64).collect()),
-        other => return Err(refuse(&format!("of {other}"))),
+        other @ (Dtype::F16 | Dtype::BF16) => return Err(refuse(&format!("of {other}"))),
+        _ => all(&numbers, Value::as_i64)
+            .map(ParameterValue::IntegerArray)
+            .ok_or_else(|| refuse("with a number of more than 63 bits"))?,
     })
 }
 

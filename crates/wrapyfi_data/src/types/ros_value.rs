@@ -6,6 +6,7 @@
 //!     └─ arrays of the field's own number type ─── in bulk ──▲
 //! ```
 
+use num_bigint::BigInt;
 use serde_json::{Map as Object, Number, Value as Json};
 use wrapyfi_interfaces::cdr::CdrError;
 use wrapyfi_interfaces::dynamic::{DynamicMessage, DynamicValue, Primitives, ValueError};
@@ -145,14 +146,6 @@ pub fn value_of(fields: &DynamicMessage) -> Value {
 fn field(value: &DynamicValue) -> Value {
     match value {
         DynamicValue::Bool(value) => (*value).into(),
-        DynamicValue::I8(value) => (*value).into(),
-        DynamicValue::U8(value) => (*value).into(),
-        DynamicValue::I16(value) => (*value).into(),
-        DynamicValue::U16(value) => (*value).into(),
-        DynamicValue::I32(value) => (*value).into(),
-        DynamicValue::U32(value) => (*value).into(),
-        DynamicValue::I64(value) => (*value).into(),
-        DynamicValue::U64(value) => (*value).into(),
         DynamicValue::F32(value) => (*value).into(),
         DynamicValue::F64(value) => (*value).into(),
         DynamicValue::Text(text) => text.as_str().into(),
@@ -160,6 +153,7 @@ fn field(value: &DynamicValue) -> Value {
         DynamicValue::Primitives(values) => array(values),
         DynamicValue::Texts(texts) => texts.iter().map(String::as_str).collect(),
         DynamicValue::Messages(messages) => messages.iter().map(value_of).collect(),
+        integer => integer.as_integer().map(BigInt::from).into(),
     }
 }
 
@@ -254,11 +248,11 @@ fn json(value: &Value, path: &mut Path<'_>, depth: usize) -> Result<Json, RosVal
         Value::Bytes(bytes) => {
             let tensor = Tensor::new(super::Dtype::U8, [bytes.len()], bytes.clone()).ok();
             match tensor {
-                Some(tensor) => numbers(&tensor, path)?,
+                Some(tensor) => numbers(&tensor, path, depth)?,
                 None => return Err(refused(path, "give an array of uint8")),
             }
         }
-        Value::Tensor(tensor) => numbers(tensor, path)?,
+        Value::Tensor(tensor) => numbers(tensor, path, depth)?,
         Value::List(items) | Value::Tuple(items) => {
             let defaults = path.defaults.take();
             let read: Result<Vec<Json>, _> = items
@@ -318,9 +312,10 @@ fn float(value: f64) -> Json {
 
 /// Converts an array to a list of numbers, row by row whatever its shape, because fields have one
 /// dimension.
-fn numbers(tensor: &Tensor, path: &Path<'_>) -> Result<Json, RosValueError> {
+fn numbers(tensor: &Tensor, path: &mut Path<'_>, depth: usize) -> Result<Json, RosValueError> {
+    let shown = path.shown();
     let refused = |remedy| RosValueError::Kind {
-        path: path.shown(),
+        path: shown.clone(),
         kind: format!("{} array of {} elements", tensor.dtype(), tensor.element_count()),
         remedy,
     };
@@ -329,19 +324,10 @@ fn numbers(tensor: &Tensor, path: &Path<'_>) -> Result<Json, RosValueError> {
     }
     let flat = Tensor::new(tensor.dtype(), [tensor.element_count()], tensor.data().clone())
         .map_err(|_misfit| refused("its bytes do not fit its shape"))?;
-    let Some(Value::List(items)) = super::nested_list(&flat) else {
-        return Err(refused("complex numbers have no form there"));
-    };
-    let numbers = items.into_iter().map(|item| match item {
-        Value::Bool(value) => Json::Bool(value),
-        Value::Int(value) => Json::Number(value.into()),
-        Value::BigInt(value) => {
-            u64::try_from(&value).map_or(Json::Null, |value| Json::Number(value.into()))
-        }
-        Value::Float(value) => float(value),
-        _ => Json::Null,
-    });
-    Ok(Json::Array(numbers.collect()))
+    match super::nested_list(&flat) {
+        Some(list) => json(&list, path, depth),
+        None => Err(refused("complex numbers have no form there")),
+    }
 }
 
 #[cfg(test)]
