@@ -41,8 +41,12 @@ impl RemapRule {
         let mut cursor = Cursor::new(text);
         let node = cursor.node_prefix().map(str::to_owned);
         let target = match cursor.peek() {
-            Lexeme::Node => node_target(&mut cursor, warnings)?,
-            Lexeme::Namespace => namespace_target(&mut cursor, warnings)?,
+            Lexeme::Node => value(&mut cursor, token, RosArgsWarning::NodeNotRemapped, warnings)
+                .map(Target::NodeName)?,
+            Lexeme::Namespace => {
+                value(&mut cursor, fully_qualified, RosArgsWarning::NamespaceNotRemapped, warnings)
+                    .map(Target::Namespace)?
+            }
             _ => name_target(&mut cursor)?,
         };
         cursor.expect(Lexeme::Eof)?;
@@ -54,36 +58,25 @@ impl RemapRule {
     }
 }
 
-fn node_target(
+/// Reads `:=` and the value behind it, of whose refusal a warning tells.
+fn value(
     cursor: &mut Cursor<'_>,
+    read: fn(&mut Cursor<'_>) -> Result<(), RuleError>,
+    refusal: fn(String) -> RosArgsWarning,
     warnings: &mut Vec<RosArgsWarning>,
-) -> Result<Target, RuleError> {
+) -> Result<String, RuleError> {
     cursor.accept();
     cursor.expect(Lexeme::Separator)?;
-    let found = cursor.rest();
-    match cursor.expect(Lexeme::Token) {
-        Ok(name) => Ok(Target::NodeName(name.to_owned())),
-        Err(error) => {
-            warnings.push(RosArgsWarning::NodeNotRemapped(found.to_owned()));
-            Err(error)
-        }
+    let found = cursor.rest().to_owned();
+    if let Err(error) = read(cursor) {
+        warnings.push(refusal(found));
+        return Err(error);
     }
+    Ok(found)
 }
 
-fn namespace_target(
-    cursor: &mut Cursor<'_>,
-    warnings: &mut Vec<RosArgsWarning>,
-) -> Result<Target, RuleError> {
-    cursor.accept();
-    cursor.expect(Lexeme::Separator)?;
-    let found = cursor.rest();
-    match fully_qualified(cursor) {
-        Ok(()) => Ok(Target::Namespace(found.to_owned())),
-        Err(error) => {
-            warnings.push(RosArgsWarning::NamespaceNotRemapped(found.to_owned()));
-            Err(error)
-        }
-    }
+fn token(cursor: &mut Cursor<'_>) -> Result<(), RuleError> {
+    cursor.expect(Lexeme::Token).map(drop)
 }
 
 /// `/`, `/a`, `/a/b`; a slash at the end is left to the check of the node's name.
@@ -127,26 +120,20 @@ fn name(
 }
 
 fn match_token(cursor: &mut Cursor<'_>) -> Result<(), RuleError> {
-    match cursor.peek() {
-        Lexeme::Token => {
-            cursor.accept();
-            Ok(())
-        }
-        Lexeme::WildOne => Err(RuleError::Wildcard("*")),
-        Lexeme::WildMulti => Err(RuleError::Wildcard("**")),
-        _ => Err(RuleError::NoToken),
-    }
+    let found = cursor.peek();
+    token(cursor).map_err(|_other| match found {
+        Lexeme::WildOne => RuleError::Wildcard("*"),
+        Lexeme::WildMulti => RuleError::Wildcard("**"),
+        _ => RuleError::NoToken,
+    })
 }
 
 fn replacement_token(cursor: &mut Cursor<'_>) -> Result<(), RuleError> {
-    match cursor.peek() {
-        Lexeme::Token => {
-            cursor.accept();
-            Ok(())
-        }
-        Lexeme::BackReference(_) => Err(RuleError::BackReference),
-        _ => Err(RuleError::NoReplacement),
-    }
+    let found = cursor.peek();
+    token(cursor).map_err(|_other| match found {
+        Lexeme::BackReference(_) => RuleError::BackReference,
+        _ => RuleError::NoReplacement,
+    })
 }
 
 /// The new name of node `node`, if a rule gives one.
