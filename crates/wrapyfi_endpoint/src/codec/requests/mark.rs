@@ -25,21 +25,25 @@ pub const SIZE: usize = 32;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// A request; on a reply: Wrapyfi's own form, from a server that handed the mark back.
-    Request,
+    Request = 0,
     /// A reply whose body is CDR.
-    Binary,
+    Binary = 1,
     /// A reply whose body is UTF-8 text with the reason that there is none.
-    Error,
+    Error = 2,
+}
+
+impl Kind {
+    const ALL: [Self; 3] = [Self::Request, Self::Binary, Self::Error];
 }
 
 /// Message of the data model that a call returns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[allow(missing_docs)]
 pub enum Content {
-    NativeObject,
-    Image,
-    CompressedImage,
-    AudioChunk,
+    NativeObject = 1,
+    Image = 2,
+    CompressedImage = 3,
+    AudioChunk = 4,
 }
 
 impl Content {
@@ -69,15 +73,6 @@ impl Content {
             Self::AudioChunk => MessageType::AudioChunk,
         }
     }
-
-    fn code(self) -> u8 {
-        match self {
-            Self::NativeObject => 1,
-            Self::Image => 2,
-            Self::CompressedImage => 3,
-            Self::AudioChunk => 4,
-        }
-    }
 }
 
 /// The mark of a call.
@@ -101,13 +96,8 @@ impl Mark {
     /// Frame of the mark.
     #[must_use]
     pub fn encode(&self) -> Vec<u8> {
-        let kind = match self.kind {
-            Kind::Request => 0,
-            Kind::Binary => 1,
-            Kind::Error => 2,
-        };
         let mut frame = MAGIC.to_vec();
-        frame.extend([kind, self.content.code(), 0, 0]);
+        frame.extend([self.kind as u8, self.content as u8, 0, 0]);
         frame.extend(self.timeout_ms.to_le_bytes());
         frame.extend(self.number.to_le_bytes());
         frame.extend(self.machine.to_le_bytes());
@@ -129,13 +119,8 @@ impl Mark {
         let (number, numbers) = numbers.split_first_chunk()?;
         let (machine, numbers) = numbers.split_first_chunk()?;
         let (ends_ms, _) = numbers.split_first_chunk()?;
-        let kind = match kind {
-            0 => Kind::Request,
-            1 => Kind::Binary,
-            2 => Kind::Error,
-            _ => return None,
-        };
-        let content = Content::ALL.into_iter().find(|known| known.code() == content)?;
+        let kind = Kind::ALL.into_iter().find(|&known| known as u8 == kind)?;
+        let content = Content::ALL.into_iter().find(|&known| known as u8 == content)?;
         Some(Self {
             kind,
             content,
