@@ -2,68 +2,49 @@
 
 use std::future::Future;
 use std::pin::Pin;
-use std::sync::{Arc, Condvar, PoisonError};
-use std::task::{Context, Poll, Waker};
+use std::sync::mpsc;
+use std::task::{Context, Poll};
 
-use crate::endpoint::Mutex;
+use crate::endpoint::Wake;
 
-/// Sending side.
-pub(super) struct Sender<T>(Arc<Shared<T>>);
-
-/// Receiving side, also a future.
-pub(super) struct Receiver<T>(Arc<Shared<T>>);
-
-struct Shared<T> {
-    state: Mutex<State<T>>,
-    sent: Condvar,
+/// Sending side. The doorbell is dropped last: who is woken by it finds the value, or that none comes.
+pub(super) struct Sender<T> {
+    value: mpsc::Sender<T>,
+    _done: RingOnDrop,
 }
 
-struct State<T> {
-    value: Option<T>,
-    /// True once the sender was dropped, after which no value comes.
-    is_closed: bool,
-    waker: Option<Waker>,
+/// Receiving side, also a future.
+pub(super) struct Receiver<T> {
+    value: mpsc::Receiver<T>,
+    done: Wake,
+}
+
+struct RingOnDrop(Wake);
+
+impl Drop for RingOnDrop {
+    fn drop(&mut self) {
+        self.0.ring();
+    }
 }
 
 /// Opens a channel for one value.
 pub(super) fn channel<T>() -> (Sender<T>, Receiver<T>) {
-    let state = Mutex::new(State { value: None, is_closed: false, waker: None });
-    let shared = Arc::new(Shared { state, sent: Condvar::new() });
-    (Sender(Arc::clone(&shared)), Receiver(shared))
+    let ((sender, value), done) = (mpsc::channel(), Wake::new());
+    (Sender { value: sender, _done: RingOnDrop(done.clone()) }, Receiver { value, done })
 }
 
 impl<T> Sender<T> {
     /// Sends the value.
     pub(super) fn send(self, value: T) {
-        self.0.state.lock().value = Some(value);
-        // Dropping `self` wakes the receiver.
-    }
-}
-
-impl<T> Drop for Sender<T> {
-    fn drop(&mut self) {
-        let waker = {
-            let mut state = self.0.state.lock();
-            state.is_closed = true;
-            state.waker.take()
-        };
-        self.0.sent.notify_all();
-        if let Some(waker) = waker {
-            waker.wake();
-        }
+        // A receiver that is gone does not want it.
+        drop(self.value.send(value));
     }
 }
 
 impl<T> Receiver<T> {
     /// Waits for the value; `None` when the sender was dropped without sending it.
     pub(super) fn recv(self) -> Option<T> {
-        let state = self.0.state.lock();
-        let mut state = self
-            .0
-            .sent
-            .wait_while(state, |state| !state.is_closed)
-            .unwrap_or_else(PoisonError::into_inner);
-        state.value.take()
+        self.value.recv().ok()
     }
 }
 
@@ -71,12 +52,12 @@ impl<T> Future for Receiver<T> {
     type Output = Option<T>;
 
     fn poll(self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Option<T>> {
-        let mut state = self.0.state.lock();
-        if state.is_closed {
-            return Poll::Ready(state.value.take());
+        self.done.notify(context.waker());
+        match self.value.try_recv() {
+            Ok(value) => Poll::Ready(Some(value)),
+            Err(mpsc::TryRecvError::Disconnected) => Poll::Ready(None),
+            Err(mpsc::TryRecvError::Empty) => Poll::Pending,
         }
-        state.waker = Some(context.waker().clone());
-        Poll::Pending
     }
 }
 
