@@ -64,42 +64,16 @@ pub struct FieldDescription {
 
 /// Error of describing a type.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum DescribeError {
-    /// A type that is referred to is not defined.
-    #[error("{missing} is not defined, but {user} has a field {field:?} of that type")]
-    Undefined {
-        /// The type that is missing.
-        missing: TypeName,
-        /// Type that refers to it.
-        user: TypeName,
-        /// Field that does.
-        field: String,
-    },
-    /// A type contains itself.
-    #[error("{name} contains itself through {user}; a message cannot be recursive")]
-    Recursive {
-        /// The type.
-        name: TypeName,
-        /// Type that refers to it.
-        user: TypeName,
-    },
-    /// Messages are nested too deeply.
-    #[error("{name} is nested more than {limit} messages deep; make the definitions flatter")]
-    TooDeep {
-        /// The type that is one too deep.
-        name: TypeName,
-        /// [`MAX_DEPTH`].
-        limit: usize,
-    },
-    /// A type refers to too many others.
-    #[error("{name} refers to more than {limit} types; split it into several messages")]
-    TooMany {
-        /// The type described.
-        name: TypeName,
-        /// [`MAX_TYPES`].
-        limit: usize,
-    },
+#[error("{0}")]
+pub struct DescribeError(String);
+
+impl DescribeError {
+    /// Error of a type that refers to too many others.
+    pub(crate) fn too_many(name: &TypeName) -> Self {
+        Self(format!(
+            "{name} refers to more than {MAX_TYPES} types; split it into several messages"
+        ))
+    }
 }
 
 /// Describes `definition`, looking up the types it refers to in `definitions`.
@@ -142,20 +116,21 @@ impl<'d> Closure<'d> {
         for Field { name: field, field_type, .. } in &user.fields {
             let Element::Nested(name) = &field_type.element else { continue };
             if self.open.contains(&name) {
-                return Err(DescribeError::Recursive {
-                    name: name.clone(),
-                    user: user.name.clone(),
-                });
+                let user = &user.name;
+                return Err(DescribeError(format!(
+                    "{name} contains itself through {user}; a message cannot be recursive"
+                )));
             }
             let nested = match self.heights.get(name) {
                 Some(height) => *height,
                 None => {
-                    let nested =
-                        self.definitions.get(name).ok_or_else(|| DescribeError::Undefined {
-                            missing: name.clone(),
-                            user: user.name.clone(),
-                            field: field.clone(),
-                        })?;
+                    let user = &user.name;
+                    let undefined = || {
+                        DescribeError(format!(
+                            "{name} is not defined, but {user} has a field {field:?} of that type"
+                        ))
+                    };
+                    let nested = self.definitions.get(name).ok_or_else(undefined)?;
                     // Before going on, since this function calls itself.
                     self.check_depth(name, 1)?;
                     self.visit(nested)?
@@ -167,8 +142,8 @@ impl<'d> Closure<'d> {
         self.open.pop();
         self.heights.insert(&user.name, height + 1);
         if self.heights.len() > MAX_TYPES {
-            let name = self.open.first().copied().unwrap_or(&user.name).clone();
-            return Err(DescribeError::TooMany { name, limit: MAX_TYPES });
+            let name = self.open.first().copied().unwrap_or(&user.name);
+            return Err(DescribeError::too_many(name));
         }
         Ok(height + 1)
     }
@@ -178,7 +153,9 @@ impl<'d> Closure<'d> {
         if self.open.len() + height <= MAX_DEPTH {
             return Ok(());
         }
-        Err(DescribeError::TooDeep { name: name.clone(), limit: MAX_DEPTH })
+        Err(DescribeError(format!(
+            "{name} is nested more than {MAX_DEPTH} messages deep; make the definitions flatter"
+        )))
     }
 }
 

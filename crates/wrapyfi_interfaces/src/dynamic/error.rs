@@ -1,50 +1,11 @@
 //! Errors of compiling a type, and of values that do not fit their type.
 
 use crate::cdr::{path_in_element, path_in_field};
-use crate::parser::TypeName;
 
 /// Error of compiling a type into a plan.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum PlanError {
-    /// A type that is referred to is not among the definitions.
-    #[error("{missing} is not defined; add it")]
-    Undefined {
-        /// The type that is missing.
-        missing: TypeName,
-    },
-    /// So many messages are nested around so few bytes that a small serialised message would take
-    /// up much memory.
-    #[error(
-        "{message} nests {values} values around {bytes} bytes, over the limit of {limit}; use \
-         fewer messages"
-    )]
-    TooThin {
-        /// The message.
-        message: String,
-        /// Values in it, nested ones included.
-        values: usize,
-        /// Least number of bytes they take.
-        bytes: usize,
-        /// Largest number of values for those bytes.
-        limit: usize,
-    },
-    /// The fixed arrays of a message are too large.
-    #[error(
-        "{message} has at least {actual} {unit}, over the limit of {limit}; use sequences for its \
-         largest arrays"
-    )]
-    TooLarge {
-        /// The message.
-        message: String,
-        /// Size that it has at least.
-        actual: usize,
-        /// `bytes` or `values`.
-        unit: &'static str,
-        /// Largest size.
-        limit: usize,
-    },
-}
+#[error("{0}")]
+pub struct PlanError(pub(super) String);
 
 /// Error of a value that does not fit its type. `path` is the field, for instance
 /// `poses[2].position.x`.

@@ -47,10 +47,7 @@ impl DynamicMessage {
     /// Value of a field, also of a nested one: `header.stamp.sec`.
     #[must_use]
     pub fn get(&self, path: &str) -> Option<&DynamicValue> {
-        let (name, inner) = match path.split_once('.') {
-            Some((name, inner)) => (name, Some(inner)),
-            None => (path, None),
-        };
+        let (name, inner) = first_of(path);
         let (position, _) = self.shape.field(name)?;
         let value = self.values.get(position)?;
         match inner {
@@ -68,10 +65,7 @@ impl DynamicMessage {
     }
 
     fn set_value(&mut self, path: &str, value: DynamicValue) -> Result<(), ValueError> {
-        let (name, inner) = match path.split_once('.') {
-            Some((name, inner)) => (name, Some(inner)),
-            None => (path, None),
-        };
+        let (name, inner) = first_of(path);
         let shape = Arc::clone(&self.shape);
         let unknown = || shape.unknown(name);
         let (position, field) = shape.field(name).ok_or_else(unknown)?;
@@ -92,4 +86,9 @@ impl DynamicMessage {
             }),
         }
     }
+}
+
+/// Name of the first field of a path, and the path inside that field.
+fn first_of(path: &str) -> (&str, Option<&str>) {
+    path.split_once('.').map_or((path, None), |(name, inner)| (name, Some(inner)))
 }

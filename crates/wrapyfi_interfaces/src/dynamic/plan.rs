@@ -95,7 +95,7 @@ struct Compiler<'d> {
 
 impl<'d> Compiler<'d> {
     fn shape(&mut self, name: &TypeName) -> Result<Arc<Shape>, PlanError> {
-        let undefined = || PlanError::Undefined { missing: name.clone() };
+        let undefined = || PlanError(format!("{name} is not defined; add it"));
         let (name, definition) = self.definitions.get_key_value(name).ok_or_else(undefined)?;
         if let Some(done) = self.done.get(name) {
             return Ok(Arc::clone(done));
@@ -129,12 +129,11 @@ impl<'d> Compiler<'d> {
         shape.default_size = shape.default_size.max(1);
         let limit = shape.min_size.saturating_add(1).saturating_mul(VALUES_PER_BYTE);
         if shape.values > limit {
-            return Err(PlanError::TooThin {
-                message: shape.name,
-                values: shape.values,
-                bytes: shape.min_size,
-                limit,
-            });
+            // A small serialised message would take up much memory.
+            return Err(PlanError(format!(
+                "{} nests {} values around {} bytes, over the limit of {limit}; use fewer messages",
+                shape.name, shape.values, shape.min_size
+            )));
         }
         shape.identity = shape.digest();
         let shape = Arc::new(shape);
@@ -175,11 +174,12 @@ fn add(shape: &mut Shape, field: FieldShape) -> Result<(), PlanError> {
     shape.min_size = shape.min_size.saturating_add(min_size);
     shape.default_size =
         shape.default_size.saturating_add(default_size).saturating_add(length + stated);
-    let too_large = |actual, unit, limit| PlanError::TooLarge {
-        message: shape.name.clone(),
-        actual,
-        unit,
-        limit,
+    let too_large = |actual: usize, unit: &str, limit: usize| {
+        PlanError(format!(
+            "{} has at least {actual} {unit}, over the limit of {limit}; use sequences for its \
+             largest arrays",
+            shape.name
+        ))
     };
     if shape.default_size > MAX_FIXED_SIZE {
         return Err(too_large(shape.default_size, "bytes", MAX_FIXED_SIZE));

@@ -18,6 +18,13 @@ pub struct MessageDefinition {
     pub constants: Vec<Constant>,
 }
 
+impl MessageDefinition {
+    /// A message without constants and comments.
+    pub(crate) fn new(name: TypeName, fields: Vec<Field>) -> Self {
+        Self { name, doc: Vec::new(), fields, constants: Vec::new() }
+    }
+}
+
 /// A field of a message.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Field {
@@ -29,6 +36,14 @@ pub struct Field {
     pub default: Option<DefaultValue>,
     /// Comment lines above the field and behind it.
     pub doc: Vec<String>,
+}
+
+impl Field {
+    /// A field without default value and comments.
+    pub(crate) fn new(name: &str, element: Element, container: Container) -> Self {
+        let field_type = FieldType { element, container };
+        Self { name: name.to_owned(), field_type, default: None, doc: Vec::new() }
+    }
 }
 
 /// A named constant of a message.

@@ -23,49 +23,26 @@ pub enum ParseFault {
     #[error("a name must follow the type")]
     MissingName,
     /// A package name breaks the rules.
-    #[error("{name:?} is no package name; use lower case letters, digits and single underscores")]
-    PackageName {
-        /// Name as written.
-        name: String,
-    },
+    #[error("{0:?} is no package name; use lower case letters, digits and single underscores")]
+    PackageName(String),
     /// A type is neither built in nor a valid message name.
-    #[error(
-        "{name:?} is no type; use a built-in type, `Name` or `package/Name`, names in CamelCase"
-    )]
-    TypeName {
-        /// Name as written.
-        name: String,
-    },
+    #[error("{0:?} is no type; use a built-in type, `Name` or `package/Name`, names in CamelCase")]
+    TypeName(String),
     /// A field name breaks the rules.
-    #[error("{name:?} is no field name; use lower case letters, digits and single underscores")]
-    FieldName {
-        /// Name as written.
-        name: String,
-    },
+    #[error("{0:?} is no field name; use lower case letters, digits and single underscores")]
+    FieldName(String),
     /// A constant name breaks the rules.
-    #[error("{name:?} is no constant name; use upper case letters, digits and single underscores")]
-    ConstantName {
-        /// Name as written.
-        name: String,
-    },
+    #[error("{0:?} is no constant name; use upper case letters, digits and single underscores")]
+    ConstantName(String),
     /// The name was used before.
-    #[error("{name:?} is defined twice")]
-    Duplicate {
-        /// Name as written.
-        name: String,
-    },
+    #[error("{0:?} is defined twice")]
+    Duplicate(String),
     /// A bound or an array size is no positive 32-bit number.
-    #[error("{text:?} is no size; use a number from 1 to 4294967295")]
-    Size {
-        /// Size as written.
-        text: String,
-    },
+    #[error("{0:?} is no size; use a number from 1 to 4294967295")]
+    Size(String),
     /// Constants are primitives or strings.
-    #[error("a constant cannot be of type {type_name:?}; use a primitive type or string")]
-    ConstantType {
-        /// Type as written.
-        type_name: String,
-    },
+    #[error("a constant cannot be of type {0:?}; use a primitive type or string")]
+    ConstantType(String),
     /// Messages have no default value.
     #[error("a field of a message type cannot have a default value")]
     NestedDefault,
@@ -86,11 +63,8 @@ pub enum ParseFault {
         expected: String,
     },
     /// A word that ROS 1 does not know.
-    #[error("ROS 1 has no such thing as {what}; read the definition as one of ROS 2")]
-    OnlyRos2 {
-        /// Name of the feature.
-        what: &'static str,
-    },
+    #[error("ROS 1 has no such thing as {0}; read the definition as one of ROS 2")]
+    OnlyRos2(&'static str),
     /// The parts of a service or an action are not as many as they must be.
     #[error(
         "{separators} lines with `---` where {expected} are needed; write {parts}, each of which \

@@ -16,7 +16,7 @@
 //!
 //! All of them are [`MessageDefinition`]s, so that whatever works for messages works for them.
 
-use super::definition::{Container, Element, Field, FieldType, MessageDefinition, Primitive};
+use super::definition::{Container, Element, Field, MessageDefinition, Primitive};
 use super::{Dialect, InterfaceKind, ParseError, ParseFault, TypeName, parse_section};
 
 /// Parses the text of a `.srv` file: request, response, event and the service itself.
@@ -70,20 +70,20 @@ pub(crate) fn service_messages(
 ) -> Vec<MessageDefinition> {
     let fixed = Container::Single;
     let optional = Container::Sequence { bound: Some(1) };
-    let event = message(
+    let event = MessageDefinition::new(
         name.derived("_Event"),
         vec![
-            field("info", well_known("service_msgs", "ServiceEventInfo"), fixed),
-            field("request", Element::Nested(request.name.clone()), optional),
-            field("response", Element::Nested(response.name.clone()), optional),
+            Field::new("info", well_known("service_msgs", "ServiceEventInfo"), fixed),
+            Field::new("request", Element::Nested(request.name.clone()), optional),
+            Field::new("response", Element::Nested(response.name.clone()), optional),
         ],
     );
-    let service = message(
+    let service = MessageDefinition::new(
         name.clone(),
         vec![
-            field("request_message", Element::Nested(request.name.clone()), fixed),
-            field("response_message", Element::Nested(response.name.clone()), fixed),
-            field("event_message", Element::Nested(event.name.clone()), fixed),
+            Field::new("request_message", Element::Nested(request.name.clone()), fixed),
+            Field::new("response_message", Element::Nested(response.name.clone()), fixed),
+            Field::new("event_message", Element::Nested(event.name.clone()), fixed),
         ],
     );
     vec![request, response, event, service]
@@ -95,7 +95,8 @@ fn action_messages(
     result: MessageDefinition,
     feedback: MessageDefinition,
 ) -> Vec<MessageDefinition> {
-    let single = |name, element| field(name, element, Container::Single);
+    let message = MessageDefinition::new;
+    let single = |name, element| Field::new(name, element, Container::Single);
     let nested =
         |name, message: &MessageDefinition| single(name, Element::Nested(message.name.clone()));
     let goal_id = || single("goal_id", well_known("unique_identifier_msgs", "UUID"));
@@ -139,15 +140,6 @@ fn action_messages(
     messages.extend(send_goal);
     messages.extend(get_result);
     messages
-}
-
-fn message(name: TypeName, fields: Vec<Field>) -> MessageDefinition {
-    MessageDefinition { name, doc: Vec::new(), fields, constants: Vec::new() }
-}
-
-fn field(name: &str, element: Element, container: Container) -> Field {
-    let field_type = FieldType { element, container };
-    Field { name: name.to_owned(), field_type, default: None, doc: Vec::new() }
 }
 
 /// A message that every ROS 2 has. Its name needs no check, since it is one of those above.

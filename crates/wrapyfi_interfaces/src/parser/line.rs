@@ -1,6 +1,7 @@
 //! One line of a definition: comment, field or constant.
 
 use super::definition::{Constant, Container, Element, Field, FieldType, Primitive};
+use super::name::is_name;
 use super::{Dialect, InterfaceKind, Literal, ParseFault, TypeName, value};
 
 /// Content of a line.
@@ -44,14 +45,10 @@ fn constant(dialect: Dialect, type_name: &str, name: &str, rest: &str) -> Result
         (Some(primitive), _) => Element::Primitive(primitive),
         (None, "string") => Element::String { bound: None },
         (None, "wstring") if dialect == Dialect::Ros2 => Element::WString { bound: None },
-        _ => return Err(ParseFault::ConstantType { type_name: type_name.to_owned() }),
+        _ => return Err(ParseFault::ConstantType(type_name.to_owned())),
     };
-    let name_ok = match dialect {
-        Dialect::Ros1 => is_ros1_name(name),
-        Dialect::Ros2 => is_name(name, char::is_uppercase),
-    };
-    if !name_ok {
-        return Err(ParseFault::ConstantName { name: name.to_owned() });
+    if !is_name(dialect, name, char::is_uppercase) {
+        return Err(ParseFault::ConstantName(name.to_owned()));
     }
     let (value, written, comment) = match (dialect, &element) {
         // Nothing ends the text in ROS 1, not even `#`.
@@ -78,36 +75,17 @@ fn field(
     rest: &str,
 ) -> Result<Line, ParseFault> {
     let field_type = field_type(dialect, owner, type_name)?;
-    let name_ok = match dialect {
-        Dialect::Ros1 => is_ros1_name(name),
-        Dialect::Ros2 => is_name(name, char::is_lowercase),
-    };
-    if !name_ok {
-        return Err(ParseFault::FieldName { name: name.to_owned() });
+    if !is_name(dialect, name, char::is_lowercase) {
+        return Err(ParseFault::FieldName(name.to_owned()));
     }
     let (written, comment) = split_comment(rest);
     let default = match (written, dialect) {
         ("", _) => None,
-        (_, Dialect::Ros1) => return Err(ParseFault::OnlyRos2 { what: "a default value" }),
+        (_, Dialect::Ros1) => return Err(ParseFault::OnlyRos2("a default value")),
         (written, Dialect::Ros2) => Some(value::default(&field_type, type_name, written)?),
     };
     let doc = comment.into_iter().collect();
     Ok(Line::Field(Field { name: name.to_owned(), field_type, default, doc }))
-}
-
-/// Letters, digits and underscores behind a letter: what both ROS 1 generators accept.
-fn is_ros1_name(name: &str) -> bool {
-    name.starts_with(|c: char| c.is_ascii_alphabetic())
-        && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
-}
-
-/// Letters of one case, digits and single underscores; neither first digit nor last underscore.
-fn is_name(name: &str, letter: fn(char) -> bool) -> bool {
-    name.is_ascii()
-        && name.starts_with(letter)
-        && name.chars().all(|c| letter(c) || c.is_ascii_digit() || c == '_')
-        && !name.contains("__")
-        && !name.ends_with('_')
 }
 
 /// Splits a value from the comment behind it. A `#` between quotes belongs to the value; an
@@ -137,7 +115,7 @@ fn split_comment(text: &str) -> (&str, Option<String>) {
 /// Reads a type such as `string<=5[<=3]`.
 fn field_type(dialect: Dialect, owner: &TypeName, text: &str) -> Result<FieldType, ParseFault> {
     if dialect == Dialect::Ros1 && text.contains("<=") {
-        return Err(ParseFault::OnlyRos2 { what: "a bound" });
+        return Err(ParseFault::OnlyRos2("a bound"));
     }
     let (element, container) = match text.strip_suffix(']').and_then(|t| t.rsplit_once('[')) {
         None => (text, Container::Single),
@@ -161,8 +139,8 @@ fn element(dialect: Dialect, owner: &TypeName, text: &str) -> Result<Element, Pa
     match (base, bound, dialect) {
         ("string", bound, _) => return Ok(Element::String { bound }),
         ("wstring", bound, Dialect::Ros2) => return Ok(Element::WString { bound }),
-        ("wstring", _, Dialect::Ros1) => return Err(ParseFault::OnlyRos2 { what: "wstring" }),
-        (_, Some(_), _) => return Err(ParseFault::TypeName { name: text.to_owned() }),
+        ("wstring", _, Dialect::Ros1) => return Err(ParseFault::OnlyRos2("wstring")),
+        (_, Some(_), _) => return Err(ParseFault::TypeName(text.to_owned())),
         (_, None, _) => {}
     }
     let message = |package: &str, name: &str| {
@@ -175,13 +153,13 @@ fn element(dialect: Dialect, owner: &TypeName, text: &str) -> Result<Element, Pa
         (Dialect::Ros1, ["Header"]) => message("std_msgs", "Header"),
         (_, [name]) => message(owner.package(), name),
         (_, [package, name] | [package, "msg", name]) => message(package, name),
-        _ => Err(ParseFault::TypeName { name: text.to_owned() }),
+        _ => Err(ParseFault::TypeName(text.to_owned())),
     }
 }
 
 fn size(text: &str) -> Result<u32, ParseFault> {
     match text.parse() {
         Ok(size) if size > 0 => Ok(size),
-        _ => Err(ParseFault::Size { text: text.to_owned() }),
+        _ => Err(ParseFault::Size(text.to_owned())),
     }
 }

@@ -87,12 +87,7 @@ fn parse_section(
     text: &str,
     skipped: usize,
 ) -> Result<MessageDefinition, ParseError> {
-    let mut definition = MessageDefinition {
-        name: name.clone(),
-        doc: Vec::new(),
-        fields: Vec::new(),
-        constants: Vec::new(),
-    };
+    let mut definition = MessageDefinition::new(name.clone(), Vec::new());
     let mut pending = Vec::new(); // comment lines whose owner is not known yet
     let mut names = BTreeSet::new();
     let mut opening = true; // nothing but comments so far
@@ -116,7 +111,7 @@ fn parse_section(
                 opening = false;
                 field.doc = std::mem::take(&mut pending).into_iter().chain(field.doc).collect();
                 if !names.insert(field.name.clone()) {
-                    return Err(fault(ParseFault::Duplicate { name: field.name }));
+                    return Err(fault(ParseFault::Duplicate(field.name)));
                 }
                 definition.fields.push(field);
             }
@@ -125,7 +120,7 @@ fn parse_section(
                 constant.doc =
                     std::mem::take(&mut pending).into_iter().chain(constant.doc).collect();
                 if !names.insert(constant.name.clone()) {
-                    return Err(fault(ParseFault::Duplicate { name: constant.name }));
+                    return Err(fault(ParseFault::Duplicate(constant.name)));
                 }
                 definition.constants.push(constant);
             }

@@ -73,33 +73,20 @@ impl TypeName {
         kind: InterfaceKind,
         name: &str,
     ) -> Result<Self, ParseFault> {
-        let words = |c: char| c.is_ascii_alphanumeric() || c == '_';
-        let package_ok = match dialect {
-            Dialect::Ros1 => {
-                package.starts_with(|c: char| c.is_ascii_alphabetic()) && package.chars().all(words)
-            }
-            Dialect::Ros2 => {
-                package.starts_with(|c: char| c.is_ascii_lowercase())
-                    && package.chars().all(|c| words(c) && !c.is_ascii_uppercase())
-                    && !package.contains("__")
-                    && !package.ends_with('_')
-            }
-        };
+        let package_ok = is_name(dialect, package, char::is_lowercase);
         if !package_ok {
-            return Err(ParseFault::PackageName { name: package.to_owned() });
+            return Err(ParseFault::PackageName(package.to_owned()));
         }
         let base = base(kind, name);
         let name_ok = match dialect {
-            Dialect::Ros1 => {
-                base.starts_with(|c: char| c.is_ascii_alphabetic()) && base.chars().all(words)
-            }
+            Dialect::Ros1 => is_name(dialect, base, char::is_uppercase),
             Dialect::Ros2 => {
                 base.starts_with(|c: char| c.is_ascii_uppercase())
                     && base.chars().all(|c| c.is_ascii_alphanumeric())
             }
         };
         if !name_ok {
-            return Err(ParseFault::TypeName { name: name.to_owned() });
+            return Err(ParseFault::TypeName(name.to_owned()));
         }
         Ok(Self { package: package.into(), kind, name: name.into() })
     }
@@ -122,7 +109,7 @@ impl TypeName {
             [package, kind, name] => (package, InterfaceKind::from_part(kind), name),
             _ => ("", None, ""),
         };
-        let kind = kind.ok_or_else(|| ParseFault::TypeName { name: text.to_owned() })?;
+        let kind = kind.ok_or_else(|| ParseFault::TypeName(text.to_owned()))?;
         Self::with_kind(dialect, package, kind, name)
     }
 
@@ -183,4 +170,16 @@ impl fmt::Display for TypeName {
 
 fn base(kind: InterfaceKind, name: &str) -> &str {
     kind.suffixes().iter().find_map(|suffix| name.strip_suffix(suffix)).unwrap_or(name)
+}
+
+/// True for a name of letters, digits and underscores that begins with a letter. ROS 2 takes letters of
+/// one case only, and single underscores between them.
+pub(super) fn is_name(dialect: Dialect, name: &str, letter: fn(char) -> bool) -> bool {
+    let letter = |c: char| match dialect {
+        Dialect::Ros1 => c.is_ascii_alphabetic(),
+        Dialect::Ros2 => c.is_ascii() && letter(c),
+    };
+    name.starts_with(letter)
+        && name.chars().all(|c| letter(c) || c.is_ascii_digit() || c == '_')
+        && (dialect == Dialect::Ros1 || !name.contains("__") && !name.ends_with('_'))
 }

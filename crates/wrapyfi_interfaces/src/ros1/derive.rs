@@ -12,8 +12,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::names::{allowed_in_ros2, snake_case};
 use super::rules::Rules;
 use crate::parser::{
-    Constant, Container, Dialect, Element, Field, FieldType, InterfaceKind, Literal,
-    MessageDefinition, TypeName, parse_message,
+    Constant, Container, Dialect, Element, Field, InterfaceKind, Literal, MessageDefinition,
+    TypeName, parse_message,
 };
 use crate::store::{Looked, ResolveError, ResolvedType, ros1_builtin};
 
@@ -75,22 +75,13 @@ fn message_to_ros2(
             Element::Nested(nested) => Element::Nested(rename(nested)),
             element => element.clone(),
         };
-        let field_type = FieldType { element, container: field.field_type.container };
         let name = allowed_field(&field.name);
-        (name == field.name || taken.insert(name.clone())).then(|| Field {
-            name,
-            field_type,
-            default: None,
-            doc: Vec::new(),
-        })
+        (name == field.name || taken.insert(name.clone()))
+            .then(|| Field::new(&name, element, field.field_type.container))
     });
     let fields = fields.collect();
-    MessageDefinition {
-        name: name.clone(),
-        doc: Vec::new(),
-        fields,
-        constants: ros1.constants.clone(),
-    }
+    let constants = ros1.constants.clone();
+    MessageDefinition { constants, ..MessageDefinition::new(name.clone(), fields) }
 }
 
 /// The same name where ROS 2 allows it, else words in small letters.
@@ -158,17 +149,12 @@ fn message_to_ros1(
         Element::String { .. } | Element::WString { .. } => Element::String { bound: None },
         Element::Primitive(_) => element.clone(),
     };
-    let fields = ros2.fields.iter().map(|field| Field {
-        name: field.name.clone(),
-        field_type: FieldType {
-            element: element(&field.field_type.element, rename),
-            container: match field.field_type.container {
-                Container::Sequence { .. } => Container::Sequence { bound: None },
-                container => container,
-            },
-        },
-        default: None,
-        doc: Vec::new(),
+    let fields = ros2.fields.iter().map(|field| {
+        let container = match field.field_type.container {
+            Container::Sequence { .. } => Container::Sequence { bound: None },
+            container => container,
+        };
+        Field::new(&field.name, element(&field.field_type.element, rename), container)
     });
     let fields = fields.collect();
     let constants = ros2.constants.iter().map(|constant| Constant {
@@ -181,7 +167,7 @@ fn message_to_ros1(
         ..constant.clone()
     });
     let constants = constants.collect();
-    MessageDefinition { name: name.clone(), doc: Vec::new(), fields, constants }
+    MessageDefinition { constants, ..MessageDefinition::new(name.clone(), fields) }
 }
 
 /// The name under which a ROS 1 type goes in ROS 2 where no rule has another.

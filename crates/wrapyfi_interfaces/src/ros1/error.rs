@@ -94,11 +94,8 @@ pub enum PairError {
     #[error(transparent)]
     Definition(#[from] DefinitionError),
     /// A type is not among the definitions.
-    #[error("{name} is not defined; give its definition")]
-    Undefined {
-        /// The type.
-        name: TypeName,
-    },
+    #[error("{0} is not defined; give its definition")]
+    Undefined(TypeName),
     /// Fields that belong together have types that do not go into each other.
     #[error(
         "{ros1} in ROS 1, {ros2} in ROS 2: bring the definitions together, or leave the field out \

@@ -18,8 +18,7 @@ fn message<'d>(
     name: &TypeName,
     left: &mut usize,
 ) -> Result<&'d MessageDefinition, PairError> {
-    let message =
-        definitions.get(name).ok_or_else(|| PairError::Undefined { name: name.clone() })?;
+    let message = definitions.get(name).ok_or_else(|| PairError::Undefined(name.clone()))?;
     *left = left.checked_sub(message.fields.len() + 1).ok_or_else(|| PairError::TooComplex {
         name: name.clone(),
         what: "fields",

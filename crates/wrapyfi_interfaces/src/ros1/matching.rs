@@ -116,9 +116,8 @@ fn unfold<'d>(
     named: &BTreeSet<&str>,
     entries: &mut Vec<Entry<'d>>,
 ) -> Result<(), PairError> {
-    let (owner, definition) = definitions
-        .get_key_value(name)
-        .ok_or_else(|| PairError::Undefined { name: name.clone() })?;
+    let (owner, definition) =
+        definitions.get_key_value(name).ok_or_else(|| PairError::Undefined(name.clone()))?;
     for field in &definition.fields {
         let path = format!("{prefix}{}", field.name);
         let inside = format!("{path}.");

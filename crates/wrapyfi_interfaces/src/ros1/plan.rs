@@ -67,15 +67,9 @@ struct Inner {
 pub enum Note {
     /// A field of ROS 1 alone: dropped on the way to ROS 2, zero or empty on the way back. The `seq` of
     /// a message's own header counts instead.
-    OnlyRos1 {
-        /// The field.
-        path: String,
-    },
+    OnlyRos1(String),
     /// A field of ROS 2 alone: has its default value there, and is dropped on the way to ROS 1.
-    OnlyRos2 {
-        /// The field.
-        path: String,
-    },
+    OnlyRos2(String),
     /// A field with two names.
     Renamed {
         /// Path in ROS 1.
@@ -88,13 +82,13 @@ pub enum Note {
 impl fmt::Display for Note {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::OnlyRos1 { path } if path == "header.seq" => f.write_str(
+            Self::OnlyRos1(path) if path == "header.seq" => f.write_str(
                 "header.seq is in ROS 1 only: dropped towards ROS 2, counted towards ROS 1",
             ),
-            Self::OnlyRos1 { path } => {
+            Self::OnlyRos1(path) => {
                 write!(f, "{path} is in ROS 1 only: dropped towards ROS 2, empty towards ROS 1")
             }
-            Self::OnlyRos2 { path } => {
+            Self::OnlyRos2(path) => {
                 write!(
                     f,
                     "{path} is in ROS 2 only: default value towards ROS 2, dropped towards ROS 1"
@@ -184,8 +178,8 @@ impl PairPlan {
         let (to_ros2, differences) = compile(pair, true)?;
         let (to_ros1, _) = compile(pair, false)?;
         let Differences { only_ros1, only_ros2, renamed } = differences;
-        let one = only_ros1.into_iter().map(|path| Note::OnlyRos1 { path });
-        let two = only_ros2.into_iter().map(|path| Note::OnlyRos2 { path });
+        let one = only_ros1.into_iter().map(Note::OnlyRos1);
+        let two = only_ros2.into_iter().map(Note::OnlyRos2);
         let names = renamed.into_iter().map(|(ros1, ros2)| Note::Renamed { ros1, ros2 });
         let notes = one.chain(two).chain(names).collect();
         let (ros1, ros2) = (ros1.name().clone(), ros2.name().clone());

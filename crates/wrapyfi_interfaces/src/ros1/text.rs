@@ -41,26 +41,29 @@ pub(super) fn copy<const F: bool, const T: bool>(
     };
     match std::str::from_utf8(text) {
         Ok(valid) if op.to_wide => put_wide(op, std::iter::once(Ok(valid)), to, work),
-        Ok(valid) => {
-            put_length(op, valid.len(), to, work)?;
-            to.put(text);
-            end(to);
-            Ok(())
-        }
+        Ok(_valid) => put_bytes(op, text, to, work),
         Err(error) => {
             work.done.bad_texts = work.done.bad_texts.saturating_add(1);
             match work.options.bad_text {
                 BadText::Refuse => Err(work.not_utf8(op.at, error.valid_up_to())),
-                BadText::Keep if !op.to_wide => {
-                    put_length(op, text.len(), to, work)?;
-                    to.put(text);
-                    end(to);
-                    Ok(())
-                }
+                BadText::Keep if !op.to_wide => put_bytes(op, text, to, work),
                 BadText::Keep | BadText::Replace => put_repaired(op, text, to, work),
             }
         }
     }
+}
+
+/// Writes bytes as they are, with their length and their end.
+fn put_bytes<const T: bool>(
+    op: &Text,
+    bytes: &[u8],
+    to: &mut Target<'_, T>,
+    work: &mut Work<'_>,
+) -> Result<(), TranscodeError> {
+    put_length(op, bytes.len(), to, work)?;
+    to.put(bytes);
+    end(to);
+    Ok(())
 }
 
 /// Length of a string that is not wide, in either form.

@@ -2,6 +2,7 @@
 
 use std::{fmt, io};
 
+use super::MAX_DEFINITION_SIZE;
 use crate::description::DescribeError;
 use crate::did_you_mean;
 use crate::parser::{InterfaceKind, ParseError, ParseFault, TypeName};
@@ -57,14 +58,14 @@ pub enum ResolveError {
         source: io::Error,
     },
     /// A definition is larger than any sensible one.
-    #[error("the definition of {name} has {actual} bytes, over the limit of {limit}; {remedy}")]
+    #[error(
+        "the definition of {name} has {actual} bytes, over the limit of {MAX_DEFINITION_SIZE}; {remedy}"
+    )]
     TooLarge {
         /// The type.
         name: TypeName,
         /// Size in bytes.
         actual: usize,
-        /// Limit in bytes.
-        limit: usize,
         /// Remedy.
         remedy: &'static str,
     },
@@ -92,6 +93,20 @@ pub enum ResolveError {
     /// A type contains itself, is nested too deeply, or refers to too many others.
     #[error(transparent)]
     Describe(#[from] DescribeError),
+}
+
+impl ResolveError {
+    /// Refuses a definition that is larger than any sensible one.
+    pub(super) fn check_size(
+        name: &TypeName,
+        text: &str,
+        remedy: &'static str,
+    ) -> Result<(), Self> {
+        if text.len() <= MAX_DEFINITION_SIZE {
+            return Ok(());
+        }
+        Err(Self::TooLarge { name: name.clone(), actual: text.len(), remedy })
+    }
 }
 
 /// Places where a type was looked for. Written out, a long list is cut.

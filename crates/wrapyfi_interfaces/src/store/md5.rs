@@ -31,11 +31,8 @@ pub enum Md5Error {
         field: String,
     },
     /// A type that is referred to is not among the definitions.
-    #[error("{name} has no ROS 1 checksum: it is not defined, or is an action; use a message")]
-    Undefined {
-        /// The type.
-        name: TypeName,
-    },
+    #[error("{0} has no ROS 1 checksum: it is not defined, or is an action; use a message")]
+    Undefined(TypeName),
 }
 
 /// Checksum of `name`, a message or a service.
@@ -78,7 +75,7 @@ impl Sums<'_> {
             .definitions
             .get(name)
             .filter(|_| name.kind() != InterfaceKind::Action)
-            .ok_or_else(|| Md5Error::Undefined { name: name.clone() })?;
+            .ok_or_else(|| Md5Error::Undefined(name.clone()))?;
         let mut lines: Vec<String> = definition
             .constants
             .iter()

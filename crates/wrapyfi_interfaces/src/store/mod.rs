@@ -173,14 +173,7 @@ impl TypeStore {
     /// # Errors
     /// When it cannot be parsed, or is too large.
     pub fn add_definition(&mut self, name: &TypeName, text: &str) -> Result<(), ResolveError> {
-        if text.len() > MAX_DEFINITION_SIZE {
-            return Err(ResolveError::TooLarge {
-                name: name.clone(),
-                actual: text.len(),
-                limit: MAX_DEFINITION_SIZE,
-                remedy: "split it into several types",
-            });
-        }
+        ResolveError::check_size(name, text, "split it into several types")?;
         self.parse(name, text, &format!("definition of {name}"))
     }
 

@@ -69,7 +69,7 @@ impl ResolvedType {
                 continue;
             }
             if definitions.len() > MAX_TYPES {
-                return Err(DescribeError::TooMany { name: name.clone(), limit: MAX_TYPES }.into());
+                return Err(DescribeError::too_many(name).into());
             }
             let definition = find(&wanted, user.as_ref())?;
             for field in &definition.fields {

@@ -11,7 +11,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{MAX_DEFINITION_SIZE, ResolveError};
+use super::ResolveError;
 use crate::parser::{Dialect, MessageDefinition, TypeName, parse_interface};
 
 /// Fewest `=` in a row that separate two definitions.
@@ -23,14 +23,7 @@ pub(super) fn parse_full(
     name: &TypeName,
     text: &str,
 ) -> Result<BTreeMap<TypeName, MessageDefinition>, ResolveError> {
-    if text.len() > MAX_DEFINITION_SIZE {
-        return Err(ResolveError::TooLarge {
-            name: name.clone(),
-            actual: text.len(),
-            limit: MAX_DEFINITION_SIZE,
-            remedy: "the sender's text is broken",
-        });
-    }
+    ResolveError::check_size(name, text, "the sender's text is broken")?;
     let mut definitions = BTreeMap::new();
     let mut add = |name: &TypeName, text: &str, skipped: usize| {
         let messages = parse_interface(dialect, name, text).map_err(|mut source| {
