@@ -48,31 +48,21 @@ pub enum TimeJump {
     /// Change from simulated time to the system's.
     ToSystem,
     /// Simulated time went on by this much; the first clock counts from zero.
-    Forward {
-        /// Length of the jump.
-        by: Duration,
-    },
+    Forward(Duration),
     /// Simulated time went back: the simulation was reset, or the recording began anew. Buffers and
     /// deadlines that are kept by time are to be dropped.
-    Backward {
-        /// Length of the jump.
-        by: Duration,
-    },
+    Backward(Duration),
 }
 
 /// Error of a message of `/clock` that is not used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum ClockError {
-    /// The time of the message is negative.
-    #[error(
-        "/clock says {sec} s; ROS time is not negative, so the message is dropped: correct its publisher"
-    )]
-    Negative {
-        /// Seconds of the message.
-        sec: i32,
-    },
-}
+#[error(
+    "/clock says {0} s; ROS time is not negative, so the message is dropped: correct its publisher"
+)]
+pub struct ClockError(
+    /// Seconds of the message, which are negative.
+    pub i32,
+);
 
 impl RosTime {
     /// Topic of the clock.
@@ -107,7 +97,7 @@ impl RosTime {
     pub fn on_clock(&mut self, message: &Clock) -> Result<Option<TimeJump>, ClockError> {
         let clock = &message.clock;
         if clock.sec < 0 {
-            return Err(ClockError::Negative { sec: clock.sec });
+            return Err(ClockError(clock.sec));
         }
         // Both are 32 bits: their sum fits. Nanoseconds beyond a second are carried.
         let now = i64::from(clock.sec) * SECOND + i64::from(clock.nanosec);
@@ -116,7 +106,7 @@ impl RosTime {
             return Ok(None);
         }
         let by = Duration::from_nanos(now.abs_diff(before));
-        Ok(Some(if now > before { TimeJump::Forward { by } } else { TimeJump::Backward { by } }))
+        Ok(Some(if now > before { TimeJump::Forward(by) } else { TimeJump::Backward(by) }))
     }
 
     /// Time of the node, given the `system` time.
@@ -149,11 +139,11 @@ mod tests {
         let mut time = RosTime::new(true);
         assert_eq!(time.now(SYSTEM), Stamp::default());
         let by = Duration::new(7, 9);
-        assert_eq!(time.on_clock(&clock(7, 9)), Ok(Some(TimeJump::Forward { by })));
+        assert_eq!(time.on_clock(&clock(7, 9)), Ok(Some(TimeJump::Forward(by))));
         assert_eq!(time.on_clock(&clock(7, 9)), Ok(None));
         assert_eq!(time.now(SYSTEM), Stamp { sec: 7, nanosec: 9 });
         let by = Duration::from_nanos(1);
-        assert_eq!(time.on_clock(&clock(7, 8)), Ok(Some(TimeJump::Backward { by })));
+        assert_eq!(time.on_clock(&clock(7, 8)), Ok(Some(TimeJump::Backward(by))));
     }
 
     #[test]
@@ -166,7 +156,7 @@ mod tests {
         assert_eq!(time.now(SYSTEM), Stamp { sec: 3, nanosec: 0 });
         assert_eq!(
             time.on_clock(&clock(1, 0)).unwrap(),
-            Some(TimeJump::Backward { by: Duration::from_secs(2) })
+            Some(TimeJump::Backward(Duration::from_secs(2)))
         );
         assert_eq!(time.set_simulated(false), Some(TimeJump::ToSystem));
         assert!(!time.is_simulated());
@@ -194,8 +184,8 @@ mod tests {
             let mut sum = 0_i128;
             for (sec, nanosec) in &clocks {
                 match time.on_clock(&clock(*sec, *nanosec)).unwrap() {
-                    Some(TimeJump::Forward { by }) => sum += by.as_nanos() as i128,
-                    Some(TimeJump::Backward { by }) => sum -= by.as_nanos() as i128,
+                    Some(TimeJump::Forward(by)) => sum += by.as_nanos() as i128,
+                    Some(TimeJump::Backward(by)) => sum -= by.as_nanos() as i128,
                     other => prop_assert_eq!(other, None),
                 }
             }

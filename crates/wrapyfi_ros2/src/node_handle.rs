@@ -90,7 +90,7 @@ impl Shared {
     pub(super) fn on_clock(&self, clock: &Clock) {
         let jump = self.time.lock().on_clock(clock);
         match jump {
-            Ok(Some(TimeJump::Backward { by })) => {
+            Ok(Some(TimeJump::Backward(by))) => {
                 tracing::warn!("{} went back by {} s", RosTime::TOPIC, by.as_secs_f64());
             }
             Ok(_) => {}

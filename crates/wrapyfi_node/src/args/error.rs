@@ -24,8 +24,7 @@ impl Error for RosArgsError {
     /// Cause that the text does not have: the error of the system or of the YAML parser.
     fn source(&self) -> Option<&(dyn Error + 'static)> {
         match &self.kind {
-            RosArgsErrorKind::Parameter { reason, .. } => reason.source(),
-            RosArgsErrorKind::ParamsFile { reason, .. } => reason.source(),
+            RosArgsErrorKind::Argument { reason, .. } => reason.source(),
             _ => None,
         }
     }
@@ -36,11 +35,8 @@ impl Error for RosArgsError {
 #[non_exhaustive]
 pub enum RosArgsErrorKind {
     /// More words than any launch file makes.
-    #[error("more than {max} arguments")]
-    TooManyArguments {
-        /// Most that are accepted.
-        max: usize,
-    },
+    #[error("more than {0} arguments")]
+    TooManyArguments(usize),
     /// The last word is a flag that wants another word.
     #[error("Couldn't parse trailing {flag} flag. {missing}")]
     TrailingFlag {
@@ -50,66 +46,29 @@ pub enum RosArgsErrorKind {
         missing: &'static str,
     },
     /// `--log-level` is the last word.
-    #[error("Couldn't parse trailing log level flag: '{flag}'. No log level provided.")]
-    TrailingLogLevel {
+    #[error("Couldn't parse trailing log level flag: '{0}'. No log level provided.")]
+    TrailingLogLevel(String),
+    /// A rule, a file or a level cannot be read.
+    #[error("Couldn't parse {what}: '{flag} {value}'. Error: {reason}")]
+    Argument {
+        /// Kind of the argument: `remap rule`, `parameter override rule`, `params file`, `log level`.
+        what: &'static str,
         /// The flag as written.
         flag: String,
-    },
-    /// A remap rule cannot be read.
-    #[error("Couldn't parse remap rule: '{flag} {rule}'. Error: {reason}")]
-    Remap {
-        /// The flag as written.
-        flag: String,
-        /// The rule as written.
-        rule: String,
-        /// Fault of the rule.
-        reason: RuleError,
-    },
-    /// A parameter on the command line cannot be read.
-    #[error("Couldn't parse parameter override rule: '{flag} {rule}'. Error: {reason}")]
-    Parameter {
-        /// The flag as written.
-        flag: String,
-        /// The rule as written.
-        rule: String,
-        /// Fault of the rule.
-        reason: ParameterRuleError,
-    },
-    /// A parameter file cannot be used.
-    #[error("Couldn't parse params file: '{flag} {path}'. Error: {reason}")]
-    ParamsFile {
-        /// The flag as written.
-        flag: String,
-        /// The path as written.
-        path: String,
-        /// Fault of the file.
-        reason: ParamsFileError,
-    },
-    /// A log level cannot be read.
-    #[error("Couldn't parse log level: '{flag} {rule}'. Error: {reason}")]
-    LogLevel {
-        /// The flag as written.
-        flag: String,
-        /// The rule as written.
-        rule: String,
-        /// Fault of the rule.
-        reason: LogLevelError,
+        /// The rule, path or level as written.
+        value: String,
+        /// Fault of the argument.
+        reason: Box<dyn Error + Send + Sync>,
     },
     /// The enclave is no absolute name.
-    #[error("Enclave name is not valid: '{reason}'. Invalid index: {}", reason.index)]
-    Enclave {
-        /// Rule that the enclave breaks.
-        reason: NameError,
-    },
+    #[error("Enclave name is not valid: '{0}'. Invalid index: {index}", index = .0.index)]
+    Enclave(NameError),
     /// Words inside a block that mean nothing to ROS.
     #[error("found unknown ROS arguments: [{}]", quoted(.0))]
     Unknown(Vec<String>),
     /// A file to configure logging with was given.
     #[error("spdlog logging backend doesn't currently support external configuration")]
-    LogConfigFile {
-        /// The path as written.
-        path: String,
-    },
+    LogConfigFile(String),
 }
 
 fn quoted(words: &[String]) -> String {
@@ -153,18 +112,6 @@ pub enum RuleError {
     NoReplacement,
 }
 
-/// Error of a `name:=value` of `-p`.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ParameterRuleError {
-    /// The name or the separator cannot be read.
-    #[error(transparent)]
-    Rule(#[from] RuleError),
-    /// The value cannot be read.
-    #[error(transparent)]
-    Value(#[from] YamlError),
-}
-
 /// Error of a parameter file.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -173,17 +120,11 @@ pub enum ParamsFileError {
     #[error("Error opening YAML file")]
     Open(#[source] io::Error),
     /// The file is larger than a file of parameters should be.
-    #[error("the file is larger than {max} bytes")]
-    TooLarge {
-        /// Most that is accepted.
-        max: usize,
-    },
+    #[error("the file is larger than {0} bytes")]
+    TooLarge(usize),
     /// The file is not text.
-    #[error("the file is not UTF-8 from byte {at} on")]
-    NotUtf8 {
-        /// First byte that is no text.
-        at: usize,
-    },
+    #[error("the file is not UTF-8 from byte {0} on")]
+    NotUtf8(usize),
     /// The content of the file is wrong.
     #[error(transparent)]
     Yaml(#[from] YamlError),
@@ -260,17 +201,11 @@ pub enum YamlError {
         line: usize,
     },
     /// The name of a parameter or of a node is too long, with all its groups.
-    #[error("a name is longer than {max} bytes")]
-    NameTooLong {
-        /// Longest that is accepted.
-        max: usize,
-    },
+    #[error("a name is longer than {0} bytes")]
+    NameTooLong(usize),
     /// All files and the command line together have too many parameters.
-    #[error("more than {max} parameters")]
-    TooManyParameters {
-        /// Most that are accepted.
-        max: usize,
-    },
+    #[error("more than {0} parameters")]
+    TooManyParameters(usize),
 }
 
 /// Error of a log level.

@@ -20,11 +20,12 @@ mod parameters;
 mod remap;
 
 use std::collections::BTreeMap;
+use std::error::Error;
 use std::io;
 
 pub use error::{
-    LogLevelError, ParameterRuleError, ParamsFileError, ParserError, RosArgsError,
-    RosArgsErrorKind, RosArgsWarning, RuleError, YamlError,
+    LogLevelError, ParamsFileError, ParserError, RosArgsError, RosArgsErrorKind, RosArgsWarning,
+    RuleError, YamlError,
 };
 pub use log_levels::LogLevels;
 pub use parameters::MAX_FILE_BYTES;
@@ -124,12 +125,12 @@ impl RosArgs {
                 _ => self.program_word(word),
             }
         }
-        check_enclave(&self.enclave).map_err(|reason| RosArgsErrorKind::Enclave { reason })?;
+        check_enclave(&self.enclave).map_err(RosArgsErrorKind::Enclave)?;
         if !refused.unknown.is_empty() {
             return Err(RosArgsErrorKind::Unknown(refused.unknown));
         }
         match refused.log_config_file {
-            Some(path) => Err(RosArgsErrorKind::LogConfigFile { path }),
+            Some(path) => Err(RosArgsErrorKind::LogConfigFile(path)),
             None => Ok(()),
         }
     }
@@ -157,13 +158,13 @@ impl RosArgs {
                 let rule = words.value(&flag, "No remap rule found.")?;
                 match RemapRule::parse(&rule, &mut self.warnings) {
                     Ok(parsed) => self.rules.push(parsed),
-                    Err(reason) => return Err(RosArgsErrorKind::Remap { flag, rule, reason }),
+                    Err(reason) => return Err(unreadable("remap rule", flag, rule, reason)),
                 }
             }
             "-p" | "--param" => {
                 let rule = words.value(&flag, "No parameter override rule found.")?;
                 if let Err(reason) = parameters::parse_rule(&rule, &mut self.overrides) {
-                    return Err(RosArgsErrorKind::Parameter { flag, rule, reason });
+                    return Err(unreadable("parameter override rule", flag, rule, reason));
                 }
             }
             "--params-file" => {
@@ -172,15 +173,15 @@ impl RosArgs {
                     .map_err(ParamsFileError::Open)
                     .and_then(|content| self.overrides.add_file(&content));
                 if let Err(reason) = added {
-                    return Err(RosArgsErrorKind::ParamsFile { flag, path, reason });
+                    return Err(unreadable("params file", flag, path, reason));
                 }
             }
             "--log-level" => {
                 let Some(rule) = words.next()? else {
-                    return Err(RosArgsErrorKind::TrailingLogLevel { flag });
+                    return Err(RosArgsErrorKind::TrailingLogLevel(flag));
                 };
                 if let Err(reason) = self.log_levels.add(&rule) {
-                    return Err(RosArgsErrorKind::LogLevel { flag, rule, reason });
+                    return Err(unreadable("log level", flag, rule, reason));
                 }
             }
             "--log-file-name" => {
@@ -263,6 +264,15 @@ struct Refused {
     log_config_file: Option<String>,
 }
 
+fn unreadable(
+    what: &'static str,
+    flag: String,
+    value: String,
+    reason: impl Into<Box<dyn Error + Send + Sync>>,
+) -> RosArgsErrorKind {
+    RosArgsErrorKind::Argument { what, flag, value, reason: reason.into() }
+}
+
 /// The words that have not been read, counted.
 struct Words<'a> {
     words: &'a mut dyn Iterator<Item = String>,
@@ -274,7 +284,7 @@ impl Words<'_> {
         let word = self.words.next();
         self.taken += usize::from(word.is_some());
         if self.taken > MAX_ARGUMENTS {
-            return Err(RosArgsErrorKind::TooManyArguments { max: MAX_ARGUMENTS });
+            return Err(RosArgsErrorKind::TooManyArguments(MAX_ARGUMENTS));
         }
         Ok(word)
     }

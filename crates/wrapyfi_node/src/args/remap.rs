@@ -119,7 +119,7 @@ fn name(
     Ok(cursor.since(start).to_owned())
 }
 
-fn match_token(cursor: &mut Cursor<'_>) -> Result<(), RuleError> {
+pub(super) fn match_token(cursor: &mut Cursor<'_>) -> Result<(), RuleError> {
     let found = cursor.peek();
     token(cursor).map_err(|_other| match found {
         Lexeme::WildOne => RuleError::Wildcard("*"),

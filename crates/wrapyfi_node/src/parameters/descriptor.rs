@@ -112,7 +112,7 @@ impl ParameterDescriptor {
         let found = value.parameter_type();
         if !self.dynamic_typing && found != self.parameter_type {
             return Err(match found {
-                ParameterType::NotSet => SetError::StaticType { name: self.name.clone() },
+                ParameterType::NotSet => SetError::StaticType(self.name.clone()),
                 _ => SetError::WrongType {
                     name: self.name.clone(),
                     expected: self.parameter_type,
@@ -168,19 +168,24 @@ impl ParameterDescriptor {
     }
 
     fn out_of_range<T: Number>(&self, min: T, max: T, value: T) -> SetError {
-        let (name, kind) = (self.name.clone(), T::TYPE);
-        SetError::OutOfRange { name, kind, min: min.text(), max: max.text(), value: value.text() }
+        let name = self.name.clone();
+        // rclpy has a full stop here for integers only.
+        let dot = if T::IS_INTEGER { "." } else { "" };
+        let [min, max, value] = [min, max, value].map(T::text);
+        let reason =
+            format!("Parameter {name} out of range{dot} Min: {min}, Max: {max}, value: {value}");
+        SetError::OutOfRange { name, reason }
     }
 
     fn off_step<T: Number>(&self, min: T, max: T, value: T, step: impl Number) -> SetError {
-        SetError::OffStep {
-            name: self.name.clone(),
-            kind: T::TYPE,
-            min: min.text(),
-            max: max.text(),
-            value: value.text(),
-            step: step.text(),
-        }
+        let name = self.name.clone();
+        let close = if T::IS_INTEGER { "" } else { "close enough to " };
+        let ([min, max, value], step) = ([min, max, value].map(T::text), step.text());
+        let reason = format!(
+            "The parameter value for {name} is not {close}a valid step. Min: {min}, max: {max}, \
+             value: {value}, step: {step}"
+        );
+        SetError::OffStep { name, reason }
     }
 }
 
@@ -197,28 +202,28 @@ impl ParameterRange {
 
 /// A number in an error, written as Python does: `1.0`, `1e+16`, `inf`.
 trait Number {
-    const TYPE: ParameterType;
-    fn text(self) -> Box<str>;
+    const IS_INTEGER: bool;
+    fn text(self) -> String;
 }
 
 impl Number for i64 {
-    const TYPE: ParameterType = ParameterType::Integer;
-    fn text(self) -> Box<str> {
-        self.to_string().into()
+    const IS_INTEGER: bool = true;
+    fn text(self) -> String {
+        self.to_string()
     }
 }
 
 impl Number for u64 {
-    const TYPE: ParameterType = ParameterType::Integer;
-    fn text(self) -> Box<str> {
-        self.to_string().into()
+    const IS_INTEGER: bool = true;
+    fn text(self) -> String {
+        self.to_string()
     }
 }
 
 impl Number for f64 {
-    const TYPE: ParameterType = ParameterType::Double;
-    fn text(self) -> Box<str> {
-        DefaultValue::One(Literal::Float(self)).to_python().into()
+    const IS_INTEGER: bool = false;
+    fn text(self) -> String {
+        DefaultValue::One(Literal::Float(self)).to_python()
     }
 }
 

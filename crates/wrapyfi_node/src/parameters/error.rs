@@ -7,94 +7,21 @@ use crate::ParameterType;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DeclareError {
-    /// The parameter has no name.
-    #[error("a parameter has an empty name; give it one")]
-    EmptyName,
-    /// The name is too long.
-    #[error("the parameter name {start:?}… has {length} bytes, the limit is {limit}; shorten it")]
-    NameTooLong {
-        /// First characters of the name.
-        start: String,
-        /// Length of the name in bytes.
-        length: usize,
-        /// [`MAX_NAME_BYTES`](super::MAX_NAME_BYTES).
-        limit: usize,
-    },
-    /// The name has a NUL, which ends texts on the wire.
-    #[error("the parameter name {name:?} contains a NUL; leave it out")]
-    NameNul {
-        /// The name.
-        name: String,
-    },
+    /// The name, the type or the range cannot be, or does not go with the values.
+    #[error("{0}")]
+    Unfit(String),
     /// A parameter of this name is declared already.
-    #[error("parameter {name} is declared already; declare it once")]
-    AlreadyDeclared {
-        /// The name.
-        name: String,
-    },
-    /// The node has too many parameters.
-    #[error("parameter {name} is one too many: a node has at most {limit}; use lists instead")]
-    TooMany {
-        /// The name.
-        name: String,
-        /// [`MAX_PARAMETERS`](super::MAX_PARAMETERS).
-        limit: usize,
-    },
-    /// The default value is of another type than the descriptor says.
-    #[error("parameter {name} is declared as {expected}, but its default value is {found}")]
-    DefaultType {
-        /// The name.
-        name: String,
-        /// Type in the descriptor.
-        expected: ParameterType,
-        /// Type of the value.
-        found: ParameterType,
-    },
-    /// Neither the descriptor nor the default value says of which type it is.
-    #[error("parameter {name} has no type; give a default value, a type, or dynamic typing")]
-    NoType {
-        /// The name.
-        name: String,
-    },
-    /// The range is of another type than the parameter.
-    #[error("parameter {name} is {found}, but its range is one of {range}")]
-    RangeType {
-        /// The name.
-        name: String,
-        /// Type of the parameter.
-        found: ParameterType,
-        /// Type of the range.
-        range: ParameterType,
-    },
-    /// The value given from outside is of another type.
-    #[error(
-        "Trying to set parameter '{name}' to '{value}' of type '{found}', expecting type \
-         '{expected}': write {hint}"
-    )]
-    OverrideType {
-        /// The name.
-        name: String,
-        /// The value, cut where it is long.
-        value: String,
-        /// Type of the value that was given.
-        found: ParameterType,
-        /// Type of the parameter.
-        expected: ParameterType,
-        /// Example of a value of this type, as it is written on the command line.
-        hint: String,
-    },
+    #[error("parameter {0} is declared already; declare it once")]
+    AlreadyDeclared(String),
     /// The value given from outside is not allowed.
-    #[error("parameter {} cannot be what the command line or a parameter file says: {source}", source.name())]
-    Override {
-        /// Cause.
-        source: SetError,
-    },
+    #[error(
+        "parameter {name} cannot be what the command line or a parameter file says: {0}",
+        name = .0.name()
+    )]
+    Override(#[source] SetError),
     /// The default value is not allowed.
-    #[error("parameter {} cannot have its default value: {source}", source.name())]
-    Default {
-        /// Cause.
-        source: SetError,
-    },
+    #[error("parameter {name} cannot have its default value: {0}", name = .0.name())]
+    Default(#[source] SetError),
 }
 
 /// Error of reading a parameter.
@@ -102,19 +29,11 @@ pub enum DeclareError {
 #[non_exhaustive]
 pub enum GetError {
     /// No parameter of this name is declared.
-    #[error(
-        "parameter {name} is not declared by this node; `ros2 param list` shows those that are"
-    )]
-    NotDeclared {
-        /// The name.
-        name: String,
-    },
+    #[error("parameter {0} is not declared by this node; `ros2 param list` shows those that are")]
+    NotDeclared(String),
     /// The parameter is declared without a value, and none was given.
-    #[error("parameter {name} has no value yet; give one with -p {name}:=… or `ros2 param set`")]
-    NotInitialized {
-        /// The name.
-        name: String,
-    },
+    #[error("parameter {0} has no value yet; give one with -p {0}:=… or `ros2 param set`")]
+    NotInitialized(String),
 }
 
 /// Error of setting a parameter.
@@ -122,19 +41,11 @@ pub enum GetError {
 #[non_exhaustive]
 pub enum SetError {
     /// No parameter of this name is declared.
-    #[error(
-        "parameter {name} is not declared by this node; `ros2 param list` shows those that are"
-    )]
-    NotDeclared {
-        /// The name.
-        name: String,
-    },
+    #[error("parameter {0} is not declared by this node; `ros2 param list` shows those that are")]
+    NotDeclared(String),
     /// The parameter keeps the value with which it was declared.
-    #[error("Trying to set a read-only parameter: {name}.")]
-    ReadOnly {
-        /// The name.
-        name: String,
-    },
+    #[error("Trying to set a read-only parameter: {0}.")]
+    ReadOnly(String),
     /// The parameter keeps its type.
     #[error("parameter {name}: {}", wrong_type(*.expected, *.found))]
     WrongType {
@@ -146,44 +57,23 @@ pub enum SetError {
         found: ParameterType,
     },
     /// A value without type would delete the parameter, which keeps its type.
-    #[error("parameter {name}: {STATIC_TYPE}")]
-    StaticType {
-        /// The name.
-        name: String,
-    },
+    #[error("parameter {0}: {STATIC_TYPE}")]
+    StaticType(String),
     /// The value is outside the range.
-    #[error("Parameter {name} out of range{} Min: {min}, Max: {max}, value: {value}", dot(*.kind))]
+    #[error("{reason}")]
     OutOfRange {
         /// The name.
         name: String,
-        /// `INTEGER` or `DOUBLE`.
-        kind: ParameterType,
-        /// Least value.
-        min: Box<str>,
-        /// Largest value.
-        max: Box<str>,
-        /// The value.
-        value: Box<str>,
+        /// Text with the least and the largest value.
+        reason: String,
     },
     /// The value is between the steps of the range.
-    #[error(
-        "The parameter value for {name} is not {}a valid step. Min: {min}, max: {max}, value: \
-         {value}, step: {step}",
-        close(*.kind)
-    )]
+    #[error("{reason}")]
     OffStep {
         /// The name.
         name: String,
-        /// `INTEGER` or `DOUBLE`.
-        kind: ParameterType,
-        /// Least value.
-        min: Box<str>,
-        /// Largest value.
-        max: Box<str>,
-        /// The value.
-        value: Box<str>,
-        /// Distance of allowed values.
-        step: Box<str>,
+        /// Text with the range and the distance of its values.
+        reason: String,
     },
     /// The value is too large.
     #[error("the value for parameter {name} has {size} bytes, the limit is {limit}")]
@@ -206,11 +96,8 @@ pub enum SetError {
         number: u8,
     },
     /// One request names the parameter twice.
-    #[error("parameter {name} is in one atomic request twice; send it once")]
-    Twice {
-        /// The name.
-        name: String,
-    },
+    #[error("parameter {0} is in one atomic request twice; send it once")]
+    Twice(String),
     /// One request has too many parameters.
     #[error("{count} parameters in one request, the limit is {limit}; send several requests")]
     TooMany {
@@ -235,29 +122,20 @@ fn wrong_type(expected: ParameterType, found: ParameterType) -> String {
     format!("Wrong parameter type, expected 'Type.{expected}' got 'Type.{found}'")
 }
 
-/// rclpy has a full stop here for integers only.
-fn dot(kind: ParameterType) -> &'static str {
-    if kind == ParameterType::Integer { "." } else { "" }
-}
-
-fn close(kind: ParameterType) -> &'static str {
-    if kind == ParameterType::Integer { "" } else { "close enough to " }
-}
-
 impl SetError {
     /// Name of the parameter; empty for an error of a whole request.
     #[must_use]
     pub fn name(&self) -> &str {
         match self {
-            Self::NotDeclared { name }
-            | Self::ReadOnly { name }
+            Self::NotDeclared(name)
+            | Self::ReadOnly(name)
             | Self::WrongType { name, .. }
-            | Self::StaticType { name }
+            | Self::StaticType(name)
             | Self::OutOfRange { name, .. }
             | Self::OffStep { name, .. }
             | Self::TooLarge { name, .. }
             | Self::UnknownType { name, .. }
-            | Self::Twice { name }
+            | Self::Twice(name)
             | Self::Refused { name, .. } => name,
             Self::TooMany { .. } => "",
         }

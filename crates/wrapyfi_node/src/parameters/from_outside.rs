@@ -21,13 +21,14 @@ pub(super) fn override_for(
         (ParameterType::NotSet, ParameterType::StringArray) => {
             return Ok(Vec::<String>::new().into());
         }
-        _ => DeclareError::OverrideType {
-            name: descriptor.name.clone(),
-            value: value.to_string().chars().take(SHOWN).collect(),
-            found,
-            expected,
-            hint: hint(&descriptor.name, value, expected),
-        },
+        _ => {
+            let (name, hint) = (&descriptor.name, hint(&descriptor.name, value, expected));
+            let value: String = value.to_string().chars().take(SHOWN).collect();
+            DeclareError::Unfit(format!(
+                "Trying to set parameter '{name}' to '{value}' of type '{found}', expecting type \
+                 '{expected}': write {hint}"
+            ))
+        }
     })
 }
 

@@ -9,7 +9,7 @@
 use wrapyfi_interfaces::named;
 
 use super::{DeclareError, ParameterDescriptor, ParameterStore, SHOWN};
-use crate::{ParameterType, ParameterValue};
+use crate::ParameterValue;
 
 named! {
     /// End of a topic that an endpoint is.
@@ -102,44 +102,9 @@ pub struct QosOverrides {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum QosOverrideError {
-    /// The policy does not exist, or this endpoint does not let it be changed.
-    #[error(
-        "parameter {parameter}: the {role} of {topic} has no policy {policy:?} to override; it has \
-         {allowed}"
-    )]
-    Policy {
-        /// Full name of the parameter.
-        parameter: String,
-        /// Absolute name of the topic.
-        topic: String,
-        /// End of the topic.
-        role: EndpointRole,
-        /// The policy as written.
-        policy: String,
-        /// Policies that may be overridden, with commas.
-        allowed: String,
-    },
-    /// The policy cannot have this value.
-    #[error(
-        "parameter {parameter}: policy {policy} of the {role} of {topic} cannot be {value} \
-         ({found}); it can be {allowed}"
-    )]
-    Value {
-        /// Full name of the parameter.
-        parameter: String,
-        /// Absolute name of the topic.
-        topic: String,
-        /// End of the topic.
-        role: EndpointRole,
-        /// The policy.
-        policy: &'static str,
-        /// The value, cut where it is long.
-        value: String,
-        /// Type of the value that was given.
-        found: ParameterType,
-        /// Values that the policy can have.
-        allowed: String,
-    },
+    /// The endpoint has no such policy to override, or the policy cannot have the value.
+    #[error("{0}")]
+    Unfit(String),
     /// The parameter cannot be declared.
     #[error(transparent)]
     Declare(#[from] DeclareError),
@@ -247,25 +212,22 @@ impl ParameterStore {
         for (parameter, value) in self.overrides() {
             let Some(name) = parameter.strip_prefix(&prefix) else { continue };
             let policy = may_change().find(|policy| policy.word() == name).ok_or_else(|| {
-                QosOverrideError::Policy {
-                    parameter: parameter.clone(),
-                    topic: topic.to_owned(),
-                    role,
-                    policy: name.to_owned(),
-                    allowed: match may_change().map(Policy::word).collect::<Vec<_>>() {
-                        none if none.is_empty() => "none".to_owned(),
-                        names => names.join(", "),
-                    },
-                }
+                let allowed = match may_change().map(Policy::word).collect::<Vec<_>>() {
+                    none if none.is_empty() => "none".to_owned(),
+                    names => names.join(", "),
+                };
+                QosOverrideError::Unfit(format!(
+                    "parameter {parameter}: the {role} of {topic} has no policy {name:?} to override; \
+                     it has {allowed}"
+                ))
             })?;
-            changed.set(policy, value).ok_or_else(|| QosOverrideError::Value {
-                parameter: parameter.clone(),
-                topic: topic.to_owned(),
-                role,
-                policy: policy.word(),
-                value: value.to_string().chars().take(SHOWN).collect(),
-                found: value.parameter_type(),
-                allowed: policy.allowed(),
+            changed.set(policy, value).ok_or_else(|| {
+                let (found, allowed) = (value.parameter_type(), policy.allowed());
+                let value: String = value.to_string().chars().take(SHOWN).collect();
+                QosOverrideError::Unfit(format!(
+                    "parameter {parameter}: policy {policy} of the {role} of {topic} cannot be {value} \
+                     ({found}); it can be {allowed}"
+                ))
             })?;
         }
         for policy in may_change() {

@@ -106,11 +106,15 @@ impl ParameterStore {
         let found = default.parameter_type();
         match (descriptor.parameter_type, found) {
             (ParameterType::NotSet, ParameterType::NotSet) if !descriptor.dynamic_typing => {
-                return Err(DeclareError::NoType { name });
+                return Err(DeclareError::Unfit(format!(
+                    "parameter {name} has no type; give a default value, a type, or dynamic typing"
+                )));
             }
             (ParameterType::NotSet, _) => descriptor.parameter_type = found,
             (expected, found) if found != ParameterType::NotSet && found != expected => {
-                return Err(DeclareError::DefaultType { name, expected, found });
+                return Err(DeclareError::Unfit(format!(
+                    "parameter {name} is declared as {expected}, but its default value is {found}"
+                )));
             }
             _ => {}
         }
@@ -119,7 +123,9 @@ impl ParameterStore {
             && range != descriptor.parameter_type
         {
             let found = descriptor.parameter_type;
-            return Err(DeclareError::RangeType { name, found, range });
+            return Err(DeclareError::Unfit(format!(
+                "parameter {name} is {found}, but its range is one of {range}"
+            )));
         }
         let (value, overridden) = match self.overrides.get(&name) {
             Some(value) => (override_for(&descriptor, value)?, true),
@@ -130,8 +136,8 @@ impl ParameterStore {
             let parameter = Parameter { name: name.clone(), value: value.clone() };
             descriptor.check(&value).and_then(|()| self.validators.ask(&[parameter])).map_err(
                 |source| match overridden {
-                    true => DeclareError::Override { source },
-                    false => DeclareError::Default { source },
+                    true => DeclareError::Override(source),
+                    false => DeclareError::Default(source),
                 },
             )?;
         }
@@ -149,25 +155,25 @@ impl ParameterStore {
     }
 
     fn check_name(&self, name: &str) -> Result<(), DeclareError> {
-        let owned = || name.to_owned();
-        if name.is_empty() {
-            return Err(DeclareError::EmptyName);
-        }
-        if name.len() > MAX_NAME_BYTES {
-            let start = name.chars().take(SHOWN).collect();
-            let (length, limit) = (name.len(), MAX_NAME_BYTES);
-            return Err(DeclareError::NameTooLong { start, length, limit });
-        }
-        if name.contains('\0') {
-            return Err(DeclareError::NameNul { name: owned() });
-        }
-        if self.declared.contains_key(name) {
-            return Err(DeclareError::AlreadyDeclared { name: owned() });
-        }
-        if self.declared.len() >= MAX_PARAMETERS {
-            return Err(DeclareError::TooMany { name: owned(), limit: MAX_PARAMETERS });
-        }
-        Ok(())
+        let start: String = name.chars().take(SHOWN).collect();
+        Err(DeclareError::Unfit(match name.len() {
+            0 => "a parameter has an empty name; give it one".to_owned(),
+            length if length > MAX_NAME_BYTES => format!(
+                "the parameter name {start:?}… has {length} bytes, the limit is {MAX_NAME_BYTES}; \
+                 shorten it"
+            ),
+            _ if name.contains('\0') => {
+                format!("the parameter name {name:?} contains a NUL; leave it out")
+            }
+            _ if self.declared.contains_key(name) => {
+                return Err(DeclareError::AlreadyDeclared(name.to_owned()));
+            }
+            _ if self.declared.len() >= MAX_PARAMETERS => format!(
+                "parameter {name} is one too many: a node has at most {MAX_PARAMETERS}; use lists \
+                 instead"
+            ),
+            _ => return Ok(()),
+        }))
     }
 
     /// Value of a parameter.
@@ -176,12 +182,12 @@ impl ParameterStore {
     /// When no parameter of this name is declared, or it has no value.
     pub fn get(&self, name: &str) -> Result<&ParameterValue, GetError> {
         match self.declared.get(name) {
-            None => Err(GetError::NotDeclared { name: name.to_owned() }),
+            None => Err(GetError::NotDeclared(name.to_owned())),
             // A parameter of dynamic type may have no value.
             Some(Declared { value: ParameterValue::NotSet, descriptor, .. })
                 if !descriptor.dynamic_typing =>
             {
-                Err(GetError::NotInitialized { name: name.to_owned() })
+                Err(GetError::NotInitialized(name.to_owned()))
             }
             Some(declared) => Ok(&declared.value),
         }
@@ -271,16 +277,16 @@ impl ParameterStore {
         let mut names = BTreeSet::new();
         for Parameter { name, .. } in &parameters {
             if !self.declared.contains_key(name) {
-                return Err(SetError::NotDeclared { name: name.clone() });
+                return Err(SetError::NotDeclared(name.clone()));
             }
             if !names.insert(name) {
-                return Err(SetError::Twice { name: name.clone() });
+                return Err(SetError::Twice(name.clone()));
             }
         }
         for Parameter { name, value } in &parameters {
             let Some(Declared { descriptor, .. }) = self.declared.get(name) else { continue };
             if descriptor.read_only && !is_own {
-                return Err(SetError::ReadOnly { name: name.clone() });
+                return Err(SetError::ReadOnly(name.clone()));
             }
             descriptor.check(value)?;
         }

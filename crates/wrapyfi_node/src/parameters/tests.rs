@@ -283,7 +283,7 @@ fn an_atomic_request_sets_all_or_none() {
     store.set_atomically(both(5.into(), "x".into())).unwrap_err();
     assert_eq!(store.get("a").unwrap(), &ParameterValue::Integer(1));
     let twice = vec![Parameter::new("a", 5), Parameter::new("a", 6)];
-    assert_eq!(store.set_atomically(twice), Err(SetError::Twice { name: "a".into() }));
+    assert_eq!(store.set_atomically(twice), Err(SetError::Twice("a".into())));
     assert!(store.take_events(Stamp::default()).is_empty());
     store.set_atomically(both(5.into(), 6.into())).unwrap();
     let events = store.take_events(Stamp::default());

@@ -23,10 +23,10 @@ impl Overrides {
     /// Takes in a parameter file.
     pub(in super::super) fn add_file(&mut self, content: &[u8]) -> Result<(), ParamsFileError> {
         if content.len() > MAX_FILE_BYTES {
-            return Err(ParamsFileError::TooLarge { max: MAX_FILE_BYTES });
+            return Err(ParamsFileError::TooLarge(MAX_FILE_BYTES));
         }
         let text = std::str::from_utf8(content)
-            .map_err(|error| ParamsFileError::NotUtf8 { at: error.valid_up_to() })?;
+            .map_err(|error| ParamsFileError::NotUtf8(error.valid_up_to()))?;
         Ok(read(text.trim_start_matches('\u{feff}'), self)?)
     }
 }
@@ -124,7 +124,7 @@ impl Reader<'_, '_> {
 
 fn bounded(name: String) -> Result<String, YamlError> {
     if name.len() > MAX_NAME_BYTES {
-        return Err(YamlError::NameTooLong { max: MAX_NAME_BYTES });
+        return Err(YamlError::NameTooLong(MAX_NAME_BYTES));
     }
     Ok(name)
 }

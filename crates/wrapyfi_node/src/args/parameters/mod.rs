@@ -48,7 +48,7 @@ impl Overrides {
         if self.nodes.last() != Some(&pattern) {
             // Blocks without parameters count too, or a file could have any number of them.
             if self.nodes.len() >= MAX_OVERRIDES {
-                return Err(YamlError::TooManyParameters { max: MAX_OVERRIDES });
+                return Err(YamlError::TooManyParameters(MAX_OVERRIDES));
             }
             self.nodes.push(pattern);
         }
@@ -57,10 +57,10 @@ impl Overrides {
 
     fn push(&mut self, node: usize, name: &str, value: ParameterValue) -> Result<(), YamlError> {
         if name.len() > MAX_NAME_BYTES {
-            return Err(YamlError::NameTooLong { max: MAX_NAME_BYTES });
+            return Err(YamlError::NameTooLong(MAX_NAME_BYTES));
         }
         if self.entries.len() >= MAX_OVERRIDES {
-            return Err(YamlError::TooManyParameters { max: MAX_OVERRIDES });
+            return Err(YamlError::TooManyParameters(MAX_OVERRIDES));
         }
         self.entries.push(Entry { node, name: name.to_owned(), value });
         Ok(())
@@ -136,7 +136,7 @@ mod tests {
     #[test]
     fn hostile_files_are_refused() {
         let add = |content: &[u8]| Overrides::default().add_file(content).unwrap_err();
-        assert!(matches!(add(&[0xff]), ParamsFileError::NotUtf8 { at: 0 }));
+        assert!(matches!(add(&[0xff]), ParamsFileError::NotUtf8(0)));
         assert!(matches!(add(&vec![b' '; MAX_FILE_BYTES + 1]), ParamsFileError::TooLarge { .. }));
         let name = |n| format!("a:\n ros__parameters:\n  ? {}\n  : 1\n", "x".repeat(n));
         let long = add(name(MAX_NAME_BYTES + 1).as_bytes());

@@ -1,7 +1,10 @@
 //! `-p name:=value` and `-p node:name:=value`; the value is YAML.
 
-use super::super::error::{ParameterRuleError, RuleError};
+use std::error::Error;
+
+use super::super::error::RuleError;
 use super::super::lexer::{Cursor, Lexeme};
+use super::super::remap::match_token;
 use super::Overrides;
 use super::yaml::{Events, Origin};
 
@@ -9,7 +12,7 @@ use super::yaml::{Events, Origin};
 pub(in super::super) fn parse_rule(
     text: &str,
     overrides: &mut Overrides,
-) -> Result<(), ParameterRuleError> {
+) -> Result<(), Box<dyn Error + Send + Sync>> {
     let mut cursor = Cursor::new(text);
     let pattern = cursor.node_prefix().unwrap_or("/**");
     let name = parameter_name(&mut cursor)?;
@@ -36,11 +39,8 @@ fn parameter_name<'a>(cursor: &mut Cursor<'a>) -> Result<&'a str, RuleError> {
 }
 
 fn word(cursor: &mut Cursor<'_>) -> Result<(), RuleError> {
-    match cursor.peek() {
-        Lexeme::Token | Lexeme::Slash => {}
-        Lexeme::WildOne => return Err(RuleError::Wildcard("*")),
-        Lexeme::WildMulti => return Err(RuleError::Wildcard("**")),
-        _ => return Err(RuleError::NoToken),
+    if cursor.peek() != Lexeme::Slash {
+        match_token(cursor)?;
     }
     while matches!(cursor.peek(), Lexeme::Token | Lexeme::Slash) {
         cursor.accept();
