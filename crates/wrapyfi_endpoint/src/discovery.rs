@@ -180,11 +180,8 @@ impl fmt::Display for AnnouncedQos {
 #[non_exhaustive]
 pub enum DiscoverError {
     /// The middleware has no way to list endpoints.
-    #[error("{middleware} cannot tell which endpoints exist")]
-    Unsupported {
-        /// Middleware asked.
-        middleware: String,
-    },
+    #[error("{0} cannot tell which endpoints exist")]
+    Unsupported(String),
     /// The middleware has not started; it is tried again.
     #[error("{middleware} to start: {reason}")]
     NotStarted {

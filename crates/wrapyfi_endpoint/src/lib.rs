@@ -146,7 +146,7 @@ pub trait Middleware: Send + Sync {
     /// # Errors
     /// When the middleware has no way to list endpoints, or the transport refuses.
     fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
-        Err(DiscoverError::Unsupported { middleware: self.name().to_owned() })
+        Err(DiscoverError::Unsupported(self.name().to_owned()))
     }
 
     /// As [`Middleware::discover`], and also finds endpoints that show only to a program that

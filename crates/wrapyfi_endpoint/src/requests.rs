@@ -67,7 +67,7 @@ impl<A> Requests<A> {
         let mut state = self.state.lock();
         let service = || self.service.clone();
         let (reason, error) = if state.closed {
-            (DropReason::Closed, ServeError::Ended { service: service() })
+            (DropReason::Closed, ServeError::Ended(service()))
         } else if state.open + state.waiting.len() >= self.limit {
             let limit = self.limit;
             (DropReason::Overloaded, ServeError::Overloaded { service: service(), limit })
@@ -144,7 +144,7 @@ mod tests {
         assert_eq!(requests.close(), ["second", "third"]);
         assert_eq!(requests.share.used(), 0);
         let (_, error) = requests.put("fourth", 10).unwrap_err();
-        assert_eq!(error, ServeError::Ended { service: "/x".into() });
+        assert_eq!(error, ServeError::Ended("/x".into()));
         let counted = requests.context().counters.snapshot();
         let reasons = [DropReason::Overloaded, DropReason::Closed];
         assert_eq!((counted.received, reasons.map(|why| counted.dropped_for(why))), (5, [1, 1]));

@@ -139,11 +139,8 @@ pub enum ServeError {
         timeout_ms: u64,
     },
     /// The server has ended.
-    #[error("{service:?} has ended")]
-    Ended {
-        /// Service.
-        service: String,
-    },
+    #[error("{0:?} has ended")]
+    Ended(String),
     /// The transport failed.
     #[error("{service:?} could not be served: {reason}")]
     Transport {

@@ -1,14 +1,13 @@
 //! Faults of a configuration file, each with its place and the remedy.
 
-use std::fmt;
-
 use wrapyfi_data::did_you_mean;
 
 /// Largest configuration file, in bytes.
 pub const MAX_CONFIG_BYTES: usize = 1 << 20;
 
 /// All faults of a configuration, in the order of their lines. The file is refused as a whole.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{}", lines(.file, .problems))]
 pub struct ConfigError {
     /// File name as given.
     pub file: String,
@@ -28,24 +27,14 @@ pub struct Problem {
 /// Example of a value by its key.
 pub type Examples<'a> = &'a dyn Fn(&str) -> Option<&'static str>;
 
-impl fmt::Display for ConfigError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (index, problem) in self.problems.iter().enumerate() {
-            if index > 0 {
-                writeln!(f)?;
-            }
-            match problem.position {
-                Some((line, column)) => {
-                    write!(f, "{}:{line}:{column}: {}", self.file, problem.message)?;
-                }
-                None => write!(f, "{}: {}", self.file, problem.message)?,
-            }
-        }
-        Ok(())
-    }
+/// A line for each problem, with its place.
+fn lines(file: &str, problems: &[Problem]) -> String {
+    let line = |problem: &Problem| match problem.position {
+        Some((line, column)) => format!("{file}:{line}:{column}: {}", problem.message),
+        None => format!("{file}: {}", problem.message),
+    };
+    problems.iter().map(line).collect::<Vec<_>>().join("\n")
 }
-
-impl std::error::Error for ConfigError {}
 
 impl Problem {
     /// A fault at a place that a [`Spanned`](super::Spanned) value remembers.

@@ -4,37 +4,8 @@ use super::is_on;
 
 /// Error of a variable whose value means nothing.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum VariableError {
-    /// A port that is no port.
-    #[error("{name}={value:?} is not a port: write a number from 1 to 65535")]
-    Port {
-        /// Variable.
-        name: &'static str,
-        /// Value of the variable.
-        value: String,
-    },
-    /// A switch that is neither on nor off.
-    #[error("{name}={value:?} is neither True nor False")]
-    Switch {
-        /// Variable.
-        name: &'static str,
-        /// Value of the variable.
-        value: String,
-    },
-    /// Set, but to nothing.
-    #[error("{name} is set to nothing: give it a value or unset it")]
-    Empty {
-        /// Variable.
-        name: &'static str,
-    },
-    /// The value of a variable is not text.
-    #[error("{name} is not UTF-8 text")]
-    NotText {
-        /// Variable.
-        name: &'static str,
-    },
-}
+#[error("{0}")]
+pub struct VariableError(String);
 
 /// Value of a variable, where it is set.
 ///
@@ -44,7 +15,9 @@ pub fn variable(name: &'static str) -> Result<Option<String>, VariableError> {
     match std::env::var(name) {
         Ok(value) => Ok(Some(value)),
         Err(std::env::VarError::NotPresent) => Ok(None),
-        Err(std::env::VarError::NotUnicode(_)) => Err(VariableError::NotText { name }),
+        Err(std::env::VarError::NotUnicode(_)) => {
+            Err(VariableError(format!("{name} is not UTF-8 text")))
+        }
     }
 }
 
@@ -58,7 +31,9 @@ impl<F: Fn(&'static str) -> Result<Option<String>, VariableError>> Variables<F> 
     /// When it is set to nothing, or not text.
     pub fn text(&self, name: &'static str) -> Result<Option<String>, VariableError> {
         match (self.0)(name)? {
-            Some(value) if value.trim().is_empty() => Err(VariableError::Empty { name }),
+            Some(value) if value.trim().is_empty() => {
+                Err(VariableError(format!("{name} is set to nothing: give it a value or unset it")))
+            }
             found => Ok(found.map(|value| value.trim().to_owned())),
         }
     }
@@ -70,7 +45,8 @@ impl<F: Fn(&'static str) -> Result<Option<String>, VariableError>> Variables<F> 
     pub fn port(&self, name: &'static str, default: u16) -> Result<u16, VariableError> {
         let Some(value) = self.text(name)? else { return Ok(default) };
         let port = value.parse().ok().filter(|port| *port > 0);
-        port.ok_or(VariableError::Port { name, value })
+        let fault = || format!("{name}={value:?} is not a port: write a number from 1 to 65535");
+        port.ok_or_else(|| VariableError(fault()))
     }
 
     /// True where it is switched on.
@@ -79,6 +55,7 @@ impl<F: Fn(&'static str) -> Result<Option<String>, VariableError>> Variables<F> 
     /// As [`Self::text`], and when it is neither `True` nor `False`.
     pub fn switch(&self, name: &'static str, default: bool) -> Result<bool, VariableError> {
         let Some(value) = self.text(name)? else { return Ok(default) };
-        is_on(&value).ok_or(VariableError::Switch { name, value })
+        let fault = || format!("{name}={value:?} is neither True nor False");
+        is_on(&value).ok_or_else(|| VariableError(fault()))
     }
 }
