@@ -76,13 +76,13 @@ pub enum PayloadError {
     /// The native object does not fit the Rust type, or the Rust value cannot be a native object.
     #[error(transparent)]
     Typed(#[from] TypedError),
-    /// The message is of another kind.
+    /// The message is of another kind, of another ROS type, or of another definition of it.
     #[error("{actual} where {expected} should be")]
     Kind {
-        /// Data type that the method is registered under.
-        expected: DataType,
-        /// Data type of the payload.
-        actual: DataType,
+        /// Data type that the method is registered under, or its ROS type.
+        expected: String,
+        /// Data type or ROS type of the message.
+        actual: String,
     },
     /// An image or a sound differs from an option.
     #[error("{what} is {actual}, and the option says {option} = {wanted}: change one of them")]
@@ -94,14 +94,6 @@ pub enum PayloadError {
         /// Value that the option asks for.
         wanted: String,
         /// Value that was found.
-        actual: String,
-    },
-    /// The message is of another ROS type, or of another definition of it.
-    #[error("a message of {actual} where one of {expected} should be")]
-    RosType {
-        /// Type that the method is registered with.
-        expected: String,
-        /// Type of the message.
         actual: String,
     },
     /// The bytes are no message of their type.
@@ -134,14 +126,14 @@ impl<T: Serialize + DeserializeOwned> Returned<kind::NativeObject> for T {
 }
 
 fn other_kind(expected: DataType, found: &types::Payload) -> PayloadError {
-    PayloadError::Kind { expected, actual: found.data_type() }
+    PayloadError::Kind { expected: expected.to_string(), actual: found.data_type().to_string() }
 }
 
-macro_rules! media {
+macro_rules! contents {
     ($($kind:ident => $content:ty,)*) => {$(
         impl Returned<kind::$kind> for $content {
             fn to_payload(&self) -> Result<Option<types::Payload>, PayloadError> {
-                // Pixels and samples are shared.
+                // Pixels, samples and bytes are shared.
                 Ok(Some(self.clone().into()))
             }
 
@@ -152,7 +144,11 @@ macro_rules! media {
                 }
             }
         }
+    )*};
+}
 
+macro_rules! optional {
+    ($($kind:ident => $content:ty,)*) => {$(
         impl Returned<kind::$kind> for Option<$content> {
             fn to_payload(&self) -> Result<Option<types::Payload>, PayloadError> {
                 Ok(self.clone().map(Into::into))
@@ -165,23 +161,17 @@ macro_rules! media {
     )*};
 }
 
-media! {
+contents! {
     Image => types::Image,
     AudioChunk => AudioChunk,
     Properties => types::Properties,
+    RosMessage => types::RosMessage,
 }
 
-impl Returned<kind::RosMessage> for types::RosMessage {
-    fn to_payload(&self) -> Result<Option<types::Payload>, PayloadError> {
-        Ok(Some(self.clone().into()))
-    }
-
-    fn from_payload(payload: types::Payload) -> Result<Self, PayloadError> {
-        match payload {
-            types::Payload::RosMessage(message) => Ok(message),
-            other => Err(other_kind(DataType::RosMessage, &other)),
-        }
-    }
+optional! {
+    Image => types::Image,
+    AudioChunk => AudioChunk,
+    Properties => types::Properties,
 }
 
 impl<M: Message> Returned<kind::RosMessage> for M {
@@ -196,9 +186,9 @@ impl<M: Message> Returned<kind::RosMessage> for M {
         let message = <types::RosMessage as Returned<kind::RosMessage>>::from_payload(payload)?;
         if message.ros_type.type_hash() != M::TYPE_HASH {
             let (name, hash) = (message.ros_type.name(), message.ros_type.type_hash());
-            return Err(PayloadError::RosType {
-                expected: format!("{} ({})", <M as Message>::ROS_TYPE, M::TYPE_HASH),
-                actual: format!("{name} ({hash})"),
+            return Err(PayloadError::Kind {
+                expected: format!("one of {} ({})", <M as Message>::ROS_TYPE, M::TYPE_HASH),
+                actual: format!("a message of {name} ({hash})"),
             });
         }
         // The middleware has checked the size of the message.

@@ -55,7 +55,7 @@ fn what_candle_lacks_is_named() {
     for dtype in [Dtype::Bool, Dtype::I8, Dtype::U16, Dtype::U64, Dtype::C64, Dtype::C128] {
         let tensor = Tensor::new(dtype, [1], vec![0; dtype.size()]).unwrap();
         let error = tensor.to_candle().unwrap_err();
-        assert!(matches!(error, CandleError::Dtype { dtype: named } if named == dtype), "{error}");
+        assert!(matches!(error, CandleError::Dtype(named) if named == dtype), "{error}");
         assert!(error.to_string().contains(dtype.name()), "{error}");
     }
     let huge = Tensor::new(Dtype::F32, [usize::MAX, 3, 0], Vec::new()).unwrap();

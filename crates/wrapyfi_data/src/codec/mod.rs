@@ -20,6 +20,8 @@
 pub(crate) mod archive;
 pub mod convert;
 mod error;
+#[cfg(any(feature = "pictures", feature = "torch", feature = "zarr"))]
+mod fields;
 #[cfg(feature = "pictures")]
 pub mod image_file;
 pub mod jpeg;

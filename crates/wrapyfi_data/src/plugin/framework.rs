@@ -78,7 +78,7 @@ impl Framework {
             None => (&*spelled, None),
         };
         if self == Self::CuPy && kind == "cpu" {
-            return Err(DeviceError::NoCpu { option: option.into() });
+            return Err(DeviceError::NoCpu(option.into()));
         }
         let complete = index.is_some_and(is_number) || (index.is_none() && self != Self::CuPy);
         if complete && self.kinds().contains(&kind) {
@@ -135,11 +135,8 @@ pub enum DeviceError {
         example: &'static str,
     },
     /// The target is a CPU, and arrays of the library live on CUDA devices only.
-    #[error("{option}: CuPy has no CPU arrays; write a CUDA device, for instance \"cuda:0\"")]
-    NoCpu {
-        /// Name of the option.
-        option: String,
-    },
+    #[error("{0}: CuPy has no CPU arrays; write a CUDA device, for instance \"cuda:0\"")]
+    NoCpu(String),
     /// Two entries give a device different targets.
     #[error("{option}: {device} goes to {first} and to {second}; leave one out")]
     Clash {

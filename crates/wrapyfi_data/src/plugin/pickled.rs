@@ -6,12 +6,17 @@ use crate::types::Tensor;
 
 /// Converts an error of the pickle in part 0.
 pub(super) fn in_pickle(error: PickleError) -> PluginError {
+    in_member("", error)
+}
+
+/// Converts an error of the pickle under the name `place` in part 0: `data.pkl: `.
+pub(super) fn in_member(place: &str, error: PickleError) -> PluginError {
     match error {
         PickleError::Refused { global, .. } => PluginError::Refused { part: 0, what: global },
         PickleError::TooLarge { what, actual, limit, .. } => {
-            PluginError::TooLarge { what: what.to_owned(), actual, limit }
+            PluginError::TooLarge { what: format!("{place}{what}"), actual, limit }
         }
-        other => PluginError::malformed(0, other.to_string()),
+        other => PluginError::malformed(0, format!("{place}{other}")),
     }
 }
 

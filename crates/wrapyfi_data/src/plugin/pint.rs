@@ -7,7 +7,7 @@
 use super::error::malformed;
 use super::{Body, Part, Plugin, PluginError, Plugins, Unpacking};
 use crate::codec::json;
-use crate::types::{Map, Quantity, Value};
+use crate::types::Value;
 
 /// pint's `Quantity` with a single number.
 pub(super) struct Pint;
@@ -27,23 +27,13 @@ impl Plugin for Pint {
         // A quantity holds no plug-in objects.
         let text = json::decode_with(&text, &limits, &Plugins::none())
             .map_err(|error| malformed(error.to_string()))?;
-        let magnitude = text.get("magnitude").ok_or_else(|| malformed("no magnitude"))?;
-        if !matches!(magnitude, Value::Int(_) | Value::BigInt(_) | Value::Float(_)) {
-            return Err(malformed(format!("magnitude is a {}, no number", magnitude.kind())));
-        }
-        let units = text.get("units").and_then(Value::as_str);
-        let units = units.ok_or_else(|| malformed("no units, or units that are no text"))?;
-        Ok(Quantity { magnitude: magnitude.clone(), units: units.to_owned() }.into())
+        json::quantity(&text).map(Value::from).map_err(malformed)
     }
 
     fn encode(&self, value: &Value) -> Result<Vec<Part>, PluginError> {
         let quantity =
             value.as_quantity().ok_or_else(|| PluginError::not_mine("quantity", value))?;
-        let text = Value::Map(Map::from_iter([
-            ("magnitude", quantity.magnitude.clone()),
-            ("units", quantity.units.as_str().into()),
-        ]));
-        let text = json::encode(&text).map_err(|error| {
+        let text = json::encode(&json::quantity_body(quantity)).map_err(|error| {
             PluginError::unsupported(
                 format!("a magnitude of type {}", quantity.magnitude.kind()),
                 error.to_string(),

@@ -84,11 +84,10 @@ impl Plugin for XArray {
                 (Map::new(), dims, variables, ARRAY, Some(name))
             }
         };
-        let dims = dims.into_iter().map(|(name, extent)| (name, extent as u64));
         let text = Value::Map(Map::from_iter([
             ("coords", Value::Map(coords)),
             ("attrs", attrs.into()),
-            ("dims", Map::from_iter(dims).into()),
+            ("dims", json::extents_body(&dims).into()),
             ("data_vars", variables.into()),
         ]));
         let text = json::encode_with(&text, &Plugins::none())
@@ -128,12 +127,8 @@ impl Dataset {
         let dims = match self.dims {
             None => Vec::new(),
             Some(Value::Map(dims)) => {
-                let extent = |(name, extent): (&Value, &Value)| {
-                    let extent = usize::try_from(extent.as_i64()?).ok()?;
-                    Some((name.as_str()?.to_owned(), extent))
-                };
-                let dims = dims.iter().map(extent).collect::<Option<_>>();
-                dims.ok_or("$.dims holds something that is no extent, from 0 on, by name")?
+                let reason = "$.dims holds something that is no extent, from 0 on, by name";
+                json::extents(&dims).ok_or(reason)?
             }
             Some(other) => return Err(format!("$.dims is a {}, no dict", other.kind())),
         };

@@ -23,19 +23,13 @@ use super::tensor::Tensor;
 #[non_exhaustive]
 pub enum CandleError {
     /// Candle has no such elements.
-    #[error("candle has no {dtype} tensors; it has {}", names(CANDLE_DTYPES))]
-    Dtype {
-        /// Element type of the tensor.
-        dtype: Dtype,
-    },
+    #[error("candle has no {0} tensors; it has {known}", known = names(CANDLE_DTYPES))]
+    Dtype(Dtype),
     /// No type here has such elements.
     #[error(
-        "a candle tensor of {dtype:?}, which no type here holds; convert it first, for instance to F32"
+        "a candle tensor of {0:?}, which no type here holds; convert it first, for instance to F32"
     )]
-    Foreign {
-        /// Element type of candle's tensor.
-        dtype: DType,
-    },
+    Foreign(DType),
     /// The label is no device of candle, as built.
     #[error(
         "the device {label:?} is not available: {reason}; map it with load_<library>_device or map_<library>_devices"
@@ -47,11 +41,8 @@ pub enum CandleError {
         reason: String,
     },
     /// The product of the extents is larger than any memory, beside an extent of 0.
-    #[error("candle cannot hold the empty shape {shape:?}: its extents overflow")]
-    Shape {
-        /// Shape of the tensor.
-        shape: Vec<usize>,
-    },
+    #[error("candle cannot hold the empty shape {0:?}: its extents overflow")]
+    Shape(Vec<usize>),
     /// Candle refused, for instance because the device is out of memory.
     #[error("candle: {0}")]
     Candle(#[from] candle_core::Error),
@@ -91,7 +82,7 @@ impl Tensor {
     pub fn to_candle_on(&self, device: &Device) -> Result<candle_core::Tensor, CandleError> {
         let extents = self.shape.iter().map(|&extent| extent.max(1));
         if extents.clone().try_fold(1_usize, usize::checked_mul).is_none() {
-            return Err(CandleError::Shape { shape: self.shape.clone() });
+            return Err(CandleError::Shape(self.shape.clone()));
         }
         match self.dtype {
             Dtype::U8 => self.upload::<u8>(device),
@@ -103,7 +94,7 @@ impl Tensor {
             Dtype::F16 => self.upload::<f16>(device),
             Dtype::F32 => self.upload::<f32>(device),
             Dtype::F64 => self.upload::<f64>(device),
-            dtype => Err(CandleError::Dtype { dtype }),
+            dtype => Err(CandleError::Dtype(dtype)),
         }
     }
 
@@ -115,8 +106,7 @@ impl Tensor {
         Ok(match self.as_slice::<T>() {
             Some(elements) => candle_core::Tensor::from_slice(elements, shape, device)?,
             None => {
-                let elements =
-                    self.to_vec::<T>().ok_or(CandleError::Dtype { dtype: self.dtype })?;
+                let elements = self.to_vec::<T>().ok_or(CandleError::Dtype(self.dtype))?;
                 candle_core::Tensor::from_vec(elements, shape, device)?
             }
         })
@@ -143,7 +133,7 @@ impl Tensor {
             DType::F16 => download::<f16>(tensor),
             DType::F32 => download::<f32>(tensor),
             DType::F64 => download::<f64>(tensor),
-            dtype => Err(CandleError::Foreign { dtype }),
+            dtype => Err(CandleError::Foreign(dtype)),
         };
         Ok(copied?.with_device(label))
     }

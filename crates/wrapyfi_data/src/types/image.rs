@@ -108,7 +108,7 @@ impl RawPixels {
     ) -> Result<Self, ShapeError> {
         let data = data.into();
         let what = || format!("{encoding} image of {width}x{height}");
-        let overflow = || ShapeError::Overflow { what: what() };
+        let overflow = || ShapeError::Overflow(what());
         let row = row_bytes(width, encoding).ok_or_else(overflow)?;
         let step_bytes = step as usize;
         if step_bytes < row {
@@ -132,9 +132,8 @@ impl RawPixels {
         data: impl Into<Bytes>,
     ) -> Result<Self, ShapeError> {
         let step = row_bytes(width, encoding).and_then(|row| u32::try_from(row).ok());
-        let step = step.ok_or_else(|| ShapeError::Overflow {
-            what: format!("{encoding} image of {width}x{height}"),
-        })?;
+        let step = step
+            .ok_or_else(|| ShapeError::Overflow(format!("{encoding} image of {width}x{height}")))?;
         Self::new(width, height, encoding, step, data)
     }
 

@@ -42,11 +42,8 @@ pub struct Properties {
 #[non_exhaustive]
 pub enum PropertiesError {
     /// The value is no `dict`.
-    #[error("properties are a dict of names and values, not {found}")]
-    NoMap {
-        /// Kind of the value that was given.
-        found: &'static str,
-    },
+    #[error("properties are a dict of names and values, not {0}")]
+    NoMap(&'static str),
     /// A key of a `dict` is no text, or empty.
     #[error("{path:?}: the name of a parameter is a text that is not empty, not {found}")]
     Key {
@@ -77,19 +74,11 @@ pub enum PropertiesError {
         other: &'static str,
     },
     /// One name is written in two ways: `{"a": {"b": 1}, "a.b": 2}`.
-    #[error("parameter {name:?} is given twice: give it once")]
-    Twice {
-        /// Name of the parameter.
-        name: String,
-    },
+    #[error("parameter {0:?} is given twice: give it once")]
+    Twice(String),
     /// Groups are nested too deep.
-    #[error("parameter {name:?}: groups nest deeper than {limit}")]
-    TooDeep {
-        /// Start of the name.
-        name: String,
-        /// Deepest nesting.
-        limit: usize,
-    },
+    #[error("parameter {0:?}: groups nest deeper than {MAX_DEPTH}")]
+    TooDeep(String),
 }
 
 impl Properties {
@@ -194,7 +183,7 @@ impl Properties {
     /// When the value is no `dict`, or holds a value that no parameter can have.
     pub fn from_value(value: &Value) -> Result<Self, PropertiesError> {
         let Value::Map(map) = value else {
-            return Err(PropertiesError::NoMap { found: value.kind() });
+            return Err(PropertiesError::NoMap(value.kind()));
         };
         let mut properties = Self::new();
         properties.read(map, "", 1)?;
@@ -204,7 +193,7 @@ impl Properties {
     fn read(&mut self, map: &Map, group: &str, depth: usize) -> Result<(), PropertiesError> {
         if depth > MAX_DEPTH {
             let name = group.chars().take(SHOWN).collect();
-            return Err(PropertiesError::TooDeep { name, limit: MAX_DEPTH });
+            return Err(PropertiesError::TooDeep(name));
         }
         for (key, value) in map.iter() {
             let key = match key {
@@ -219,7 +208,7 @@ impl Properties {
             }
             let value = parameter(&name, value)?;
             if self.insert(name.clone(), value).is_some() {
-                return Err(PropertiesError::Twice { name });
+                return Err(PropertiesError::Twice(name));
             }
         }
         Ok(())

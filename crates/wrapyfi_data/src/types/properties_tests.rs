@@ -92,10 +92,10 @@ fn what_no_parameter_can_be_is_named() {
     assert_eq!(read([("g", inner)]).unwrap_err(), key_error("g", "an empty one"));
     let group = Value::from(Map::from([("b", 1)]));
     let error = read([("a", group), ("a.b", 2.into())]).unwrap_err();
-    assert_eq!(error, PropertiesError::Twice { name: "a.b".into() });
+    assert_eq!(error, PropertiesError::Twice("a.b".into()));
     let deep = (0..70).fold(Value::from(1), |inner, _| Map::from([("g", inner)]).into());
     let error = Properties::from_value(&deep).unwrap_err();
-    assert!(matches!(error, PropertiesError::TooDeep { limit: 64, .. }), "{error}");
+    assert!(error.to_string().ends_with("deeper than 64"), "{error}");
 }
 
 #[test]

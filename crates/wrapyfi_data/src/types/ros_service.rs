@@ -39,7 +39,9 @@ impl RosService {
         let known = intern(&SERVICES, resolved, |name| {
             let part = |suffix: &str| match resolved.part(suffix) {
                 Some(part) => RosType::new(&part),
-                None => Err(RosTypeError::NoService { name: name.to_owned() }),
+                None => {
+                    Err(RosTypeError(format!("{name} is no service: write it as package/srv/Type")))
+                }
             };
             let (request, response) = (part("_Request")?, part("_Response")?);
             Ok(Known { name: name.to_owned(), resolved: resolved.clone(), request, response })

@@ -12,7 +12,7 @@
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
-use wrapyfi_interfaces::dynamic::{PlanError, TypePlan};
+use wrapyfi_interfaces::dynamic::TypePlan;
 use wrapyfi_interfaces::parser::InterfaceKind;
 use wrapyfi_interfaces::store::ResolvedType;
 
@@ -46,39 +46,8 @@ struct Known {
 
 /// Error of using a definition as a message type.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum RosTypeError {
-    /// The definition cannot be compiled.
-    #[error("{name} cannot be used: {fault}")]
-    Definition {
-        /// Name of the type.
-        name: String,
-        /// Cause.
-        fault: Box<PlanError>,
-    },
-    /// The definition is no service.
-    #[error("{name} is no service: write it as package/srv/Type")]
-    NoService {
-        /// Name of the type.
-        name: String,
-    },
-    /// The definition is a service or an action.
-    #[error("{name} is no message: write it as package/msg/Type")]
-    NoMessage {
-        /// Name of the type.
-        name: String,
-    },
-    /// The process knows too many types already.
-    #[error(
-        "{name} is not taken in: this process knows {limit} types already; start another one for it"
-    )]
-    TooMany {
-        /// Name of the type.
-        name: String,
-        /// [`MAX_ROS_TYPES`].
-        limit: usize,
-    },
-}
+#[error("{0}")]
+pub struct RosTypeError(pub(super) String);
 
 /// Types that the process knows, by name and hash.
 pub(super) type Interned<T> = Mutex<BTreeMap<(String, String), &'static T>>;
@@ -96,7 +65,11 @@ pub(super) fn intern<T>(
         return Ok(known);
     }
     if types.len() >= MAX_ROS_TYPES {
-        return Err(RosTypeError::TooMany { name: key.0, limit: MAX_ROS_TYPES });
+        let name = key.0;
+        return Err(RosTypeError(format!(
+            "{name} is not taken in: this process knows {MAX_ROS_TYPES} types already; start another \
+             one for it"
+        )));
     }
     let known: &T = Box::leak(Box::new(make(&key.0)?));
     types.insert(key, known);
@@ -113,13 +86,15 @@ impl RosType {
         // Parts of services and actions are messages: requests, goals, events.
         let (kind, file) = (resolved.name().kind(), resolved.name().file_stem());
         if kind != InterfaceKind::Message && file == resolved.name().name() {
-            return Err(RosTypeError::NoMessage { name: resolved.name().to_string() });
+            let name = resolved.name();
+            return Err(RosTypeError(format!(
+                "{name} is no message: write it as package/msg/Type"
+            )));
         }
         let known = intern(&TYPES, resolved, |name| {
-            let plan = resolved.plan().map_err(|fault| RosTypeError::Definition {
-                name: name.to_owned(),
-                fault: Box::new(fault),
-            })?;
+            let plan = resolved.plan();
+            let plan =
+                plan.map_err(|fault| RosTypeError(format!("{name} cannot be used: {fault}")))?;
             let defaults = plan.default_message();
             let has_header = defaults.get("header.stamp.nanosec").is_some()
                 && defaults.get("header.frame_id").is_some();

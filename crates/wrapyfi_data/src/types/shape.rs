@@ -15,11 +15,8 @@ pub enum ShapeError {
         actual: usize,
     },
     /// The header asks for more than memory can hold.
-    #[error("{what} is larger than memory can be")]
-    Overflow {
-        /// Thing that the header describes, with its numbers.
-        what: String,
-    },
+    #[error("{0} is larger than memory can be")]
+    Overflow(String),
     /// The rows overlap.
     #[error("{what}: a step of {step} bytes is less than a row of {row} bytes")]
     Step {
@@ -52,7 +49,7 @@ pub(crate) fn check_length(
     what: impl Fn() -> String,
 ) -> Result<(), ShapeError> {
     match element_count(shape).and_then(|count| count.checked_mul(itemsize)) {
-        None => Err(ShapeError::Overflow { what: what() }),
+        None => Err(ShapeError::Overflow(what())),
         Some(expected) if expected != actual => {
             Err(ShapeError::Length { what: what(), expected, actual })
         }

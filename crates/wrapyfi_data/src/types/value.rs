@@ -99,6 +99,17 @@ impl PartialEq for Tagged {
     }
 }
 
+/// Methods that lend what a value of one kind holds.
+macro_rules! lent {
+    ($($(#[$doc:meta])* $name:ident -> $content:ty: $kind:ident;)*) => {$(
+        $(#[$doc])*
+        #[must_use]
+        pub fn $name(&self) -> Option<$content> {
+            if let Self::$kind(content) = self { Some(content) } else { None }
+        }
+    )*};
+}
+
 impl Value {
     /// Name of the Python type, for messages: `list`, `numpy.ndarray`, …
     #[must_use]
@@ -172,10 +183,21 @@ impl Value {
         }
     }
 
-    /// Text that is valid Unicode.
-    #[must_use]
-    pub fn as_str(&self) -> Option<&str> {
-        if let Self::Str(value) = self { Some(value) } else { None }
+    lent! {
+        /// Text that is valid Unicode.
+        as_str -> &str: Str;
+        /// A `dict`.
+        as_map -> &Map: Map;
+        /// An array of numbers.
+        as_tensor -> &Tensor: Tensor;
+        /// A table.
+        as_table -> &Table: Table;
+        /// A Pillow image.
+        as_picture -> &Picture: Picture;
+        /// A number with its unit.
+        as_quantity -> &Quantity: Quantity;
+        /// A labelled array or data set.
+        as_labelled -> &Labelled: Labelled;
     }
 
     /// Members of a `list`, `tuple` or `set`.
@@ -185,42 +207,6 @@ impl Value {
             Self::List(items) | Self::Tuple(items) | Self::Set(items) => Some(items),
             _ => None,
         }
-    }
-
-    /// A `dict`.
-    #[must_use]
-    pub fn as_map(&self) -> Option<&Map> {
-        if let Self::Map(map) = self { Some(map) } else { None }
-    }
-
-    /// An array of numbers.
-    #[must_use]
-    pub fn as_tensor(&self) -> Option<&Tensor> {
-        if let Self::Tensor(tensor) = self { Some(tensor) } else { None }
-    }
-
-    /// A table.
-    #[must_use]
-    pub fn as_table(&self) -> Option<&Table> {
-        if let Self::Table(table) = self { Some(table) } else { None }
-    }
-
-    /// A Pillow image.
-    #[must_use]
-    pub fn as_picture(&self) -> Option<&Picture> {
-        if let Self::Picture(picture) = self { Some(picture) } else { None }
-    }
-
-    /// A number with its unit.
-    #[must_use]
-    pub fn as_quantity(&self) -> Option<&Quantity> {
-        if let Self::Quantity(quantity) = self { Some(quantity) } else { None }
-    }
-
-    /// A labelled array or data set.
-    #[must_use]
-    pub fn as_labelled(&self) -> Option<&Labelled> {
-        if let Self::Labelled(labelled) = self { Some(labelled) } else { None }
     }
 
     /// The object of a plug-in outside this crate, when it is a `T`.

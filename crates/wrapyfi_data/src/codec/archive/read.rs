@@ -7,6 +7,8 @@ use bytes::Bytes;
 use flate2::Crc;
 use flate2::read::DeflateDecoder;
 
+use super::super::fields::Fields;
+
 const LOCAL: &[u8; 4] = b"PK\x03\x04";
 const DIRECTORY: &[u8; 4] = b"PK\x01\x02";
 const END: &[u8; 4] = b"PK\x05\x06";
@@ -54,7 +56,7 @@ impl Archive {
     /// would take for another place.
     pub(crate) fn open(file: &Bytes) -> Result<Self, String> {
         let end = find_end(file)?;
-        let record = Fields(file.get(end..).unwrap_or_default());
+        let record = fields(file.get(end..).unwrap_or_default());
         if record.u16(4)? != 0 || record.u16(6)? != 0 {
             return Err("the zip archive has several parts".into());
         }
@@ -148,8 +150,8 @@ impl Archive {
 
     /// Bytes of a member as they lie in the file.
     fn packed(&self, member: &Member) -> Result<Bytes, String> {
-        let header = Fields(self.file.get(member.header..).unwrap_or_default());
-        if !header.0.starts_with(LOCAL) {
+        let header = fields(self.file.get(member.header..).unwrap_or_default());
+        if !header.file.starts_with(LOCAL) {
             return Err(format!("no member begins at byte {}", member.header));
         }
         let start = member.header + LOCAL_LENGTH;
@@ -169,8 +171,11 @@ fn find_end(file: &[u8]) -> Result<usize, String> {
     let tail = file.get(first..).unwrap_or_default();
     let mut end = tail.len();
     while let Some(at) = memchr::memmem::rfind(tail.get(..end).unwrap_or_default(), END) {
-        let record = Fields(tail.get(at..).unwrap_or_default());
-        if record.u16(20).is_ok_and(|comment| record.0.len() == END_LENGTH + usize::from(comment)) {
+        let record = fields(tail.get(at..).unwrap_or_default());
+        if record
+            .u16(20)
+            .is_ok_and(|comment| record.file.len() == END_LENGTH + usize::from(comment))
+        {
             return Ok(first + at);
         }
         end = at + 3;
@@ -180,7 +185,7 @@ fn find_end(file: &[u8]) -> Result<usize, String> {
 
 /// Reads the directory entry at the begin of `rest`: its name, its member, and the bytes behind it.
 fn entry(rest: &[u8]) -> Result<(&str, Member, &[u8]), String> {
-    let fields = Fields(rest);
+    let fields = fields(rest);
     if !rest.starts_with(DIRECTORY) {
         return Err("the zip directory ends before it".into());
     }
@@ -218,22 +223,8 @@ fn check_name(name: &str) -> Result<(), String> {
     Ok(())
 }
 
-/// Numbers at byte offsets, little-endian.
-struct Fields<'a>(&'a [u8]);
-
-impl Fields<'_> {
-    fn array<const N: usize>(&self, at: usize) -> Result<[u8; N], String> {
-        let bytes = self.0.get(at..).and_then(<[u8]>::first_chunk::<N>);
-        bytes.copied().ok_or_else(|| "the zip archive is cut off".into())
-    }
-
-    fn u16(&self, at: usize) -> Result<u16, String> {
-        self.array(at).map(u16::from_le_bytes)
-    }
-
-    fn u32(&self, at: usize) -> Result<u32, String> {
-        self.array(at).map(u32::from_le_bytes)
-    }
+fn fields(file: &[u8]) -> Fields<'_> {
+    Fields { file, little_endian: true }
 }
 
 #[cfg(test)]

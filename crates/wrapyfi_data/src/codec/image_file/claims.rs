@@ -8,6 +8,8 @@
 //! The crate `tiff` allocates as many values as an entry claims before it reads the first, and
 //! decoders of BMP allocate a picture whose rows are not in the file.
 
+use super::super::fields::Fields;
+
 /// Largest number of values in an entry that decoders read: offsets of strips, colours of a
 /// palette.
 const MOST_VALUES: u64 = 1 << 18;
@@ -71,28 +73,6 @@ pub(super) fn check_bmp(file: &[u8]) -> Result<(), String> {
         ));
     }
     Ok(())
-}
-
-struct Fields<'a> {
-    file: &'a [u8],
-    little_endian: bool,
-}
-
-impl Fields<'_> {
-    fn array<const N: usize>(&self, at: usize) -> Result<[u8; N], String> {
-        let bytes = self.file.get(at..).and_then(<[u8]>::first_chunk::<N>);
-        bytes.copied().ok_or_else(|| format!("it ends before byte {}", at.saturating_add(N)))
-    }
-
-    fn u16(&self, at: usize) -> Result<u16, String> {
-        let bytes = self.array(at)?;
-        Ok(if self.little_endian { u16::from_le_bytes(bytes) } else { u16::from_be_bytes(bytes) })
-    }
-
-    fn u32(&self, at: usize) -> Result<u32, String> {
-        let bytes = self.array(at)?;
-        Ok(if self.little_endian { u32::from_le_bytes(bytes) } else { u32::from_be_bytes(bytes) })
-    }
 }
 
 #[cfg(test)]

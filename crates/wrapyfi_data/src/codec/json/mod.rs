@@ -22,6 +22,7 @@ mod number;
 mod tags;
 mod text;
 
+pub(crate) use neutral::{extents, extents_body, quantity, quantity_body};
 pub use number::write_float;
 pub(crate) use text::{RawString, Text};
 

@@ -37,14 +37,7 @@ pub(super) fn read(tag: &str, body: &Value) -> Result<Value, String> {
 /// Tag and body of a value that has them; `None` for one that is written as in every dialect.
 pub(super) fn write(value: &Value) -> Result<Option<(&'static str, Value)>, String> {
     Ok(match value {
-        Value::Quantity(quantity) => Some((
-            "quantity",
-            Map::from_iter([
-                ("magnitude", quantity.magnitude.clone()),
-                ("units", quantity.units.clone().into()),
-            ])
-            .into(),
-        )),
+        Value::Quantity(quantity) => Some(("quantity", quantity_body(quantity))),
         Value::Labelled(labelled) => Some(("labelled", labelled_body(labelled))),
         Value::Picture(picture) => Some(("picture", picture::write(picture)?)),
         #[cfg(feature = "tables")]
@@ -83,7 +76,13 @@ fn text(map: &Map, key: &str) -> Result<String, String> {
     }
 }
 
-fn quantity(body: &Value) -> Result<Quantity, String> {
+/// Writes a number with its unit as the dict that pint's plug-in sends, too.
+pub(crate) fn quantity_body(quantity: &Quantity) -> Value {
+    let units = Value::from(quantity.units.as_str());
+    Map::from_iter([("magnitude", quantity.magnitude.clone()), ("units", units)]).into()
+}
+
+pub(crate) fn quantity(body: &Value) -> Result<Quantity, String> {
     let map = body.as_map().ok_or_else(|| format!("a {}, no dict", body.kind()))?;
     let magnitude = map.get("magnitude").ok_or("magnitude is missing")?;
     match magnitude {
@@ -114,8 +113,7 @@ fn labelled_body(labelled: &Labelled) -> Value {
             body.insert("array", variable_body(array));
         }
         LabelledContent::Dataset { dims, variables, attrs } => {
-            let dims = dims.iter().map(|(name, extent)| (&**name, *extent as u64));
-            body.insert("dims", Map::from_iter(dims));
+            body.insert("dims", extents_body(dims));
             body.insert("variables", named_bodies(variables));
             body.insert("attrs", attrs.clone());
         }
@@ -146,6 +144,19 @@ fn named(body: Option<&Value>, what: &str) -> Result<Vec<(String, Variable)>, St
     members.collect()
 }
 
+/// Reads extents, which are numbers from 0 on, by the names of their dimensions.
+pub(crate) fn extents(dims: &Map) -> Option<Vec<(String, usize)>> {
+    let extent = |(name, extent): (&Value, &Value)| {
+        Some((name.as_str()?.to_owned(), usize::try_from(extent.as_i64()?).ok()?))
+    };
+    dims.iter().map(extent).collect()
+}
+
+/// Writes extents by the names of their dimensions.
+pub(crate) fn extents_body(dims: &[(String, usize)]) -> Map {
+    Map::from_iter(dims.iter().map(|(name, extent)| (&**name, *extent as u64)))
+}
+
 fn labelled(body: &Value) -> Result<Labelled, String> {
     let map = body.as_map().ok_or_else(|| format!("a {}, no dict", body.kind()))?;
     let coords = named(map.get("coords"), "coords")?;
@@ -157,11 +168,8 @@ fn labelled(body: &Value) -> Result<Labelled, String> {
         return Ok(Labelled { name, content: LabelledContent::Array(variable(array)?), coords });
     }
     let dims = map.get("dims").and_then(Value::as_map).ok_or("dims is no dict")?;
-    let dims = dims.iter().map(|(name, extent)| {
-        Some((name.as_str()?.to_owned(), usize::try_from(extent.as_i64()?).ok()?))
-    });
     let content = LabelledContent::Dataset {
-        dims: dims.collect::<Option<_>>().ok_or("dims holds something else than extents")?,
+        dims: extents(dims).ok_or("dims holds something else than extents")?,
         variables: named(map.get("variables"), "variables")?,
         attrs: map.get("attrs").and_then(Value::as_map).ok_or("attrs is no dict")?.clone(),
     };

@@ -8,8 +8,10 @@ use wrapyfi_interfaces::cdr::CdrParts;
 use wrapyfi_interfaces::wrapyfi_msgs::msg;
 use wrapyfi_interfaces::wrapyfi_ros2_interfaces::msg::ROS2AudioMessage;
 
-use super::part::{FORMAT, countable, header, little_endian, malformed, misfit, quote, stamp};
-use crate::codec::{DecodeResult, EncodeError, EncodeResult};
+use super::part::{
+    contradictory, countable, header, little_endian, malformed, misfit, quote, stamp,
+};
+use crate::codec::{DecodeResult, EncodeResult};
 use crate::types::{AudioChunk, SampleFormat};
 
 pub(super) fn encode(sound: &AudioChunk) -> EncodeResult<CdrParts> {
@@ -56,14 +58,8 @@ pub(in crate::codec) fn upstream_message(sound: &AudioChunk) -> EncodeResult<ROS
 /// The fields are public, so they may contradict each other.
 fn check(sound: &AudioChunk) -> EncodeResult<()> {
     let AudioChunk { stamp, frames, channels, sample_rate, format, ref data, .. } = *sound;
-    AudioChunk::new(stamp, frames, channels, sample_rate, format, data.clone()).map_err(
-        |error| EncodeError::Unrepresentable {
-            format: FORMAT,
-            what: format!("a contradictory sound ({error})"),
-            path: "$.data".to_owned(),
-            remedy: "make it with AudioChunk::new".to_owned(),
-        },
-    )?;
+    AudioChunk::new(stamp, frames, channels, sample_rate, format, data.clone())
+        .map_err(|error| contradictory("sound", &error, "AudioChunk::new"))?;
     countable("data", data.len())
 }
 

@@ -5,7 +5,7 @@ use wrapyfi_interfaces::cdr::CdrParts;
 use wrapyfi_interfaces::sensor_msgs::msg;
 
 use super::part::{
-    FORMAT, countable, describe_pixels, header, little_endian, misfit, quote, stamp,
+    contradictory, countable, describe_pixels, header, little_endian, misfit, quote, stamp,
 };
 use crate::codec::{DecodeError, EncodeError};
 use crate::types::{CompressedFormat, Encoding, Image, Pixels, RawPixels};
@@ -19,15 +19,8 @@ pub(in crate::codec) fn raw_message(image: &Image) -> Result<msg::Image, EncodeE
     let Pixels::Raw(raw) = &image.pixels else {
         return Err(mismatch("a raw image for sensor_msgs/msg/Image", &image.pixels));
     };
-    // The fields are public, so they may contradict each other.
-    RawPixels::new(raw.width, raw.height, raw.encoding, raw.step, raw.data.clone()).map_err(
-        |error| EncodeError::Unrepresentable {
-            format: FORMAT,
-            what: format!("a contradictory image ({error})"),
-            path: "$.data".to_owned(),
-            remedy: "make it with RawPixels::new".to_owned(),
-        },
-    )?;
+    RawPixels::new(raw.width, raw.height, raw.encoding, raw.step, raw.data.clone())
+        .map_err(|error| contradictory("image", &error, "RawPixels::new"))?;
     countable("data", raw.data.len())?;
     Ok(msg::Image {
         header: header(image.stamp, &image.frame_id),

@@ -39,6 +39,16 @@ pub(super) fn stamp(header: &Header) -> Stamp {
     Stamp { sec: header.stamp.sec, nanosec: header.stamp.nanosec }
 }
 
+/// The error of encoding fields that contradict each other; they are public.
+pub(super) fn contradictory(what: &str, error: &ShapeError, maker: &str) -> EncodeError {
+    EncodeError::Unrepresentable {
+        format: FORMAT,
+        what: format!("a contradictory {what} ({error})"),
+        path: "$.data".to_owned(),
+        remedy: format!("make it with {maker}"),
+    }
+}
+
 /// Checks that CDR can count a field of `size` bytes.
 pub(in crate::codec) fn countable(field: &str, size: usize) -> EncodeResult<()> {
     if u32::try_from(size).is_ok() {

@@ -22,7 +22,7 @@ use bytes::Bytes;
 
 use super::super::budget::Budget;
 use super::super::pyarrow;
-use super::frame::{Column, Index, range_length};
+use super::frame::{Column, Index, range_labels, range_length};
 use super::index::index;
 use super::objects::{self, Missing};
 use crate::codec::pickle::{Node, PickleCall, PickleError, PickledArray, View};
@@ -385,8 +385,7 @@ pub(super) fn listed(index: Index, node: &Node<'_>, budget: &Budget) -> Result<C
         Index::Range { start, stop, step, name } => {
             let length = range_length(start, stop, step);
             budget.take(node, length.saturating_mul(8))?;
-            let count = i64::try_from(length).unwrap_or(0);
-            let labels = (0..count).map(|n| start.wrapping_add(n.wrapping_mul(step)));
+            let labels = range_labels(start, stop, step);
             let array: ArrayRef = Arc::new(Int64Array::from_iter_values(labels));
             Ok(Column { label: name, dtype: "int64".into(), array })
         }

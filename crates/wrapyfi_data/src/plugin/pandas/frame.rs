@@ -97,6 +97,12 @@ pub(super) fn range_length(start: i64, stop: i64, step: i64) -> usize {
     usize::try_from((span + step - step.signum()) / step).unwrap_or(usize::MAX)
 }
 
+/// The integers of Python's `range(start, stop, step)`.
+pub(super) fn range_labels(start: i64, stop: i64, step: i64) -> impl Iterator<Item = i64> {
+    let count = i64::try_from(range_length(start, stop, step)).unwrap_or(0);
+    (0..count).map(move |n| start.wrapping_add(n.wrapping_mul(step)))
+}
+
 impl Frame {
     /// The frame as a table of the plug-in `key`.
     pub(super) fn into_table(self, key: &str) -> Result<Table, PluginError> {

@@ -5,7 +5,7 @@ use arrow_array::cast::AsArray as _;
 
 use super::super::budget::Budget;
 use super::column::{column, dictionary, listed, typed};
-use super::frame::{Column, Index, range_length};
+use super::frame::{Column, Index, range_labels};
 use super::{labels, offsets};
 use crate::codec::pickle::{Node, Pairs, PickleCall, PickleError, PickledArray, View};
 use crate::types::Value;
@@ -136,9 +136,7 @@ fn labels_of(index: &Index, node: &Node<'_>, budget: &Budget) -> Result<(Vec<Val
     }
     match index {
         Index::Range { start, stop, step, name } => {
-            let count = i64::try_from(range_length(*start, *stop, *step)).unwrap_or(0);
-            let labels = (0..count).map(|n| Value::Int(start.wrapping_add(n.wrapping_mul(*step))));
-            Ok((labels.collect(), name.clone()))
+            Ok((range_labels(*start, *stop, *step).map(Value::Int).collect(), name.clone()))
         }
         Index::Levels(levels) => {
             let names = levels.iter().map(|level| level.label.clone()).collect();

@@ -15,7 +15,7 @@ use arrow_array::{ArrayRef, BooleanArray, Float64Array, Int64Array, StringArray}
 
 use super::super::error::malformed;
 use super::super::{Body, Part, PluginError, Unpacking};
-use super::frame::{Column, Frame, Index, Kind};
+use super::frame::{Column, Frame, Index, Kind, range_labels};
 use super::labels;
 use crate::codec::json;
 use crate::types::{Map, Value};
@@ -187,9 +187,8 @@ fn cells(columns: &[Column]) -> Result<Vec<Vec<Value>>> {
 
 fn index_values(index: &Index) -> Result<Vec<Value>> {
     match index {
-        Index::Range { start, step, .. } => {
-            let count = i64::try_from(index.len()).unwrap_or(0);
-            Ok((0..count).map(|n| Value::Int(start.wrapping_add(n.wrapping_mul(*step)))).collect())
+        Index::Range { start, stop, step, .. } => {
+            Ok(range_labels(*start, *stop, *step).map(Value::Int).collect())
         }
         Index::Levels(_) => Err(only_one_level()),
         Index::Column(column, _) => {

@@ -3,6 +3,7 @@
 use bytes::Bytes;
 
 use super::super::error::malformed;
+use super::super::pickled::in_member;
 use super::super::{PluginError, Unpacking};
 use super::{NAMED, STORAGES};
 use crate::codec::archive::{Archive, Member};
@@ -41,13 +42,7 @@ pub(super) fn tensor(file: &Bytes, context: &Unpacking<'_>) -> Result<Tensor, Pl
 
 /// An error of the pickle in the archive.
 fn in_pickle(error: PickleError) -> PluginError {
-    match error {
-        PickleError::Refused { global, .. } => PluginError::Refused { part: 0, what: global },
-        PickleError::TooLarge { what, actual, limit, .. } => {
-            PluginError::TooLarge { what: format!("data.pkl: {what}"), actual, limit }
-        }
-        other => malformed(format!("data.pkl: {other}")),
-    }
+    in_member("data.pkl: ", error)
 }
 
 struct TorchFile<'a> {
