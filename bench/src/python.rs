@@ -13,7 +13,7 @@ use crate::case::{Case, Way};
 use crate::child::Child;
 use crate::payload::{Kind, name};
 use crate::proc;
-use crate::turn::{Cpu, Phase, Turn};
+use crate::turn::{Cpu, Phase, Turn, ports};
 use crate::worker::{Order, Report};
 
 /// Source with Wrapyfi's broker, forwarder, sink, and one that only codes.
@@ -50,15 +50,12 @@ impl Python {
     /// Starts all of it.
     pub(crate) fn start(repository: &Path, folder: &Path) -> Result<Self> {
         let python = interpreter(repository)?;
-        let bind = || std::net::TcpListener::bind(("127.0.0.1", 0));
-        let (one, two) = (bind()?, bind()?);
-        let ports = [one.local_addr()?.port(), two.local_addr()?.port()];
-        drop((one, two));
+        let (pub_port, sub_port) = ports()?;
         let start = |role: &str, acks: u16| {
             let mut command = Command::new(&python);
             command.arg(repository.join("bench/peers/python_wrapyfi.py")).arg(role);
-            let [pub_port, sub_port] = ports.map(|port| port.to_string());
-            command.args(["--pub-port", &pub_port, "--sub-port", &sub_port]);
+            command.args(["--pub-port", &pub_port.to_string()]);
+            command.args(["--sub-port", &sub_port.to_string()]);
             command.args(["--acks", &acks.to_string()]);
             Child::start(&format!("python-{role}"), command, folder)
         };
