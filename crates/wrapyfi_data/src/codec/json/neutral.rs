@@ -83,13 +83,14 @@ pub(crate) fn quantity_body(quantity: &Quantity) -> Value {
 }
 
 pub(crate) fn quantity(body: &Value) -> Result<Quantity, String> {
-    let map = body.as_map().ok_or_else(|| format!("a {}, no dict", body.kind()))?;
-    let magnitude = map.get("magnitude").ok_or("magnitude is missing")?;
+    let magnitude = body.get("magnitude").ok_or("no magnitude")?;
     match magnitude {
         Value::Int(_) | Value::BigInt(_) | Value::Float(_) => {}
         other => return Err(format!("magnitude is a {}, no number", other.kind())),
     }
-    Ok(Quantity { magnitude: magnitude.clone(), units: text(map, "units")? })
+    let units = body.get("units").and_then(Value::as_str);
+    let units = units.ok_or("no units, or units that are no text")?.to_owned();
+    Ok(Quantity { magnitude: magnitude.clone(), units })
 }
 
 fn variable_body(variable: &Variable) -> Value {
