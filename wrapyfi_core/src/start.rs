@@ -143,7 +143,7 @@ impl MiddlewareSettings for YarpConfig {
 
     fn start(&self) -> Result<Yarp, StartError> {
         let is_absent =
-            |error: &YarpError| matches!(error, YarpError::NameServer(_) | YarpError::Host { .. });
+            |error: &YarpError| matches!(error, YarpError::NameServer(_) | YarpError::Host(_));
         Yarp::start(self).map_err(|error| failed(&error, error.is_hopeless(), is_absent(&error)))
     }
 }

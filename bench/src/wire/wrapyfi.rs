@@ -55,7 +55,7 @@ impl Outgoing for Out {
         }
         match self.publisher.publish(&payload) {
             // Before the sink is there, as libzmq's PUB has it; what is lost later is counted.
-            Ok(_) | Err(PublishError::NoConsumer { .. }) => Ok(()),
+            Ok(_) | Err(PublishError::NoConsumer(_)) => Ok(()),
             Err(error) => Err(error.into()),
         }
     }

@@ -62,7 +62,7 @@ impl Source {
     #[track_caller]
     pub fn send(&mut self, payload: &Payload) -> usize {
         match self.publisher.publish(payload) {
-            Err(PublishError::NoConsumer { .. }) => 0,
+            Err(PublishError::NoConsumer(_)) => 0,
             sent => sent.unwrap(),
         }
     }

@@ -187,7 +187,7 @@ fn a_type_is_learned_from_its_publisher() {
             let found = discovery.endpoints().unwrap();
             let one = found.iter().find(|one| one.node.as_deref() == Some(node));
             match one.map(|one| near.learn_topic(one, &mut types)) {
-                None | Some(Err(LearnError::Asked { .. })) => {}
+                None | Some(Err(LearnError::Asked(_))) => {}
                 Some(answer) => return answer,
             }
             assert!(Instant::now() < deadline, "{node} never answered: {found:?}");

@@ -41,17 +41,11 @@ impl Learned {
 #[non_exhaustive]
 pub enum LearnError {
     /// The transport announces no types, or not that of this endpoint.
-    #[error("the type, which {middleware} does not tell: give `type`")]
-    Untold {
-        /// Middleware of the endpoint.
-        middleware: String,
-    },
+    #[error("the type, which {0} does not tell: give `type`")]
+    Untold(String),
     /// The endpoint is being asked: the answer comes within moments.
-    #[error("{name} to tell its type")]
-    Asked {
-        /// Topic or service.
-        name: String,
-    },
+    #[error("{0} to tell its type")]
+    Asked(String),
     /// The endpoint could not be asked; it is asked again.
     #[error("the type of {name}: {reason}")]
     Silent {
@@ -80,7 +74,7 @@ pub fn topic_of_name(
     types: &mut TypeStore,
 ) -> LearnResult<Learned> {
     let Some(name) = &found.type_name else {
-        return Err(LearnError::Untold { middleware: middleware.to_owned() });
+        return Err(LearnError::Untold(middleware.to_owned()));
     };
     let undefined = |reason: String| LearnError::Undefined { type_name: name.clone(), reason };
     if !name.contains('/') {
@@ -106,7 +100,7 @@ pub fn service_of_name(
     types: &mut TypeStore,
 ) -> LearnResult<ServiceKind> {
     let Some(name) = &found.type_name else {
-        return Err(LearnError::Untold { middleware: middleware.to_owned() });
+        return Err(LearnError::Untold(middleware.to_owned()));
     };
     ServiceKind::resolve(name, types).map_err(|error| LearnError::Undefined {
         type_name: name.clone(),
@@ -143,7 +137,7 @@ mod tests {
 
     #[test]
     fn what_cannot_be_learned_says_why() {
-        assert!(matches!(learn(None), Err(LearnError::Untold { .. })));
+        assert!(matches!(learn(None), Err(LearnError::Untold(_))));
         let error = learn(Some("demo/msg/None")).unwrap_err().to_string();
         assert!(error.contains("demo/msg/None is defined nowhere"), "{error}");
         assert!(learn(Some("Imag")).unwrap_err().to_string().contains("Image"));

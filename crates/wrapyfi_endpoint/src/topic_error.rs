@@ -121,11 +121,8 @@ pub enum PublishError {
     #[error(transparent)]
     Encode(#[from] EncodeError),
     /// Nobody listens, and the transport keeps nothing for later: the message was not sent.
-    #[error("nobody listens to {topic:?}")]
-    NoConsumer {
-        /// Topic published to.
-        topic: String,
-    },
+    #[error("nobody listens to {0:?}")]
+    NoConsumer(String),
     /// The transport's send queue is full.
     #[error(
         "send queue of {topic:?} is full ({depth} messages): the consumer is slower than the source"
@@ -138,13 +135,10 @@ pub enum PublishError {
     },
     /// As much waits to be sent as may wait in this process.
     #[error(
-        "{topic:?} waits for a consumer that is slower than the source, and no more may wait in this process \
+        "{0:?} waits for a consumer that is slower than the source, and no more may wait in this process \
          (limits: waiting_mib)"
     )]
-    OverBudget {
-        /// Topic published to.
-        topic: String,
-    },
+    OverBudget(String),
     /// The receiver did not accept all that the message asks of it.
     #[error("{reason}")]
     Refused {
@@ -172,9 +166,9 @@ impl PublishError {
     pub fn drop_reason(&self) -> DropReason {
         match self {
             Self::Encode(_) => DropReason::Unencodable,
-            Self::NoConsumer { .. } => DropReason::NoConsumer,
+            Self::NoConsumer(_) => DropReason::NoConsumer,
             Self::QueueFull { .. } => DropReason::SendQueueFull,
-            Self::OverBudget { .. } => DropReason::OverBudget,
+            Self::OverBudget(_) => DropReason::OverBudget,
             Self::Refused { .. } => DropReason::Refused,
             Self::Transport { .. } => DropReason::SendFailed,
         }

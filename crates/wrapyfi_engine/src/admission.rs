@@ -344,7 +344,7 @@ impl Reconciler {
         for (side, at, endpoints) in [(source, from, sources), (target, to, listeners)] {
             let Some(middleware) = &side.middleware else { continue };
             let announced = match &why {
-                Some(LearnError::Asked { .. }) => break,
+                Some(LearnError::Asked(_)) => break,
                 Some(LearnError::Undefined { type_name, .. }) => Some(type_name.clone()),
                 _ => None,
             };
@@ -370,7 +370,7 @@ impl Reconciler {
             }
         }
         match (otherwise, why) {
-            (Some(known), None | Some(LearnError::Untold { .. })) if !sources.is_empty() => {
+            (Some(known), None | Some(LearnError::Untold(_))) if !sources.is_empty() => {
                 Ok((known, false))
             }
             (_, Some(error)) => Err(refused(&error)),
@@ -391,7 +391,7 @@ impl Reconciler {
             return Err(waiting(format!("a server of {from}, which tells the type")));
         };
         match (middleware.learn_service(server, &mut self.types), otherwise) {
-            (Ok(kind), _) | (Err(LearnError::Untold { .. }), Some(kind)) => Ok(kind),
+            (Ok(kind), _) | (Err(LearnError::Untold(_)), Some(kind)) => Ok(kind),
             (Err(error), _) => Err(refused(&error)),
         }
     }
@@ -415,7 +415,7 @@ pub fn may_be_read_as(looks: DataType, wanted: DataType) -> bool {
 
 fn refused(error: &LearnError) -> Refusal {
     // The middleware asks again by itself, and the answer may come before `RETRY`.
-    let is_on_its_way = matches!(error, LearnError::Asked { .. } | LearnError::Silent { .. });
+    let is_on_its_way = matches!(error, LearnError::Asked(_) | LearnError::Silent { .. });
     let again = if is_on_its_way { Duration::ZERO } else { RETRY };
     (RouteState::Waiting(error.to_string()), again)
 }

@@ -339,7 +339,7 @@ impl Middleware for Asked {
 fn what_a_source_shows_goes_before_what_listeners_want() {
     const OBJECT: &str = "wrapyfi_msgs/msg/NativeObject";
     let name = "/x".to_owned();
-    let asked = LearnError::Asked { name: name.clone() };
+    let asked = LearnError::Asked(name.clone());
     let silent = LearnError::Silent { name, reason: "it has sent nothing yet".to_owned() };
     for written in [ALL, "from: 'a:/x', to: 'b:/from_a/x'"] {
         let bus = Arc::new(Memory::new("a"));

@@ -24,11 +24,11 @@ fn undefined(type_name: &str, reason: &dyn std::fmt::Display) -> LearnError {
 fn type_info(core: &Arc<Core>, found: &Discovered) -> LearnResult<TypeInfo> {
     let name = found.name.clone();
     let Some(node) = &found.node else {
-        return Err(LearnError::Untold { middleware: NAME.to_owned() });
+        return Err(LearnError::Untold(NAME.to_owned()));
     };
     match ask(core, found.role, &found.name, node) {
         Answer::Told(told) => Ok(told),
-        Answer::Asked => Err(LearnError::Asked { name }),
+        Answer::Asked => Err(LearnError::Asked(name)),
         Answer::Failed(reason, _) => {
             Err(LearnError::Silent { name, reason: format!("{node}: {reason}") })
         }
@@ -52,10 +52,10 @@ pub(super) fn topic(
     let told = (found.role == Role::Publisher).then(|| type_info(core, found));
     let (type_name, silent) = match (told, announced) {
         (Some(Ok(told)), _) => (told.type_name, None),
-        (Some(Err(error @ LearnError::Asked { .. })), _) | (Some(Err(error)), None) => {
+        (Some(Err(error @ LearnError::Asked(_))), _) | (Some(Err(error)), None) => {
             return Err(error);
         }
-        (None, None) => return Err(LearnError::Untold { middleware: NAME.to_owned() }),
+        (None, None) => return Err(LearnError::Untold(NAME.to_owned())),
         (silent, Some(name)) => (name, silent.and_then(Result::err)),
     };
     let mut types = core.types();

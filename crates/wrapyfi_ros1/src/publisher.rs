@@ -94,12 +94,12 @@ impl Ros1Publisher {
     /// While nobody subscribes nothing is encoded, unless it is kept.
     fn send(&mut self, payload: &Payload, keep: Keep) -> Published {
         if keep == Keep::No && self.publication.subscribers() == 0 {
-            return Err(PublishError::NoConsumer { topic: self.spec.topic.clone() });
+            return Err(PublishError::NoConsumer(self.spec.topic.clone()));
         }
         let frame = self.encode(payload)?;
         let reached = self.publication.send(self.id, &frame, keep);
         if reached == 0 && keep == Keep::No {
-            return Err(PublishError::NoConsumer { topic: self.spec.topic.clone() });
+            return Err(PublishError::NoConsumer(self.spec.topic.clone()));
         }
         Ok(frame.len())
     }

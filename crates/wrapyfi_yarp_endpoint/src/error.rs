@@ -15,20 +15,14 @@ pub enum YarpError {
     #[error(transparent)]
     Embedded(#[from] NameServerError),
     /// The name server's machine has no address.
-    #[error("name server: {reason}")]
-    Host {
-        /// Reason why the host has no address.
-        reason: String,
-    },
+    #[error("name server: {0}")]
+    Host(String),
     /// Other machines could reach our name server.
     #[error(transparent)]
     NotLoopback(#[from] ReachedByOthers),
     /// The system refused.
-    #[error("YARP could not start: {reason}")]
-    Transport {
-        /// Message of the system.
-        reason: String,
-    },
+    #[error("YARP could not start: {0}")]
+    Transport(String),
 }
 
 impl YarpError {
@@ -40,9 +34,9 @@ impl YarpError {
             Self::NotLoopback(_) => true,
             Self::Embedded(error) => matches!(
                 error,
-                NameServerError::NotLoopback { .. } | NameServerError::BadNamespace { .. }
+                NameServerError::NotLoopback(_) | NameServerError::BadNamespace { .. }
             ),
-            Self::Host { .. } | Self::Transport { .. } => false,
+            Self::Host(_) | Self::Transport(_) => false,
         }
     }
 }

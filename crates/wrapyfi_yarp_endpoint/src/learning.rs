@@ -40,7 +40,7 @@ pub(super) fn learn(shared: &Arc<Shared>, port: &str) -> Result<String, LearnErr
     let (number, now) = (entry.number, Instant::now());
     if shared.survey.is_being_asked(port) {
         // It may promise a type, or send nothing at all.
-        return Err(LearnError::Asked { name });
+        return Err(LearnError::Asked(name));
     }
     let said = shared.survey.answer_of(port);
     let promised = said.as_ref().and_then(|said| said.type_name.as_deref());
@@ -53,7 +53,7 @@ pub(super) fn learn(shared: &Arc<Shared>, port: &str) -> Result<String, LearnErr
         None => 0,
         Some(heard) => match &heard.state {
             State::Told(told) => return Ok((*told).to_owned()),
-            State::Listening => return Err(LearnError::Asked { name }),
+            State::Listening => return Err(LearnError::Asked(name)),
             State::Silent => {
                 let reason = "it has sent nothing yet, and its first message will tell".to_owned();
                 return Err(LearnError::Silent { name, reason });
@@ -77,7 +77,7 @@ pub(super) fn learn(shared: &Arc<Shared>, port: &str) -> Result<String, LearnErr
     drop(ports);
     let (tasks, to_listen) = (Arc::clone(shared), name.clone());
     tasks.tasks.spawn_aside(listen(Arc::clone(shared), to_listen, entry, bell));
-    Err(LearnError::Asked { name })
+    Err(LearnError::Asked(name))
 }
 
 /// Listens to a port until it has sent a message that tells its type, or is another one.

@@ -123,7 +123,7 @@ impl Yarp {
     pub fn start(config: &YarpConfig) -> Result<Self, YarpError> {
         let found = config.find()?;
         let server = config.hosts.resolve(&found.server.host);
-        let server = server.map_err(|reason| YarpError::Host { reason })?;
+        let server = server.map_err(|reason| YarpError::Host(reason))?;
         let environment = Environment::from_process();
         let server = SocketAddr::new(server, found.server.port);
         let Listening { on, advertised, is_afar, refused } =
@@ -133,7 +133,7 @@ impl Yarp {
             .thread_name("wrapyfi-yarp")
             .enable_all()
             .build()
-            .map_err(|error| YarpError::Transport { reason: error.to_string() })?;
+            .map_err(|error| YarpError::Transport(error.to_string()))?;
         let client = NameClient::new(found.server)
             .with_hosts(config.hosts.iter().map(|(host, ip)| (host.to_owned(), ip)))
             .with_namespace(found.namespace)

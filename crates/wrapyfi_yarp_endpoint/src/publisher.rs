@@ -159,7 +159,7 @@ impl YarpPublisher {
     }
 
     fn nobody(&self) -> PublishError {
-        PublishError::NoConsumer { topic: self.spec.topic.clone() }
+        PublishError::NoConsumer(self.spec.topic.clone())
     }
 
     /// Writes a message; what readers miss of it is counted.

@@ -208,7 +208,7 @@ fn resolve(host: &str) -> Result<IpAddr, BrokerError> {
     if host == "*" {
         return Ok(Ipv4Addr::UNSPECIFIED.into());
     }
-    Hosts::default().resolve(host).map_err(|reason| BrokerError::Host { reason })
+    Hosts::default().resolve(host).map_err(BrokerError::Host)
 }
 
 /// Address to connect to for a broker bound to `ip`: all interfaces are reached through loopback.

@@ -141,11 +141,8 @@ pub enum CurveError {
         reason: String,
     },
     /// A client is listed twice.
-    #[error("the CURVE client {key} is listed twice: write all that it may in one entry")]
-    Twice {
-        /// Public key of the client.
-        key: String,
-    },
+    #[error("the CURVE client {0} is listed twice: write all that it may in one entry")]
+    Twice(String),
     /// A broker runs here, and has no key that stays.
     #[error(
         "a broker with CURVE needs `secret_key_file`; a program that only connects says `server_key`, the public key \

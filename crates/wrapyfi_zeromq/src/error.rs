@@ -11,11 +11,8 @@ use wrapyfi_endpoint::network::ReachedByOthers;
 #[non_exhaustive]
 pub enum BrokerError {
     /// The host has no address.
-    #[error("the broker's {reason}")]
-    Host {
-        /// Reason why the name has no address.
-        reason: String,
-    },
+    #[error("the broker's {0}")]
+    Host(String),
     /// Other machines could reach it.
     #[error(transparent)]
     NotLoopback(#[from] ReachedByOthers),
@@ -31,11 +28,8 @@ pub enum BrokerError {
         port: u16,
     },
     /// The address belongs to another machine.
-    #[error("{ip} is not an address of this machine: run the broker there and only connect here")]
-    NotHere {
-        /// Address asked for.
-        ip: IpAddr,
-    },
+    #[error("{0} is not an address of this machine: run the broker there and only connect here")]
+    NotHere(IpAddr),
     /// Both sides on one port.
     #[error("{} and {} are both {port}: give the two sides of the broker two ports", names[0], names[1])]
     SamePort {
@@ -44,14 +38,9 @@ pub enum BrokerError {
         /// The two settings.
         names: [&'static str; 2],
     },
-    /// Anything else ZeroMQ or the system refused.
-    #[error("the ZeroMQ broker could not {action}: {reason}")]
-    Transport {
-        /// Action that failed.
-        action: String,
-        /// Message of the system.
-        reason: String,
-    },
+    /// Anything else ZeroMQ or the system refused: the action, and the message of the system.
+    #[error("the ZeroMQ broker could not {0}")]
+    Transport(String),
 }
 
 /// Error of starting ZeroMQ.
@@ -78,11 +67,8 @@ pub enum ZeroMqError {
     #[error(transparent)]
     Broker(#[from] BrokerError),
     /// Both ports are needed to connect to a broker elsewhere.
-    #[error("with a foreign broker {field} must be its port, not 0")]
-    NoPort {
-        /// Setting that is 0.
-        field: &'static str,
-    },
+    #[error("with a foreign broker {0} must be its port, not 0")]
+    NoPort(&'static str),
     /// The monitor topic cannot be a topic.
     #[error("monitor topic {topic:?} is not valid: {reason}")]
     MonitorTopic {
@@ -92,11 +78,8 @@ pub enum ZeroMqError {
         reason: String,
     },
     /// libzmq or the system refused.
-    #[error("ZeroMQ could not start: {reason}")]
-    Transport {
-        /// Message of the system.
-        reason: String,
-    },
+    #[error("ZeroMQ could not start: {0}")]
+    Transport(String),
 }
 
 impl ZeroMqError {
@@ -105,7 +88,7 @@ impl ZeroMqError {
     pub fn is_hopeless(&self) -> bool {
         matches!(
             self,
-            Self::NoPort { .. }
+            Self::NoPort(_)
                 | Self::MonitorTopic { .. }
                 | Self::Broker(
                     BrokerError::NotLoopback(_)
@@ -118,6 +101,6 @@ impl ZeroMqError {
 
 impl From<zmq::Error> for ZeroMqError {
     fn from(error: zmq::Error) -> Self {
-        Self::Transport { reason: error.to_string() }
+        Self::Transport(error.to_string())
     }
 }

@@ -141,8 +141,7 @@ impl ZeroMq {
             (config.pub_port, config.sub_port) = ports;
         }
         check_ports([("pub_port", config.pub_port), ("sub_port", config.sub_port)])?;
-        let io = io::Io::start()
-            .map_err(|error| ZeroMqError::Transport { reason: error.to_string() })?;
+        let io = io::Io::start().map_err(|error| ZeroMqError::Transport(error.to_string()))?;
         let ip = config::reachable(ip);
         let shared = Shared {
             ip,
@@ -304,5 +303,5 @@ fn invalid(topic: &str, reason: String) -> OpenError {
 
 fn check_ports(ports: [(&'static str, u16); 2]) -> Result<(), ZeroMqError> {
     let unknown = ports.into_iter().find(|(_, port)| *port == 0);
-    unknown.map_or(Ok(()), |(field, _)| Err(ZeroMqError::NoPort { field }))
+    unknown.map_or(Ok(()), |(field, _)| Err(ZeroMqError::NoPort(field)))
 }

@@ -63,7 +63,7 @@ impl Publisher for ZeroMqPublisher {
             return Err(self.failed(&format_args!("waiting for {what}")));
         }
         if self.connection.subscriptions() == 0 {
-            return Err(PublishError::NoConsumer { topic: self.spec.topic.clone() });
+            return Err(PublishError::NoConsumer(self.spec.topic.clone()));
         }
         if !self.told_order {
             self.told_order = self.tell_order(payload);
@@ -74,7 +74,7 @@ impl Publisher for ZeroMqPublisher {
             let topic = self.spec.topic.clone();
             match reason {
                 DropReason::Stalled => PublishError::QueueFull { topic, depth: self.depth },
-                DropReason::OverBudget => PublishError::OverBudget { topic },
+                DropReason::OverBudget => PublishError::OverBudget(topic),
                 _ => self.failed(&"the connection to the broker has just ended"),
             }
         })?;

@@ -103,12 +103,11 @@ impl Sides {
 fn refused(ip: IpAddr, port: u16, error: &std::io::Error) -> BrokerError {
     match error.kind() {
         ErrorKind::AddrInUse => BrokerError::PortTaken { ip, port },
-        ErrorKind::AddrNotAvailable => BrokerError::NotHere { ip },
+        ErrorKind::AddrNotAvailable => BrokerError::NotHere(ip),
         _ => failed_to(&format!("bind {}", options::endpoint(ip, port)))(error),
     }
 }
 
-pub(super) fn failed_to<E: std::fmt::Display>(action: &str) -> impl FnOnce(E) -> BrokerError {
-    let action = action.to_owned();
-    move |error| BrokerError::Transport { action, reason: error.to_string() }
+pub(super) fn failed_to<E: std::fmt::Display>(action: &str) -> impl Fn(E) -> BrokerError {
+    move |error| BrokerError::Transport(format!("{action}: {error}"))
 }

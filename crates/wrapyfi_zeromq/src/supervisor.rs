@@ -113,8 +113,7 @@ impl<B: Supervised> Supervisor<B> {
             backoff,
         };
         let runs = Runs::start("zeromq-guard", stop_signal, guard);
-        self.guard =
-            Some(runs.map_err(|error| ZeroMqError::Transport { reason: error.to_string() })?);
+        self.guard = Some(runs.map_err(|error| ZeroMqError::Transport(error.to_string()))?);
         Ok(())
     }
 }
@@ -129,7 +128,7 @@ fn settle<B: Supervised>(
     loop {
         let refusal = match B::start_with(config, ledger) {
             Ok(broker) => return Ok(Found::Own(broker)),
-            Err(BrokerError::NotHere { ip }) => {
+            Err(BrokerError::NotHere(ip)) => {
                 tracing::info!(%ip, "not an address of this machine: using the broker there");
                 return Ok(Found::Foreign { may_take_over: false });
             }

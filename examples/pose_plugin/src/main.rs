@@ -38,7 +38,7 @@ fn main() -> anyhow::Result<()> {
                 println!("{pose:?}");
                 let mirrored = ForeignObject::new(pose.mirrored());
                 match publisher.publish(&Payload::from(Value::from(mirrored))) {
-                    Ok(_) | Err(PublishError::NoConsumer { .. }) => {}
+                    Ok(_) | Err(PublishError::NoConsumer(_)) => {}
                     Err(error) => eprintln!("{error}"),
                 }
             }

@@ -70,7 +70,7 @@ fn learned(
         }
         Ok(learned) => Ok(Some(middleware.received_as(learned.message_type(false), options))),
         Err(_) if shutdown.requested() => Ok(None),
-        Err(LearnTopicError::Untold(LearnError::Untold { .. })) => Err(Failure::Usage(format!(
+        Err(LearnTopicError::Untold(LearnError::Untold(_))) => Err(Failure::Usage(format!(
             "--type is needed for {}, whose type {name} does not tell: {}",
             args.endpoint,
             MessageType::ALL.map(|known| known.to_string()).join(", ")

@@ -112,15 +112,15 @@ fn publish(
             // The listener left in the middle, and others may come; or it stands still, and may go on:
             // then the message is tried again. Once is enough to say so.
             Err(
-                error @ (PublishError::NoConsumer { .. }
+                error @ (PublishError::NoConsumer(_)
                 | PublishError::QueueFull { .. }
-                | PublishError::OverBudget { .. }),
+                | PublishError::OverBudget(_)),
             ) => {
                 if !is_told {
                     tracing::warn!("{error}");
                 }
                 is_told = true;
-                sent += u64::from(matches!(error, PublishError::NoConsumer { .. }));
+                sent += u64::from(matches!(error, PublishError::NoConsumer(_)));
             }
             // The server of the middleware is away, and may come back: then it is tried again, too.
             Err(error @ PublishError::Transport { .. })

@@ -150,12 +150,12 @@ pub(crate) fn of_topic<T>(
 /// True when no later look brings a type: a publisher is there, and nobody will tell.
 fn is_never_told(errors: &[(Role, LearnError)]) -> bool {
     errors.iter().any(|(role, _)| *role == Role::Publisher)
-        && errors.iter().all(|(_, error)| matches!(error, LearnError::Untold { .. }))
+        && errors.iter().all(|(_, error)| matches!(error, LearnError::Untold(_)))
 }
 
 /// The error of whoever may tell yet, else the first one.
 fn most_telling(mut errors: Vec<(Role, LearnError)>) -> Option<LearnError> {
-    let tells_yet = |(_, error): &(Role, LearnError)| !matches!(error, LearnError::Untold { .. });
+    let tells_yet = |(_, error): &(Role, LearnError)| !matches!(error, LearnError::Untold(_));
     let place = errors.iter().position(tells_yet).unwrap_or(0);
     (place < errors.len()).then(|| errors.swap_remove(place).1)
 }
@@ -167,11 +167,11 @@ mod tests {
     /// A port of YARP that is being asked, and a bridge that reads it and tells nothing.
     #[test]
     fn listeners_that_tell_nothing_end_no_wait_for_a_publisher() {
-        let untold = || LearnError::Untold { middleware: "yarp".into() };
-        let asked = || LearnError::Asked { name: "/cam".into() };
+        let untold = || LearnError::Untold("yarp".into());
+        let asked = || LearnError::Asked("/cam".into());
         let errors = || vec![(Role::Publisher, asked()), (Role::Listener, untold())];
         assert!(!is_never_told(&errors()));
-        assert!(matches!(most_telling(errors()), Some(LearnError::Asked { .. })));
+        assert!(matches!(most_telling(errors()), Some(LearnError::Asked(_))));
         assert!(is_never_told(&[(Role::Publisher, untold()), (Role::Listener, untold())]));
         assert!(!is_never_told(&[(Role::Listener, untold())]), "a publisher may come");
         assert!(most_telling(Vec::new()).is_none());

@@ -433,7 +433,7 @@ fn learn(end: &mut End, middleware: &dyn Middleware, wanted: &Wanted, types: &mu
     };
     let begin = Instant::now();
     let mut learned = learn();
-    while matches!(learned, Err(LearnError::Asked { .. })) && begin.elapsed() < LISTEN {
+    while matches!(learned, Err(LearnError::Asked(_))) && begin.elapsed() < LISTEN {
         std::thread::sleep(LOOK);
         learned = learn();
     }

@@ -96,7 +96,7 @@ impl PublisherEnd {
             }
             Err(error) => {
                 self.counters.dropped(error.drop_reason());
-                let is_news = !matches!(error, PublishError::NoConsumer { .. });
+                let is_news = !matches!(error, PublishError::NoConsumer(_));
                 if is_news && started >= state.say_at {
                     tracing::warn!("a message to {} was not sent: {error}", self.endpoint);
                     state.say_at = started + SAY_EVERY;

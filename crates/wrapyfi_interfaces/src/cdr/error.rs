@@ -15,13 +15,10 @@ pub enum CdrError {
     },
     /// The first bytes announce something other than plain CDR.
     #[error(
-        "encapsulation {found:02x?} is not plain CDR (00 00 or 00 01): the sender must offer the \
+        "encapsulation {0:02x?} is not plain CDR (00 00 or 00 01): the sender must offer the \
          XCDR1 data representation"
     )]
-    Encapsulation {
-        /// First bytes of the message, at most four.
-        found: Vec<u8>,
-    },
+    Encapsulation(Vec<u8>),
     /// The message ends inside a field.
     #[error("{path} needs {needed} bytes, {available} are left: truncated, or of another type")]
     Truncated {
@@ -33,11 +30,8 @@ pub enum CdrError {
         available: usize,
     },
     /// More bytes follow the last field than padding accounts for.
-    #[error("{left} bytes are left behind the last field: it is of another type")]
-    Trailing {
-        /// Bytes behind the last field.
-        left: usize,
-    },
+    #[error("{0} bytes are left behind the last field: it is of another type")]
+    Trailing(usize),
     /// A sequence or a string claims more elements than the message has room for.
     #[error(
         "{path} claims {claimed} elements, which need {needed} bytes, {available} are left: \
@@ -100,7 +94,7 @@ impl CdrError {
     #[must_use]
     pub fn path(&self) -> &str {
         match self {
-            Self::TooLarge { .. } | Self::Encapsulation { .. } | Self::Trailing { .. } => "",
+            Self::TooLarge { .. } | Self::Encapsulation(_) | Self::Trailing(_) => "",
             Self::Truncated { path, .. }
             | Self::Length { path, .. }
             | Self::Unterminated { path, .. }
@@ -112,7 +106,7 @@ impl CdrError {
     /// Changes the path of an error that lies in a field.
     pub(crate) fn change_path(&mut self, change: impl FnOnce(&String) -> String) {
         match self {
-            Self::TooLarge { .. } | Self::Encapsulation { .. } | Self::Trailing { .. } => {}
+            Self::TooLarge { .. } | Self::Encapsulation(_) | Self::Trailing(_) => {}
             Self::Truncated { path, .. }
             | Self::Length { path, .. }
             | Self::Unterminated { path, .. }

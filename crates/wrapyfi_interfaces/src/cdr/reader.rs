@@ -27,7 +27,7 @@ impl<'a> CdrReader<'a> {
             [0, 1, _, _, ..] => ByteOrder::Little,
             _ => {
                 let found = cdr.iter().take(ENCAPSULATION_SIZE).copied().collect();
-                return Err(CdrError::Encapsulation { found });
+                return Err(CdrError::Encapsulation(found));
             }
         };
         Ok(Self { cdr, position: ENCAPSULATION_SIZE, order, is_ros1: false })
@@ -173,7 +173,7 @@ impl<'a> CdrReader<'a> {
     pub fn end(&self) -> Result<(), CdrError> {
         match self.remaining() {
             0 => Ok(()),
-            left => Err(CdrError::Trailing { left }),
+            left => Err(CdrError::Trailing(left)),
         }
     }
 

@@ -95,11 +95,11 @@ fn big_endian_messages_decode_in_full() {
 fn refuses_with_field_and_numbers() {
     assert_eq!(
         text(b"\0\x03\0\0\x06\0\0\0hello\0").unwrap_err(),
-        CdrError::Encapsulation { found: vec![0, 3, 0, 0] }
+        CdrError::Encapsulation(vec![0, 3, 0, 0])
     );
     for size in 0..4 {
         let short = &b"\0\x01\0"[..size.min(3)];
-        assert_eq!(text(short).unwrap_err(), CdrError::Encapsulation { found: short.to_vec() });
+        assert_eq!(text(short).unwrap_err(), CdrError::Encapsulation(short.to_vec()));
     }
     assert_eq!(
         text(b"\0\x01\0\0\xff\xff\xff\xffhello\0").unwrap_err().to_string(),

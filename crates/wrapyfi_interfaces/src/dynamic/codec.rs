@@ -39,7 +39,7 @@ impl TypePlan {
         let message = read_message(&mut reader, &self.shape)?;
         match reader.remaining() {
             0..=MOST_PADDING => Ok(message),
-            left => Err(CdrError::Trailing { left }),
+            left => Err(CdrError::Trailing(left)),
         }
     }
 

@@ -256,7 +256,7 @@ impl PairPlan {
             }
             _ => {
                 let found = cdr.iter().take(ENCAPSULATION_SIZE).copied().collect();
-                return Err(CdrError::Encapsulation { found }.into());
+                return Err(CdrError::Encapsulation(found).into());
             }
         };
         let before = out.len();
@@ -294,7 +294,7 @@ impl Program {
         };
         run(&self.ops, &mut from, &mut to, &mut work)?;
         match from.remaining() {
-            left if left > most_padding => Err(CdrError::Trailing { left }.into()),
+            left if left > most_padding => Err(CdrError::Trailing(left).into()),
             _ => {
                 check_size(to.len(), options)?;
                 Ok(work.done)

@@ -37,7 +37,7 @@ impl Publisher for PropertiesPublisher {
         let (properties, size) = properties_to_set(payload, self.max_bytes)?;
         if self.client.servers() == Peers::None {
             let topic = self.client.node().to_owned();
-            return Err(PublishError::NoConsumer { topic });
+            return Err(PublishError::NoConsumer(topic));
         }
         let set = self.client.set(properties);
         // Waiting for the answer has heard what rang for others.

@@ -45,11 +45,8 @@ pub enum BottleError {
         at: usize,
     },
     /// A bottle begins with the code of a list; this begins with something else.
-    #[error("a bottle begins with a list code (256 and above), not with {code}: it is no bottle")]
-    NotAList {
-        /// The code.
-        code: i32,
-    },
+    #[error("a bottle begins with a list code (256 and above), not with {0}: it is no bottle")]
+    NotAList(i32),
     /// A length or count below zero.
     #[error("{what} at byte {at} is {length}: lengths cannot be negative, the message is damaged")]
     Negative {
@@ -77,12 +74,9 @@ pub enum BottleError {
     },
     /// More elements than the limit.
     #[error(
-        "more than {limit} values in one bottle: raise Limits::max_elements, or read it as a vector"
+        "more than {0} values in one bottle: raise Limits::max_elements, or read it as a vector"
     )]
-    TooManyElements {
-        /// [`crate::Limits::max_elements`].
-        limit: usize,
-    },
+    TooManyElements(usize),
     /// Lists in lists beyond the limit.
     #[error("lists nested more than {limit} deep: raise Limits::max_depth")]
     TooDeep {
@@ -119,11 +113,8 @@ pub enum BottleError {
 #[non_exhaustive]
 pub enum EncodeError {
     /// YARP 3 has no words of eight letters.
-    #[error("the vocab {word} has 64 bits, which dialect v3 cannot write: use a string, or v4")]
-    NoVocab64 {
-        /// The word in its brackets.
-        word: String,
-    },
+    #[error("the vocab {0} has 64 bits, which dialect v3 cannot write: use a string, or v4")]
+    NoVocab64(String),
     /// A length that 31 bits cannot say.
     #[error("{what} of {length} cannot be written: YARP's lengths end at {max}", max = i32::MAX)]
     TooLong {

@@ -34,7 +34,7 @@ impl<'a> Reader<'a> {
         match Code::of(code, self.dialect) {
             Some(Code::List(kind)) => self.list(kind, depth),
             None if code & LIST != 0 => Err(wrong_code(code, at, self.dialect)),
-            _ => Err(BottleError::NotAList { code }),
+            _ => Err(BottleError::NotAList(code)),
         }
     }
 
@@ -62,7 +62,7 @@ impl<'a> Reader<'a> {
         self.elements_left = self
             .elements_left
             .checked_sub(count)
-            .ok_or(BottleError::TooManyElements { limit: self.limits.max_elements })?;
+            .ok_or(BottleError::TooManyElements(self.limits.max_elements))?;
         let values = match kind {
             Some(kind) if kind.is_sized() => numbers(kind, self.take("numbers of a list", needed)?),
             Some(kind) => {

@@ -121,7 +121,7 @@ impl BottleScan {
         let left = size("the count of a list", count, at + 4)?;
         self.elements = self.elements.saturating_add(left);
         if self.elements > self.limits.max_elements {
-            return Err(BottleError::TooManyElements { limit: self.limits.max_elements });
+            return Err(BottleError::TooManyElements(self.limits.max_elements));
         }
         let open = self.open.get_or_insert_default();
         if open.len() >= self.limits.depth() {
@@ -136,7 +136,7 @@ impl BottleScan {
         match Code::of(code, self.dialect) {
             Some(Code::List(kind)) => Ok(kind),
             None if code & LIST != 0 => Err(wrong_code(code, at, self.dialect)),
-            _ => Err(BottleError::NotAList { code }),
+            _ => Err(BottleError::NotAList(code)),
         }
     }
 

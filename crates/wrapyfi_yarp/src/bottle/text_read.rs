@@ -37,7 +37,7 @@ impl<'a> TextReader<'a> {
             self.elements_left = self
                 .elements_left
                 .checked_sub(1)
-                .ok_or(BottleError::TooManyElements { limit: self.limits.max_elements })?;
+                .ok_or(BottleError::TooManyElements(self.limits.max_elements))?;
             values.push(self.value(word, depth)?);
         }
         Ok(Bottle { values })

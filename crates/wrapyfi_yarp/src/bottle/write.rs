@@ -49,8 +49,8 @@ fn code_of(value: &Value, dialect: Dialect) -> Result<Option<i32>, EncodeError> 
     let Some(kind) = kind(value) else { return Ok(None) };
     match (kind.code(dialect), value) {
         (Some(code), _) => Ok(Some(code)),
-        (None, Value::Vocab64(vocab)) => Err(EncodeError::NoVocab64 { word: format!("{vocab:?}") }),
-        (None, other) => Err(EncodeError::NoVocab64 { word: format!("{other:?}") }),
+        (None, Value::Vocab64(vocab)) => Err(EncodeError::NoVocab64(format!("{vocab:?}"))),
+        (None, other) => Err(EncodeError::NoVocab64(format!("{other:?}"))),
     }
 }
 

@@ -54,12 +54,9 @@ pub enum ConfError {
     NoFolder,
     /// The file does not exist.
     #[error(
-        "{} does not exist: start a name server with --write, or give its address", file.display()
+        "{} does not exist: start a name server with --write, or give its address", .0.display()
     )]
-    Missing {
-        /// File that was looked for.
-        file: PathBuf,
-    },
+    Missing(PathBuf),
     /// The file cannot be read or written, or holds no address; the reason tells the form that would be right.
     #[error("{}: {reason}", file.display())]
     Faulty {
@@ -77,7 +74,7 @@ impl ConfError {
     /// True when nobody has said where a name server is, rather than said it wrongly.
     #[must_use]
     pub fn is_missing(&self) -> bool {
-        matches!(self, Self::Missing { .. } | Self::NoFolder)
+        matches!(self, Self::Missing(_) | Self::NoFolder)
     }
 
     fn faulty(file: &Path, reason: String) -> Self {
@@ -193,7 +190,7 @@ impl NameServerConf {
     /// # Errors
     /// When it is missing, unreadable, or no configuration; the error names it.
     pub fn read(file: &Path) -> Result<Self, ConfError> {
-        let text = read_text(file)?.ok_or_else(|| ConfError::Missing { file: file.to_owned() })?;
+        let text = read_text(file)?.ok_or_else(|| ConfError::Missing(file.to_owned()))?;
         Self::parse(&text).map_err(|reason| ConfError::faulty(file, reason))
     }
 

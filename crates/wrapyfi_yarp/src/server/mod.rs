@@ -72,13 +72,10 @@ pub mod offline;
 pub enum NameServerError {
     /// Other machines could reach it.
     #[error(
-        "a name server on {ip} can be reached by other machines, and anyone there could redirect \
+        "a name server on {0} can be reached by other machines, and anyone there could redirect \
          every connection: use 127.0.0.1, or set insecure: true where the network is trusted"
     )]
-    NotLoopback {
-        /// Address asked for.
-        ip: IpAddr,
-    },
+    NotLoopback(IpAddr),
     /// Somebody else has the port.
     #[error(
         "port {port} on {ip} is taken, perhaps by another name server: stop it, or choose another port"
@@ -90,11 +87,8 @@ pub enum NameServerError {
         port: u16,
     },
     /// The address belongs to another machine.
-    #[error("{ip} is not an address of this machine: run the name server there")]
-    NotHere {
-        /// Address asked for.
-        ip: IpAddr,
-    },
+    #[error("{0} is not an address of this machine: run the name server there")]
+    NotHere(IpAddr),
     /// The name cannot be that of a port.
     #[error("namespace {namespace:?} {reason}: write for instance /root")]
     BadNamespace {
@@ -131,7 +125,7 @@ impl NameServer {
     pub async fn start(options: NameServerOptions) -> Result<Self, NameServerError> {
         let (ip, port) = (options.ip, options.port);
         if !ip.is_loopback() && !options.insecure {
-            return Err(NameServerError::NotLoopback { ip });
+            return Err(NameServerError::NotLoopback(ip));
         }
         let namespace = options.namespace.clone();
         if let Some(reason) = name_fault(&namespace, options.wire.max_name_bytes) {
@@ -140,7 +134,7 @@ impl NameServer {
         let io = |action| move |source| NameServerError::Io { action, source };
         let listener = TcpListener::bind((ip, port)).await.map_err(|error| match error.kind() {
             std::io::ErrorKind::AddrInUse => NameServerError::PortTaken { ip, port },
-            std::io::ErrorKind::AddrNotAvailable => NameServerError::NotHere { ip },
+            std::io::ErrorKind::AddrNotAvailable => NameServerError::NotHere(ip),
             _ => io("bind its port")(error),
         })?;
         let address = listener.local_addr().map_err(io("learn its port"))?;

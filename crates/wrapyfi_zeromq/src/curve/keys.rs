@@ -190,7 +190,7 @@ fn grants(
             key: key.clone(),
         };
         if grants.insert(public, Arc::new(grant)).is_some() {
-            return Err(CurveError::Twice { key });
+            return Err(CurveError::Twice(key));
         }
     }
     Ok(grants)

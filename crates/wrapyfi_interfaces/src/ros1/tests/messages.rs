@@ -211,7 +211,7 @@ fn a_big_endian_message_is_read() {
     ));
     assert_eq!(
         to_ros1(&plan, b"\0\x07\0\0"),
-        Err(CdrError::Encapsulation { found: vec![0, 7, 0, 0] }.into())
+        Err(CdrError::Encapsulation(vec![0, 7, 0, 0]).into())
     );
 }
 
@@ -252,15 +252,12 @@ fn wrong_lengths_name_the_field() {
         "list claims 4294967295 elements, which need 51539607540 bytes, 0 are left: corrupt, or \
          of another type"
     );
-    assert_eq!(
-        to_cdr(&plan, b"\x01\0\0\0\x02\0\0\0\0\0!"),
-        Err(CdrError::Trailing { left: 1 }.into())
-    );
+    assert_eq!(to_cdr(&plan, b"\x01\0\0\0\x02\0\0\0\0\0!"), Err(CdrError::Trailing(1).into()));
     // CDR is padded to whole words on the way.
     let (cdr, _) = to_cdr(&plan, b"\x01\0\0\0\x02\0\0\0\0\0").unwrap();
     for left in 0..5 {
         let padded = [cdr.as_slice(), &vec![0; left]].concat();
-        let expected = if left < 4 { None } else { Some(CdrError::Trailing { left }.into()) };
+        let expected = if left < 4 { None } else { Some(CdrError::Trailing(left).into()) };
         assert_eq!(to_ros1(&plan, &padded).err(), expected);
     }
 }
