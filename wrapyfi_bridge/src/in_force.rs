@@ -2,9 +2,11 @@
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
-use wrapyfi_core::engine::{Kind, Plan, Route, RouteIndex};
+use wrapyfi_core::endpoint::Mutex;
+use wrapyfi_core::engine::{Applier, Kind, Plan, Route, RouteIndex};
 use wrapyfi_core::middleware::ros1;
 use wrapyfi_core::node::parameters::ParameterStore;
 use wrapyfi_core::types::MessageType;
@@ -43,6 +45,17 @@ pub struct InForce {
     pub endpoints: Endpoints,
     /// Folders of definitions.
     pub definitions: Vec<PathBuf>,
+}
+
+/// A bridge that runs, as those who ask about it need it.
+#[derive(Clone)]
+pub struct Running {
+    /// The bridge's node.
+    pub node: Node,
+    /// The routes.
+    pub routes: Applier,
+    /// Settings beside the routes.
+    pub in_force: Arc<Mutex<InForce>>,
 }
 
 /// Changes a configuration by what the parameters and arguments of the bridge's `node` say.

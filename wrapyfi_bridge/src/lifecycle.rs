@@ -68,9 +68,23 @@ const fn transition(id: u8, label: &'static str, start: State, goal: State) -> T
     Transition { id, label, start, goal }
 }
 
-const SUCCESS: &str = "transition_success";
-const FAILURE: &str = "transition_failure";
-const ERROR: &str = "transition_error";
+named! {
+    /// Result of what a node does in a state that is not primary.
+    pub enum Outcome {
+        /// Success of the work.
+        Success => "transition_success",
+        /// Refusal: everything is as it was before.
+        Failure => "transition_failure",
+        /// Fault, after which everything is to be put away.
+        Error => "transition_error",
+    }
+    /// Name of the transition that follows.
+    pub fn label;
+}
+
+const SUCCESS: &str = Outcome::Success.label();
+const FAILURE: &str = Outcome::Failure.label();
+const ERROR: &str = Outcome::Error.label();
 
 /// All transitions, in the order in which `rcl_lifecycle` lists them.
 pub const TRANSITIONS: [Transition; 25] = {
@@ -106,27 +120,6 @@ pub const TRANSITIONS: [Transition; 25] = {
         transition(62, ERROR, ErrorProcessing, Finalized),
     ]
 };
-
-/// Result of what a node does in a state that is not primary.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Outcome {
-    /// Success of the work.
-    Success,
-    /// Refusal: everything is as it was before.
-    Failure,
-    /// Fault, after which everything is to be put away.
-    Error,
-}
-
-impl Outcome {
-    const fn label(self) -> &'static str {
-        match self {
-            Self::Success => SUCCESS,
-            Self::Failure => FAILURE,
-            Self::Error => ERROR,
-        }
-    }
-}
 
 /// State of a node now, which any thread may look at, and the bell that rings where it stays in another one.
 #[derive(Debug, Clone)]

@@ -8,7 +8,6 @@
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
-use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -23,12 +22,12 @@ use crate::cli::{BridgeArgs, NodeCli};
 use crate::command::bridge;
 use crate::exit::{Failure, finish};
 use crate::in_force::{Options, change_endpoints};
+use crate::logging;
 use crate::middleware_bridge::{MiddlewareBridge, Selection};
-use crate::middlewares::Endpoints;
 use crate::node::{DEFAULT_NAME, Node};
 use crate::own_address::OwnAddress;
+use crate::reload::Source;
 use crate::shutdown::Shutdown;
-use crate::{logging, middlewares};
 
 /// Runs the node executable `bridge`: reads the process's arguments, returns its exit code.
 #[must_use]
@@ -131,35 +130,18 @@ pub fn run(
     enter(args, &mut overrides)?;
     let node = Node::of(options.name, ros, overrides);
     let mut store = node.parameters().map_err(Failure::usage)?;
-    let parameters = Parameters::declare(&mut store, bridge)?;
-    let Parameters { configuration, mut options } = parameters;
+    let Parameters { source, mut options } = Parameters::declare(&mut store, bridge)?;
     options.own = args.own;
-    let (loaded, name) = match configuration {
-        Configuration::File(file) => {
-            let change = |endpoints: &mut Endpoints| {
-                change_endpoints(endpoints, &node, &mut store, &options)
-            };
-            let loaded = middlewares::load_and_learn(&file, &[], change)?;
-            (loaded, file.display().to_string())
-        }
-        Configuration::BuiltIn(text, name) => (middlewares::load_text(&text, name)?, name.into()),
-    };
-    shutdown.outcome(bridge::run(loaded, &name, &node, store, options, &shutdown))
+    let loaded =
+        source.load(&[], |endpoints| change_endpoints(endpoints, &node, &mut store, &options))?;
+    shutdown.outcome(bridge::run(loaded, source, &node, store, options, &shutdown))
 }
 
 /// The parameters of the bridge node.
 #[derive(Debug)]
 struct Parameters {
-    configuration: Configuration,
+    source: Source,
     options: Options,
-}
-
-/// Source of the routes.
-#[derive(Debug)]
-enum Configuration {
-    File(PathBuf),
-    /// The text, and a name for it.
-    BuiltIn(String, &'static str),
 }
 
 impl Parameters {
@@ -168,19 +150,21 @@ impl Parameters {
         store: &mut ParameterStore,
         bridge: Option<MiddlewareBridge>,
     ) -> Result<Self, Failure> {
-        let fixed = |name: &str, text: &str| {
-            ParameterDescriptor::new(name).with_description(text).read_only()
+        let mut declare = |name: &str, text: &str, value: ParameterValue| {
+            let fixed = ParameterDescriptor::new(name).with_description(text).read_only();
+            let fixed = match name {
+                "config_file" => fixed.with_type(ParameterType::String),
+                // `seconds:=20` is an integer, `seconds:=0.5` is not: both are meant.
+                "seconds" => fixed.dynamic(),
+                _ => fixed,
+            };
+            store.declare(fixed, value).map_err(Failure::usage)
         };
-        let config_file = fixed("config_file", "Path of the file with the routes.")
-            .with_type(ParameterType::String);
         let by_default = if bridge.is_some() { "".into() } else { ParameterValue::NotSet };
-        let config_file = store.declare(config_file, by_default).map_err(Failure::usage)?;
+        let config_file = declare("config_file", "Path of the file with the routes.", by_default)?;
         let built_in = match bridge {
             None => None,
             Some(bridge) => {
-                let mut declare = |name: &str, text: &str, value: ParameterValue| {
-                    store.declare(fixed(name, text), value).map_err(Failure::usage)
-                };
                 let names = |given| match given {
                     ParameterValue::StringArray(names) => names,
                     _ => Vec::new(),
@@ -216,20 +200,19 @@ impl Parameters {
                 Some((bridge, selection))
             }
         };
-        // `seconds:=20` is an integer, `seconds:=0.5` is not: both are meant. A value from the start
-        // on, because `ros2 param dump` writes null for what has none, and null in a parameter file
-        // is a text.
-        let seconds = fixed("seconds", "How long to run; 0: until interrupted.").dynamic();
-        let seconds = store.declare(seconds, 0.0).map_err(Failure::usage)?;
-        let json = fixed("status_json", "Print the routes' status as JSON once a second.");
-        let json = store.declare(json, false).map_err(Failure::usage)?;
+        // A value from the start on, because `ros2 param dump` writes null for what has none, and null in a
+        // parameter file is a text.
+        let meant = "How long to run; 0: until interrupted.";
+        let seconds = declare("seconds", meant, 0.0.into())?;
+        let meant = "Print the routes' status as JSON once a second.";
+        let json = declare("status_json", meant, false.into())? == ParameterValue::Bool(true);
         let meant =
             "Configures and activates the node at its start, without anybody who asks for it.";
-        let autostart = store.declare(fixed("autostart", meant), true).map_err(Failure::usage)?;
-        let page = fixed("page_port", "Port of the live page; 0: as the configuration says.");
-        let page = store.declare(page, 0).map_err(Failure::usage)?;
-        let configuration = match (config_file, built_in) {
-            (ParameterValue::String(file), None) => Configuration::File(file.into()),
+        let no_autostart = declare("autostart", meant, true.into())? == ParameterValue::Bool(false);
+        let meant = "Port of the live page; 0: as the configuration says.";
+        let page = declare("page_port", meant, 0.into())?;
+        let source = match (config_file, built_in) {
+            (ParameterValue::String(file), None) => Source::File(file.into()),
             (ParameterValue::String(file), Some((bridge, selection))) if !file.is_empty() => {
                 if selection != Selection::default() {
                     return Err(Failure::Usage(format!(
@@ -239,11 +222,11 @@ impl Parameters {
                         bridge.node()
                     )));
                 }
-                Configuration::File(file.into())
+                Source::File(file.into())
             }
             (_, Some((bridge, selection))) => {
                 let text = bridge.yaml(&selection).map_err(Failure::Usage)?;
-                Configuration::BuiltIn(text, bridge.node())
+                Source::Text(text, bridge.node().to_owned())
             }
             (_, None) => {
                 return Err(Failure::usage(
@@ -266,26 +249,24 @@ impl Parameters {
             }
         };
         let lives_with = bridge.map(MiddlewareBridge::middleware);
-        let json = json == ParameterValue::Bool(true);
         let page_port = match page {
-            ParameterValue::Integer(port) => u16::try_from(port).ok(),
-            _ => None,
+            ParameterValue::Integer(0) => None,
+            ParameterValue::Integer(port @ 1..=65535) => u16::try_from(port).ok(),
+            _ => {
+                let text = "it must be a port from 0 to 65535";
+                return Err(Failure::Usage(format!("parameter page_port is {page}, {text}")));
+            }
         };
-        let page_port = page_port.ok_or_else(|| {
-            Failure::Usage(format!(
-                "parameter page_port is {page}, it must be a port from 0 to 65535"
-            ))
-        })?;
-        let page_port = Some(page_port).filter(|port| *port > 0);
-        let no_autostart = autostart == ParameterValue::Bool(false);
         let own = OwnAddress::default();
         let options = Options { seconds, json, page_port, no_autostart, own, lives_with };
-        Ok(Self { configuration, options })
+        Ok(Self { source, options })
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::path::PathBuf;
+
     use wrapyfi_core::node::NodeName;
 
     use super::*;
@@ -358,13 +339,9 @@ mod tests {
             Parameters::declare(&mut store, Some(MiddlewareBridge::Ros1))
         };
         let built_in = declare(&[("prefix", "lab".into())]).unwrap();
-        assert!(
-            matches!(built_in.configuration, Configuration::BuiltIn(text, _) if text.contains("ros2:/lab/"))
-        );
+        assert!(matches!(built_in.source, Source::Text(text, _) if text.contains("ros2:/lab/")));
         let file = ("config_file", "routes.yaml".into());
-        let Configuration::File(named) =
-            declare(std::slice::from_ref(&file)).unwrap().configuration
-        else {
+        let Source::File(named) = declare(std::slice::from_ref(&file)).unwrap().source else {
             panic!("it is a file");
         };
         assert_eq!(named, PathBuf::from("routes.yaml"));

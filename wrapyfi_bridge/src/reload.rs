@@ -25,8 +25,8 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use signal_hook::consts::SIGHUP;
 use signal_hook::iterator::{Handle, Signals};
-use wrapyfi_core::endpoint::{Context, Mutex, Registry, Server, WAITING};
-use wrapyfi_core::engine::{Applier, Plan, PlanDiff};
+use wrapyfi_core::endpoint::{Context, Registry, Server, WAITING};
+use wrapyfi_core::engine::{Plan, PlanDiff, RouteConfig, Spanned};
 use wrapyfi_core::middleware::ros2::NodeHandle;
 use wrapyfi_core::node::parameters::ParameterStore;
 use wrapyfi_core::types::{Map, Payload, Value};
@@ -39,12 +39,13 @@ use wrapyfi_retry::thread::restarted;
 use self::watched_file::WatchedFile;
 use crate::edits::Edits;
 use crate::exit::Failure;
-use crate::in_force::{InForce, Options, change_by, change_endpoints, ros2_types, warn_of_unheard};
+use crate::in_force::{
+    InForce, Options, Running, change_by, change_endpoints, ros2_types, warn_of_unheard,
+};
 use crate::lifecycle::{Lifecycle, Outcome, State};
-use crate::middlewares::{self, Loaded, Middlewares, Settings, show_endpoints};
-use crate::node::Node;
+use crate::middlewares::{self, Endpoints, Loaded, Middlewares, Settings, show_endpoints};
+use crate::on_graph::Advertise;
 use crate::on_graph::lifecycle::Managed;
-use crate::on_graph::offer;
 use crate::shutdown::Shutdown;
 
 /// Time between two looks at the file. It is read once it has been the same for so long.
@@ -70,10 +71,27 @@ pub enum Source {
 
 impl Source {
     /// File, or the name of the text.
-    fn name(&self) -> String {
+    #[must_use]
+    pub fn name(&self) -> String {
         match self {
             Self::File(file) => file.display().to_string(),
             Self::Text(_, name) => name.clone(),
+        }
+    }
+
+    /// Reads the configuration. To a file's come the `added` routes, and its settings are changed by `change`
+    /// before publishers are asked for types.
+    ///
+    /// # Errors
+    /// Exit code 2 for a configuration that is refused.
+    pub fn load(
+        &self,
+        added: &[Spanned<RouteConfig>],
+        change: impl FnOnce(&mut Endpoints) -> Result<(), Failure>,
+    ) -> Result<Loaded, Failure> {
+        match self {
+            Self::File(file) => middlewares::load_and_learn(file, added, change),
+            Self::Text(text, name) => middlewares::load_text(text, name),
         }
     }
 
@@ -93,14 +111,10 @@ pub struct Reload {
     pub middlewares: Middlewares,
     /// Arguments of the bridge.
     pub options: Options,
-    /// Settings of now.
-    pub in_force: Arc<Mutex<InForce>>,
-    /// The bridge's node.
-    pub node: Node,
+    /// The bridge.
+    pub bridge: Running,
     /// Handle of the node on the graph; `None` where it is on none.
     pub handle: Option<NodeHandle>,
-    /// The routes.
-    pub routes: Applier,
     /// Changes to the routes of the file.
     pub edits: Edits,
     /// Port of the live page since the start.
@@ -121,23 +135,21 @@ impl Reload {
     ) -> Result<(String, PlanDiff), Failure> {
         let name = self.source.name();
         // The node has its parameters once nothing can be refused any more.
-        let mut parameters = self.node.parameters().map_err(Failure::usage)?;
-        let mut loaded = match &self.source {
-            Source::Text(text, name) => middlewares::load_text(text, name)?,
-            Source::File(file) => {
-                let meta = std::fs::metadata(file);
-                let meta = meta.map_err(|error| Failure::usage(format!("{name}: {error}")))?;
-                if !meta.is_file() {
-                    let text = format!("{name} is no file: only a file is read again");
-                    return Err(Failure::Usage(text));
-                }
-                middlewares::load_and_learn(file, edits.added(), |endpoints| {
-                    change_endpoints(endpoints, &self.node, &mut parameters, &self.options)
-                })?
+        let Running { node, routes, in_force } = &self.bridge;
+        let mut parameters = node.parameters().map_err(Failure::usage)?;
+        if let Some(file) = self.source.file() {
+            let meta = std::fs::metadata(file);
+            let meta = meta.map_err(|error| Failure::usage(format!("{name}: {error}")))?;
+            if !meta.is_file() {
+                let text = format!("{name} is no file: only a file is read again");
+                return Err(Failure::Usage(text));
             }
-        };
+        }
+        let mut loaded = self.source.load(edits.added(), |endpoints| {
+            change_endpoints(endpoints, node, &mut parameters, &self.options)
+        })?;
         edits.leave_out(wanted, &mut loaded)?;
-        change_by(&mut loaded, &self.node, &mut parameters, &self.options)?;
+        change_by(&mut loaded, node, &mut parameters, &self.options)?;
         let Loaded { plan, endpoints, mut types, definitions, lines, text, .. } = loaded;
         let before = self.middlewares.settings();
         let settings = Settings::of(&endpoints, &plan, before)?;
@@ -149,7 +161,7 @@ impl Reload {
         let changes = before.changes(&settings);
         let next = self.middlewares.turned_to(settings)?;
         let registry = self.registry_of(&next);
-        warn_of_unheard(&plan.index(|address| self.node.resolve(address)), &lines);
+        warn_of_unheard(&plan.index(|address| node.resolve(address)), &lines);
         if let Some(handle) = &self.handle {
             handle.types(|described| {
                 for name in ros2_types(&plan) {
@@ -159,7 +171,7 @@ impl Reload {
                 }
             });
         }
-        let diff = self.routes.apply(plan, types, registry).map_err(Failure::usage)?;
+        let diff = routes.apply(plan, types, registry).map_err(Failure::usage)?;
         for change in changes {
             tracing::info!("{change}");
         }
@@ -169,7 +181,7 @@ impl Reload {
         if loaded.page_port.is_some() && loaded.page_port != self.page_port {
             tracing::warn!("{name}: page.port is another: start the program anew for that");
         }
-        *self.in_force.lock() = InForce { file: name, endpoints: endpoints.clone(), definitions };
+        *in_force.lock() = InForce { file: name, endpoints: endpoints.clone(), definitions };
         if let Some(handle) = &self.handle {
             handle.parameters(|store| {
                 declare_new(&parameters, store);
@@ -194,7 +206,7 @@ impl Reload {
         let done = contained(|| match state {
             State::Configuring => self.apply_and_tell(known).map(drop),
             State::Activating => {
-                self.routes.set_active(true);
+                self.bridge.routes.set_active(true);
                 Ok(())
             }
             State::CleaningUp | State::ErrorProcessing => self.put_away(),
@@ -219,8 +231,8 @@ impl Reload {
 
     /// Closes the routes. Plan and middlewares stay.
     fn close(&self) {
-        self.routes.set_active(false);
-        if !self.routes.wait_closed(CLOSE_WITHIN) {
+        self.bridge.routes.set_active(false);
+        if !self.bridge.routes.wait_closed(CLOSE_WITHIN) {
             tracing::warn!("a route has not closed within {} s", CLOSE_WITHIN.as_secs());
         }
     }
@@ -228,12 +240,12 @@ impl Reload {
     /// Closes the routes, and forgets them with what they were told to change. Middlewares other than ROS 2 end.
     fn put_away(&mut self) -> Result<(), Failure> {
         self.close();
-        let endpoints = self.in_force.lock().endpoints.clone();
+        let endpoints = self.bridge.in_force.lock().endpoints.clone();
         let plan = Plan::default();
         let settings = Settings::of(&endpoints, &plan, self.middlewares.settings())?;
         let next = self.middlewares.turned_to(settings)?;
         let registry = self.registry_of(&next);
-        self.routes.apply(plan, TypeStore::generated(), registry).map_err(Failure::usage)?;
+        self.bridge.routes.apply(plan, TypeStore::generated(), registry).map_err(Failure::usage)?;
         self.middlewares.replace_by(next);
         self.edits = Edits::default();
         Ok(())
@@ -256,7 +268,7 @@ impl Reload {
         known: &mut String,
     ) -> Result<PlanDiff, Failure> {
         if !self.is_configured() {
-            let (state, node) = (self.lifecycle.state().label(), self.node.name().fqn());
+            let (state, node) = (self.lifecycle.state().label(), self.bridge.node.name().fqn());
             return Err(Failure::Usage(format!(
                 "the bridge is {state} and has no routes: ros2 lifecycle set {node} configure"
             )));
@@ -366,26 +378,19 @@ impl Watch {
             thread.context("cannot catch SIGHUP")?;
         }
         let is_on_ros2 = reload.handle.is_some();
-        let is_changed = is_on_ros2 && file.is_some();
         let (lifecycle, registry) = (reload.lifecycle.clone(), reload.middlewares.registry());
+        let own = Advertise { node: &reload.bridge.node, registry, context: &context };
         let mut services = Vec::new();
-        if is_changed {
-            let node = &reload.node;
+        if is_on_ros2 && file.is_some() {
             services = vec![
-                (Asked::Reload, offer::<Trigger_Response>(node, registry, &context, "reload")),
-                (
-                    Asked::AddRoute,
-                    offer::<AddRoute_Response>(node, registry, &context, "add_route"),
-                ),
-                (
-                    Asked::RemoveRoute,
-                    offer::<RemoveRoute_Response>(node, registry, &context, "remove_route"),
-                ),
+                (Asked::Reload, own.offer::<Trigger_Response>("reload")),
+                (Asked::AddRoute, own.offer::<AddRoute_Response>("add_route")),
+                (Asked::RemoveRoute, own.offer::<RemoveRoute_Response>("remove_route")),
             ];
         }
         let mut managed = Managed::new(lifecycle.clone());
         if is_on_ros2 {
-            managed.open(&reload.node, registry, &context);
+            managed.open(&own);
         }
         if !reload.options.no_autostart {
             // The program has done it before.

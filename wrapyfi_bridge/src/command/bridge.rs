@@ -10,13 +10,13 @@ use wrapyfi_core::node::parameters::ParameterStore;
 
 use crate::edits::Edits;
 use crate::exit::Failure;
-use crate::in_force::{InForce, Options, change_by, ros2_types, warn_of_unheard};
+use crate::in_force::{InForce, Options, Running, change_by, ros2_types, warn_of_unheard};
 use crate::lifecycle::Lifecycle;
 use crate::lines::Lines;
 use crate::middlewares::{Loaded, Middlewares};
 use crate::node::Node;
 use crate::on_graph::{OnGraph, Parts};
-use crate::page::{self, Page};
+use crate::page::Page;
 use crate::reload::{Reload, Source, Watch};
 use crate::shutdown::Shutdown;
 use crate::{logging, status_line};
@@ -29,22 +29,23 @@ const MAX_LINES: usize = 8;
 /// Longest time that writing the last of them may take.
 const LAST_LINE: Duration = Duration::from_millis(500);
 
-/// Runs the routes of a configuration that is called `name`, as the ROS 2 node `node`, until the time is
-/// over or the process is asked to end.
+/// Runs the routes of a configuration, which is `loaded` from `source`, as the ROS 2 node `node`, until the time
+/// is over or the process is asked to end.
 ///
 /// # Errors
 /// Exit code 2 when the configuration is refused, 1 when a middleware cannot start.
 pub fn run(
     mut loaded: Loaded,
-    name: &str,
+    source: Source,
     node: &Node,
     mut parameters: ParameterStore,
     options: Options,
     shutdown: &Shutdown,
 ) -> Result<(), Failure> {
+    let name = source.name();
     let page_port = options.page_port.or(loaded.page_port);
     change_by(&mut loaded, node, &mut parameters, &options)?;
-    let Loaded { endpoints, plan, types: mut store, definitions, lines, file, text, .. } = loaded;
+    let Loaded { endpoints, plan, types: mut store, definitions, lines, .. } = loaded;
     if options.no_autostart && !plan.uses("ros2") {
         return Err(Failure::usage(
             "no route is on ros2, where others could configure and activate the bridge: leave --no-autostart \
@@ -54,12 +55,8 @@ pub fn run(
     WAITING.set_limit(loaded.waiting_bytes);
     warn_of_unused(&parameters);
     warn_of_unheard(&plan.index(|address| node.resolve(address)), &lines);
-    let middlewares = match options.no_autostart {
-        false => Middlewares::for_plan(&endpoints, &plan, node)?,
-        true => Middlewares::for_node(&endpoints, &plan, node)?,
-    };
-    let in_force = InForce { file: name.to_owned(), endpoints, definitions };
-    let in_force = Arc::new(Mutex::new(in_force));
+    let middlewares = Middlewares::of_bridge(&endpoints, &plan, node, options.no_autostart)?;
+    let in_force = InForce { file: name.clone(), endpoints, definitions };
     let types = ros2_types(&plan);
     // Dropped last: what the routes say at their end is logged too.
     let bridge_node = node;
@@ -82,32 +79,24 @@ pub fn run(
     drop(registry);
     let running = engine.start().context("cannot start the routes")?;
     running.set_active(!options.no_autostart);
+    let (routes, in_force) = (running.applier(), Arc::new(Mutex::new(in_force)));
+    let bridge = Running { node: bridge_node.clone(), routes, in_force };
     let lifecycle = Lifecycle::default();
     let watch = Watch::start(Reload {
-        source: file.map_or_else(|| Source::Text(text, name.to_owned()), Source::File),
+        source,
         middlewares,
         options,
-        in_force: Arc::clone(&in_force),
-        node: bridge_node.clone(),
+        bridge: bridge.clone(),
         handle: node.as_ref().map(|node| node.handle().clone()),
-        routes: running.applier(),
         edits: Edits::default(),
         page_port,
         lifecycle: lifecycle.clone(),
         shutdown: shutdown.clone(),
     })?;
-    let page = page_port.and_then(|port| {
-        let (node, in_force) = (bridge_node.clone(), Arc::clone(&in_force));
-        Page::start(port, page::Parts { node, routes: running.applier(), in_force })
-    });
-    let on_graph = node.as_ref().map(|node| Parts {
-        node: bridge_node.clone(),
-        handle: node.handle().clone(),
-        routes: running.applier(),
-        in_force,
-        lifecycle,
-    });
-    let on_graph = on_graph.map(OnGraph::start).transpose()?;
+    let page = page_port.and_then(|port| Page::start(port, bridge.clone()));
+    let on_graph = node.as_ref().map(|node| node.handle().clone());
+    let on_graph = on_graph.map(|handle| OnGraph::start(Parts { bridge, handle, lifecycle }));
+    let on_graph = on_graph.transpose()?;
     // A reader that stands still, or went, is no concern of the routes.
     let status = || Lines::start("status", std::io::stdout(), MAX_LINES, |_| String::new());
     let json = options.json.then(status).transpose().context("cannot print the status")?;

@@ -14,7 +14,7 @@ use super::{definitions, yaml};
 use crate::cli::{EchoArgs, TypeName};
 use crate::describe::{describe, describe_message, summary};
 use crate::exit::Failure;
-use crate::middlewares::{LearnTopicError, Middlewares, Role, of_topic};
+use crate::middlewares::{LearnTopicError, Role, for_endpoint, of_topic};
 use crate::output;
 use crate::shutdown::Shutdown;
 
@@ -30,9 +30,7 @@ pub fn run(args: &EchoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         Some(TypeName::Ros(name)) => Some(definitions::message_type(name, &args.definitions)?),
         None => None,
     };
-    let middlewares = Middlewares::for_endpoint(&args.endpoint, Role::Listener, args.options.own)?;
-    let middleware =
-        middlewares.registry().get(&args.endpoint.middleware).map_err(Failure::usage)?;
+    let middleware = for_endpoint(&args.endpoint, Role::Listener, args.options.own)?;
     let message_type = match named {
         Some(message_type) => message_type,
         None => match learned(args, &options, middleware.as_ref(), shutdown)? {

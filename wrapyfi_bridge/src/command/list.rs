@@ -5,10 +5,11 @@
 //! ```
 
 use std::fmt::Write as _;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use wrapyfi_core::endpoint::{Discovered, EndpointAddress, Wake};
+use wrapyfi_core::endpoint::{Discovered, EndpointAddress, Middleware, Wake};
 use wrapyfi_core::middleware::ros1;
 use wrapyfi_core::middleware::yarp::{self, YarpConfig};
 
@@ -17,7 +18,7 @@ use crate::cli::ListArgs;
 use crate::columns::aligned;
 use crate::discovery_watch::DiscoveryWatch;
 use crate::exit::Failure;
-use crate::middlewares::{self, Middlewares, Role};
+use crate::middlewares::{self, Role};
 use crate::output;
 use crate::own_address::OwnAddress;
 use crate::shutdown::Shutdown;
@@ -31,7 +32,7 @@ struct Side {
     name: &'static str,
     // Before what it came from.
     watch: DiscoveryWatch,
-    _middlewares: Middlewares,
+    _middleware: Arc<dyn Middleware>,
 }
 
 /// Looks for as long as `--wait` says, else until all sides have told what they have, then prints what
@@ -119,10 +120,9 @@ pub fn run(args: &ListArgs, shutdown: &Shutdown) -> Result<(), Failure> {
 
 fn open(name: &'static str, own: OwnAddress) -> Result<Side, Failure> {
     let address = EndpointAddress { middleware: name.to_owned(), name: "/".to_owned() };
-    let middlewares = Middlewares::for_endpoint(&address, Role::Observer, own)?;
-    let middleware = middlewares.registry().get(name).map_err(Failure::usage)?;
+    let middleware = middlewares::for_endpoint(&address, Role::Observer, own)?;
     let watch = DiscoveryWatch::new(middleware.discover().context(name)?);
-    Ok(Side { name, watch, _middlewares: middlewares })
+    Ok(Side { name, watch, _middleware: middleware })
 }
 
 fn lines(out: &mut String, middleware: &str, found: &[Discovered]) -> Result<(), Failure> {

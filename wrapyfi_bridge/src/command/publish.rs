@@ -11,7 +11,7 @@ use super::echo::Waiting;
 use super::strangers::Strangers;
 use crate::cli::{PubArgs, TypeName};
 use crate::exit::Failure;
-use crate::middlewares::{Middlewares, Role};
+use crate::middlewares::{Role, for_endpoint};
 use crate::shutdown::Shutdown;
 use crate::{describe, input};
 
@@ -37,10 +37,8 @@ pub fn run(args: &PubArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         (None, None) => Err(anyhow!("give --value or --file")),
     };
     let mut payload = payload.map_err(|error| Failure::usage(format!("{error:#}")))?;
-    let middlewares = Middlewares::for_endpoint(&args.endpoint, Role::Publisher, args.options.own)?;
+    let middleware = for_endpoint(&args.endpoint, Role::Publisher, args.options.own)?;
     let context = Context::default();
-    let middleware =
-        middlewares.registry().get(&args.endpoint.middleware).map_err(Failure::usage)?;
     let mut publisher = middleware.open_publisher(&spec, &context).map_err(Failure::usage)?;
     let mut strangers = Strangers::new(middleware.as_ref(), &args.endpoint.name, message_type);
     if !wait_for_listener(args, publisher.as_ref(), &mut strangers, &context, shutdown)? {

@@ -14,7 +14,7 @@ use wrapyfi_interfaces::wrapyfi_msgs::srv::ListRoutes_Response;
 use super::WAIT_SLICE;
 use crate::cli::TopArgs;
 use crate::exit::Failure;
-use crate::middlewares::Middlewares;
+use crate::middlewares::Ros2Section;
 use crate::on_graph::client::{Asker, LIST_ROUTES, bridges};
 use crate::output;
 use crate::shutdown::Shutdown;
@@ -37,7 +37,7 @@ pub fn run(args: &TopArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         let text = "standard output is no terminal; in a script, run `wrapyfi top --once`";
         return Err(Failure::usage(text));
     }
-    let ros2 = Middlewares::ros2_of_command()?;
+    let ros2 = Ros2Section::default().hidden()?;
     let (node, bridges) = match &args.node {
         Some(node) => (format!("/{}", node.trim_matches('/')), 1),
         None => only_bridge(&ros2, shutdown)?,

@@ -9,7 +9,7 @@ use wrapyfi_interfaces::wrapyfi_msgs::srv::Explain_Response;
 
 use crate::cli::WhyArgs;
 use crate::exit::Failure;
-use crate::middlewares::Middlewares;
+use crate::middlewares::Ros2Section;
 use crate::on_graph::client::Asker;
 use crate::output;
 use crate::why::judge::judge;
@@ -35,7 +35,7 @@ pub fn run(args: &WhyArgs) -> Result<(), Failure> {
 
 /// Answer of a bridge that runs elsewhere on the graph.
 fn elsewhere(node: &str, name: &str) -> Result<Verdict, Failure> {
-    let ros2 = Middlewares::ros2_of_command()?;
+    let ros2 = Ros2Section::default().hidden()?;
     let mut asker = Asker::<Explain_Response>::open(&ros2, node, "explain")?;
     let reply = asker.ask(Map::from([("name", Value::from(name))]), ELSEWHERE)?;
     let Explain_Response { known, way, passed, cause, what, who, remedy, .. } = reply;

@@ -3,7 +3,7 @@
 use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
 
-use wrapyfi_core::endpoint::{Middleware, Registry};
+use wrapyfi_core::endpoint::Registry;
 use wrapyfi_core::middleware::ros2::Ros2;
 use wrapyfi_core::middleware::yarp::YarpConfig;
 use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMqConfig};
@@ -15,12 +15,17 @@ use crate::node::Node;
 
 /// The three parties of the demo, each with sockets of its own.
 pub struct DemoMiddlewares {
-    bridge: Registry,
+    /// Middlewares that the routes use.
+    pub bridge: Registry,
+    /// Middlewares that the sources publish on.
     // After the bridge's: ports are unregistered where the name server still is.
-    sources: Registry,
-    viewer: Ros2,
-    broker: String,
-    name_server: String,
+    pub sources: Registry,
+    /// Middleware that the viewer listens on.
+    pub viewer: Ros2,
+    /// Address and ports of the broker.
+    pub broker: String,
+    /// Address and port of the YARP name server.
+    pub name_server: String,
     domain_id: u32,
 }
 
@@ -80,36 +85,6 @@ impl DemoMiddlewares {
         bridge.register(Arc::new(yarp));
         bridge.register(Arc::new(ros2));
         Ok(Self { sources, bridge, viewer, broker, name_server, domain_id })
-    }
-
-    /// Middlewares that the sources publish on.
-    #[must_use]
-    pub fn sources(&self) -> &Registry {
-        &self.sources
-    }
-
-    /// Middlewares that the routes use.
-    #[must_use]
-    pub fn bridge(&self) -> &Registry {
-        &self.bridge
-    }
-
-    /// Middleware that the viewer listens on.
-    #[must_use]
-    pub fn viewer(&self) -> &dyn Middleware {
-        &self.viewer
-    }
-
-    /// Address and ports of the broker.
-    #[must_use]
-    pub fn broker(&self) -> &str {
-        &self.broker
-    }
-
-    /// Address and port of the YARP name server.
-    #[must_use]
-    pub fn name_server(&self) -> &str {
-        &self.name_server
     }
 
     /// Domain of the demo, what carries it and why.

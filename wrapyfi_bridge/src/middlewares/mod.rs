@@ -1,8 +1,8 @@
 //! Steps from a configuration to middlewares that run.
 //!
 //! ```text
-//!   bridge.yaml ─ load ─▶ Endpoints + Plan ─ Middlewares::for_plan ─▶ Registry
-//!   endpoint on the command line ────────── Middlewares::for_endpoint ─▶ Registry
+//!   bridge.yaml ─ load ─▶ Endpoints + Plan ─ Middlewares::of_bridge ─▶ Registry
+//!   endpoint on the command line ───────── for_endpoint ─▶ Middleware
 //!
 //!   learn                      types from publishers
 //!   load                       a configuration file -> sections and routes
@@ -38,7 +38,7 @@ use wrapyfi_core::Limits;
 use wrapyfi_core::endpoint::{EndpointAddress, Late, Middleware, Registry, StartFault};
 use wrapyfi_core::engine::Plan;
 use wrapyfi_core::middleware::ros2::graph::Graph;
-use wrapyfi_core::middleware::ros2::{NodeEndpoints, NodeHandle, Ros2};
+use wrapyfi_core::middleware::ros2::{NodeEndpoints, NodeHandle};
 use wrapyfi_core::node::parameters::ParameterStore;
 use wrapyfi_interfaces::store::TypeStore;
 
@@ -73,31 +73,22 @@ pub struct Middlewares {
 }
 
 impl Middlewares {
-    /// The middlewares that `plan` uses, as the ROS 2 node `node`.
+    /// The middlewares that `plan` uses, as the ROS 2 node `node`; ROS 2 alone until they are turned to more where
+    /// it `waits` for its activation.
     ///
     /// # Errors
     /// Exit code 2 for settings that cannot work, 1 when the ROS 2 node does not start. Another
     /// middleware that does not start is no error: its routes wait, and it is tried again.
-    pub fn for_plan(endpoints: &Endpoints, plan: &Plan, node: &Node) -> Result<Self, Failure> {
-        Self::begin(endpoints, plan, node, Settings::of(endpoints, plan, &Settings::default())?)
-    }
-
-    /// As [`Middlewares::for_plan`], with ROS 2 alone until they are turned to more.
-    ///
-    /// # Errors
-    /// As there.
-    pub fn for_node(endpoints: &Endpoints, plan: &Plan, node: &Node) -> Result<Self, Failure> {
-        let all = Settings::of(endpoints, plan, &Settings::default())?;
-        let alone = Settings::of(endpoints, &Plan::default(), &all)?;
-        Self::begin(endpoints, plan, node, alone)
-    }
-
-    fn begin(
+    pub fn of_bridge(
         endpoints: &Endpoints,
         plan: &Plan,
         node: &Node,
-        settings: Settings,
+        waits: bool,
     ) -> Result<Self, Failure> {
+        let mut settings = Settings::of(endpoints, plan, &Settings::default())?;
+        if waits {
+            settings = Settings::of(endpoints, &Plan::default(), &settings)?;
+        }
         let mut middlewares = Self::default().turned_to(settings)?;
         if plan.uses("ros2") {
             let ros2 = endpoints.ros2.start(node, plan.largest_message_on("ros2"))?;
@@ -197,74 +188,56 @@ impl Middlewares {
         Ok(Some(OfferedNode(offered)))
     }
 
-    /// The one middleware that `address` names, for a command.
-    ///
-    /// # Errors
-    /// As [`Middlewares::for_plan`].
-    pub fn for_endpoint(
-        address: &EndpointAddress,
-        role: Role,
-        own: OwnAddress,
-    ) -> Result<Self, Failure> {
-        Self::for_service(address, role, &ServicePorts::default(), own)
-    }
-
-    /// As [`Middlewares::for_endpoint`], with the ports of requests and replies that were given.
-    ///
-    /// # Errors
-    /// As [`Middlewares::for_plan`].
-    pub fn for_service(
-        address: &EndpointAddress,
-        role: Role,
-        ports: &ServicePorts,
-        own: OwnAddress,
-    ) -> Result<Self, Failure> {
-        if address.middleware != "zeromq" && ports.any() {
-            let text = format!("{address}: --rep-port and --req-port are for zeromq");
-            return Err(Failure::Usage(text));
-        }
-        let mut endpoints = Endpoints::default();
-        endpoints.reached_at(own);
-        endpoints.zeromq.rep_port = ports.rep_port.map(in_no_file);
-        endpoints.zeromq.req_port = ports.req_port.map(in_no_file);
-        let Endpoints { zeromq, yarp, ros, hosts, .. } = &endpoints;
-        let largest = Limits::default().message_bytes;
-        let one = match address.middleware.as_str() {
-            "zeromq" => One::ZeroMq(zeromq.config(Some(role), largest, hosts)?, false),
-            yarp::NAME => {
-                let listens = !matches!(role, Role::Observer | Role::Client);
-                One::Yarp(yarp.config(largest, hosts)?, listens)
-            }
-            ros1::NAME => One::Ros1(ros.config(hosts)?),
-            "ros2" => return Ok(Self::with_ros2(Arc::new(Self::ros2_of_command()?))),
-            other => return Err(unknown(other)),
-        };
-        let mut middlewares = Self::default();
-        middlewares.registry.register(one.start()?);
-        Ok(middlewares)
-    }
-
-    /// ROS 2 as the hidden node of a command.
-    ///
-    /// # Errors
-    /// As [`Middlewares::for_plan`].
-    pub fn ros2_of_command() -> Result<Ros2, Failure> {
-        Ros2Section::default().hidden()
-    }
-
-    /// Middlewares of a command on `ros2` alone.
-    #[must_use]
-    pub fn with_ros2(ros2: Arc<Ros2>) -> Self {
-        let mut middlewares = Self::default();
-        middlewares.registry.register(ros2);
-        middlewares
-    }
-
     /// The middlewares by name.
     #[must_use]
     pub fn registry(&self) -> &Registry {
         &self.registry
     }
+}
+
+/// The one middleware that `address` names, for a command.
+///
+/// # Errors
+/// As [`Middlewares::of_bridge`].
+pub fn for_endpoint(
+    address: &EndpointAddress,
+    role: Role,
+    own: OwnAddress,
+) -> Result<Arc<dyn Middleware>, Failure> {
+    for_service(address, role, &ServicePorts::default(), own)
+}
+
+/// As [`for_endpoint`], with the ports of requests and replies that were given.
+///
+/// # Errors
+/// As [`Middlewares::of_bridge`].
+pub fn for_service(
+    address: &EndpointAddress,
+    role: Role,
+    ports: &ServicePorts,
+    own: OwnAddress,
+) -> Result<Arc<dyn Middleware>, Failure> {
+    if address.middleware != "zeromq" && ports.any() {
+        let text = format!("{address}: --rep-port and --req-port are for zeromq");
+        return Err(Failure::Usage(text));
+    }
+    let mut endpoints = Endpoints::default();
+    endpoints.reached_at(own);
+    endpoints.zeromq.rep_port = ports.rep_port.map(in_no_file);
+    endpoints.zeromq.req_port = ports.req_port.map(in_no_file);
+    let Endpoints { zeromq, yarp, ros, ros2, hosts } = &endpoints;
+    let largest = Limits::default().message_bytes;
+    let one = match address.middleware.as_str() {
+        "zeromq" => One::ZeroMq(zeromq.config(Some(role), largest, hosts)?, false),
+        yarp::NAME => {
+            let listens = !matches!(role, Role::Observer | Role::Client);
+            One::Yarp(yarp.config(largest, hosts)?, listens)
+        }
+        ros1::NAME => One::Ros1(ros.config(hosts)?),
+        "ros2" => return Ok(Arc::new(ros2.hidden()?)),
+        other => return Err(unknown(other)),
+    };
+    one.start()
 }
 
 /// Starts a middleware; where something that it needs is not there, or the one `before` is still in use, for which

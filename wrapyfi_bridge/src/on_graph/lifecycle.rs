@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use wrapyfi_core::endpoint::{Context, Qos, Registry, Server};
+use wrapyfi_core::endpoint::{Qos, Server};
 use wrapyfi_core::types::{Map, Value};
 use wrapyfi_interfaces::lifecycle_msgs::msg::{
     State as StateMessage, Transition as TransitionMessage, TransitionDescription, TransitionEvent,
@@ -13,15 +13,15 @@ use wrapyfi_interfaces::lifecycle_msgs::srv::{
     GetState_Response,
 };
 
-use super::{Advertise, Offered, Topic, next, offer, tell};
+use super::{Advertise, Offered, Topic, next, tell};
 use crate::lifecycle::{Lifecycle, Outcome, State, TRANSITIONS, Transition};
-use crate::node::Node;
 
 /// Longest time that an event waits for a subscription. Where services and topics are found by different participants,
 /// a caller may reach the service before its subscription is found, and the event of its own call would be lost to it.
 const WAIT_FOR_SUBSCRIPTION: Duration = Duration::from_secs(3);
 
 /// Endpoints through which others look at the state of a node, and change it.
+#[derive(Default)]
 pub(crate) struct Managed {
     lifecycle: Lifecycle,
     events: Option<Topic>,
@@ -37,29 +37,16 @@ pub(crate) struct Managed {
 impl Managed {
     /// A node whose state nobody else sees.
     pub(crate) fn new(lifecycle: Lifecycle) -> Self {
-        let (change, state, states, available, graph) = (None, None, None, None, None);
-        Self {
-            lifecycle,
-            events: None,
-            unheard: VecDeque::new(),
-            change,
-            state,
-            states,
-            available,
-            graph,
-        }
+        Self { lifecycle, ..Self::default() }
     }
 
     /// Opens the endpoints. One that the middleware refuses is missing, which is logged.
-    pub(crate) fn open(&mut self, node: &Node, registry: &Registry, context: &Context) {
-        let advertise = Advertise { node, registry, context };
-        self.events = advertise.open::<TransitionEvent>("~/transition_event", Qos::default());
-        self.change = offer::<ChangeState_Response>(node, registry, context, "change_state");
-        self.state = offer::<GetState_Response>(node, registry, context, "get_state");
-        let states = "get_available_states";
-        self.states = offer::<GetAvailableStates_Response>(node, registry, context, states);
-        let transitions =
-            |name| offer::<GetAvailableTransitions_Response>(node, registry, context, name);
+    pub(crate) fn open(&mut self, own: &Advertise<'_>) {
+        self.events = own.open::<TransitionEvent>("~/transition_event", Qos::default());
+        self.change = own.offer::<ChangeState_Response>("change_state");
+        self.state = own.offer::<GetState_Response>("get_state");
+        self.states = own.offer::<GetAvailableStates_Response>("get_available_states");
+        let transitions = |name| own.offer::<GetAvailableTransitions_Response>(name);
         self.available = transitions("get_available_transitions");
         self.graph = transitions("get_transition_graph");
     }

@@ -29,10 +29,10 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use wrapyfi_core::endpoint::{
-    BridgeMark, Context, Durability, History, IncomingRequest, Mutex, Publisher, Qos, Registry,
-    RequestId, Server, ServiceSpec, TopicSpec, Wake,
+    BridgeMark, Context, Durability, History, IncomingRequest, Publisher, Qos, Registry, RequestId,
+    Server, ServiceSpec, TopicSpec, Wake,
 };
-use wrapyfi_core::engine::{Applier, RouteStatus};
+use wrapyfi_core::engine::RouteStatus;
 use wrapyfi_core::middleware::ros2::NodeHandle;
 use wrapyfi_core::types::{MessageType, Payload, RosMessage, RosType, ServiceKind, Value};
 use wrapyfi_interfaces::Message;
@@ -48,14 +48,13 @@ use wrapyfi_retry::thread::restarted;
 use self::diagnostics::Diagnostics;
 use self::namesakes::Namesakes;
 use crate::exit::Failure;
-use crate::in_force::InForce;
+use crate::in_force::Running;
 use crate::lifecycle::{Lifecycle, State};
 use crate::middlewares;
 use crate::node::Node;
 use crate::why::Verdict;
 use crate::why::bridges::not_active;
 use crate::why::judge::judge;
-use crate::why::question::explain;
 
 /// Time between two diagnostics.
 const EVERY: Duration = Duration::from_secs(1);
@@ -65,15 +64,12 @@ const MAX_WAITING: usize = 16;
 const STOP_WITHIN: Duration = Duration::from_millis(500);
 
 /// A bridge that runs, as its endpoints need it.
+#[derive(Clone)]
 pub struct Parts {
-    /// The bridge's node.
-    pub node: Node,
+    /// The bridge.
+    pub bridge: Running,
     /// Handle of the node on the graph.
     pub handle: NodeHandle,
-    /// The routes.
-    pub routes: Applier,
-    /// Settings beside the routes.
-    pub in_force: Arc<Mutex<InForce>>,
     /// State of the node.
     pub lifecycle: Lifecycle,
 }
@@ -95,26 +91,29 @@ impl OnGraph {
         let wake = parts.lifecycle.changes().clone();
         let (context, stop) =
             (Context { wake, ..Context::default() }, Arc::<AtomicBool>::default());
-        let registry = parts.routes.registry();
-        let advertise = Advertise { node: &parts.node, registry: &registry, context: &context };
-        let diagnostics = advertise.open::<DiagnosticArray>("/diagnostics", Qos::default());
-        let diagnostics =
-            diagnostics.map(|topic| (topic, Diagnostics::new(parts.node.name().fqn())));
+        let (node, registry) = (&parts.bridge.node, parts.bridge.routes.registry());
+        let own = Advertise { node, registry: &registry, context: &context };
+        let diagnostics = own.open::<DiagnosticArray>("/diagnostics", Qos::default());
         // Who comes late has the latest at once.
         let latched = Qos {
             durability: Durability::TransientLocal,
             history: History::KeepLast(1),
             ..Qos::default()
         };
-        let status = advertise.open::<BridgeStatus>("~/status", latched);
-        let list = offer::<ListRoutes_Response>(&parts.node, &registry, &context, "list_routes");
-        let explain = offer::<Explain_Response>(&parts.node, &registry, &context, "explain");
-        let namesakes = Namesakes::new(&parts.node, &registry);
-        drop(registry);
         let (ask, asked) = sync_channel(MAX_WAITING);
         let (tell, told) = channel();
-        let (routes, wake) = (parts.routes.clone(), context.wake.clone());
-        let (handle, lifecycle) = (parts.handle.clone(), parts.lifecycle.clone());
+        let work = Work {
+            diagnostics: diagnostics.map(|topic| (topic, Diagnostics::new(node.name().fqn()))),
+            status: own.open::<BridgeStatus>("~/status", latched),
+            list: own.offer::<ListRoutes_Response>("list_routes"),
+            explain: own.offer::<Explain_Response>("explain"),
+            namesakes: Namesakes::new(node, &registry),
+            parts: parts.clone(),
+            ask,
+            told,
+        };
+        drop(registry);
+        let wake = context.wake.clone();
         let (alive, ended) = channel::<()>();
         let explaining = alive.clone();
         let thread = std::thread::Builder::new().name("explain".to_owned());
@@ -124,18 +123,6 @@ impl OnGraph {
             answer_all(&parts, &asked, &tell, &wake);
         });
         started.context("cannot answer ~/explain")?;
-        let work = Work {
-            routes,
-            handle,
-            lifecycle,
-            diagnostics,
-            status,
-            list,
-            explain,
-            namesakes,
-            ask,
-            told,
-        };
         let (leave, wake) = (Arc::clone(&stop), context.wake.clone());
         let thread = std::thread::Builder::new().name("on-graph".to_owned());
         let started = thread.spawn(move || {
@@ -147,9 +134,9 @@ impl OnGraph {
                 !leave.load(Relaxed)
             };
             restarted("the thread of /diagnostics", pause, || {
-                let (mut next, mut told) = (Instant::now() + EVERY, work.lifecycle.state());
+                let (mut next, mut told) = (Instant::now() + EVERY, work.parts.lifecycle.state());
                 while !leave.load(Relaxed) {
-                    let state = work.lifecycle.state();
+                    let state = work.parts.lifecycle.state();
                     let is_new = state != told && state.is_primary();
                     if is_new || Instant::now() >= next {
                         told = state;
@@ -196,9 +183,7 @@ impl Topic {
 
 /// Work of the thread.
 struct Work {
-    routes: Applier,
-    handle: NodeHandle,
-    lifecycle: Lifecycle,
+    parts: Parts,
     diagnostics: Option<(Topic, Diagnostics)>,
     status: Option<Topic>,
     list: Option<Offered>,
@@ -214,24 +199,25 @@ impl Work {
         if let Some(namesakes) = &mut self.namesakes {
             namesakes.look(Instant::now());
         }
-        let (routes, now) = (self.routes.status(), self.handle.now());
+        let Parts { bridge, handle, lifecycle } = &self.parts;
+        let (routes, now) = (bridge.routes.status(), handle.now());
         if let Some(status) = &mut self.status {
             let stamp = Time { sec: now.sec, nanosec: now.nanosec };
             status.publish(&BridgeStatus {
                 header: Header { stamp, frame_id: String::new() },
-                state: self.lifecycle.state().label().to_owned(),
+                state: lifecycle.state().label().to_owned(),
                 routes: routes.iter().map(info::of).collect(),
             });
         }
         let Some((topic, diagnostics)) = &mut self.diagnostics else { return };
-        let away = middlewares::waits(&self.routes.registry());
+        let away = middlewares::waits(&bridge.routes.registry());
         topic.publish(&diagnostics.of(&routes, &away, now, Instant::now()));
     }
 
     fn answer(&mut self) {
         if let Some((server, response)) = &mut self.list {
             while let Some(asked) = next(server.as_mut()) {
-                let routes = self.routes.status().iter().map(info::of).collect();
+                let routes = self.parts.bridge.routes.status().iter().map(info::of).collect();
                 let reply = ListRoutes_Response { routes };
                 tell(server.as_mut(), asked.id, *response, &reply);
             }
@@ -264,16 +250,15 @@ fn answer_all(
 ) {
     while let Ok((id, name)) = asked.recv() {
         let answer = contained(|| {
-            let Parts { node, routes, in_force, lifecycle, .. } = parts;
+            let Parts { bridge: bridge @ Running { node, routes, .. }, lifecycle, .. } = parts;
             let state = lifecycle.state();
             if state != State::Active {
                 let finding = Some(not_active(state, &node.name().fqn(), None));
                 let verdict = Verdict { way: name.clone(), passed: Vec::new(), finding };
                 return Ok(info::explained(&verdict, &meant(&name, &name, &routes.status())));
             }
-            let way =
-                explain(node, routes, in_force, &name).map_err(|failure| failure.to_string())?;
-            Ok(info::explained(&judge(&way), &meant(&way.title, &name, &parts.routes.status())))
+            let way = bridge.explain(&name).map_err(|failure| failure.to_string())?;
+            Ok(info::explained(&judge(&way), &meant(&way.title, &name, &routes.status())))
         });
         let reply = answer
             .flatten()
@@ -323,11 +308,11 @@ fn mark() -> Option<BridgeMark> {
     Some(BridgeMark { bridge: BridgeMark::number(), path })
 }
 
-/// Opens topics of a node.
-struct Advertise<'n> {
-    node: &'n Node,
-    registry: &'n Registry,
-    context: &'n Context,
+/// Opens topics and services of a node.
+pub(crate) struct Advertise<'n> {
+    pub(crate) node: &'n Node,
+    pub(crate) registry: &'n Registry,
+    pub(crate) context: &'n Context,
 }
 
 impl Advertise<'_> {
@@ -345,29 +330,24 @@ impl Advertise<'_> {
         };
         opened().inspect_err(|why| tracing::warn!("{name} is not published: {why}")).ok()
     }
-}
 
-/// Offers a service of the node, whose replies are of type `R`.
-pub(crate) fn offer<R: Message>(
-    node: &Node,
-    registry: &Registry,
-    context: &Context,
-    service: &str,
-) -> Option<Offered> {
-    let opened = || -> Result<_, String> {
-        let type_name = R::ROS_TYPE.trim_end_matches("_Response");
-        let kind = ServiceKind::resolve(type_name, &mut TypeStore::generated());
-        let ServiceKind::Ros(known) = kind.map_err(|error| error.to_string())? else {
-            return Err(format!("{type_name} is not what it was"));
+    /// Offers a service, whose replies are of type `R`.
+    pub(crate) fn offer<R: Message>(&self, service: &str) -> Option<Offered> {
+        let opened = || -> Result<_, String> {
+            let type_name = R::ROS_TYPE.trim_end_matches("_Response");
+            let kind = ServiceKind::resolve(type_name, &mut TypeStore::generated());
+            let ServiceKind::Ros(known) = kind.map_err(|error| error.to_string())? else {
+                return Err(format!("{type_name} is not what it was"));
+            };
+            let name = self.node.resolve_service(&format!("~/{service}"));
+            let name = name.map_err(|error| error.to_string())?;
+            let ros2 = self.registry.get("ros2").map_err(|error| error.to_string())?;
+            let spec = ServiceSpec::new(name, ServiceKind::Ros(known));
+            let server = ros2.open_server(&ServiceSpec { mark: mark(), ..spec }, self.context);
+            Ok((server.map_err(|error| error.to_string())?, known.response()))
         };
-        let name = node.resolve_service(&format!("~/{service}"));
-        let name = name.map_err(|error| error.to_string())?;
-        let ros2 = registry.get("ros2").map_err(|error| error.to_string())?;
-        let spec = ServiceSpec::new(name, ServiceKind::Ros(known));
-        let server = ros2.open_server(&ServiceSpec { mark: mark(), ..spec }, context);
-        Ok((server.map_err(|error| error.to_string())?, known.response()))
-    };
-    opened().inspect_err(|why| tracing::warn!("~/{service} is not offered: {why}")).ok()
+        opened().inspect_err(|why| tracing::warn!("~/{service} is not offered: {why}")).ok()
+    }
 }
 
 #[cfg(test)]

@@ -14,10 +14,10 @@ use wrapyfi_core::engine::RouteStatus;
 use wrapyfi_retry::contained;
 
 use super::document::Document;
+use super::metrics;
 use super::previews::Previews;
-use super::{Parts, metrics};
+use crate::in_force::Running;
 use crate::why::judge::judge;
-use crate::why::question::explain;
 use crate::{logging, middlewares};
 use wrapyfi_core::endpoint::Mutex;
 
@@ -59,7 +59,7 @@ struct Now {
 
 /// Everything that the page tells.
 pub(super) struct Answers {
-    parts: Arc<Parts>,
+    bridge: Running,
     document: Document,
     now: Mutex<Option<Arc<Now>>>,
     previews: Mutex<Previews>,
@@ -86,9 +86,9 @@ struct Told<'a> {
 }
 
 impl Answers {
-    pub(super) fn new(parts: Parts) -> Self {
+    pub(super) fn new(bridge: Running) -> Self {
         Self {
-            parts: Arc::new(parts),
+            bridge,
             document: Document::new(),
             now: Mutex::default(),
             previews: Mutex::default(),
@@ -125,7 +125,7 @@ impl Answers {
 
     /// Middlewares, each with what it waits for.
     fn middlewares(&self) -> BTreeMap<&'static str, Option<String>> {
-        middlewares::waits(&self.parts.routes.registry())
+        middlewares::waits(&self.bridge.routes.registry())
     }
 
     fn now(&self) -> Arc<Now> {
@@ -135,11 +135,11 @@ impl Answers {
         {
             return Arc::clone(now);
         }
-        let routes = self.parts.routes.status();
+        let routes = self.bridge.routes.status();
         let ids: Vec<String> = routes.iter().map(id).collect();
         let rows = ids.iter().zip(&routes).map(|(id, status)| Row { id, status });
         let told = Told {
-            node: self.parts.node.name().fqn(),
+            node: self.bridge.node.name().fqn(),
             middlewares: self.middlewares(),
             panics: logging::panics(),
             routes: rows.collect(),
@@ -158,7 +158,7 @@ impl Answers {
         let found: BTreeMap<_, _> = wanted
             .take(MAX_PREVIEWS)
             .filter_map(|(id, route)| {
-                let tap = self.parts.routes.tap(&route.name, &route.from, &route.to)?;
+                let tap = self.bridge.routes.tap(&route.name, &route.from, &route.to)?;
                 Some((id, previews.look(id, tap, Instant::now())?))
             })
             .collect();
@@ -175,11 +175,10 @@ impl Answers {
         let Ok(turn) = Arc::clone(&self.asking).try_acquire_owned() else {
             return fault("another question is being answered: ask again in a moment");
         };
-        let (parts, name) = (Arc::clone(&self.parts), route.name.clone());
+        let (bridge, name) = (self.bridge.clone(), route.name.clone());
         let asked = tokio::task::spawn_blocking(move || {
             let _turn = turn;
-            let Parts { node, routes, in_force, .. } = &*parts;
-            let ask = || explain(node, routes, in_force, &name).map_err(|fault| fault.to_string());
+            let ask = || bridge.explain(&name).map_err(|fault| fault.to_string());
             contained(|| ask().map(|way| judge(&way))).flatten()
         });
         match asked.await {

@@ -25,25 +25,12 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
 use tokio::sync::oneshot;
-use wrapyfi_core::endpoint::Mutex;
-use wrapyfi_core::engine::Applier;
 
 use self::answers::Answers;
-use crate::in_force::InForce;
-use crate::node::Node;
+use crate::in_force::Running;
 
 /// Longest time that the end of the program waits for an answer in progress.
 const STOP_WITHIN: Duration = Duration::from_millis(500);
-
-/// A bridge that runs, as its page needs it.
-pub struct Parts {
-    /// The bridge's node.
-    pub node: Node,
-    /// The routes.
-    pub routes: Applier,
-    /// Settings beside the routes.
-    pub in_force: Arc<Mutex<InForce>>,
-}
 
 /// The page. It ends when it is dropped.
 pub struct Page {
@@ -57,8 +44,8 @@ impl Page {
     /// Serves the page at `port` of 127.0.0.1. A port that is taken leaves the bridge without its page, which is
     /// logged: the routes go on.
     #[must_use]
-    pub fn start(port: u16, parts: Parts) -> Option<Self> {
-        serve(port, parts)
+    pub fn start(port: u16, bridge: Running) -> Option<Self> {
+        serve(port, bridge)
             .inspect_err(|why| {
                 tracing::error!(
                     "there is no live page at 127.0.0.1:{port}: {why}; another port is `page: {{ port: … }}` \
@@ -69,7 +56,7 @@ impl Page {
     }
 }
 
-fn serve(port: u16, parts: Parts) -> std::io::Result<Page> {
+fn serve(port: u16, bridge: Running) -> std::io::Result<Page> {
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))?;
     listener.set_nonblocking(true)?;
     let address = listener.local_addr()?;
@@ -82,7 +69,7 @@ fn serve(port: u16, parts: Parts) -> std::io::Result<Page> {
     let (alive, ended) = channel::<()>();
     std::thread::Builder::new().name("page".to_owned()).spawn(move || {
         let _alive = alive;
-        let answers = Arc::new(Answers::new(parts));
+        let answers = Arc::new(Answers::new(bridge));
         runtime.block_on(server::serve(listener, answers, stopped));
         // A question that is being answered is not waited for.
         runtime.shutdown_background();

@@ -30,7 +30,7 @@ impl Reload {
             }
         }
         if is_other {
-            self.routes.turn_to(self.registry_of(&self.middlewares));
+            self.bridge.routes.turn_to(self.registry_of(&self.middlewares));
         }
     }
 }

@@ -11,9 +11,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-use wrapyfi_core::endpoint::{Discovered, DropReason, EndpointAddress, Mutex, Role};
+use wrapyfi_core::endpoint::{Discovered, DropReason, EndpointAddress, Role};
 use wrapyfi_core::engine::{
-    Applier, Kind, Plan, Route, RouteIndex, TO_BE_ACTIVATED, Typing, may_be_read_as,
+    Kind, Plan, Route, RouteIndex, TO_BE_ACTIVATED, Typing, may_be_read_as,
 };
 use wrapyfi_core::middleware::yarp;
 use wrapyfi_core::types::{DataType, MessageType};
@@ -27,7 +27,7 @@ use super::{End, Finding, Limited, RouteFacts, Unheard, Way, bridges, roles, run
 use crate::cli::WhyArgs;
 use crate::command::definitions;
 use crate::exit::Failure;
-use crate::in_force::InForce;
+use crate::in_force::{InForce, Running};
 use crate::lifecycle::State;
 use crate::middlewares::{self, Endpoints, Loaded, Undefined, is_ros};
 use crate::node::Node;
@@ -488,27 +488,24 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, mut types: TypeStore)
     Way { title: text, is_service, node, running, source, foreign, ..Way::default() }
 }
 
-/// Finds out about a name, from where the bridge runs and with what it runs.
-///
-/// # Errors
-/// As [`ask`].
-pub(crate) fn explain(
-    node: &Node,
-    routes: &Applier,
-    in_force: &Mutex<InForce>,
-    name: &str,
-) -> Result<Way, Failure> {
-    let (registry, plan) = (routes.registry(), routes.plan());
-    let in_force = in_force.lock().clone();
-    let InForce { file, endpoints, definitions } = &in_force;
-    let configured = Configured {
-        file,
-        plan: &plan,
-        node,
-        sight: Sight { bridge: Some(&registry), ..Sight::of_command(endpoints) },
-        status: Some(&|| routes.status().iter().map(info::of).collect()),
-    };
-    configured.way(name, definitions::store(definitions)?)
+impl Running {
+    /// Finds out about a name, from where the bridge runs and with what it runs.
+    ///
+    /// # Errors
+    /// As [`ask`].
+    pub(crate) fn explain(&self, name: &str) -> Result<Way, Failure> {
+        let (registry, plan) = (self.routes.registry(), self.routes.plan());
+        let in_force = self.in_force.lock().clone();
+        let InForce { file, endpoints, definitions } = &in_force;
+        let configured = Configured {
+            file,
+            plan: &plan,
+            node: &self.node,
+            sight: Sight { bridge: Some(&registry), ..Sight::of_command(endpoints) },
+            status: Some(&|| self.routes.status().iter().map(info::of).collect()),
+        };
+        configured.way(name, definitions::store(definitions)?)
+    }
 }
 
 #[cfg(test)]

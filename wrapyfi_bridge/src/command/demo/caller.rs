@@ -4,11 +4,10 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use wrapyfi_core::Limits;
-use wrapyfi_core::endpoint::{
-    Client, Context, Latency, LatencySummary, Middleware, Reply, Request, ServiceSpec, Ticket,
-};
+use wrapyfi_core::endpoint::{Client, Context, Middleware, Reply, Request, ServiceSpec, Ticket};
 use wrapyfi_core::types::{Payload, ServiceKind, Value};
 
+use super::tally::Tally;
 use crate::canonical::canonical;
 
 /// Time between calls.
@@ -16,17 +15,16 @@ const EVERY: Duration = Duration::from_secs(1);
 
 /// Calls one service of ROS 2.
 pub(super) struct Caller {
-    service: &'static str,
-    kind: ServiceKind,
+    pub(super) service: &'static str,
+    pub(super) kind: ServiceKind,
+    /// What was answered, and how long it took.
+    pub(super) tally: Tally,
     client: Box<dyn Client>,
     under_way: Option<(Ticket, Instant)>,
     next: Instant,
     light: bool,
-    answered: u64,
-    bytes: u64,
     failed: u64,
     last_failure: String,
-    latency: Latency,
 }
 
 impl Caller {
@@ -41,15 +39,13 @@ impl Caller {
         Ok(Self {
             service,
             kind,
+            tally: Tally::default(),
             client,
             under_way: None,
             next: Instant::now(),
             light: false,
-            answered: 0,
-            bytes: 0,
             failed: 0,
             last_failure: String::new(),
-            latency: Latency::default(),
         })
     }
 
@@ -59,11 +55,8 @@ impl Caller {
             let sent_at = self.under_way.take_if(|(sent, _)| *sent == ticket).map(|(_, at)| at);
             match ended.map_err(|error| error.to_string()).and_then(|reply| agreed(&reply)) {
                 Ok(bytes) => {
-                    self.answered += 1;
-                    self.bytes += bytes;
-                    if let Some(at) = sent_at {
-                        self.latency.record(now.saturating_duration_since(at));
-                    }
+                    let took = sent_at.map(|at| now.saturating_duration_since(at));
+                    self.tally.add(bytes, took);
                 }
                 Err(reason) => self.fail(reason),
             }
@@ -87,7 +80,7 @@ impl Caller {
 
     /// Fault of the calls so far, in words; `None` where they are answered.
     pub(super) fn fault(&self) -> Option<String> {
-        let Self { service, answered, failed, last_failure, .. } = self;
+        let Self { service, tally: Tally { count: answered, .. }, failed, last_failure, .. } = self;
         match (answered, failed) {
             (0, 0) => Some(format!("no call of {service} was answered")),
             (_, 0) => None,
@@ -97,27 +90,10 @@ impl Caller {
             )),
         }
     }
-
-    pub(super) fn service(&self) -> &'static str {
-        self.service
-    }
-
-    pub(super) fn type_name(&self) -> String {
-        self.kind.ros_type().replace("/srv", "")
-    }
-
-    /// Calls that were answered, and the bytes of their replies.
-    pub(super) fn answered(&self) -> (u64, u64) {
-        (self.answered, self.bytes)
-    }
-
-    pub(super) fn latency(&self) -> LatencySummary {
-        self.latency.summary()
-    }
 }
 
 /// The size of a reply in which the robot did what it was asked.
-fn agreed(reply: &Reply) -> Result<u64, String> {
+fn agreed(reply: &Reply) -> Result<usize, String> {
     let value = match &reply.payload {
         Payload::NativeObject(object) => object.value.clone(),
         Payload::RosMessage(message) => message
@@ -126,7 +102,7 @@ fn agreed(reply: &Reply) -> Result<u64, String> {
         other => return Err(format!("the robot answered a {}", other.data_type())),
     };
     match value.get("success").and_then(Value::as_bool) {
-        Some(true) => Ok(reply.wire_bytes as u64),
+        Some(true) => Ok(reply.wire_bytes),
         _ => Err(format!("the robot answered {}", canonical(&value))),
     }
 }
@@ -162,12 +138,12 @@ mod tests {
         let begun = Instant::now();
         caller.step(begun);
         let until_answered = |caller: &mut Caller, count| {
-            while caller.answered().0 < count && begun.elapsed() < DEADLINE {
+            while caller.tally.count < count && begun.elapsed() < DEADLINE {
                 context.wake.wait(Duration::from_millis(10));
                 // The clock stands still: nothing more is due.
                 caller.step(begun);
             }
-            assert_eq!(caller.answered().0, count, "{:?}", caller.fault());
+            assert_eq!(caller.tally.count, count, "{:?}", caller.fault());
         };
         until_answered(&mut caller, 1);
         assert!(caller.under_way.is_none());
@@ -185,7 +161,7 @@ mod tests {
         caller.step(Instant::now());
         assert_eq!(caller.fault().as_deref(), Some("no call of /robot/light was answered"));
         caller.fail("nobody is there".to_owned());
-        caller.answered = 3;
+        caller.tally.count = 3;
         let told = "1 of 4 calls of /robot/light failed, the last: nobody is there";
         assert_eq!(caller.fault().as_deref(), Some(told));
     }

@@ -15,6 +15,7 @@ mod robot;
 mod routes;
 mod scenes;
 mod sources;
+mod tally;
 mod viewer;
 
 use std::io::IsTerminal as _;
@@ -29,12 +30,12 @@ use self::sources::Sources;
 use self::viewer::Viewer;
 use crate::cli::DemoArgs;
 use crate::exit::Failure;
-use crate::in_force::InForce;
+use crate::in_force::{InForce, Running};
 use crate::middlewares::{DemoMiddlewares, Endpoints};
 use crate::node::Node;
 use crate::on_graph::info;
 use crate::output;
-use crate::page::{self, Page};
+use crate::page::Page;
 use crate::shutdown::Shutdown;
 use crate::top::routes::Routes;
 
@@ -46,17 +47,17 @@ use crate::top::routes::Routes;
 pub fn run(args: &DemoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let middlewares = DemoMiddlewares::start()?;
     let plan = routes::plan().context("demo routes")?;
-    let mut viewer = Viewer::open(middlewares.viewer())?;
+    let mut viewer = Viewer::open(&middlewares.viewer)?;
     let running =
-        Engine::new(plan, middlewares.bridge()).start().context("cannot start the routes")?;
-    let sources = Sources::start(middlewares.sources())?;
+        Engine::new(plan, &middlewares.bridge).start().context("cannot start the routes")?;
+    let sources = Sources::start(&middlewares.sources)?;
     let node = Node::named("wrapyfi_demo").context("the demo's node")?;
     let page = args.page.and_then(|port| {
         // The middlewares are the demo's own: nothing is asked by these settings.
         let (file, endpoints) = ("wrapyfi demo".to_owned(), Endpoints::default());
         let in_force = InForce { file, endpoints, definitions: Vec::new() };
         let (routes, in_force) = (running.applier(), Arc::new(Mutex::new(in_force)));
-        Page::start(port, page::Parts { node, routes, in_force })
+        Page::start(port, Running { node, routes, in_force })
     });
 
     let start = Instant::now();
@@ -74,8 +75,8 @@ pub fn run(args: &DemoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         screen.show(&format!(
             "{:.0} s: ZeroMQ broker on {}, YARP name server on {}, ROS 2 {}\n\n{}\n{}",
             start.elapsed().as_secs_f64(),
-            middlewares.broker(),
-            middlewares.name_server(),
+            middlewares.broker,
+            middlewares.name_server,
             middlewares.graph(),
             routes.table(),
             viewer.table(elapsed),

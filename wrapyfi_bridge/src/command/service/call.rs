@@ -17,7 +17,7 @@ use crate::cli::CallArgs;
 use crate::command::definitions;
 use crate::describe::{describe, summary};
 use crate::exit::Failure;
-use crate::middlewares::{Middlewares, Role, is_ros};
+use crate::middlewares::{Role, for_service, is_ros};
 use crate::output;
 use crate::shutdown::Shutdown;
 use crate::why::question::inactive_at;
@@ -56,9 +56,7 @@ fn called(args: &CallArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         options.insert("bottle", "auto");
     }
     let (own, ports) = (args.options.own, &args.ports);
-    let middlewares = Middlewares::for_service(&args.endpoint, Role::Client, ports, own)?;
-    let middleware =
-        middlewares.registry().get(&args.endpoint.middleware).map_err(Failure::usage)?;
+    let middleware = for_service(&args.endpoint, Role::Client, ports, own)?;
     let context = Context::default();
     let kind = match named {
         Some(kind) => kind,

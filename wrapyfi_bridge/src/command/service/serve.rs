@@ -18,7 +18,7 @@ use crate::canonical::canonical;
 use crate::cli::ServeArgs;
 use crate::command::WAIT_SLICE;
 use crate::exit::Failure;
-use crate::middlewares::{Middlewares, Role, is_ros};
+use crate::middlewares::{Role, for_service, is_ros};
 use crate::shutdown::Shutdown;
 use crate::{input, output};
 
@@ -43,9 +43,7 @@ pub fn run(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let constant = constant(args, &spec)?;
     let context = Context::default();
     let (own, ports) = (args.options.own, &args.ports);
-    let middlewares = Middlewares::for_service(&args.endpoint, Role::Server, ports, own)?;
-    let middleware =
-        middlewares.registry().get(&args.endpoint.middleware).map_err(Failure::usage)?;
+    let middleware = for_service(&args.endpoint, Role::Server, ports, own)?;
     let mut server = middleware.open_server(&spec, &context).map_err(|error| anyhow!("{error}"))?;
     tracing::info!("serving {kind} at {}", args.endpoint);
     if args.endpoint.middleware == "zeromq" {
