@@ -359,15 +359,7 @@ impl std::str::FromStr for ServiceName {
             return Ok(Self(kind.ros_type().to_owned()));
         }
         let expected = "must be NativeObject, Image, CompressedImage, AudioChunk, or any ROS type";
-        match text.split('/').collect::<Vec<_>>()[..] {
-            [package, "srv", name] if !package.is_empty() && !name.is_empty() => {
-                Ok(Self(text.to_owned()))
-            }
-            [package, name] if !package.is_empty() && !name.is_empty() => {
-                Err(format!("{expected}: did you mean {package}/srv/{name}?"))
-            }
-            _ => Err(format!("{expected} as package/srv/Name")),
-        }
+        of_ros(text, "srv", expected).map(Self)
     }
 }
 
@@ -466,19 +458,24 @@ impl std::str::FromStr for TypeName {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let error = match text.parse() {
+        let expected = match text.parse() {
             Ok(known) => return Ok(Self::Known(known)),
-            Err(error) => error,
+            Err(error) => format!("{error}, or any ROS type"),
         };
-        match text.split('/').collect::<Vec<_>>()[..] {
-            [package, "msg", name] if !package.is_empty() && !name.is_empty() => {
-                Ok(Self::Ros(text.to_owned()))
-            }
-            [package, name] if !package.is_empty() && !name.is_empty() => {
-                Err(format!("{error}, or any ROS type: did you mean {package}/msg/{name}?"))
-            }
-            _ => Err(format!("{error}, or any ROS type as package/msg/Name")),
+        of_ros(text, "msg", &expected).map(Self::Ros)
+    }
+}
+
+/// The full name of a ROS type, `package/msg/Name` or `package/srv/Name`; what was `expected`, where it is none.
+fn of_ros(text: &str, kind: &str, expected: &str) -> Result<String, String> {
+    match text.split('/').collect::<Vec<_>>()[..] {
+        [package, of, name] if of == kind && !package.is_empty() && !name.is_empty() => {
+            Ok(text.to_owned())
         }
+        [package, name] if !package.is_empty() && !name.is_empty() => {
+            Err(format!("{expected}: did you mean {package}/{kind}/{name}?"))
+        }
+        _ => Err(format!("{expected} as package/{kind}/Name")),
     }
 }
 

@@ -54,18 +54,10 @@ impl Failure {
 /// Prints the failure, if any, and turns it into the process's exit code.
 #[must_use]
 pub fn finish(outcome: Result<(), Failure>) -> ExitCode {
+    let code = outcome.as_ref().err().map_or(0, Failure::code);
     match outcome {
-        Ok(()) | Err(Failure::Unread) => {
-            logging::finish(LAST_WORDS);
-            ExitCode::SUCCESS
-        }
-        Err(failure @ Failure::Found) => {
-            logging::finish(LAST_WORDS);
-            ExitCode::from(failure.code())
-        }
-        Err(failure) => {
-            logging::last_word(&format!("wrapyfi: {failure}"));
-            ExitCode::from(failure.code())
-        }
+        Ok(()) | Err(Failure::Unread | Failure::Found) => logging::finish(LAST_WORDS),
+        Err(failure) => logging::last_word(&format!("wrapyfi: {failure}")),
     }
+    ExitCode::from(code)
 }

@@ -29,21 +29,20 @@ use wrapyfi_core::types::{
 pub fn from_json(text: &str, spec: &TopicSpec) -> anyhow::Result<Payload> {
     let value = codec::json::decode(&Bytes::copy_from_slice(text.as_bytes()), &spec.limits)
         .context("--value")?;
-    match (spec.message_type.data_type(), value) {
-        (DataType::NativeObject, value) => Ok(Payload::from(value)),
-        (DataType::Properties, value) => Ok(Properties::from_value(&value)?.into()),
-        (DataType::RosMessage, value) => ros_message(&value, spec),
-        (kind, _) => bail!("--value gives a native object, not {kind}: give --file"),
-    }
+    of_value(value, spec)
 }
 
-/// The ROS message whose fields `value` has.
-fn ros_message(value: &Value, spec: &TopicSpec) -> anyhow::Result<Payload> {
-    let MessageType::Ros(to) = spec.message_type else {
-        bail!("{} is no ROS message", spec.message_type);
-    };
-    let message = RosMessage::from_value(to, value, spec.limits.message_bytes);
-    Ok(message.with_context(|| format!("the value is no {to}"))?.into())
+/// The native object, the properties or the ROS message that `value` describes.
+fn of_value(value: Value, spec: &TopicSpec) -> anyhow::Result<Payload> {
+    match (spec.message_type, spec.message_type.data_type()) {
+        (MessageType::Ros(to), _) => {
+            let message = RosMessage::from_value(to, &value, spec.limits.message_bytes);
+            Ok(message.with_context(|| format!("the value is no {to}"))?.into())
+        }
+        (_, DataType::NativeObject) => Ok(Payload::from(value)),
+        (_, DataType::Properties) => Ok(Properties::from_value(&value)?.into()),
+        (_, kind) => bail!("--value gives a native object, not {kind}: give --file"),
+    }
 }
 
 /// The payload that the file at `path` holds.
@@ -56,15 +55,8 @@ pub fn from_file(path: &Path, spec: &TopicSpec) -> anyhow::Result<Payload> {
         path.extension().and_then(|ext| ext.to_str()).unwrap_or("").to_ascii_lowercase();
     let wrong = || anyhow!("{} does not hold a message of type {kind}", path.display());
     let payload = match (extension.as_str(), kind) {
-        ("json", DataType::NativeObject) => {
-            Payload::from(codec::json::decode(&read(path, &spec.limits)?, &spec.limits)?)
-        }
-        ("json", DataType::Properties) => {
-            let value = codec::json::decode(&read(path, &spec.limits)?, &spec.limits)?;
-            Properties::from_value(&value)?.into()
-        }
-        ("json", DataType::RosMessage) => {
-            ros_message(&codec::json::decode(&read(path, &spec.limits)?, &spec.limits)?, spec)?
+        ("json", DataType::NativeObject | DataType::Properties | DataType::RosMessage) => {
+            of_value(codec::json::decode(&read(path, &spec.limits)?, &spec.limits)?, spec)?
         }
         ("npy", DataType::NativeObject) => Payload::from(array(path, spec)?),
         ("npy", DataType::Image) => {

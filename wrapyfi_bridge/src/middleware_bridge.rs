@@ -96,35 +96,35 @@ impl MiddlewareBridge {
                 .map_err(|fault| format!("parameter prefix is {prefix:?}: {fault}"))?;
         }
         let before = if prefix.is_empty() { String::new() } else { format!("{prefix}/") };
-        let into =
-            |from: &str, to: &str| Way { from: from.into(), to: format!("ros2:/{before}{to}") };
-        let back = |to: &str| Way { from: format!("ros2:/{before}(.*)"), to: to.into() };
+        let into = |from: &str, to: &str| (from.to_owned(), format!("ros2:/{before}{to}"));
+        let back = |to: &str| (format!("ros2:/{before}(.*)"), to.to_owned());
         let mut text = "routes:\n".to_owned();
-        let mut add = |way: Way, is_service: bool, comes_back: bool, more: &str| {
-            let (from, to) = if is_service { ("service", "as") } else { ("from", "to") };
-            // Names on the ROS 2 side have the prefix.
-            let before = if comes_back { before.as_str() } else { "" };
-            let list = |names: &[String]| {
-                let names = names.iter().map(|name| {
-                    quoted(&format!("{before}(?:{})", name.strip_prefix('/').unwrap_or(name)))
-                });
-                names.collect::<Vec<_>>().join(", ")
-            };
-            let (source, target) = (quoted(&way.from), quoted(&way.to));
-            let _infallible = write!(text, "  - {{ {from}: {source}, {to}: {target}");
-            for (key, names) in [("allow", allow), ("deny", deny)] {
-                if !names.is_empty() {
-                    let _infallible = write!(text, ", {key}: [{}]", list(names));
+        let mut add =
+            |(source, target): (String, String), is_service: bool, comes_back: bool, more: &str| {
+                let (from, to) = if is_service { ("service", "as") } else { ("from", "to") };
+                // Names on the ROS 2 side have the prefix.
+                let before = if comes_back { before.as_str() } else { "" };
+                let list = |names: &[String]| {
+                    let names = names.iter().map(|name| {
+                        quoted(&format!("{before}(?:{})", name.strip_prefix('/').unwrap_or(name)))
+                    });
+                    names.collect::<Vec<_>>().join(", ")
+                };
+                let (source, target) = (quoted(&source), quoted(&target));
+                let _infallible = write!(text, "  - {{ {from}: {source}, {to}: {target}");
+                for (key, names) in [("allow", allow), ("deny", deny)] {
+                    if !names.is_empty() {
+                        let _infallible = write!(text, ", {key}: [{}]", list(names));
+                    }
                 }
-            }
-            if !default_deny {
-                text.push_str(", default_deny: false");
-            }
-            if let Some(timeout_ms) = service_timeout_ms.filter(|_| is_service) {
-                let _infallible = write!(text, ", timeout_ms: {timeout_ms}");
-            }
-            let _infallible = writeln!(text, "{more} }}");
-        };
+                if !default_deny {
+                    text.push_str(", default_deny: false");
+                }
+                if let Some(timeout_ms) = service_timeout_ms.filter(|_| is_service) {
+                    let _infallible = write!(text, ", timeout_ms: {timeout_ms}");
+                }
+                let _infallible = writeln!(text, "{more} }}");
+            };
         match self {
             Self::Ros1 => {
                 for is_service in [false, true] {
@@ -158,11 +158,6 @@ impl MiddlewareBridge {
         }
         Ok(text)
     }
-}
-
-struct Way {
-    from: String,
-    to: String,
 }
 
 /// Text as YAML has it between double quotes, which JSON has as well.

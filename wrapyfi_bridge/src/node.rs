@@ -14,21 +14,12 @@ pub(crate) const DEFAULT_NAME: &str = "wrapyfi_bridge";
 /// A node's name, the remap rules that apply to its topics, and its parameters' overrides.
 #[derive(Debug, Clone)]
 pub struct Node {
-    name: NodeName,
-    args: Arc<RosArgs>,
-    overrides: BTreeMap<String, ParameterValue>,
+    pub(crate) name: NodeName,
+    pub(crate) args: Arc<RosArgs>,
+    pub(crate) overrides: BTreeMap<String, ParameterValue>,
 }
 
 impl Node {
-    /// The node of a command line.
-    pub(crate) fn of(
-        name: NodeName,
-        args: RosArgs,
-        overrides: BTreeMap<String, ParameterValue>,
-    ) -> Self {
-        Self { name, args: Arc::new(args), overrides }
-    }
-
     /// A node called `name` in the root namespace, without remap rules.
     ///
     /// # Errors
@@ -54,22 +45,10 @@ impl Node {
         Self::named(DEFAULT_NAME)
     }
 
-    /// Name for security, `/` where none is given.
-    #[must_use]
-    pub fn enclave(&self) -> &str {
-        &self.args.enclave
-    }
-
     /// Name and namespace.
     #[must_use]
     pub fn name(&self) -> &NodeName {
         &self.name
-    }
-
-    /// True when the node's log lines go to `/rosout`.
-    #[must_use]
-    pub fn logs_to_rosout(&self) -> bool {
-        self.args.rosout_logs
     }
 
     /// The parameters that every node has, with the values that the command line gives them.

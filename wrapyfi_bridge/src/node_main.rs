@@ -9,6 +9,7 @@
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context as _;
@@ -128,7 +129,7 @@ pub fn run(
     }
     let mut overrides = options.parameters;
     enter(args, &mut overrides)?;
-    let node = Node::of(options.name, ros, overrides);
+    let node = Node { name: options.name, args: Arc::new(ros), overrides };
     let mut store = node.parameters().map_err(Failure::usage)?;
     let Parameters { source, mut options } = Parameters::declare(&mut store, bridge)?;
     options.own = args.own;

@@ -25,7 +25,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use signal_hook::consts::SIGHUP;
 use signal_hook::iterator::{Handle, Signals};
-use wrapyfi_core::endpoint::{Context, Registry, Server, WAITING};
+use wrapyfi_core::endpoint::{Context, Server, WAITING};
 use wrapyfi_core::engine::{Plan, PlanDiff, RouteConfig, Spanned};
 use wrapyfi_core::middleware::ros2::NodeHandle;
 use wrapyfi_core::node::parameters::ParameterStore;
@@ -43,7 +43,9 @@ use crate::in_force::{
     InForce, Options, Running, change_by, change_endpoints, ros2_types, warn_of_unheard,
 };
 use crate::lifecycle::{Lifecycle, Outcome, State};
-use crate::middlewares::{self, Endpoints, Loaded, Middlewares, Settings, show_endpoints};
+use crate::middlewares::{
+    self, Endpoints, Loaded, Middlewares, Settings, describe, show_endpoints,
+};
 use crate::on_graph::Advertise;
 use crate::on_graph::lifecycle::Managed;
 use crate::shutdown::Shutdown;
@@ -151,7 +153,7 @@ impl Reload {
         edits.leave_out(wanted, &mut loaded)?;
         change_by(&mut loaded, node, &mut parameters, &self.options)?;
         let Loaded { plan, endpoints, mut types, definitions, lines, text, .. } = loaded;
-        let before = self.middlewares.settings();
+        let before = &self.middlewares.settings;
         let settings = Settings::of(&endpoints, &plan, before)?;
         let refusals = before.refusals(&settings);
         if !refusals.is_empty() {
@@ -160,16 +162,10 @@ impl Reload {
         }
         let changes = before.changes(&settings);
         let next = self.middlewares.turned_to(settings)?;
-        let registry = self.registry_of(&next);
+        let registry = next.registry_on(self.handle.as_ref());
         warn_of_unheard(&plan.index(|address| node.resolve(address)), &lines);
         if let Some(handle) = &self.handle {
-            handle.types(|described| {
-                for name in ros2_types(&plan) {
-                    if let Err(error) = described.add_named(&mut types, name) {
-                        tracing::warn!("{name} is not described: {error}");
-                    }
-                }
-            });
+            describe(handle, &mut types, &ros2_types(&plan));
         }
         let diff = routes.apply(plan, types, registry).map_err(Failure::usage)?;
         for change in changes {
@@ -242,22 +238,13 @@ impl Reload {
         self.close();
         let endpoints = self.bridge.in_force.lock().endpoints.clone();
         let plan = Plan::default();
-        let settings = Settings::of(&endpoints, &plan, self.middlewares.settings())?;
+        let settings = Settings::of(&endpoints, &plan, &self.middlewares.settings)?;
         let next = self.middlewares.turned_to(settings)?;
-        let registry = self.registry_of(&next);
+        let registry = next.registry_on(self.handle.as_ref());
         self.bridge.routes.apply(plan, TypeStore::generated(), registry).map_err(Failure::usage)?;
         self.middlewares.replace_by(next);
         self.edits = Edits::default();
         Ok(())
-    }
-
-    /// Middlewares with the clock of the node.
-    fn registry_of(&self, middlewares: &Middlewares) -> Registry {
-        let mut registry = middlewares.registry().clone();
-        if let Some(handle) = &self.handle {
-            registry.set_clock(handle.clock());
-        }
-        registry
     }
 
     /// Does what a service asks for, and logs the outcome.

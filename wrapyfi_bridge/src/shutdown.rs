@@ -95,13 +95,12 @@ impl Shutdown {
     }
 
     /// Waits until asked to end or until `deadline`; true when asked to end.
-    pub fn wait_until(&self, deadline: Option<Instant>) -> bool {
+    pub fn wait_until(&self, deadline: Instant) -> bool {
         loop {
             if self.requested() {
                 return true;
             }
-            let now = Instant::now();
-            let rest = deadline.map_or(LOOK_EVERY, |at| at.saturating_duration_since(now));
+            let rest = deadline.saturating_duration_since(Instant::now());
             if rest.is_zero() {
                 return false;
             }

@@ -76,7 +76,7 @@ pub fn policy(node: &Node, plan: &Plan) -> String {
 
 /// Enclave that the node is told, else one of its name.
 fn enclave(node: &Node) -> String {
-    if node.enclave() == "/" { node.name().fqn() } else { node.enclave().to_owned() }
+    if node.args.enclave == "/" { node.name().fqn() } else { node.args.enclave.clone() }
 }
 
 /// Name on the graph; of a pattern, what all its names begin with, and a star. Only characters of names come

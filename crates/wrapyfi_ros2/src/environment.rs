@@ -14,25 +14,30 @@
 //! [`read`] is pure: it is given a lookup and logs nothing; [`Environment::log`] does.
 
 use serde::Deserialize;
+use wrapyfi_interfaces::named;
 
 use super::graph::ServiceMapping;
 
 /// Highest domain id: above it the port numbers of DDS leave their range.
 pub const MAX_DOMAIN_ID: u32 = 232;
 
-/// Range in which a node looks for others, `ROS_AUTOMATIC_DISCOVERY_RANGE`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[non_exhaustive]
-pub enum DiscoveryRange {
-    /// Every host that multicast reaches.
-    #[default]
-    Subnet,
-    /// Range of this host only, without multicast.
-    Localhost,
-    /// Range of the process itself.
-    Off,
-    /// Whatever the DDS stack does when nothing is said.
-    SystemDefault,
+named! {
+    /// Range in which a node looks for others, `ROS_AUTOMATIC_DISCOVERY_RANGE`.
+    #[derive(Default)]
+    #[non_exhaustive]
+    pub enum DiscoveryRange {
+        /// Every host that multicast reaches.
+        #[default]
+        Subnet => "SUBNET",
+        /// Range of this host only, without multicast.
+        Localhost => "LOCALHOST",
+        /// Range of the process itself.
+        Off => "OFF",
+        /// Whatever the DDS stack does when nothing is said.
+        SystemDefault => "SYSTEM_DEFAULT",
+    }
+    /// Word in the variable.
+    pub fn word, from_word;
 }
 
 /// Settings by which other participants are found.
@@ -44,14 +49,18 @@ pub struct DiscoverySettings {
     pub static_peers: Vec<String>,
 }
 
-/// Library that carries the graph of a node.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Adapter {
-    /// CycloneDDS inside the program.
-    Cyclone,
-    /// The middleware of the installed ROS 2.
-    Rmw,
+named! {
+    /// Library that carries the graph of a node.
+    #[derive(Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Adapter {
+        /// CycloneDDS inside the program.
+        Cyclone => "cyclone",
+        /// The middleware of the installed ROS 2.
+        Rmw => "rmw",
+    }
+    /// Word in `WRAPYFI_ROS2_GRAPH`.
+    pub fn word, from_word;
 }
 
 /// Use of keys of SROS 2 that the environment asks for, `ROS_SECURITY_ENABLE` and `ROS_SECURITY_STRATEGY`.
@@ -143,13 +152,15 @@ pub fn read(lookup: impl Fn(&str) -> Option<String>) -> Result<Environment, Envi
     let mut warnings = Vec::new();
     let rmw = set("RMW_IMPLEMENTATION");
     let (services, stack_reason) = services(rmw.as_deref(), set("ROS_DISTRO").as_deref())?;
+    let graph = set("WRAPYFI_ROS2_GRAPH")
+        .map(|word| Adapter::from_word(&word).ok_or(EnvironmentError::UnknownGraph(word)));
     Ok(Environment {
         domain_id: domain_id(set("ROS_DOMAIN_ID"))?,
         discovery: discovery(&set, &mut warnings),
         cyclonedds_uri: set("CYCLONEDDS_URI"),
         services,
         stack_reason,
-        graph: set("WRAPYFI_ROS2_GRAPH").map(|word| graph(&word)).transpose()?,
+        graph: graph.transpose()?,
         security: security(&set),
         warnings,
     })
@@ -162,14 +173,6 @@ fn security(set: &impl Fn(&str) -> Option<String>) -> Security {
         (false, _) => Security::Off,
         (true, false) => Security::Permissive,
         (true, true) => Security::Enforce,
-    }
-}
-
-fn graph(word: &str) -> Result<Adapter, EnvironmentError> {
-    match word {
-        "cyclone" => Ok(Adapter::Cyclone),
-        "rmw" => Ok(Adapter::Rmw),
-        other => Err(EnvironmentError::UnknownGraph(other.to_owned())),
     }
 }
 
@@ -223,19 +226,15 @@ fn discovery(
             };
         }
     }
-    let range = match set("ROS_AUTOMATIC_DISCOVERY_RANGE").as_deref() {
-        None | Some("SUBNET") => DiscoveryRange::Subnet,
-        Some("LOCALHOST") => DiscoveryRange::Localhost,
-        Some("OFF") => DiscoveryRange::Off,
-        Some("SYSTEM_DEFAULT") => DiscoveryRange::SystemDefault,
-        Some(other) => {
+    let range = set("ROS_AUTOMATIC_DISCOVERY_RANGE").map_or(DiscoveryRange::default(), |word| {
+        DiscoveryRange::from_word(&word).unwrap_or_else(|| {
             warnings.push(format!(
-                "Invalid value '{other}' specified for 'ROS_AUTOMATIC_DISCOVERY_RANGE', \
+                "Invalid value '{word}' specified for 'ROS_AUTOMATIC_DISCOVERY_RANGE', \
                  assuming localhost only"
             ));
             DiscoveryRange::Localhost
-        }
-    };
+        })
+    });
     let peers = set("ROS_STATIC_PEERS").unwrap_or_default();
     let mut static_peers: Vec<String> =
         peers.split(';').map(str::trim).filter(|peer| !peer.is_empty()).map(Into::into).collect();

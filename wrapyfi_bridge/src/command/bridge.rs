@@ -13,7 +13,7 @@ use crate::exit::Failure;
 use crate::in_force::{InForce, Options, Running, change_by, ros2_types, warn_of_unheard};
 use crate::lifecycle::Lifecycle;
 use crate::lines::Lines;
-use crate::middlewares::{Loaded, Middlewares};
+use crate::middlewares::{Loaded, Middlewares, OfferedNode};
 use crate::node::Node;
 use crate::on_graph::{OnGraph, Parts};
 use crate::page::Page;
@@ -69,10 +69,7 @@ pub fn run(
             tracing::info!("{routes} routes, {found} that are found while running, from {name}");
         }
     }
-    let mut registry = middlewares.registry().clone();
-    if let Some(node) = &node {
-        registry.set_clock(node.handle().clock());
-    }
+    let registry = middlewares.registry_on(node.as_ref().map(OfferedNode::handle));
     let plan = if options.no_autostart { Plan::default() } else { plan };
     let engine = Engine::new(plan, &registry).with_types(store);
     // A middleware that starts anew waits until nobody holds the one before.
@@ -105,7 +102,7 @@ pub fn run(
     let mut failure = None;
     loop {
         tick += Duration::from_secs(1);
-        let ended = shutdown.wait_until(Some(end.map_or(tick, |end| tick.min(end))));
+        let ended = shutdown.wait_until(end.map_or(tick, |end| tick.min(end)));
         if ended || end.is_some_and(|end| Instant::now() >= end) {
             break;
         }

@@ -63,7 +63,7 @@ pub fn run(args: &BrokerArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         broker.sub_port()
     );
     let mut known = BTreeMap::new();
-    while !shutdown.wait_until(Some(Instant::now() + Duration::from_secs(1))) {
+    while !shutdown.wait_until(Instant::now() + Duration::from_secs(1)) {
         let status = broker.status();
         if let Some(reason) = status.failure {
             return Err(anyhow!("the broker stopped: {reason}").into());

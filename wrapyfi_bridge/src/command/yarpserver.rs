@@ -60,7 +60,7 @@ pub fn run(args: &YarpServerArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         own.port
     );
     let mut names = 0;
-    while !shutdown.wait_until(Some(Instant::now() + Duration::from_secs(1))) {
+    while !shutdown.wait_until(Instant::now() + Duration::from_secs(1)) {
         let status = server.status();
         if status.names != names {
             names = status.names;

@@ -68,8 +68,8 @@ pub struct Middlewares {
     registry: Registry,
     /// The graph of the ROS 2 node, where there is one.
     graph: Option<Arc<dyn Graph>>,
-    /// Settings of those that routes use.
-    settings: Settings,
+    /// Settings of those that routes use, with which they have started.
+    pub(crate) settings: Settings,
 }
 
 impl Middlewares {
@@ -96,12 +96,6 @@ impl Middlewares {
             middlewares.registry.register(Arc::new(ros2));
         }
         Ok(middlewares)
-    }
-
-    /// Settings with which the middlewares have started.
-    #[must_use]
-    pub fn settings(&self) -> &Settings {
-        &self.settings
     }
 
     /// The middlewares that `settings` have. Those with the settings of now are the same ones; others
@@ -175,14 +169,8 @@ impl Middlewares {
         let offered = NodeEndpoints::start_with(graph, parameters, logging::loggers().as_ref())
             .context("ros2")?;
         let (store, names) = types;
-        offered.handle().types(|described| {
-            for name in names {
-                if let Err(error) = described.add_named(store, name) {
-                    tracing::warn!("{name} is not described: {error}");
-                }
-            }
-        });
-        if node.logs_to_rosout() {
+        describe(offered.handle(), store, names);
+        if node.args.rosout_logs {
             logging::publish_to(Some(offered.handle().clone()));
         }
         Ok(Some(OfferedNode(offered)))
@@ -193,6 +181,26 @@ impl Middlewares {
     pub fn registry(&self) -> &Registry {
         &self.registry
     }
+
+    /// The middlewares by name, with the clock of the node that has this `handle`.
+    pub(crate) fn registry_on(&self, handle: Option<&NodeHandle>) -> Registry {
+        let mut registry = self.registry.clone();
+        if let Some(handle) = handle {
+            registry.set_clock(handle.clock());
+        }
+        registry
+    }
+}
+
+/// Has the node describe the types that are named, of definitions in `store`.
+pub(crate) fn describe(handle: &NodeHandle, store: &mut TypeStore, names: &BTreeSet<&'static str>) {
+    handle.types(|described| {
+        for name in names {
+            if let Err(error) = described.add_named(store, name) {
+                tracing::warn!("{name} is not described: {error}");
+            }
+        }
+    });
 }
 
 /// The one middleware that `address` names, for a command.

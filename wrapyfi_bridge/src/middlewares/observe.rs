@@ -15,6 +15,7 @@ use wrapyfi_core::middleware::ros2::Ros2;
 use wrapyfi_core::middleware::ros2::environment::DiscoveryRange;
 use wrapyfi_core::middleware::yarp;
 use wrapyfi_core::middleware::zeromq::BrokerMode;
+use wrapyfi_interfaces::named;
 use wrapyfi_yarp::name::conf::locate;
 use wrapyfi_yarp::name::{Environment, NameServerConf};
 
@@ -27,17 +28,20 @@ use crate::exit::Failure;
 use crate::files::in_no_file;
 use crate::node::Node;
 
-/// Server without which nothing of a middleware is found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Server {
-    /// The ZeroMQ broker of topics.
-    Broker,
-    /// The ZeroMQ broker of requests and replies.
-    ServiceBroker,
-    /// The YARP name server.
-    NameServer,
-    /// The ROS 1 master.
-    Master,
+named! {
+    /// Server without which nothing of a middleware is found.
+    pub enum Server {
+        /// The broker of topics.
+        Broker => "ZeroMQ broker",
+        /// The broker of requests and replies.
+        ServiceBroker => "ZeroMQ broker of services",
+        /// The name server of YARP.
+        NameServer => "YARP name server",
+        /// The master of ROS 1.
+        Master => "ROS 1 master",
+    }
+    /// Name of the server.
+    pub fn name;
 }
 
 /// Place at which a server is expected.

@@ -4,7 +4,7 @@
 //! can read what is in force.
 
 use serde_saphyr::Spanned;
-use wrapyfi_core::network::Place;
+use wrapyfi_core::network::{Insecure, Place};
 use wrapyfi_core::node::ParameterValue;
 use wrapyfi_core::node::parameters::{ParameterDescriptor, ParameterStore};
 
@@ -39,6 +39,15 @@ const SETTINGS: [(&str, Setting); 14] = [
     ("endpoints.zeromq.ip", Setting::Placed(|it| &mut it.zeromq.ip)),
     ("endpoints.zeromq.pub_port", Setting::Port(|it| &mut it.zeromq.pub_port)),
     ("endpoints.zeromq.sub_port", Setting::Port(|it| &mut it.zeromq.sub_port)),
+];
+
+type WordOf = fn(&mut Endpoints) -> &mut Insecure;
+
+/// Words that permit an address which other machines reach, each with the parameter that gives the address.
+const WORDS: [(&str, WordOf, &str); 3] = [
+    ("endpoints.ros.insecure", |it| &mut it.ros.insecure.0, "endpoints.ros.hostname"),
+    ("endpoints.yarp.insecure", |it| &mut it.yarp.insecure.0, "endpoints.yarp.ip"),
+    ("endpoints.zeromq.insecure", |it| &mut it.zeromq.insecure.0, "endpoints.zeromq.ip"),
 ];
 
 impl Setting {
@@ -92,8 +101,7 @@ pub(crate) fn take_parameters(
 ) -> Result<(), Failure> {
     let given = store.overrides().keys().filter(|name| name.starts_with(PREFIX));
     let given: Vec<String> = given.cloned().collect();
-    let before = [&endpoints.ros.insecure, &endpoints.yarp.insecure, &endpoints.zeromq.insecure];
-    let before = before.map(|word| word.0);
+    let before = WORDS.map(|(_, word, _)| *word(endpoints));
     for name in &given {
         let Some((_, setting)) = SETTINGS.iter().find(|(known, _)| known == name) else {
             let known = SETTINGS.map(|(name, _)| name).join(", ");
@@ -110,19 +118,10 @@ pub(crate) fn take_parameters(
         setting.take(endpoints, name, value)?;
     }
     let is_given = |name: &str| given.iter().any(|given| given == name);
-    let [ros, yarp, zeromq] = before;
-    for (word, before, word_name, address) in [
-        (&mut endpoints.ros.insecure.0, ros, "endpoints.ros.insecure", "endpoints.ros.hostname"),
-        (&mut endpoints.yarp.insecure.0, yarp, "endpoints.yarp.insecure", "endpoints.yarp.ip"),
-        (
-            &mut endpoints.zeromq.insecure.0,
-            zeromq,
-            "endpoints.zeromq.insecure",
-            "endpoints.zeromq.ip",
-        ),
-    ] {
+    for ((name, word, address), before) in WORDS.into_iter().zip(before) {
+        let word = word(endpoints);
         // The word permits the address of its own place, else adds to what was said before.
-        let is_allowed = is_given(word_name) && word.is_allowed;
+        let is_allowed = is_given(name) && word.is_allowed;
         *word = before;
         word.said(Place::Parameter, is_given(address), is_allowed);
     }

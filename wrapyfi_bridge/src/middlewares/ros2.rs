@@ -89,7 +89,7 @@ impl Ros2Section {
         cyclone.interface.clone_from(&self.interface);
         cyclone.max_message_bytes = largest_message;
         settings.adapter = self.graph;
-        node.enclave().clone_into(&mut settings.enclave);
+        settings.enclave.clone_from(&node.args.enclave);
         let node = node.clone();
         let remap = move |topic: &str| node.resolve_topic(topic).map_err(|error| error.to_string());
         Ok(settings.remapped(remap))

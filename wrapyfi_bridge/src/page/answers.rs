@@ -60,7 +60,7 @@ struct Now {
 /// Everything that the page tells.
 pub(super) struct Answers {
     bridge: Running,
-    document: Document,
+    pub(super) document: Document,
     now: Mutex<Option<Arc<Now>>>,
     previews: Mutex<Previews>,
     /// A question of `why` looks for a second or two: one at a time.
@@ -96,12 +96,6 @@ impl Answers {
         }
     }
 
-    /// The page's policy.
-    pub(super) fn policy(&self) -> &str {
-        &self.document.policy
-    }
-
-    /// Lets go of the messages of routes that nobody looks at any more.
     pub(super) fn sweep(&self) {
         self.previews.lock().sweep(Instant::now());
     }

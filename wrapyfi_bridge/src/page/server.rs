@@ -100,7 +100,7 @@ async fn respond(
         }
     };
     say("content-type", content_type);
-    say("content-security-policy", answers.policy());
+    say("content-security-policy", &answers.document.policy);
     say("cache-control", "no-store");
     say("cross-origin-opener-policy", "same-origin");
     say("cross-origin-resource-policy", "same-origin");

@@ -30,7 +30,7 @@ impl Reload {
             }
         }
         if is_other {
-            self.bridge.routes.turn_to(self.registry_of(&self.middlewares));
+            self.bridge.routes.turn_to(self.middlewares.registry_on(self.handle.as_ref()));
         }
     }
 }

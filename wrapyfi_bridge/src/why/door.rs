@@ -69,18 +69,7 @@ impl Knock {
     #[must_use]
     pub fn words(&self) -> String {
         let Door { server, host, port, .. } = &self.door;
-        format!("{} {host}:{port}", name(*server))
-    }
-}
-
-/// Name of a server.
-#[must_use]
-pub fn name(server: Server) -> &'static str {
-    match server {
-        Server::Broker => "ZeroMQ broker",
-        Server::ServiceBroker => "ZeroMQ broker of services",
-        Server::NameServer => "YARP name server",
-        Server::Master => "ROS 1 master",
+        format!("{server} {host}:{port}")
     }
 }
 

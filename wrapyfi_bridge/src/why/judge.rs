@@ -12,7 +12,6 @@ use wrapyfi_core::middleware::ros2::remedy;
 use crate::middlewares::Server;
 
 use super::bridges::{inactive, lacking, several};
-use super::door::name as server_name;
 use super::names::nearest;
 use super::reach::{opened, reachable};
 use super::state::{
@@ -160,7 +159,7 @@ impl Walk<'_> {
                 "look what runs on port {} of {}; it has to be a {}",
                 knock.door.port,
                 knock.door.host,
-                server_name(knock.door.server)
+                knock.door.server
             ),
             None => "see the reason; `wrapyfi list` shows the same".to_owned(),
         };
@@ -540,7 +539,7 @@ fn defined(undefined: &Option<(String, String)>) -> Step {
 /// Name of the server at which those who have the name of an end are registered, where there is one.
 fn registry(end: &End) -> Option<&'static str> {
     let is_registry = |server: &Server| matches!(server, Server::Master | Server::NameServer);
-    end.doors.iter().map(|knock| knock.door.server).find(is_registry).map(server_name)
+    end.doors.iter().map(|knock| knock.door.server).find(is_registry).map(Server::name)
 }
 
 fn cause_of_nobody(role: Role) -> Cause {

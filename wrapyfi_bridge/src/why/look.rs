@@ -257,19 +257,13 @@ pub(super) fn graph(endpoints: &Endpoints) -> Graph {
         Ok(read) => (read.domain_id, read.discovery.range),
         Err(_) => (0, DiscoveryRange::default()),
     };
-    let range = match range {
-        DiscoveryRange::Localhost => "LOCALHOST",
-        DiscoveryRange::Off => "OFF",
-        DiscoveryRange::SystemDefault => "SYSTEM_DEFAULT",
-        _ => "SUBNET",
-    };
     let is_local = std::env::var("ROS_LOCALHOST_ONLY").is_ok_and(|value| value == "1");
     Graph {
         domain_id: endpoints.ros2.domain_id(domain_id),
-        range,
+        range: range.word(),
         range_setting: match is_local {
             true => "ROS_LOCALHOST_ONLY=1",
-            false if range == "OFF" => "ROS_AUTOMATIC_DISCOVERY_RANGE=OFF",
+            false if range == DiscoveryRange::Off => "ROS_AUTOMATIC_DISCOVERY_RANGE=OFF",
             false => "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST",
         },
         carried_by: String::new(),

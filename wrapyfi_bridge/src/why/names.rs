@@ -1,36 +1,28 @@
 //! Names that are nearly the same.
 
 use strsim::damerau_levenshtein;
+use wrapyfi_interfaces::named;
 
 /// Most letters by which two names may differ and still count as one misspelt.
 const MOST_LETTERS: usize = 2;
 /// Letters of a name for each by which it may differ: shorter ones are all alike.
 const SHORTEST: usize = 5;
 
-/// Difference between two names that are perhaps meant to be one, nearest first.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Kinship {
-    /// Only slashes at the beginning, at the end or in a row differ.
-    Slash,
-    /// Only capital letters differ.
-    Case,
-    /// One of them has a namespace that the other lacks.
-    Namespace,
-    /// A letter or two differ.
-    Letters,
-}
-
-impl Kinship {
-    /// Difference in words, to follow "differs by".
-    #[must_use]
-    pub fn words(self) -> &'static str {
-        match self {
-            Self::Slash => "a slash",
-            Self::Case => "capital letters",
-            Self::Namespace => "its namespace",
-            Self::Letters => "a letter or two",
-        }
+named! {
+    /// Difference between two names that are perhaps meant to be one, nearest first.
+    #[derive(PartialOrd, Ord)]
+    pub enum Kinship {
+        /// Only slashes at the beginning, at the end or in a row differ.
+        Slash => "a slash",
+        /// Only capital letters differ.
+        Case => "capital letters",
+        /// One of them has a namespace that the other lacks.
+        Namespace => "its namespace",
+        /// A letter or two differ.
+        Letters => "a letter or two",
     }
+    /// Difference in words, to follow "differs by".
+    pub fn words;
 }
 
 /// Difference between `one` and `other`, where they are perhaps meant to be the same; `None` where

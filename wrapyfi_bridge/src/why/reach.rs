@@ -2,7 +2,7 @@
 
 use wrapyfi_core::endpoint::EndpointAddress;
 
-use super::door::{Answer, Knock, name as server_name};
+use super::door::{Answer, Knock};
 use super::{Cause, End, Finding, Registered, Step, Way};
 use crate::middlewares::Server;
 
@@ -44,7 +44,7 @@ pub(super) fn opened(knock: &Knock, address: &EndpointAddress, way: &Way) -> Ste
             };
             let what =
                 format!("{words} does not answer: nothing listens on port {port} of this machine");
-            (Cause::ServerAway, what, format!("a {}", server_name(server)), more)
+            (Cause::ServerAway, what, format!("a {server}"), more)
         }
         Answer::Refused => (
             Cause::LoopbackElsewhere,

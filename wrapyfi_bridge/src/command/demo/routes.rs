@@ -27,7 +27,7 @@ const fn topic(
 }
 
 /// The topics, scripts' first, then a robot's.
-pub(super) const TOPICS: [Topic; 7] = [
+pub(super) static TOPICS: [Topic; 7] = [
     topic("camera", "zeromq:/demo/camera", "/camera/image_raw", MessageType::Image),
     topic(
         "camera jpeg",

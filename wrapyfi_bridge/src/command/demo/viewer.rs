@@ -4,10 +4,10 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use wrapyfi_core::endpoint::{Context, Listener, Middleware, TopicSpec, Wake};
-use wrapyfi_core::types::{MessageType, Payload, Stamp, Value};
+use wrapyfi_core::types::{Payload, Stamp, Value};
 
 use super::caller::Caller;
-use super::routes::{self, LIGHT, LIGHT_SERVICE, TOPICS};
+use super::routes::{self, LIGHT, LIGHT_SERVICE, TOPICS, Topic};
 use super::scenes::SENT_AT;
 use super::tally::Tally;
 use crate::shutdown::Shutdown;
@@ -21,9 +21,7 @@ pub(super) struct Viewer {
 
 /// A topic and what was seen of it.
 struct Seen {
-    route: &'static str,
-    name: &'static str,
-    message_type: MessageType,
+    topic: &'static Topic,
     listener: Box<dyn Listener>,
     tally: Tally,
 }
@@ -32,17 +30,11 @@ impl Viewer {
     pub(super) fn open(middleware: &dyn Middleware) -> anyhow::Result<Self> {
         let wake = Wake::new();
         let context = || Context { wake: wake.clone(), ..Context::default() };
-        let open = |topic: &routes::Topic| {
+        let open = |topic: &'static Topic| {
             let listener = middleware
                 .open_listener(&TopicSpec::new(topic.to, topic.message_type), &context())
                 .with_context(|| format!("viewer of {}", topic.to))?;
-            anyhow::Ok(Seen {
-                route: topic.name,
-                name: topic.to,
-                message_type: topic.message_type,
-                listener,
-                tally: Tally::default(),
-            })
+            anyhow::Ok(Seen { topic, listener, tally: Tally::default() })
         };
         let topics = TOPICS.iter().map(open).collect::<anyhow::Result<_>>()?;
         let caller = Caller::open(middleware, (LIGHT_SERVICE, routes::light()?), &context())?;
@@ -69,9 +61,9 @@ impl Viewer {
 
     /// Names of routes that did not deliver, and what is missing.
     pub(super) fn faults(&self) -> Vec<(&'static str, String)> {
-        let silent = self.topics.iter().filter(|topic| topic.tally.count == 0);
-        let silent =
-            silent.map(|topic| (topic.route, format!("nothing arrived on {}", topic.name)));
+        let silent = self.topics.iter().filter(|seen| seen.tally.count == 0);
+        let silent = silent
+            .map(|Seen { topic, .. }| (topic.name, format!("nothing arrived on {}", topic.to)));
         silent.chain(self.caller.fault().map(|fault| (LIGHT, fault))).collect()
     }
 
@@ -81,9 +73,8 @@ impl Viewer {
             "{:<28}  {:<27} {:>6} {:>6} {:>6} {:>6} {:>6}\n",
             "a ROS 2 node receives", "type", "got", "Hz", "MB/s", "p50 ms", "p99 ms"
         );
-        for topic in &mut self.topics {
-            let type_name = topic.message_type.ros_type().replace("/msg", "");
-            topic.tally.row(&mut out, topic.name, &type_name, elapsed);
+        for Seen { topic: Topic { to, message_type, .. }, tally, .. } in &mut self.topics {
+            tally.row(&mut out, to, &message_type.ros_type().replace("/msg", ""), elapsed);
         }
         let Caller { service, kind, tally, .. } = &mut self.caller;
         tally.row(&mut out, service, &kind.ros_type().replace("/srv", ""), elapsed);
@@ -102,7 +93,7 @@ impl Seen {
                         .map(|sent| Duration::try_from_secs_f64(now - sent).unwrap_or_default());
                     self.tally.add(sample.wire_bytes, age);
                 }
-                Err(error) => tracing::warn!("{}: {error}", self.name),
+                Err(error) => tracing::warn!("{}: {error}", self.topic.to),
             }
         }
     }
