@@ -124,20 +124,18 @@ fn only_bridge(ros2: &Ros2, shutdown: &Shutdown) -> Result<(String, usize), Fail
         begin.elapsed() >= LOOK || shutdown.requested() || (is_there && has_told)
     };
     let found = bridges(ros2, is_over).context("cannot look for bridges")?;
-    let mut nodes = found.into_iter();
-    match (nodes.next(), nodes.next()) {
-        (Some(found), None) => Ok(found),
-        (Some(first), Some(second)) => {
-            let all = [first, second].into_iter().chain(nodes);
-            let all: Vec<_> = all.map(|(node, _)| node).collect();
+    let found: Vec<_> = found.into_iter().collect();
+    match &found[..] {
+        [only] => Ok(only.clone()),
+        [(first, _), ..] => {
+            let all: Vec<_> = found.iter().map(|(node, _)| node.as_str()).collect();
             Err(Failure::Usage(format!(
-                "there are {} bridges: name one, for instance `wrapyfi top {}`; all: {}",
+                "there are {} bridges: name one, for instance `wrapyfi top {first}`; all: {}",
                 all.len(),
-                all.first().map_or("", String::as_str),
                 all.join(", ")
             )))
         }
-        (None, _) => Err(Failure::TimedOut(format!(
+        [] => Err(Failure::TimedOut(format!(
             "no bridge is on the graph (domain {}): start one with `wrapyfi bridge --config FILE`, or export the \
              ROS_DOMAIN_ID of the one that runs",
             std::env::var("ROS_DOMAIN_ID").unwrap_or_else(|_| "0".to_owned())

@@ -123,17 +123,12 @@ impl Settings {
     /// Middlewares that start or end where a bridge turns from these settings to `new`, in words.
     #[must_use]
     pub fn changes(&self, new: &Self) -> Vec<String> {
-        let mut found = Vec::new();
-        for (name, settings) in &new.each {
-            match self.each.get(name) {
-                None => found.push(format!("{name} starts")),
-                Some(before) if before != settings => found.push(format!("{name} starts anew")),
-                Some(_) => {}
-            }
-        }
+        let begins = new.each.iter().filter_map(|(name, settings)| match self.each.get(name) {
+            None => Some(format!("{name} starts")),
+            Some(before) => (before != settings).then(|| format!("{name} starts anew")),
+        });
         let ends = self.each.keys().filter(|name| !new.each.contains_key(*name));
-        found.extend(ends.map(|name| format!("{name} ends")));
-        found
+        begins.chain(ends.map(|name| format!("{name} ends"))).collect()
     }
 }
 

@@ -103,16 +103,9 @@ impl Text {
     fn value(&mut self, labels: &[(&str, &str)], value: impl Display) {
         self.text.push_str(&self.name);
         for (at, (label, text)) in labels.iter().enumerate() {
-            let _infallible = write!(self.text, "{}{label}=\"", if at == 0 { '{' } else { ',' });
-            for letter in text.chars() {
-                match letter {
-                    '\\' => self.text.push_str("\\\\"),
-                    '"' => self.text.push_str("\\\""),
-                    '\n' => self.text.push_str("\\n"),
-                    other => self.text.push(other),
-                }
-            }
-            self.text.push('"');
+            let begin = if at == 0 { '{' } else { ',' };
+            let text = text.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n");
+            let _infallible = write!(self.text, "{begin}{label}=\"{text}\"");
         }
         let end = if labels.is_empty() { "" } else { "}" };
         let _infallible = writeln!(self.text, "{end} {value}");
