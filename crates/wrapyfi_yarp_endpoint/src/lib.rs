@@ -123,7 +123,7 @@ impl Yarp {
     pub fn start(config: &YarpConfig) -> Result<Self, YarpError> {
         let found = config.find()?;
         let server = config.hosts.resolve(&found.server.host);
-        let server = server.map_err(|reason| YarpError::Host(reason))?;
+        let server = server.map_err(YarpError::Host)?;
         let environment = Environment::from_process();
         let server = SocketAddr::new(server, found.server.port);
         let Listening { on, advertised, is_afar, refused } =
