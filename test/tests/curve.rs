@@ -168,7 +168,18 @@ fn a_listener_is_told_that_its_key_may_not_subscribe() -> Result {
         logged(&echo, &["does not let our CURVE key listen", &line])?;
         let told = why()?;
         assert!(told.contains("does not let our CURVE key listen"), "{told}");
-        // A fault of the environment is not one of the file.
+        // A fault of the file is none of the environment, and the reverse.
+        let twice = "        - { key: keys/robot.key }\n".repeat(2);
+        let twice = format!(
+            "    curve:\n      secret_key_file: keys/broker.key_secret\n      clients:\n{twice}"
+        );
+        let route = Route::new(&zeromq(&topic), &ros2(&topic), "NativeObject");
+        let twice = env.write("twice.yaml", env.embedded().endpoint(&twice).route(route).yaml())?;
+        let mut check = env.wrapyfi(["check", &twice.display().to_string()])?;
+        check.exits_with(2)?;
+        let said = check.stderr();
+        assert!(said.contains("twice.yaml:") && said.contains("is listed twice"), "{said}");
+        assert!(!said.contains("set by"), "{said}");
         env.set_variable("WRAPYFI_ZEROMQ_CURVE_SERVER_KEY", env.path("keys/none.key"));
         let mut check = env.wrapyfi(["check", &env.path("bridge.yaml").display().to_string()])?;
         check.exits_with(2)?;

@@ -388,6 +388,19 @@ mod tests {
     }
 
     #[test]
+    fn a_setting_may_be_left_empty() {
+        let routes = "routes: [{ from: 'zeromq:/a', to: 'ros2:/a', type: Text }]\n";
+        let load = |dialect: &str| {
+            load_text(&format!("endpoints: {{ yarp: {{ dialect: {dialect} }} }}\n{routes}"), "file")
+        };
+        for dialect in ["null", "v3", "v4"] {
+            load(dialect).unwrap();
+        }
+        let told = load("v5").unwrap_err().to_string();
+        assert!(told.contains("file:1:") && told.contains("write v3 (YARP 3) or v4"), "{told}");
+    }
+
+    #[test]
     fn routes_share_a_server_of_zeromq_and_nothing_else() {
         let route = |service: &str, other: &str| {
             format!("- {{ service: '{service}', as: '{other}', type: std_srvs/srv/SetBool }}\n")

@@ -69,7 +69,8 @@ impl NamedType {
 
 /// Dialect in which bottles are encoded.
 fn dialect<'de, D: Deserializer<'de>>(written: D) -> Result<Option<Dialect>, D::Error> {
-    String::deserialize(written)?.parse().map(Some).map_err(D::Error::custom)
+    let word = Option::<String>::deserialize(written)?;
+    word.map(|word| word.parse()).transpose().map_err(D::Error::custom)
 }
 
 impl YarpSection {

@@ -101,11 +101,11 @@ impl ZeroMqSection {
             checked.map_err(|text| Problem::at(written.referenced, text))?;
         }
         let (Some(written), Some(curve)) = (&self.curve, &config.curve) else { return Ok(()) };
-        let checked = curve.check(config.broker == BrokerMode::Embedded);
-        checked.map_err(|fault| match written.value.check(false) {
-            Err(_) => Problem::at(written.referenced, fault.to_string()),
-            // Of the two, the file is in order by itself.
-            Ok(()) => {
+        let serves = config.broker == BrokerMode::Embedded;
+        curve.check(serves).map_err(|fault| match written.value.check(serves) {
+            Err(own) if own == fault => Problem::at(written.referenced, fault.to_string()),
+            // The file by itself does not have it.
+            _ => {
                 let message = format!(
                     "{fault} (set by WRAPYFI_ZEROMQ_CURVE_SERVER_KEY or WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE)"
                 );
