@@ -222,8 +222,8 @@ impl ZeroMq {
     }
 
     fn check(&self, topic: &str) -> OpenResult<()> {
-        let own = [self.config.monitor_topic.as_str(), traffic::TRAFFIC_TOPIC, traffic::DENIED];
-        let own = own.into_iter().find(|own| topic.starts_with(own));
+        let mut own = traffic::OWN_TOPICS.into_iter().chain([self.config.monitor_topic.as_str()]);
+        let own = own.find(|own| topic.starts_with(own));
         let checked = match own {
             Some(own) => {
                 Err(format!("names that start with {own} are the broker's own; use another name"))

@@ -24,7 +24,7 @@ use super::monitor::Monitor;
 use super::options;
 use super::sides::Sides;
 use super::status::BrokerStatus;
-use super::traffic::{DENIED, TRAFFIC_TOPIC, Traffic, TrafficTable};
+use super::traffic::{OWN_TOPICS, TRAFFIC_TOPIC, Traffic, TrafficTable};
 use super::turns::Turns;
 use wrapyfi_endpoint::codec::frames::looks_like;
 use wrapyfi_endpoint::{Mutex, Throttle};
@@ -86,7 +86,7 @@ impl Proxy {
             let bytes = frames.iter().map(Bytes::len).sum();
             let forged = |first: &Bytes| {
                 self.monitor.is_forged(first)
-                    || [TRAFFIC_TOPIC, DENIED].iter().any(|own| first.starts_with(own.as_bytes()))
+                    || OWN_TOPICS.iter().any(|own| first.starts_with(own.as_bytes()))
             };
             if frames.first().is_some_and(forged) {
                 status.forged += 1;

@@ -23,6 +23,9 @@ pub(super) const REFUSED: &str = "WRAPYFI/REFUSED/";
 /// of ours answers, with a message of this name, where it may not: it ignores the other subscription. Not listed.
 pub(super) const DENIED: &str = "WRAPYFI/DENIED/";
 
+/// Beginnings of topics that a broker of ours alone publishes, whatever its settings are.
+pub(super) const OWN_TOPICS: [&str; 2] = [TRAFFIC_TOPIC, DENIED];
+
 /// Topics kept. What comes on others is counted together.
 const MAX_TOPICS: usize = 4096;
 /// Longest topic that is kept.
