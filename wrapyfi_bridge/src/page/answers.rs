@@ -96,6 +96,7 @@ impl Answers {
         }
     }
 
+    /// Lets go of the messages of routes that nobody looks at any more.
     pub(super) fn sweep(&self) {
         self.previews.lock().sweep(Instant::now());
     }
