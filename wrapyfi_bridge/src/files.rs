@@ -25,11 +25,17 @@ pub fn raise_limit() {
 /// Reads a configuration file of at most [`MAX_CONFIG_BYTES`].
 ///
 /// # Errors
-/// When it cannot be read, is longer, or is no UTF-8 text.
+/// When it cannot be read, is longer, or is no UTF-8 text: with the line of the first byte that is none.
 pub fn read_file(file: &Path) -> std::io::Result<String> {
-    let mut text = String::new();
-    File::open(file)?.take(MAX_CONFIG_BYTES as u64 + 1).read_to_string(&mut text)?;
-    Ok(text)
+    let mut bytes = Vec::new();
+    File::open(file)?.take(MAX_CONFIG_BYTES as u64 + 1).read_to_end(&mut bytes)?;
+    String::from_utf8(bytes).map_err(|error| {
+        let (text, wrong) = error.as_bytes().split_at(error.utf8_error().valid_up_to());
+        let line = 1 + text.iter().filter(|byte| **byte == b'\n').count();
+        let byte = wrong.first().copied().unwrap_or_default();
+        let told = format!("line {line}: byte {byte:#04x} is no UTF-8; save the file as UTF-8");
+        std::io::Error::new(std::io::ErrorKind::InvalidData, told)
+    })
 }
 
 /// A setting that stands in no file.

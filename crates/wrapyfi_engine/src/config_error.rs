@@ -77,6 +77,11 @@ impl Problem {
             Error::DuplicateMappingKey { key: Some(key), .. } => {
                 format!("key `{key}` is given twice: leave one of them out")
             }
+            Error::MultipleDocuments { .. } => {
+                "a second document begins here, and a configuration is one: leave out the line `---` or `...` \
+                 above it"
+                    .to_owned()
+            }
             Error::SerdeInvalidType { unexpected, expected, .. }
             | Error::SerdeInvalidValue { unexpected, expected, .. } => {
                 format!("found {unexpected}, expected {expected}")

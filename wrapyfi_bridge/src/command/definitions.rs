@@ -4,7 +4,7 @@
 //!   --definitions DIR, AMENT_PREFIX_PATH, built in ─▶ TypeStore ─▶ MessageType
 //! ```
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use wrapyfi_core::types::{MessageType, RosType};
 use wrapyfi_interfaces::parser::{Dialect, TypeName};
@@ -15,21 +15,28 @@ use crate::exit::Failure;
 
 /// Definitions of ROS types: in `folders` first, then where `AMENT_PREFIX_PATH` says, then those
 /// this program is built with, so that the common ones need no ROS.
-pub(crate) fn store(folders: &[PathBuf]) -> Result<TypeStore, Failure> {
+pub(crate) fn store(folders: &[PathBuf]) -> TypeStore {
     let mut store = TypeStore::empty().or_generated();
     for folder in folders {
-        if !folder.is_dir() {
-            return Err(Failure::Usage(format!("{}: there is no such folder", folder.display())));
-        }
         store.add_folder(folder);
     }
     store.add_ament_path(&std::env::var_os("AMENT_PREFIX_PATH").unwrap_or_default());
-    Ok(store)
+    store
+}
+
+/// Refuses what is no folder.
+pub(crate) fn check(folder: &Path) -> Result<(), String> {
+    match folder.is_dir() {
+        true => Ok(()),
+        false => Err(format!("{}: there is no such folder", folder.display())),
+    }
 }
 
 /// Definitions of ROS types for a command, whose option they are named by.
-pub(super) fn of_command(folders: &[PathBuf]) -> Result<TypeStore, Failure> {
-    store(folders).map_err(|failure| Failure::Usage(format!("--definitions {failure}")))
+pub(crate) fn of_command(folders: &[PathBuf]) -> Result<TypeStore, Failure> {
+    let fault = |text| Failure::Usage(format!("--definitions {text}"));
+    folders.iter().try_for_each(|folder| check(folder)).map_err(fault)?;
+    Ok(store(folders))
 }
 
 /// The type `name` as one that every middleware carries.
@@ -49,8 +56,7 @@ pub(crate) fn add_standard(name: &str, folders: &[PathBuf], store: &mut TypeStor
         return;
     }
     let Ok(parsed) = TypeName::parse(Dialect::Ros2, name) else { return };
-    let Ok(theirs) = self::store(folders) else { return };
-    let mut types = Types::new(Rules::built_in(), theirs);
+    let mut types = Types::new(Rules::built_in(), self::store(folders));
     types.add_ros1_path(&std::env::var_os("ROS_PACKAGE_PATH").unwrap_or_default());
     // The fault of the type is reported by the store, when it is asked.
     if let Ok(found) = types.ros2_type_named(&parsed) {

@@ -213,13 +213,11 @@ fn read(
     let waiting_bytes = check(&mut config, beside, &mut problems);
     let folders: Vec<_> =
         config.definitions.iter().map(|folder| beside.join(&folder.value)).collect();
-    let mut types = match definitions::store(&folders) {
-        Ok(types) => types,
-        Err(failure) => {
-            problems.push(Problem { position: None, message: format!("definitions {failure}") });
-            return Err(refused(problems));
-        }
-    };
+    for (written, folder) in config.definitions.iter().zip(&folders) {
+        let fault = |text| Problem::at(written.referenced, format!("definitions {text}"));
+        problems.extend(definitions::check(folder).map_err(fault).err());
+    }
+    let mut types = definitions::store(&folders);
     for entry in &config.routes {
         let (at_both, at_source) = (&entry.value.message_type, &entry.value.from_type);
         for name in [at_both, at_source].into_iter().flatten() {
@@ -262,7 +260,10 @@ fn example(key: &str) -> Option<&'static str> {
         "yarp" => "{ name_server: \"127.0.0.1:10000\" }",
         "routes" => "[{ from: \"zeromq:/a\", to: \"ros2:/a\", type: Text }]",
         "domain_id" => "0",
-        _ if key.ends_with("_port") => "5555",
+        "pub_port" => "5555",
+        "sub_port" => "5556",
+        "rep_port" => "5558",
+        "req_port" => "5559",
         "insecure" | "embedded" => "true",
         _ => return None,
     })
@@ -278,27 +279,27 @@ fn waiting_bytes(config: &Config<Endpoints>) -> Result<usize, Problem> {
 }
 
 /// The names of machines that the configuration maps to addresses.
-fn hosts(config: &Config<Endpoints>) -> Result<Hosts, Problem> {
-    let address =
-        |(host, written): (&String, &Spanned<String>)| match written.value.parse::<IpAddr>() {
-            Ok(ip) => Ok((host.clone(), ip)),
-            Err(_) => {
-                let text = format!("hosts: {host} is {:?}, which is no address", written.value);
-                Err(Problem::at(written.referenced, text))
-            }
-        };
-    config.hosts.iter().map(address).collect()
+fn hosts(config: &Config<Endpoints>, problems: &mut Vec<Problem>) -> Hosts {
+    let address = |(host, written): (&String, &Spanned<String>)| match written.value.parse() {
+        Ok(ip) => Some((host.clone(), ip)),
+        Err::<IpAddr, _>(_) => {
+            let text = format!(
+                "hosts: {host} is {:?}, which is no address; write it as 192.168.1.7",
+                written.value
+            );
+            problems.push(Problem::at(written.referenced, text));
+            None
+        }
+    };
+    config.hosts.iter().filter_map(address).collect()
 }
 
 /// Finds what can be found wrong before anything is started, and reads what the sections name. Bytes that may wait in
 /// the queues of this process.
 fn check(config: &mut Config<Endpoints>, beside: &Path, problems: &mut Vec<Problem>) -> usize {
-    match hosts(config) {
-        Ok(hosts) => config.endpoints.hosts = hosts,
-        Err(problem) => problems.push(problem),
-    }
-    problems.extend(config.endpoints.check());
+    config.endpoints.hosts = hosts(config, problems);
     config.endpoints.zeromq.find_keys(beside);
+    problems.extend(config.endpoints.check());
     problems.extend(config.endpoints.ros.read_rules(beside).err());
     waiting_bytes(config).unwrap_or_else(|problem| {
         problems.push(problem);
@@ -384,6 +385,36 @@ mod tests {
             "did you mean `carrier`?",
         ] {
             assert!(told.contains(words), "{words}: {told}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_text_and_a_second_document_are_told_in_words() {
+        let folder = tempfile::tempdir().unwrap();
+        let routes = "routes: [{ from: 'zeromq:/a', to: 'ros2:/a', type: Text }]\n";
+        let file = folder.path().join("file.yaml");
+        std::fs::write(&file, b"# a camera\n# caf\xe9\nroutes: []\n").unwrap();
+        let told = load(&file).unwrap_err().to_string();
+        assert!(told.contains("line 2: byte 0xe9 is no UTF-8; save the file as UTF-8"), "{told}");
+        for mark in ["---", "..."] {
+            let told = load_text(&format!("---\n{routes}{mark}\n{routes}"), "file");
+            let told = told.unwrap_err().to_string();
+            assert!(told.contains("a second document begins here"), "{told}");
+        }
+    }
+
+    #[test]
+    fn faults_of_values_stand_beside_those_of_keys() {
+        let text = "definitions: [nowhere]\nendpoints:\n  zeromq:\n    curve: { secret_key_file: nowhere.key_secret }\n    pub_port: x\nhosts: { a: 1.2.3, b: 192.168.1.300 }\nroutes: [{ from: 'zeromq:/a', to: 'ros2:/a', type: Text }]\n";
+        let told = load_text(text, "file").unwrap_err().to_string();
+        for place in ["file:1:", "file:4:", "file:5:", "file:6:13:", "file:6:23:"] {
+            assert!(told.contains(place), "{place}: {told}");
+        }
+        // Without keys nothing would be encrypted.
+        for curve in ["", "{}"] {
+            let text = text.replace("{ secret_key_file: nowhere.key_secret }", curve);
+            let told = load_text(&text, "file").unwrap_err().to_string();
+            assert!(told.contains("file:4:") && told.contains("secret_key_file"), "{told}");
         }
     }
 

@@ -5,7 +5,7 @@ use std::num::NonZeroU16;
 use std::path::Path;
 
 use clap::Args;
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer};
 use wrapyfi_core::endpoint::Conventions;
 use wrapyfi_core::engine::{Available, Problem, Spanned};
 use wrapyfi_core::middleware::zeromq::{self, BrokerMode, CurveConfig, ZeroMqConfig};
@@ -40,6 +40,8 @@ pub struct ZeroMqSection {
     pub send_hwm: Option<u16>,
     pub max_connections: Option<NonZeroU16>,
     pub insecure: Word,
+    // Without keys below it, the word asks for keys all the same: nothing would be encrypted.
+    #[serde(deserialize_with = "present")]
     pub curve: Option<Spanned<CurveConfig>>,
 }
 
@@ -62,6 +64,13 @@ impl ServicePorts {
     pub fn any(&self) -> bool {
         self.rep_port.is_some() || self.req_port.is_some()
     }
+}
+
+/// A section that is there even where nothing stands below it.
+fn present<'de, D: Deserializer<'de>>(
+    written: D,
+) -> Result<Option<Spanned<CurveConfig>>, D::Error> {
+    Spanned::deserialize(written).map(Some)
 }
 
 /// Settings that the environment makes.
@@ -87,19 +96,19 @@ impl ZeroMqSection {
         }
     }
 
-    /// A broker of ours that other machines reach, and keys that it cannot have, are refused before anything starts.
+    /// A broker of ours that other machines reach is refused before anything starts.
     pub fn check_permitted(&self, hosts: &Hosts) -> Result<(), Problem> {
-        if self.ip.is_none() && self.curve.is_none() {
-            return Ok(());
-        }
+        let Some(written) = &self.ip else { return Ok(()) };
         let mut config = of_environment()?;
         config.hosts = hosts.clone();
         self.say(&mut config);
-        if let Some(written) = &self.ip {
-            let refused = |refused: ReachedByOthers| refused.to_string();
-            let checked = config.check().map_err(refused);
-            checked.map_err(|text| Problem::at(written.referenced, text))?;
-        }
+        let refused = |refused: ReachedByOthers| refused.to_string();
+        let checked = config.check().map_err(refused);
+        checked.map_err(|text| Problem::at(written.referenced, text))
+    }
+
+    /// Keys that a broker, or who connects to one, cannot have are refused.
+    fn check_keys(&self, config: &ZeroMqConfig) -> Result<(), Problem> {
         let (Some(written), Some(curve)) = (&self.curve, &config.curve) else { return Ok(()) };
         let serves = config.broker == BrokerMode::Embedded;
         curve.check(serves).map_err(|fault| match written.value.check(serves) {
@@ -156,7 +165,8 @@ impl ZeroMqSection {
                 return Err(Problem::at(written, text));
             }
         }
-        Ok(())
+        self.say(&mut config);
+        self.check_keys(&config)
     }
 
     /// Writes the ports into `config`.

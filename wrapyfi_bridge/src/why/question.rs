@@ -52,7 +52,7 @@ pub fn ask(asked: &WhyArgs) -> Result<Way, Failure> {
             let mut endpoints = Endpoints::default();
             endpoints.reached_at(asked.own);
             let sight = Sight::of_command(&endpoints);
-            Ok(of_address(&address, sight, definitions::store(&asked.definitions)?))
+            Ok(of_address(&address, sight, definitions::of_command(&asked.definitions)?))
         }
     }
 }
@@ -82,7 +82,7 @@ fn of_file(asked: &WhyArgs, path: &Path) -> Result<Way, Failure> {
 
 fn of_type(asked: &WhyArgs) -> Result<Way, Failure> {
     let name = asked.name.as_str();
-    let mut types = definitions::store(&asked.definitions)?;
+    let mut types = definitions::of_command(&asked.definitions)?;
     definitions::add_standard(name, &asked.definitions, &mut types);
     let mut way = Way { title: name.to_owned(), ..Way::default() };
     if let Err(error) = types.resolve_name(name) {
@@ -504,7 +504,7 @@ impl Running {
             sight: Sight { bridge: Some(&registry), ..Sight::of_command(endpoints) },
             status: Some(&|| self.routes.status().iter().map(info::of).collect()),
         };
-        configured.way(name, definitions::store(definitions)?)
+        configured.way(name, definitions::of_command(definitions)?)
     }
 }
 
