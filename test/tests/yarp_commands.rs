@@ -2,7 +2,7 @@
 //! calls to rpc ports. The robot is ours; `real_yarp.rs` has one of YARP's.
 
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, Process, Result, TestEnv, ros2, run, yarp};
+use wrapyfi_e2e::{Need, Output, Process, Result, Route, TestEnv, ros2, run, yarp};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Executable("yarp_bridge")];
 
@@ -80,6 +80,45 @@ fn a_robot_that_comes_later_is_commanded() -> Result {
         let robot = input_port(env, &port)?;
         hears(&robot, &json!(["go", 1]), &bridge)
     })
+}
+
+/// Connections need no name server, and one after another brings nothing new to those that are there.
+#[test]
+fn a_robot_is_commanded_while_the_name_server_is_away_and_after() -> Result {
+    run("a_robot_is_commanded_while_the_name_server_is_away_and_after", NEEDS, |env| {
+        let mut names = env.yarpserver()?;
+        let (port, nobody) = (format!("{}/in", env.topic("head")), env.topic("nobody"));
+        let robot = input_port(env, &port)?;
+        let commands = Route::new(&ros2(&port), &yarp(&port), "NativeObject");
+        let witness = Route::new(&yarp(&nobody), &ros2(&nobody), "NativeObject");
+        let bridge = env.bridge(&env.embedded().route(commands).route(witness))?;
+        let _words = publisher(env, &port, "NativeObject", r#"["go", 1]"#)?;
+        hears(&robot, &json!(["go", 1]), &bridge)?;
+        for _ in 0..2 {
+            names.kill()?;
+            last_told(&bridge, "waiting for name server")?;
+            more(&robot, 10).map_err(|error| error.context(bridge.tail()))?;
+            names = env.yarpserver_there()?;
+            last_told(&bridge, &format!("waiting for port {nobody}"))?;
+            more(&robot, 10).map_err(|error| error.context(bridge.tail()))?;
+        }
+        Ok(())
+    })
+}
+
+/// Waits until the last line that says what a route waits for says this.
+fn last_told(bridge: &Process, what: &str) -> Result {
+    bridge.wait_until(what, |output| {
+        let waiting = output.err.iter().rfind(|line| line.contains("waiting for"))?;
+        waiting.contains(what).then_some(())
+    })
+}
+
+/// Waits for so many more messages.
+fn more(port: &Process, count: usize) -> Result {
+    let heard = |output: &Output| output.objects().count();
+    let before = port.wait_until("what was heard", |output| Some(heard(output)))?;
+    port.wait_until("more messages", |output| (heard(output) >= before + count).then_some(()))
 }
 
 #[test]

@@ -86,7 +86,10 @@ impl PortConnection {
             let reached = shared.directory.reached();
             if reached.is_none() {
                 say(shared.directory.waiting_for().unwrap_or_default());
-                bell.notified().await;
+                tokio::select! {
+                    () = bell.notified() => {}
+                    Ok(()) = changed.changed() => {}
+                }
                 continue;
             }
             let has_files = self.reads_files(shared).await;

@@ -342,7 +342,8 @@ async fn serve(
         let is_connected = || state.readers().iter().any(|reader| reader == connection.other());
         connection
             .keep(shared, changes.clone(), is_connected, |why| {
-                if destination.is_some() {
+                // A connection needs no name server: messages go on while it is away.
+                if destination.is_some() && changes.borrow().outputs == 0 {
                     state.link_state.waiting(why);
                 }
             })
