@@ -106,14 +106,6 @@ pub enum SetError {
         /// [`MAX_PARAMETERS`](super::MAX_PARAMETERS).
         limit: usize,
     },
-    /// A validator of the node refuses the value.
-    #[error("parameter {name} was refused: {reason}")]
-    Refused {
-        /// The name, the first one of an atomic request.
-        name: String,
-        /// Reason that the validator gave.
-        reason: String,
-    },
 }
 
 const STATIC_TYPE: &str = "Static parameter cannot be undeclared";
@@ -135,8 +127,7 @@ impl SetError {
             | Self::OffStep { name, .. }
             | Self::TooLarge { name, .. }
             | Self::UnknownType { name, .. }
-            | Self::Twice(name)
-            | Self::Refused { name, .. } => name,
+            | Self::Twice(name) => name,
             Self::TooMany { .. } => "",
         }
     }
@@ -149,7 +140,6 @@ impl SetError {
             Self::NotDeclared { .. } => "Invalid access to undeclared parameter(s): []".to_owned(),
             Self::WrongType { expected, found, .. } => wrong_type(*expected, *found),
             Self::StaticType { .. } => STATIC_TYPE.to_owned(),
-            Self::Refused { reason, .. } => reason.clone(),
             _ => self.to_string(),
         }
     }

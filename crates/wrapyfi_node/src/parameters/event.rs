@@ -31,8 +31,8 @@ impl Changes {
 pub(super) struct PendingEvents {
     changes: VecDeque<Changes>,
     size: usize,
-    /// Number of changes that were dropped because nobody took them.
-    pub(super) lost: u64,
+    /// Number of changes that were dropped because nobody took them, since somebody did.
+    lost: u64,
 }
 
 impl PendingEvents {
@@ -51,6 +51,10 @@ impl PendingEvents {
 
     pub(super) fn take(&mut self, node: &str, stamp: Stamp) -> Vec<ParameterEvent> {
         self.size = 0;
+        let lost = std::mem::take(&mut self.lost);
+        if lost > 0 {
+            tracing::warn!(lost, "changes of parameters were not told on /parameter_events");
+        }
         let messages = |parameters: Vec<Parameter>| -> Vec<msg::Parameter> {
             parameters.into_iter().map(msg::Parameter::from).collect()
         };

@@ -4,7 +4,7 @@
 //!   declare(descriptor, default) ─┐ overrides win     ┌─▶ take_events(stamp) ─▶ /parameter_events
 //!                                 ▼                   │
 //!   set, set_atomically ──▶ ParameterStore ───────────┼─▶ ParameterWatch::take, rings a Wake
-//!        ▲  type, range, read-only, validators        │
+//!        ▲  type, range, read-only                    │
 //!        │                                            └─▶ get, list, describe
 //!   answer(ParameterService, request) ─▶ response         the six services
 //! ```
@@ -23,7 +23,6 @@ mod qos_overrides;
 mod qos_profile;
 mod services;
 mod store;
-mod validators;
 mod watch;
 
 pub use descriptor::{ParameterDescriptor, ParameterRange};

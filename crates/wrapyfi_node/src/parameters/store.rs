@@ -7,7 +7,6 @@ use wrapyfi_interfaces::rcl_interfaces::msg::{ListParametersResult, ParameterEve
 
 use super::event::{Changes, PendingEvents};
 use super::from_outside::override_for;
-use super::validators::Validators;
 use super::watch::Watches;
 use super::{
     DeclareError, GetError, MAX_NAME_BYTES, MAX_PARAMETERS, Parameter, ParameterDescriptor,
@@ -46,7 +45,6 @@ pub struct ParameterStore {
     declared: BTreeMap<String, Declared>,
     /// Number of parameters that were ever declared.
     ordinal: u64,
-    validators: Validators,
     watches: Watches,
     events: PendingEvents,
     pub(super) refused_requests: u64,
@@ -76,7 +74,6 @@ impl ParameterStore {
             overrides,
             declared: BTreeMap::new(),
             ordinal: 0,
-            validators: Validators::default(),
             watches: Watches::default(),
             events: PendingEvents::default(),
             refused_requests: 0,
@@ -133,13 +130,10 @@ impl ParameterStore {
         };
         // A typed parameter may wait for its value.
         if value != ParameterValue::NotSet {
-            let parameter = Parameter { name: name.clone(), value: value.clone() };
-            descriptor.check(&value).and_then(|()| self.validators.ask(&[parameter])).map_err(
-                |source| match overridden {
-                    true => DeclareError::Override(source),
-                    false => DeclareError::Default(source),
-                },
-            )?;
+            descriptor.check(&value).map_err(|source| match overridden {
+                true => DeclareError::Override(source),
+                false => DeclareError::Default(source),
+            })?;
         }
         if descriptor.dynamic_typing {
             descriptor.parameter_type = value.parameter_type();
@@ -290,9 +284,6 @@ impl ParameterStore {
             }
             descriptor.check(value)?;
         }
-        if !parameters.is_empty() {
-            self.validators.ask(&parameters)?;
-        }
         let mut changes = Changes::default();
         for parameter in parameters {
             let Some(declared) = self.declared.get_mut(&parameter.name) else { continue };
@@ -311,16 +302,6 @@ impl ParameterStore {
         }
         self.publish(changes);
         Ok(())
-    }
-
-    /// Asks `validator` before any value is declared or set, with all values of one request at
-    /// once, when type and range are right. Its error goes to the client that wanted to set them; a
-    /// validator that panics refuses them. Validators added later are asked first.
-    pub fn add_validator(
-        &mut self,
-        validator: impl FnMut(&[Parameter]) -> Result<(), String> + Send + 'static,
-    ) {
-        self.validators.add(Box::new(validator));
     }
 
     /// Watches parameters and groups by name, all where none is given. `wake` is rung after each
@@ -342,13 +323,6 @@ impl ParameterStore {
     #[must_use]
     pub fn take_events(&mut self, stamp: Stamp) -> Vec<ParameterEvent> {
         self.events.take(&self.node, stamp)
-    }
-
-    /// Number of events dropped because more than [`MAX_EVENTS`](super::MAX_EVENTS) waited to be
-    /// taken.
-    #[must_use]
-    pub fn lost_events(&self) -> u64 {
-        self.events.lost
     }
 
     /// Number of requests that got an empty answer because they, or their answer, exceeded the

@@ -1,14 +1,10 @@
-//! Cases that the recorded node does not have: overrides, ranges, dynamic types, validators,
-//! watches.
+//! Cases that the recorded node does not have: overrides, ranges, dynamic types, watches.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
 
 use bytes::Bytes;
-use wrapyfi_interfaces::rcl_interfaces::msg;
-use wrapyfi_interfaces::rcl_interfaces::srv::{
-    GetParameterTypes_Request, GetParameters_Request, SetParameters_Request,
-};
+use wrapyfi_interfaces::rcl_interfaces::srv::{GetParameterTypes_Request, GetParameters_Request};
 
 use super::*;
 use crate::{NodeName, ParameterType, ParameterValue};
@@ -230,46 +226,6 @@ fn ranges_have_ends_steps_and_tolerance() {
         store.set("open", -1e20).unwrap_err().to_string(),
         "Parameter open out of range Min: 0.0, Max: inf, value: -1e+20"
     );
-}
-
-#[test]
-fn validators_see_a_request_as_a_whole() {
-    let mut store = store();
-    store.declare(named("low"), 1).unwrap();
-    store.declare(named("high"), 2).unwrap();
-    store.add_validator(|_| Err("the first one is asked last".to_owned()));
-    store.add_validator(|parameters| match parameters {
-        [low, high] if low.value == 5.into() && high.value == 6.into() => Ok(()),
-        _ => Err("low and high go together".to_owned()),
-    });
-    let error = store.set("low", 5).unwrap_err();
-    assert_eq!(error.reason(), "low and high go together");
-    assert_eq!(error.to_string(), "parameter low was refused: low and high go together");
-    let both = vec![Parameter::new("low", 5), Parameter::new("high", 6)];
-    assert_eq!(store.set_atomically(both).unwrap_err().reason(), "the first one is asked last");
-    assert_eq!(store.get("low").unwrap(), &ParameterValue::Integer(1));
-    let error = store.declare(named("third"), 1).unwrap_err().to_string();
-    assert!(error.ends_with("low and high go together"), "{error}");
-}
-
-#[test]
-fn a_validator_that_panics_refuses_and_is_asked_again() {
-    let mut store = store();
-    store.declare(named("rate"), 1).unwrap();
-    store.add_validator(|parameters| match parameters {
-        [one] if one.value == 13.into() => panic!("a fault of the user"),
-        _ => Ok(()),
-    });
-    let value = |number: i64| msg::Parameter::from(Parameter::new("rate", number));
-    let request = SetParameters_Request { parameters: [13, 5, 13].map(value).to_vec() };
-    let results = store.set_parameters(request).results;
-    let told: Vec<_> =
-        results.iter().map(|result| (result.successful, result.reason.as_str())).collect();
-    let refused = (false, "its validator panicked: nothing was set");
-    assert_eq!(told, [refused, (true, ""), refused]);
-    assert_eq!(store.get("rate").unwrap(), &ParameterValue::Integer(5));
-    assert!(store.declare(named("other"), 13).is_err());
-    assert!(store.describe("other").is_none());
 }
 
 #[test]
