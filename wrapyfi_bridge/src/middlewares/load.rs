@@ -218,12 +218,6 @@ fn read(
         problems.extend(definitions::check(folder).map_err(fault).err());
     }
     let mut types = definitions::store(&folders);
-    for entry in &config.routes {
-        let (at_both, at_source) = (&entry.value.message_type, &entry.value.from_type);
-        for name in [at_both, at_source].into_iter().flatten() {
-            definitions::add_standard(&name.value, &folders, &mut types);
-        }
-    }
     let is_readable = problems.is_empty();
     if is_readable {
         learn(&mut config, &mut types)?;

@@ -83,7 +83,6 @@ fn of_file(asked: &WhyArgs, path: &Path) -> Result<Way, Failure> {
 fn of_type(asked: &WhyArgs) -> Result<Way, Failure> {
     let name = asked.name.as_str();
     let mut types = definitions::of_command(&asked.definitions)?;
-    definitions::add_standard(name, &asked.definitions, &mut types);
     let mut way = Way { title: name.to_owned(), ..Way::default() };
     if let Err(error) = types.resolve_name(name) {
         let undefined = Some((name.to_owned(), error.to_string()));

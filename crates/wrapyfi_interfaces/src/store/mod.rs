@@ -66,7 +66,12 @@ pub struct TypeStore {
     known: BTreeMap<TypeName, MessageDefinition>,
     /// Store for each type that no place here has, also one inside another.
     rest: Option<Box<TypeStore>>,
+    /// Makes what is found nowhere.
+    make: Option<Box<Make>>,
 }
+
+/// Makes the definition of a type that is defined nowhere, where it can.
+type Make = dyn FnMut(&TypeName) -> Option<MessageDefinition> + Send + Sync;
 
 /// Definitions of the types that this crate has structs for, by path below a folder of packages.
 const GENERATED: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/definitions.rs"));
@@ -108,6 +113,7 @@ impl TypeStore {
             places: Vec::new(),
             known: BTreeMap::new(),
             rest: None,
+            make: None,
         }
     }
 
@@ -168,6 +174,17 @@ impl TypeStore {
         self
     }
 
+    /// What is found nowhere, also a type inside another, is what `make` makes of its name. It is asked each time, so
+    /// that what is found later counts.
+    #[must_use]
+    pub fn or_made(
+        mut self,
+        make: impl FnMut(&TypeName) -> Option<MessageDefinition> + Send + Sync + 'static,
+    ) -> Self {
+        self.make = Some(Box::new(make));
+        self
+    }
+
     /// Adds the definition of one type, which is used before any file.
     ///
     /// # Errors
@@ -222,7 +239,8 @@ impl TypeStore {
                 }
             }
         }
-        self.known.get(name).cloned().ok_or_else(|| ResolveError::NotFound {
+        let found = self.known.get(name).cloned();
+        found.or_else(|| self.make.as_mut()?(name)).ok_or_else(|| ResolveError::NotFound {
             name: name.clone(),
             user: user.cloned(),
             looked: Looked(looked),
