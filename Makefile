@@ -31,9 +31,8 @@ export PYTHON3 ?= /usr/bin/python3
 # A quiet cargo still prints warnings and errors.
 CARGO := cargo --quiet
 
-# Without what the demo does not show: libraries of Python's formats, and of services of Fast DDS nodes. `make build`
-# compiles these alone, and anew what uses them.
-LEAN := --release --locked --package wrapyfi_bridge --bin wrapyfi --no-default-features
+# Without what the demo does not show: libraries of Python's formats, and of services of Fast DDS nodes; optimised less.
+LEAN := --profile demo --locked --package wrapyfi_bridge --bin wrapyfi --no-default-features
 demo: setup-build
 	cargo build $(LEAN)
 	@$(CARGO) run $(LEAN) -- demo $(DEMO_ARGS)
