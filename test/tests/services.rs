@@ -303,7 +303,7 @@ fn calls_that_cannot_be_end_with_a_reason() -> Result {
         let none = env.topic("none");
         for (more, code, words) in [
             (vec!["--type", ADD, "--timeout", "0.5"], 3, "no node offers it"),
-            (vec!["--timeout", "0.5"], 3, "no node offers it; give --type"),
+            (vec!["--timeout", "0.5"], 3, "no node offers it: start one, or see"),
             (
                 vec!["--type", ADD, "--value", r#"{"c": 1}"#],
                 2,

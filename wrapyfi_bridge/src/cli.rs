@@ -204,7 +204,7 @@ pub struct EchoArgs {
     /// Settings of the endpoint.
     #[command(flatten)]
     pub options: EndpointOptions,
-    /// Type of the messages: NativeObject, Image, CompressedImage, AudioChunk, Properties or any ROS
+    /// Type of the messages: NativeObject, Text, Image, CompressedImage, AudioChunk, Properties or any ROS
     /// type. It may be left out where the middleware tells types: on ROS 2 it is what the topic's
     /// endpoints announce, on ROS 1 what its publisher shows. Properties on ROS 2
     /// are the parameters of the node that the endpoint names.
@@ -238,7 +238,7 @@ pub struct PubArgs {
     /// Settings of the endpoint.
     #[command(flatten)]
     pub options: EndpointOptions,
-    /// Type of the messages: NativeObject, Image, CompressedImage, AudioChunk, Properties or any ROS
+    /// Type of the messages: NativeObject, Text, Image, CompressedImage, AudioChunk, Properties or any ROS
     /// type. Properties on ROS 2 are the parameters of the node that the endpoint names: they are set.
     #[arg(long = "type", value_name = "T")]
     pub message_type: TypeName,
@@ -277,7 +277,7 @@ pub struct CallArgs {
     #[command(flatten)]
     pub options: EndpointOptions,
     /// Type of the service: NativeObject, Image, CompressedImage, AudioChunk, or on ROS 2, ROS 1 and
-    /// YARP any type. It may be left out: on ROS 2 it is what the servers announce, elsewhere
+    /// YARP any type. It may be left out: on ROS 2 and ROS 1 it is what the servers announce, elsewhere
     /// NativeObject.
     #[arg(long = "type", value_name = "T")]
     pub service_type: Option<ServiceName>,

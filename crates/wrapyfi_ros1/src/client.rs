@@ -395,7 +395,7 @@ impl ClientWire for Ros1Client {
 
     fn missing(&self, stage: Stage) -> String {
         match stage {
-            Stage::Waiting => self.shared.missing(),
+            Stage::Waiting => format!("still waiting for {}", self.shared.missing()),
             Stage::Sent => "its server has not answered".to_owned(),
         }
     }

@@ -37,9 +37,18 @@ impl ZeroMqPublisher {
         Self { connection, spec, depth: usize::from(hwm), io, told_order: false }
     }
 
-    /// Says where the colours of an image change their order; whether it was said.
+    /// Says where Wrapyfi's listeners refuse an image, and where its colours change their order; true once it was said.
     fn tell_order(&self, payload: &Payload) -> bool {
         let Payload::Image(Image { pixels: Pixels::Raw(raw), .. }) = payload else { return false };
+        if raw.encoding.channels() == 4 {
+            tracing::warn!(
+                topic = self.spec.topic,
+                "{} images have four channels: Wrapyfi's listeners take three, and raise ValueError; have the camera \
+                 send rgb8 or bgr8",
+                raw.encoding
+            );
+            return true;
+        }
         let orders = raw.encoding.color_order().zip(self.spec.color_order.color_order());
         let Some((has, sent)) = orders.filter(|(has, sent)| has != sent) else { return false };
         tracing::info!(

@@ -162,14 +162,14 @@ fn announced(
     while !shutdown.requested() {
         let found = discovery.endpoints().with_context(|| side.clone())?;
         let servers = found.into_iter().filter(|one| one.role == EndpointRole::Server);
-        let (mut kinds, mut why) = (BTreeMap::new(), "no node offers it".to_owned());
+        let (mut kinds, mut why) = (BTreeMap::new(), "no node offers it: start one".to_owned());
         for server in servers.filter(|one| one.name == name) {
             match middleware.learn_service(&server, &mut types) {
                 Ok(kind) => _ = kinds.insert(kind.to_string(), kind),
                 Err(LearnError::Undefined { reason, .. }) => {
                     return Err(Failure::Usage(format!("{reason} (--definitions DIR)")));
                 }
-                Err(error) => why = format!("still waiting for {error}"),
+                Err(error) => why = format!("still waiting for {error}; give --type"),
             }
         }
         if kinds.len() > 1 {
@@ -188,7 +188,7 @@ fn announced(
             let why =
                 discovery.waiting_for().map_or(why, |what| format!("still waiting for {what}"));
             return Err(Failure::TimedOut(format!(
-                "{}: time-out: {why}; give --type, or see `wrapyfi list {side}`",
+                "{}: time-out: {why}, or see `wrapyfi list {side}`",
                 args.endpoint
             )));
         }
