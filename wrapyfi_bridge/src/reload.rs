@@ -366,7 +366,8 @@ impl Watch {
         }
         let is_on_ros2 = reload.handle.is_some();
         let (lifecycle, registry) = (reload.lifecycle.clone(), reload.middlewares.registry());
-        let own = Advertise { node: &reload.bridge.node, registry, context: &context };
+        let (node, number) = (&reload.bridge.node, reload.bridge.routes.number());
+        let own = Advertise { node, number, registry, context: &context };
         let mut services = Vec::new();
         if is_on_ros2 && file.is_some() {
             services = vec![

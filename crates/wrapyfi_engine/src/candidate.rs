@@ -7,9 +7,6 @@ use super::route_status::RouteState;
 use wrapyfi_data::types::{MessageType, ServiceKind};
 use wrapyfi_endpoint::{EndpointAddress, Role};
 
-/// Longest time, in milliseconds, after which a candidate yields to a rival.
-const YIELD_SPREAD_MS: u64 = 2000;
-
 /// A source, and the destination that its route has or would have.
 #[derive(Debug)]
 pub(super) struct Candidate {
@@ -21,8 +18,6 @@ pub(super) struct Candidate {
     first_seen: Option<Instant>,
     last_seen: Option<Instant>,
     retry_at: Option<Instant>,
-    /// Instant since which a rival does what its route does.
-    rival_since: Option<Instant>,
     /// True while its source has no publisher yet, and a listener waits at the destination.
     pub(super) is_ahead: bool,
     /// Type that its route carries.
@@ -59,7 +54,6 @@ impl Candidate {
             first_seen: seen,
             last_seen: seen,
             retry_at: None,
-            rival_since: None,
             is_ahead: false,
             carried: None,
             called: None,
@@ -118,18 +112,6 @@ impl Candidate {
 
     pub(super) fn retry_at(&mut self, at: Instant) {
         self.retry_at = Some(at);
-    }
-
-    /// True when it has to give way to a rival now. The time until then differs from bridge to
-    /// bridge, so that not all of them give way at once.
-    pub(super) fn yields(&mut self, now: Instant, number: u64) -> bool {
-        let since = *self.rival_since.get_or_insert(now);
-        let spread = Duration::from_millis(number % YIELD_SPREAD_MS);
-        now.saturating_duration_since(since) >= spread
-    }
-
-    pub(super) fn has_no_rival(&mut self) {
-        self.rival_since = None;
     }
 
     /// Notes the reason that it has no route, and logs a new one; at level debug where it is one of

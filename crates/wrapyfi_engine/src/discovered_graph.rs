@@ -39,6 +39,8 @@ pub(super) struct DiscoveredMiddleware {
     /// Number of panics of its discovery.
     pub(super) panics: u64,
     seen_since: Option<Instant>,
+    /// Smallest number of the bridges whose marks it shows.
+    oldest_bridge: Option<u64>,
     /// Number of messages of topics that show by their messages only, and the time of its last
     /// change.
     traffic: BTreeMap<String, (u64, Option<Instant>)>,
@@ -105,6 +107,11 @@ impl DiscoveredGraph {
     pub(super) fn get(&self, name: &str) -> Option<&DiscoveredMiddleware> {
         self.0.get(name)
     }
+
+    /// Smallest number of the bridges that show somewhere.
+    pub(super) fn oldest_bridge(&self) -> Option<u64> {
+        self.0.values().filter_map(|side| side.oldest_bridge).min()
+    }
 }
 
 /// Filter for the names of a middleware that patterns mean, as sources or as destinations.
@@ -142,6 +149,7 @@ impl DiscoveredMiddleware {
             backoff: Backoff::new(1),
             panics: 0,
             seen_since: None,
+            oldest_bridge: None,
             traffic: BTreeMap::new(),
         }
     }
@@ -255,6 +263,7 @@ impl DiscoveredMiddleware {
 
     fn enter(&mut self, all: &[Discovered], now: Instant) {
         self.found.clear();
+        self.oldest_bridge = all.iter().filter_map(|one| Some(one.mark.as_ref()?.bridge)).min();
         for one in all {
             if !self.passes(one, now) {
                 continue;

@@ -32,6 +32,8 @@ const LOOK_AGAIN: Duration = Duration::from_millis(5);
 
 /// The routes that run, with the reconciler and the pool.
 pub struct Driver {
+    /// Number of the bridge, in the marks of what it makes.
+    number: u64,
     pub(super) pool: Arc<Pool>,
     members: Mutex<Members>,
     reconciler: Mutex<Reconciler>,
@@ -69,6 +71,7 @@ impl Driver {
         let changes =
             reconciler.replace(plan.clone(), registry.clone(), REMOVED, registry.clock().now());
         let driver = Self {
+            number: reconciler.number,
             pool: Pool::new(registry.clock().clone()),
             members: Mutex::default(),
             lanes: Arc::default(),
@@ -85,6 +88,12 @@ impl Driver {
         };
         driver.carry_out(registry, changes);
         driver
+    }
+
+    /// Number of the bridge, in the marks of what it makes.
+    #[must_use]
+    pub fn number(&self) -> u64 {
+        self.number
     }
 
     pub(super) fn set_types(&self, types: TypeStore) {

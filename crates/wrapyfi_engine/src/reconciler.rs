@@ -459,7 +459,10 @@ impl Reconciler {
         if spec.is_many() && candidate.is_gone(now, GONE_AFTER) {
             return (false, None);
         }
-        if !candidate.is_due(now, SETTLE) || !self.are_settled(&spec, now) {
+        // A bridge that began earlier makes its route first: both would carry until one of them sees the other.
+        let is_younger = self.graph.oldest_bridge().is_some_and(|other| other < self.number);
+        let settle = if is_younger { 2 * SETTLE } else { SETTLE };
+        if !candidate.is_due(now, settle) || !self.are_settled(&spec, now) {
             if candidate.state == State::New && self.hindrance(&spec, candidate).is_none() {
                 // Asks for the type now, so that it is known when the candidate is due.
                 _ = self.kind(&spec, candidate);
@@ -534,14 +537,10 @@ impl Reconciler {
                 });
             }
             if let Some(rival) = self.rival(spec, candidate) {
-                if !candidate.yields(now, self.number) {
-                    return Ok(candidate.misfits.clone());
-                }
                 candidate.state = State::New;
                 candidate.waits(spec.role(), RouteState::Waiting(rival.clone()), true);
                 return Err(rival);
             }
-            candidate.has_no_rival();
         }
         let misfits = self.misfits(spec, candidate);
         if let Some(instead) = misfits.instead {

@@ -92,7 +92,12 @@ impl OnGraph {
         let (context, stop) =
             (Context { wake, ..Context::default() }, Arc::<AtomicBool>::default());
         let (node, registry) = (&parts.bridge.node, parts.bridge.routes.registry());
-        let own = Advertise { node, registry: &registry, context: &context };
+        let own = Advertise {
+            node,
+            number: parts.bridge.routes.number(),
+            registry: &registry,
+            context: &context,
+        };
         let diagnostics = own.open::<DiagnosticArray>("/diagnostics", Qos::default());
         // Who comes late has the latest at once.
         let latched = Qos {
@@ -302,15 +307,17 @@ fn message(ros_type: RosType, message: &impl Message) -> Payload {
     Payload::RosMessage(RosMessage::new(ros_type, message.encode().to_bytes()))
 }
 
-/// Mark of what no bridge by pattern carries anywhere: it has been everywhere.
-fn mark() -> Option<BridgeMark> {
+/// Mark of what no bridge by pattern carries anywhere: it has been everywhere. Other bridges see by it who began first.
+fn mark(bridge: u64) -> Option<BridgeMark> {
     let path = middlewares::names().into_iter().map(str::to_owned).collect();
-    Some(BridgeMark { bridge: BridgeMark::number(), path })
+    Some(BridgeMark { bridge, path })
 }
 
 /// Opens topics and services of a node.
 pub(crate) struct Advertise<'n> {
     pub(crate) node: &'n Node,
+    /// Number of the bridge.
+    pub(crate) number: u64,
     pub(crate) registry: &'n Registry,
     pub(crate) context: &'n Context,
 }
@@ -322,7 +329,7 @@ impl Advertise<'_> {
             let ros_type = client::ros_type::<M>()?;
             let topic = self.node.resolve_topic(name).map_err(|error| error.to_string())?;
             let spec = TopicSpec::new(topic, MessageType::Ros(ros_type));
-            let spec = TopicSpec { mark: mark(), qos, ..spec };
+            let spec = TopicSpec { mark: mark(self.number), qos, ..spec };
             let ros2 = self.registry.get("ros2").map_err(|error| error.to_string())?;
             let publisher = ros2.open_publisher(&spec, self.context);
             let publisher = publisher.map_err(|error| error.to_string())?;
@@ -343,7 +350,8 @@ impl Advertise<'_> {
             let name = name.map_err(|error| error.to_string())?;
             let ros2 = self.registry.get("ros2").map_err(|error| error.to_string())?;
             let spec = ServiceSpec::new(name, ServiceKind::Ros(known));
-            let server = ros2.open_server(&ServiceSpec { mark: mark(), ..spec }, self.context);
+            let spec = ServiceSpec { mark: mark(self.number), ..spec };
+            let server = ros2.open_server(&spec, self.context);
             Ok((server.map_err(|error| error.to_string())?, known.response()))
         };
         opened().inspect_err(|why| tracing::warn!("~/{service} is not offered: {why}")).ok()
