@@ -54,6 +54,30 @@ fn objects_with_a_header_are_read_by_wrapyfi() -> Result {
     })
 }
 
+/// Nobody else publishes or hears the clock.
+#[test]
+fn simulated_time_that_a_bridge_brings_itself_is_its_own() -> Result {
+    run("simulated_time_that_a_bridge_brings_itself_is_its_own", NEEDS, |env| {
+        let (from, to, clock) = (env.topic("from"), env.topic("to"), env.topic("clock"));
+        let routes = vec![
+            Route::new(&zeromq(&from), &ros2(&to), "Image"),
+            Route::new(&zeromq(&clock), &ros2("/clock"), "rosgraph_msgs/msg/Clock"),
+        ];
+        let _bridge = env.node_with(routes, &["-p", "use_sim_time:=true"])?;
+        let time = r#"{"clock": {"sec": 77, "nanosec": 500000000}}"#;
+        let publish = ["--type", "NativeObject", "--value", time, "--rate", "10"];
+        let _clock = env.wrapyfi([&["pub", &zeromq(&clock)], &publish[..]].concat())?;
+        let simulated = env.dds_subscriber(&to, "sensor_msgs/msg/Image", "")?;
+        let args = "--type Image --flavour colour --no-broker";
+        let _publisher = env.wrapyfi_publisher(&from, args)?;
+        simulated.wait_until("an image in simulated time", |output| {
+            let mut messages = output.events("message").into_iter();
+            messages.find(|message| message["stamp"].as_f64() == Some(77.5))
+        })?;
+        Ok(())
+    })
+}
+
 #[test]
 fn simulated_time_is_that_of_images_from_outside() -> Result {
     run("simulated_time_is_that_of_images_from_outside", NEEDS, |env| {

@@ -248,6 +248,7 @@ fn what_is_no_request_is_refused_and_the_next_one_answered() {
         type_hash: None,
         qos: Qos::default(),
         max_bytes: 64,
+        hears_own: false,
     };
     let wake = Wake::new();
     let mut writer =

@@ -261,6 +261,7 @@ fn nobody_polls_for_the_other_half() {
         type_hash: None,
         qos: Qos::default(),
         max_bytes: 64,
+        hears_own: false,
     };
     let _reader = graph.subscribe_dds(&topic, bell(&Wake::new())).unwrap();
     assert!(wait_until(&Wake::new(), TIMEOUT, || {
@@ -338,6 +339,7 @@ fn what_has_no_identity_is_counted() {
         type_hash: None,
         qos: Qos::default(),
         max_bytes: 64,
+        hears_own: false,
     };
     let mut writer = graph.advertise_dds(&topic, WriterTraits::default(), bell(&wake)).unwrap();
     assert!(wait_until(&wake, TIMEOUT, || writer.matched() == 1));

@@ -87,6 +87,7 @@ impl Args {
             type_hash: None,
             qos: Qos { reliability, history, ..Qos::default() },
             max_bytes: MAX_BYTES,
+            hears_own: false,
         }
     }
 

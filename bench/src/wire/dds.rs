@@ -30,6 +30,7 @@ fn topic(place: &Place) -> TopicDescription {
         type_hash: Some(ros::type_hash(message_type).to_owned()),
         qos: Qos::default(),
         max_bytes: 64 << 20,
+        hears_own: false,
     }
 }
 

@@ -85,6 +85,7 @@ impl Testbed for Nodes {
                 type_hash: Some(ros::type_hash(spec.message_type).into()),
                 qos: spec.qos,
                 max_bytes: spec.limits.message_bytes,
+                hears_own: false,
             };
             let wake = Wake::new();
             let bell = wake.clone();

@@ -80,8 +80,9 @@ impl Drop for Buffer {
 }
 
 impl Node {
-    /// Creates a subscription to any type; topics are named as for [`Node::publisher`]. What this node publishes itself is not heard. `on_event` is called when a
-    /// message waits, when publishers come and go, and for events of quality of service.
+    /// Creates a subscription to any type; topics are named as for [`Node::publisher`]. What this node publishes itself
+    /// is heard where `hears_own` is true. `on_event` is called when a message waits, when publishers come and go, and
+    /// for events of quality of service.
     ///
     /// # Errors
     /// When rmw refuses; the reason is its own.
@@ -91,6 +92,7 @@ impl Node {
         type_name: &str,
         type_hash: Option<&TypeHash>,
         qos: &Qos,
+        hears_own: bool,
         on_event: &Notify,
     ) -> Result<Subscription, Fault> {
         let support = types::message(type_name, type_hash)?;
@@ -100,7 +102,7 @@ impl Node {
         // SAFETY: the node lives, the type support lives as long as the process, and rmw copies the rest.
         let raw = unsafe {
             let mut options = sys::rmw_get_default_subscription_options();
-            options.ignore_local_publications = true;
+            options.ignore_local_publications = !hears_own;
             let profile = qos::to_rmw_of(qos, topic);
             sys::rmw_create_subscription(
                 node.node(),

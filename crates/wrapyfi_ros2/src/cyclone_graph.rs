@@ -133,7 +133,8 @@ impl CycloneGraph {
         let events = Events::new(&topic.name, topic.qos.reliability, on_match);
         let user_data = marked(user_data(topic), mark);
         let names = (topic.name.as_str(), topic.type_name.as_str());
-        let qos = EndpointQos { replay, ..qos(topic, &user_data) };
+        // It is for its readers to say whom they hear.
+        let qos = EndpointQos { replay, ignore_local: false, ..qos(topic, &user_data) };
         let raw = RawWriter::new(&self.0.participant, names, &qos, events).map_err(fault)?;
         let gid = raw.guid().map_err(fault)?;
         let listed = Listed::new(self.0.clone(), EndpointKind::Writer, gid);
@@ -287,12 +288,12 @@ impl Drop for Node {
 }
 
 fn qos<'a>(topic: &TopicDescription, user_data: &'a str) -> EndpointQos<'a> {
-    // A node does not hear itself: this is what keeps routes from looping.
+    // A node does not hear itself, which keeps routes from looping.
     EndpointQos {
         qos: topic.qos,
         max_blocking: MAX_BLOCKING,
         user_data,
-        ignore_local: true,
+        ignore_local: !topic.hears_own,
         replay: Replay::History,
     }
 }

@@ -39,13 +39,16 @@ pub struct TopicDescription {
     pub qos: Qos,
     /// Messages larger than this are dropped on reception before they are copied.
     pub max_bytes: usize,
+    /// True where a reader hears what its own node publishes, which would have routes loop.
+    pub hears_own: bool,
 }
 
 impl TopicDescription {
     /// Topic of a type that is known when this is built.
     pub(crate) fn of<M: Message>(name: &str, qos: Qos, max_bytes: usize) -> Self {
         let (type_name, type_hash) = (M::ROS_TYPE.to_owned(), Some(M::TYPE_HASH.to_owned()));
-        Self { name: name.to_owned(), type_name, type_hash, qos, max_bytes }
+        let name = name.to_owned();
+        Self { name, type_name, type_hash, qos, max_bytes, hears_own: false }
     }
 }
 

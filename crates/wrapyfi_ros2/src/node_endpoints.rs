@@ -177,7 +177,8 @@ fn topic_of_events() -> TopicDescription {
 fn topic_of_clock() -> TopicDescription {
     let reliability = Reliability::BestEffort;
     let qos = Qos { reliability, history: History::KeepLast(1), ..Qos::default() };
-    topic::<Clock>(RosTime::TOPIC, qos)
+    // A bridge may bring the clock of another side itself.
+    TopicDescription { hears_own: true, ..topic::<Clock>(RosTime::TOPIC, qos) }
 }
 
 fn rosout_qos() -> Qos {

@@ -49,6 +49,7 @@ impl Owners {
                 ..Qos::default()
             },
             max_bytes: MAX_BYTES,
+            hears_own: false,
         }
     }
 

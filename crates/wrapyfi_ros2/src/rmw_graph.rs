@@ -139,6 +139,7 @@ impl Graph for RmwGraph {
             &topic.type_name,
             hash.as_ref(),
             &topic.qos,
+            topic.hears_own,
             &on_data,
         );
         let subscription =

@@ -46,7 +46,7 @@ impl Ends {
         let qos = service_qos(service);
         let hash = |text: Option<&str>| text.and_then(hash_from_text);
         let (topic, kind, kind_hash) = takes;
-        let made = node.subscription(topic, &kind, hash(kind_hash).as_ref(), &qos, on_event);
+        let made = node.subscription(topic, &kind, hash(kind_hash).as_ref(), &qos, false, on_event);
         let subscription = made.map_err(uncreated(service))?;
         let (topic, kind, kind_hash) = sends;
         let on_event = Arc::clone(on_event);

@@ -79,6 +79,7 @@ impl Ros2 {
             type_hash: Some(ros::type_hash(spec.message_type).to_owned()),
             qos: spec.pinned.apply(spec.qos),
             max_bytes: spec.limits.message_bytes,
+            hears_own: false,
         })
     }
 }

@@ -84,6 +84,7 @@ pub fn topic(name: &str) -> TopicDescription {
         type_hash: Some(HASH.into()),
         qos: Qos::default(),
         max_bytes: 64 << 20,
+        hears_own: false,
     }
 }
 

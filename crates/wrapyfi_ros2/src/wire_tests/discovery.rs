@@ -96,6 +96,7 @@ fn written(record: &Record, said: &[u8], topic: &str, hash: &str) -> String {
         type_hash: Some(hash.to_owned()),
         qos: Qos::default(),
         max_bytes: 0,
+        hears_own: false,
     })
 }
 
