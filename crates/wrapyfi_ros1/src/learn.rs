@@ -63,7 +63,7 @@ pub(super) fn topic(
         .definition(&type_name)
         .map_err(|error| silent.unwrap_or_else(|| undefined(&type_name, &error)))?;
     let names = types.rules().ros2_names(definition.name());
-    let resolved = match names.iter().find_map(|name| store.resolve(name).ok()) {
+    let resolved = match names.iter().find_map(|name| store.resolve_defined(name).ok()) {
         Some(resolved) => resolved,
         None => {
             types.ros2_type(&definition.resolved).map_err(|error| undefined(&type_name, &error))?
@@ -89,7 +89,7 @@ pub(super) fn service(
     let definition =
         types.service_definition(&type_name).map_err(|error| undefined(&type_name, &error))?;
     let names = types.rules().ros2_names(&definition.name);
-    let resolved = match names.iter().find_map(|name| store.resolve(name).ok()) {
+    let resolved = match names.iter().find_map(|name| store.resolve_defined(name).ok()) {
         Some(resolved) => resolved,
         None => types.ros2_service(&type_name).map_err(|error| undefined(&type_name, &error))?,
     };

@@ -220,6 +220,17 @@ impl TypeStore {
         ResolvedType::collect(self.dialect, name, |wanted, user| self.find(wanted, user))
     }
 
+    /// As [`TypeStore::resolve`], where nothing is made.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn resolve_defined(&mut self, name: &TypeName) -> Result<ResolvedType, ResolveError> {
+        let make = self.make.take();
+        let found = self.resolve(name);
+        self.make = make;
+        found
+    }
+
     fn find(
         &mut self,
         name: &TypeName,
