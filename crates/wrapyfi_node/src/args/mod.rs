@@ -64,10 +64,6 @@ pub struct RosArgs {
     pub rosout_logs: bool,
     /// True when log lines go to the console.
     pub stdout_logs: bool,
-    /// True when log lines go to the log file.
-    pub external_lib_logs: bool,
-    /// Start of the log file's name, if given.
-    pub log_file_name: Option<String>,
     rules: Vec<RemapRule>,
     overrides: Overrides,
     log_levels: LogLevels,
@@ -82,8 +78,6 @@ impl Default for RosArgs {
             enclave: "/".to_owned(),
             rosout_logs: true,
             stdout_logs: true,
-            external_lib_logs: true,
-            log_file_name: None,
             rules: Vec::new(),
             overrides: Overrides::default(),
             log_levels: LogLevels::default(),
@@ -184,9 +178,8 @@ impl RosArgs {
                     return Err(unreadable("log level", flag, rule, reason));
                 }
             }
-            "--log-file-name" => {
-                self.log_file_name = Some(words.value(&flag, "No string prefix provided.")?);
-            }
+            // No log file is written: launch, systemd and the shell keep what a node prints.
+            "--log-file-name" => _ = words.value(&flag, "No string prefix provided.")?,
             "--log-config-file" => refused.log_config_file = Some(words.value(&flag, NO_PATH)?),
             "-e" | "--enclave" => {
                 self.enclave = words.value(&flag, "No enclave path provided.")?;
@@ -195,8 +188,7 @@ impl RosArgs {
             "--disable-rosout-logs" => self.rosout_logs = false,
             "--enable-stdout-logs" => self.stdout_logs = true,
             "--disable-stdout-logs" => self.stdout_logs = false,
-            "--enable-external-lib-logs" => self.external_lib_logs = true,
-            "--disable-external-lib-logs" => self.external_lib_logs = false,
+            "--enable-external-lib-logs" | "--disable-external-lib-logs" => {}
             // Unknown flags are collected, because a list of all is of more use than the first.
             _ => refused.unknown.push(flag),
         }
