@@ -322,6 +322,11 @@ fn calls_that_cannot_be_end_with_a_reason() -> Result {
             process.exits_with(code)?;
             assert!(process.stderr().contains(words), "{more:?}: {}", process.stderr());
         }
+        for name in ["ros2:/1st", "ros2:/chatter/"] {
+            let mut echo = env.wrapyfi(["echo", name])?;
+            echo.exits_with(2)?;
+            assert!(echo.stderr().contains(name), "{}", echo.stderr());
+        }
         let mut zeromq = env.wrapyfi(["call", "zeromq:/x", "--type", ADD])?;
         zeromq.exits_with(2)?;
         assert!(

@@ -37,7 +37,7 @@ fn of_value(value: Value, spec: &TopicSpec) -> anyhow::Result<Payload> {
     match (spec.message_type, spec.message_type.data_type()) {
         (MessageType::Ros(to), _) => {
             let message = RosMessage::from_value(to, &value, spec.limits.message_bytes);
-            Ok(message.with_context(|| format!("the value is no {to}"))?.into())
+            Ok(message.map_err(|error| anyhow!("the value is no {to}: {error}"))?.into())
         }
         (_, DataType::NativeObject) => Ok(Payload::from(value)),
         (_, DataType::Properties) => Ok(Properties::from_value(&value)?.into()),

@@ -14,7 +14,7 @@ use super::{definitions, yaml};
 use crate::cli::{EchoArgs, TypeName};
 use crate::describe::{describe, describe_message, summary};
 use crate::exit::Failure;
-use crate::middlewares::{LearnTopicError, Role, for_endpoint, of_topic};
+use crate::middlewares::{LearnTopicError, Role, check_topic, for_endpoint, of_topic};
 use crate::output;
 use crate::shutdown::Shutdown;
 
@@ -24,6 +24,7 @@ use crate::shutdown::Shutdown;
 /// Exit code 3 when a message did not come in time, 2 when the endpoint is wrong.
 pub fn run(args: &EchoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     // Before anything starts.
+    check_topic(&args.endpoint)?;
     let options = args.options.of(&args.endpoint.middleware)?;
     let named = match &args.message_type {
         Some(TypeName::Known(message_type)) => Some(*message_type),

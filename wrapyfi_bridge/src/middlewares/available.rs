@@ -13,6 +13,16 @@ pub(super) fn available() -> [Available<'static>; 4] {
     [zeromq::AVAILABLE, ros2::AVAILABLE, ros1::AVAILABLE, yarp::AVAILABLE]
 }
 
+/// Refuses a name that no topic of its middleware can have.
+///
+/// # Errors
+/// Exit code 2 with the rule.
+pub fn check_topic(address: &EndpointAddress) -> Result<(), Failure> {
+    let known = available().into_iter().find(|known| known.name == address.middleware);
+    let fault = |text| Failure::Usage(format!("{address}: {text}"));
+    known.map_or(Ok(()), |known| (known.check_topic)(&address.name).map_err(fault))
+}
+
 /// Names of all that there are.
 #[must_use]
 pub fn names() -> Vec<&'static str> {

@@ -42,7 +42,7 @@ use wrapyfi_core::middleware::ros2::{NodeEndpoints, NodeHandle};
 use wrapyfi_core::node::parameters::ParameterStore;
 use wrapyfi_interfaces::store::TypeStore;
 
-pub use self::available::{is_ros, names, option_names};
+pub use self::available::{check_topic, is_ros, names, option_names};
 pub(crate) use self::available::{unknown, waits};
 pub use self::demo::DemoMiddlewares;
 pub(crate) use self::learn::{LearnTopicError, of_topic};
