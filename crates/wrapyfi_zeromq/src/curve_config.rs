@@ -7,8 +7,7 @@ use serde::Deserialize;
 use super::curve::Keys;
 
 /// Keys of this process on ZeroMQ, and what other keys may do at a broker of ours.
-#[derive(Debug, Clone, PartialEq, Eq, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct CurveConfig {
     /// File with the secret key of this process, which nobody else may read
     /// (`WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE`): a certificate of pyzmq, or a line of 40 characters. None: a key of
@@ -22,16 +21,6 @@ pub struct CurveConfig {
 }
 
 impl CurveConfig {
-    /// These settings, and those of `other` for what they leave out.
-    #[must_use]
-    pub fn or(self, other: Self) -> Self {
-        Self {
-            secret_key_file: self.secret_key_file.or(other.secret_key_file),
-            server_key: self.server_key.or(other.server_key),
-            clients: self.clients.or(other.clients),
-        }
-    }
-
     /// Reads the keys, as ZeroMQ does when it starts, in a process that runs a broker where `serves` is true.
     ///
     /// # Errors
@@ -75,6 +64,19 @@ impl CurveClient {
         let all = vec![".*".to_owned()];
         Self { key: key.to_owned(), publish: all.clone(), subscribe: all, call: true, serve: true }
     }
+}
+
+/// Setting of CURVE that has a fault.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CurveSetting {
+    /// [`CurveConfig::secret_key_file`].
+    SecretKeyFile,
+    /// [`CurveConfig::server_key`].
+    ServerKey,
+    /// One of [`CurveConfig::clients`], by its place in the list.
+    Client(usize),
+    /// CURVE as such.
+    Curve,
 }
 
 /// Error of the keys of CURVE.
@@ -140,6 +142,14 @@ pub enum CurveError {
         /// The rule that it breaks.
         reason: String,
     },
+    /// An entry of `clients` has a fault.
+    #[error("{fault}")]
+    Client {
+        /// Place of the entry in the list.
+        index: usize,
+        /// The fault.
+        fault: Box<CurveError>,
+    },
     /// A client is listed twice.
     #[error("the CURVE client {0} is listed twice: write all that it may in one entry")]
     Twice(String),
@@ -164,4 +174,21 @@ pub enum CurveError {
     /// The system gives no random numbers.
     #[error("the system gives no random numbers for CURVE")]
     NoRandom,
+}
+
+impl CurveError {
+    /// Setting that has the fault.
+    #[must_use]
+    pub fn setting(&self) -> CurveSetting {
+        match self {
+            Self::Unreadable { .. }
+            | Self::OpenToOthers { .. }
+            | Self::NoKey { what: "secret", .. } => CurveSetting::SecretKeyFile,
+            Self::BadKey { .. } | Self::NoKey { .. } | Self::OtherServer { .. } => {
+                CurveSetting::ServerKey
+            }
+            Self::Client { index, .. } => CurveSetting::Client(*index),
+            _ => CurveSetting::Curve,
+        }
+    }
 }

@@ -341,6 +341,7 @@ impl Front {
         self.refusals.push(Refusal {
             side: self.kind,
             who: format!("{}: its CURVE key {key} may not {may_not} {name:?}", peer.address),
+            entry: self.keys.as_ref().and_then(|keys| keys.entry(key)).cloned(),
             key: key.to_owned(),
             topic: Some(topic.to_vec()),
         });
@@ -478,6 +479,7 @@ impl Front {
                     self.refusals.extend(key.map(|key| Refusal {
                         side: self.kind,
                         who: format!("{address}: {why}"),
+                        entry: self.keys.as_ref().and_then(|keys| keys.entry(key)).cloned(),
                         key: key.to_owned(),
                         topic: None,
                     }));

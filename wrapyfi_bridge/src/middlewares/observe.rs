@@ -72,7 +72,7 @@ pub fn doors(
     let largest = Limits::default().message_bytes;
     match middleware {
         "zeromq" => {
-            let config = endpoints.zeromq.config(None, largest, &endpoints.hosts)?;
+            let config = endpoints.zeromq.settings(None, largest, &endpoints.hosts)?;
             let (server, mode, ports) = match is_service {
                 false => (Server::Broker, config.broker, [config.pub_port, config.sub_port]),
                 true => {
@@ -118,8 +118,7 @@ pub fn observer(endpoints: &Endpoints, middleware: &str) -> Result<Observer, Fai
     match middleware {
         "zeromq" => {
             let observer = Some(Role::Observer);
-            let mut config = endpoints.zeromq.config(observer, largest, &endpoints.hosts)?;
-            (config.broker, config.service_broker) = (BrokerMode::Foreign, BrokerMode::Foreign);
+            let config = endpoints.zeromq.config(observer, largest, &endpoints.hosts)?;
             Ok((Arc::new(start("zeromq", &config)?), None))
         }
         yarp::NAME => {

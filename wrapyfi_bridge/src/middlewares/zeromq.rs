@@ -2,13 +2,13 @@
 
 use std::net::IpAddr;
 use std::num::NonZeroU16;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::{Deserialize, Deserializer};
 use wrapyfi_core::endpoint::Conventions;
 use wrapyfi_core::engine::{Available, Problem, Spanned};
-use wrapyfi_core::middleware::zeromq::{self, BrokerMode, CurveConfig, ZeroMqConfig};
+use wrapyfi_core::middleware::zeromq::{self, BrokerMode, CurveClient, CurveSetting, ZeroMqConfig};
 use wrapyfi_core::network::{Hosts, ReachedByOthers};
 
 use super::start::Role;
@@ -42,7 +42,17 @@ pub struct ZeroMqSection {
     pub insecure: Word,
     // Without keys below it, the word asks for keys all the same: nothing would be encrypted.
     #[serde(deserialize_with = "present")]
-    pub curve: Option<Spanned<CurveConfig>>,
+    pub curve: Option<Spanned<CurveSection>>,
+}
+
+/// `endpoints.zeromq.curve`: a [`CurveConfig`](zeromq::CurveConfig) in which each setting has its line.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+#[allow(missing_docs)] // as above
+pub struct CurveSection {
+    pub secret_key_file: Option<Spanned<PathBuf>>,
+    pub server_key: Option<Spanned<String>>,
+    pub clients: Option<Vec<Spanned<CurveClient>>>,
 }
 
 /// Ports of the ZeroMQ broker of requests and replies.
@@ -69,7 +79,7 @@ impl ServicePorts {
 /// A section that is there even where nothing stands below it.
 fn present<'de, D: Deserializer<'de>>(
     written: D,
-) -> Result<Option<Spanned<CurveConfig>>, D::Error> {
+) -> Result<Option<Spanned<CurveSection>>, D::Error> {
     Spanned::deserialize(written).map(Some)
 }
 
@@ -84,10 +94,10 @@ impl ZeroMqSection {
     pub(super) fn find_keys(&mut self, folder: &Path) {
         let Some(Spanned { value: curve, .. }) = &mut self.curve else { return };
         if let Some(file) = &mut curve.secret_key_file {
-            *file = folder.join(&*file);
+            file.value = folder.join(&file.value);
         }
-        let keys = curve.clients.iter_mut().flatten().map(|client| &mut client.key);
-        for key in curve.server_key.iter_mut().chain(keys) {
+        let keys = curve.clients.iter_mut().flatten().map(|client| &mut client.value.key);
+        for key in curve.server_key.iter_mut().map(|key| &mut key.value).chain(keys) {
             // What names no file is the key itself.
             let file = folder.join(&*key);
             if file.is_file() {
@@ -107,18 +117,30 @@ impl ZeroMqSection {
         checked.map_err(|text| Problem::at(written.referenced, text))
     }
 
-    /// Keys that a broker, or who connects to one, cannot have are refused.
+    /// Keys that a broker, or who connects to one, cannot have are refused, with their line or their variable.
     fn check_keys(&self, config: &ZeroMqConfig) -> Result<(), Problem> {
-        let (Some(written), Some(curve)) = (&self.curve, &config.curve) else { return Ok(()) };
-        let serves = config.broker == BrokerMode::Embedded;
-        curve.check(serves).map_err(|fault| match written.value.check(serves) {
-            Err(own) if own == fault => Problem::at(written.referenced, fault.to_string()),
-            // The file by itself does not have it.
-            _ => {
-                let message = format!(
-                    "{fault} (set by WRAPYFI_ZEROMQ_CURVE_SERVER_KEY or WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE)"
-                );
-                Problem { position: None, message }
+        let Some(curve) = &config.curve else { return Ok(()) };
+        curve.check(config.broker == BrokerMode::Embedded).map_err(|fault| {
+            let file = self.curve.as_ref();
+            let (written, variable) = match fault.setting() {
+                CurveSetting::SecretKeyFile => (
+                    file.and_then(|it| Some(it.value.secret_key_file.as_ref()?.referenced)),
+                    "WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE",
+                ),
+                setting => (
+                    file.and_then(|it| match setting {
+                        CurveSetting::ServerKey => Some(it.value.server_key.as_ref()?.referenced),
+                        CurveSetting::Client(index) => {
+                            Some(it.value.clients.as_ref()?.get(index)?.referenced)
+                        }
+                        _ => Some(it.referenced),
+                    }),
+                    "WRAPYFI_ZEROMQ_CURVE_SERVER_KEY",
+                ),
+            };
+            match written {
+                Some(written) => Problem::at(written, fault.to_string()),
+                None => Problem { position: None, message: format!("{variable}: {fault}") },
             }
         })
     }
@@ -166,7 +188,8 @@ impl ZeroMqSection {
             }
         }
         self.say(&mut config);
-        self.check_keys(&config)
+        // Variables alone concern no file, which may be read where another program is to have them.
+        if self.curve.is_some() { self.check_keys(&config) } else { Ok(()) }
     }
 
     /// Writes the ports into `config`.
@@ -184,9 +207,18 @@ impl ZeroMqSection {
     /// Writes into `config` who runs the broker, its address, and who may reach it.
     fn say(&self, config: &mut ZeroMqConfig) {
         self.insecure.say(&mut config.insecure, self.ip.is_some());
-        if let Some(curve) = &self.curve {
-            let of_environment = config.curve.take().unwrap_or_default();
-            config.curve = Some(curve.value.clone().or(of_environment));
+        if let Some(Spanned { value: written, .. }) = &self.curve {
+            let curve = config.curve.get_or_insert_default();
+            if let Some(file) = &written.secret_key_file {
+                curve.secret_key_file = Some(file.value.clone());
+            }
+            if let Some(key) = &written.server_key {
+                curve.server_key = Some(key.value.clone());
+            }
+            let each = |clients: &Vec<Spanned<CurveClient>>| {
+                clients.iter().map(|client| client.value.clone()).collect()
+            };
+            curve.clients = written.clients.as_ref().map(each);
         }
         if let Some(ip) = &self.ip {
             config.ip.clone_from(&ip.value);
@@ -201,8 +233,20 @@ impl ZeroMqSection {
     /// All settings, for a command in the `role` that is given, else for routes.
     ///
     /// # Errors
-    /// Exit code 2 for variables of the environment that cannot be.
-    pub(super) fn config(
+    /// Exit code 2 for variables of the environment that cannot be, and keys that cannot.
+    pub fn config(
+        &self,
+        role: Option<Role>,
+        largest_message: usize,
+        hosts: &Hosts,
+    ) -> Result<ZeroMqConfig, Failure> {
+        let config = self.settings(role, largest_message, hosts)?;
+        self.check_keys(&config).map_err(|fault| Failure::Usage(fault.message))?;
+        Ok(config)
+    }
+
+    /// As [`Self::config`], whatever the keys are.
+    pub(super) fn settings(
         &self,
         role: Option<Role>,
         largest_message: usize,
@@ -224,15 +268,77 @@ impl ZeroMqSection {
             config.max_connections = usize::from(most.get());
         }
         config.max_frame_bytes = config.max_frame_bytes.max(largest_message);
-        if self.broker.is_none() && role == Some(Role::Client) {
+        let is_left_open = self.broker.is_none() || role == Some(Role::Observer);
+        if is_left_open && matches!(role, Some(Role::Observer | Role::Client)) {
             config.service_broker = BrokerMode::Foreign;
         }
         // A broker that a command does not use is not started for it.
-        if self.broker.is_none()
-            && matches!(role, Some(Role::Observer | Role::Listener | Role::Client | Role::Server))
-        {
+        if is_left_open && !matches!(role, None | Some(Role::Publisher)) {
             config.broker = BrokerMode::Foreign;
         }
         Ok(config)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use wrapyfi_core::middleware::zeromq::CurveConfig;
+
+    const SECRET: &str = "JTKVSB%%)wK0E.X)V>+}o?pNmC{O&4W4b!Ni{Lh6\n";
+    const CLIENT: &str = "0q:rM>}U?@Lns47E1%kR.o@n%FcmmsL/@{H8]yf7";
+
+    fn refused(yaml: &str, of_environment: CurveConfig) -> (Option<u64>, String) {
+        let section: ZeroMqSection = serde_saphyr::from_str(yaml).unwrap();
+        let curve = Some(of_environment);
+        let mut config = ZeroMqConfig { curve, ..ZeroMqConfig::default() };
+        section.say(&mut config);
+        let Problem { position, message } = section.check_keys(&config).unwrap_err();
+        (position.map(|(line, _)| line), message)
+    }
+
+    #[test]
+    fn a_fault_of_keys_has_its_line_or_its_variable() {
+        use std::os::unix::fs::PermissionsExt as _;
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("own");
+        std::fs::write(&file, SECRET).unwrap();
+        std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o600)).unwrap();
+        let own = format!("broker: embedded\ncurve:\n  secret_key_file: {}\n", file.display());
+        let listed = |line: &str| {
+            let clients =
+                format!("  clients:\n    - {{ key: \"{CLIENT}\", publish: [/a] }}\n{line}\n");
+            refused(&format!("{own}{clients}"), CurveConfig::default())
+        };
+        for (line, words) in [
+            (format!("    - key: \"{CLIENT}\""), "is listed twice"),
+            ("    - key: nowhere.key".to_owned(), "is no CURVE public key"),
+        ] {
+            let (at, told) = listed(&line);
+            assert!(at == Some(6) && told.contains(words), "{at:?} {told}");
+        }
+        let [secret, server] =
+            ["SECRET_KEY_FILE", "SERVER_KEY"].map(|name| format!("WRAPYFI_ZEROMQ_CURVE_{name}: "));
+        let nowhere =
+            || CurveConfig { secret_key_file: Some("/nowhere".into()), ..Default::default() };
+        let short = || CurveConfig { server_key: Some("short".to_owned()), ..Default::default() };
+        let both = CurveConfig { secret_key_file: Some(file.clone()), ..short() };
+        for (yaml, of_environment, at, words) in [
+            ("broker: embedded", nowhere(), None, &*secret),
+            ("broker: foreign", both, None, &server),
+            ("broker: embedded", short(), None, &server),
+            (&own, short(), None, &server),
+            ("curve: { server_key: short }", nowhere(), None, &secret),
+            (
+                "broker: foreign\ncurve:\n\n  server_key: short",
+                CurveConfig::default(),
+                Some(4),
+                "\"short\"",
+            ),
+        ] {
+            let (line, told) = refused(yaml, of_environment);
+            assert!(line == at && told.starts_with(words), "{line:?} {told}");
+        }
     }
 }

@@ -22,7 +22,7 @@ use wrapyfi_core::middleware::ros2::graph::{self, ServiceMapping};
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 
-use super::door::{Knock, connect};
+use super::door::{Answer, Knock, connect};
 use super::names::kinship;
 use super::{End, Graph, PATIENCE, Registered, elsewhere};
 use crate::discovery_watch::DiscoveryWatch;
@@ -139,10 +139,21 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
     }
     // Services of ZeroMQ have no names to be found.
     if !end.is_open() || (middleware == "zeromq" && wanted.is_service) {
+        let is_away = |knock: &Knock| knock.door.is_own && knock.answer != Answer::Open;
+        if middleware == "zeromq" && end.doors.iter().any(is_away) {
+            // The bridge that would run the broker does not start with the settings here.
+            let config = endpoints.zeromq.config(None, 0, &endpoints.hosts);
+            end.away = config.err().map(|fault| fault.to_string());
+            end.is_told = end.away.is_some();
+            end.doors.retain(|_| !end.is_told);
+        }
         return end;
     }
     end.graph = (middleware == "ros2").then(|| graph(endpoints));
-    let opened = sight.open(middleware).map_err(|fault| fault.to_string());
+    let opened = sight.open(middleware).map_err(|fault| {
+        end.is_told = matches!(fault, Failure::Usage(_));
+        fault.to_string()
+    });
     let discovered = opened.and_then(|(observer, ros1)| {
         let discovery = observer.discover().map_err(|fault| fault.to_string())?;
         Ok((observer, ros1, discovery))
@@ -206,7 +217,7 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
         let is_broker = !end.doors.is_empty() && end.doors.iter().all(Knock::has_greeted);
         let is_slow = is_broker && !has_failed && begin.elapsed() >= PATIENCE;
         end.slow = is_slow.then(|| begin.elapsed());
-        (end.away, end.is_broker) = (Some(fault), is_broker);
+        (end.away, end.is_told) = (Some(fault), is_broker);
         return end;
     }
     tidy(&mut end);
