@@ -6,6 +6,11 @@ use serde::Deserialize;
 
 use super::curve::Keys;
 
+/// Variable of [`CurveConfig::secret_key_file`].
+pub(super) const SECRET_KEY_FILE: &str = "WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE";
+/// Variable of [`CurveConfig::server_key`].
+pub(super) const SERVER_KEY: &str = "WRAPYFI_ZEROMQ_CURVE_SERVER_KEY";
+
 /// Keys of this process on ZeroMQ, and what other keys may do at a broker of ours.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct CurveConfig {
@@ -21,6 +26,16 @@ pub struct CurveConfig {
 }
 
 impl CurveConfig {
+    /// These settings, and those of `other` for what they leave out.
+    #[must_use]
+    pub fn or(self, other: Self) -> Self {
+        Self {
+            secret_key_file: self.secret_key_file.or(other.secret_key_file),
+            server_key: self.server_key.or(other.server_key),
+            clients: self.clients.or(other.clients),
+        }
+    }
+
     /// Reads the keys, as ZeroMQ does when it starts, in a process that runs a broker where `serves` is true.
     ///
     /// # Errors
@@ -64,19 +79,6 @@ impl CurveClient {
         let all = vec![".*".to_owned()];
         Self { key: key.to_owned(), publish: all.clone(), subscribe: all, call: true, serve: true }
     }
-}
-
-/// Setting of CURVE that has a fault.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum CurveSetting {
-    /// [`CurveConfig::secret_key_file`].
-    SecretKeyFile,
-    /// [`CurveConfig::server_key`].
-    ServerKey,
-    /// One of [`CurveConfig::clients`], by its place in the list.
-    Client(usize),
-    /// CURVE as such.
-    Curve,
 }
 
 /// Error of the keys of CURVE.
@@ -177,18 +179,13 @@ pub enum CurveError {
 }
 
 impl CurveError {
-    /// Setting that has the fault.
+    /// Variable that has the fault, where no file has it.
     #[must_use]
-    pub fn setting(&self) -> CurveSetting {
+    pub fn variable(&self) -> &'static str {
         match self {
-            Self::Unreadable { .. }
-            | Self::OpenToOthers { .. }
-            | Self::NoKey { what: "secret", .. } => CurveSetting::SecretKeyFile,
-            Self::BadKey { .. } | Self::NoKey { .. } | Self::OtherServer { .. } => {
-                CurveSetting::ServerKey
-            }
-            Self::Client { index, .. } => CurveSetting::Client(*index),
-            _ => CurveSetting::Curve,
+            Self::Unreadable { .. } | Self::OpenToOthers { .. } => SECRET_KEY_FILE,
+            Self::NoKey { what: "secret", .. } => SECRET_KEY_FILE,
+            _ => SERVER_KEY,
         }
     }
 }

@@ -79,7 +79,7 @@ use std::sync::Arc;
 
 pub use broker::{Broker, RunningBroker, ServiceBroker};
 pub use config::{BrokerMode, NAME, ZeroMqConfig};
-pub use curve_config::{CurveClient, CurveConfig, CurveError, CurveSetting};
+pub use curve_config::{CurveClient, CurveConfig, CurveError};
 pub use error::{BrokerError, ZeroMqError};
 pub use port_check::Answer;
 pub use status::{BrokerStatus, ServiceBrokerStatus};

@@ -72,7 +72,7 @@ pub fn doors(
     let largest = Limits::default().message_bytes;
     match middleware {
         "zeromq" => {
-            let config = endpoints.zeromq.settings(None, largest, &endpoints.hosts)?;
+            let config = endpoints.zeromq.config(None, largest, &endpoints.hosts)?;
             let (server, mode, ports) = match is_service {
                 false => (Server::Broker, config.broker, [config.pub_port, config.sub_port]),
                 true => {
@@ -119,6 +119,7 @@ pub fn observer(endpoints: &Endpoints, middleware: &str) -> Result<Observer, Fai
         "zeromq" => {
             let observer = Some(Role::Observer);
             let config = endpoints.zeromq.config(observer, largest, &endpoints.hosts)?;
+            let config = endpoints.zeromq.checked(config)?;
             Ok((Arc::new(start("zeromq", &config)?), None))
         }
         yarp::NAME => {

@@ -8,7 +8,9 @@ use clap::Args;
 use serde::{Deserialize, Deserializer};
 use wrapyfi_core::endpoint::Conventions;
 use wrapyfi_core::engine::{Available, Problem, Spanned};
-use wrapyfi_core::middleware::zeromq::{self, BrokerMode, CurveClient, CurveSetting, ZeroMqConfig};
+use wrapyfi_core::middleware::zeromq::{
+    self, BrokerMode, CurveClient, CurveConfig, CurveError, ZeroMqConfig,
+};
 use wrapyfi_core::network::{Hosts, ReachedByOthers};
 
 use super::start::Role;
@@ -45,14 +47,22 @@ pub struct ZeroMqSection {
     pub curve: Option<Spanned<CurveSection>>,
 }
 
-/// `endpoints.zeromq.curve`: a [`CurveConfig`](zeromq::CurveConfig) in which each setting has its line.
+/// `endpoints.zeromq.curve`: a [`CurveConfig`] in which each client has its line.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 #[allow(missing_docs)] // as above
 pub struct CurveSection {
-    pub secret_key_file: Option<Spanned<PathBuf>>,
-    pub server_key: Option<Spanned<String>>,
+    pub secret_key_file: Option<PathBuf>,
+    pub server_key: Option<String>,
     pub clients: Option<Vec<Spanned<CurveClient>>>,
+}
+
+impl CurveSection {
+    fn config(&self) -> CurveConfig {
+        let Self { secret_key_file, server_key, clients } = self.clone();
+        let clients = clients.map(|each| each.into_iter().map(|client| client.value).collect());
+        CurveConfig { secret_key_file, server_key, clients }
+    }
 }
 
 /// Ports of the ZeroMQ broker of requests and replies.
@@ -76,6 +86,9 @@ impl ServicePorts {
     }
 }
 
+/// A port: its key, its number, and what is written.
+type Port<'c> = (&'static str, &'c mut u16, Option<&'c Spanned<u16>>);
+
 /// A section that is there even where nothing stands below it.
 fn present<'de, D: Deserializer<'de>>(
     written: D,
@@ -94,10 +107,10 @@ impl ZeroMqSection {
     pub(super) fn find_keys(&mut self, folder: &Path) {
         let Some(Spanned { value: curve, .. }) = &mut self.curve else { return };
         if let Some(file) = &mut curve.secret_key_file {
-            file.value = folder.join(&file.value);
+            *file = folder.join(&*file);
         }
         let keys = curve.clients.iter_mut().flatten().map(|client| &mut client.value.key);
-        for key in curve.server_key.iter_mut().map(|key| &mut key.value).chain(keys) {
+        for key in curve.server_key.iter_mut().chain(keys) {
             // What names no file is the key itself.
             let file = folder.join(&*key);
             if file.is_file() {
@@ -120,29 +133,32 @@ impl ZeroMqSection {
     /// Keys that a broker, or who connects to one, cannot have are refused, with their line or their variable.
     fn check_keys(&self, config: &ZeroMqConfig) -> Result<(), Problem> {
         let Some(curve) = &config.curve else { return Ok(()) };
-        curve.check(config.broker == BrokerMode::Embedded).map_err(|fault| {
+        let serves = config.broker == BrokerMode::Embedded;
+        curve.check(serves).map_err(|fault| {
             let file = self.curve.as_ref();
-            let (written, variable) = match fault.setting() {
-                CurveSetting::SecretKeyFile => (
-                    file.and_then(|it| Some(it.value.secret_key_file.as_ref()?.referenced)),
-                    "WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE",
-                ),
-                setting => (
-                    file.and_then(|it| match setting {
-                        CurveSetting::ServerKey => Some(it.value.server_key.as_ref()?.referenced),
-                        CurveSetting::Client(index) => {
-                            Some(it.value.clients.as_ref()?.get(index)?.referenced)
-                        }
-                        _ => Some(it.referenced),
-                    }),
-                    "WRAPYFI_ZEROMQ_CURVE_SERVER_KEY",
-                ),
+            // The file by itself has it.
+            let own = file.filter(|it| it.value.config().check(serves) == Err(fault.clone()));
+            let entry = || match fault {
+                CurveError::Client { index, .. } => file?.value.clients.as_ref()?.get(index),
+                _ => None,
             };
-            match written {
+            match entry().map(|it| it.referenced).or(own.map(|it| it.referenced)) {
                 Some(written) => Problem::at(written, fault.to_string()),
-                None => Problem { position: None, message: format!("{variable}: {fault}") },
+                None => {
+                    let message = format!("{}: {fault}", fault.variable());
+                    Problem { position: None, message }
+                }
             }
         })
+    }
+
+    /// The same settings, where their keys can be.
+    ///
+    /// # Errors
+    /// Exit code 2 with the variable that is at fault.
+    pub fn checked(&self, config: ZeroMqConfig) -> Result<ZeroMqConfig, Failure> {
+        self.check_keys(&config).map_err(|fault| Failure::Usage(fault.message))?;
+        Ok(config)
     }
 
     /// Refuses what no broker can start with, and nobody can connect to.
@@ -159,32 +175,18 @@ impl ZeroMqSection {
         }
         let mut config = of_environment()?;
         self.say_ports(&mut config);
-        let written = |one: &Option<Spanned<u16>>, other: &Option<Spanned<u16>>| {
-            other.as_ref().or(one.as_ref()).map(|port| port.referenced)
-        };
-        let pairs = [
-            (
-                ["pub_port", "sub_port"],
-                [config.pub_port, config.sub_port],
-                written(&self.pub_port, &self.sub_port),
-            ),
-            (
-                ["rep_port", "req_port"],
-                [config.rep_port, config.req_port],
-                written(&self.rep_port, &self.req_port),
-            ),
-        ];
-        for ([one, other], [port, same], written) in pairs {
-            if let Some(written) = written
+        for pair in self.ports(&mut config).chunks_exact(2) {
+            let [(one, port, first), (other, same, second)] = pair else { continue };
+            if let Some(written) = second.or(*first)
                 && port == same
-                && port != 0
+                && **port != 0
             {
                 let text = format!(
                     "{one} and {other} are both {port}: give the two sides of the broker two ports, such as \
                      {other}: {}",
-                    port.checked_add(1).unwrap_or(port - 1)
+                    port.checked_add(1).unwrap_or(**port - 1)
                 );
-                return Err(Problem::at(written, text));
+                return Err(Problem::at(written.referenced, text));
             }
         }
         self.say(&mut config);
@@ -194,31 +196,27 @@ impl ZeroMqSection {
 
     /// Writes the ports into `config`.
     fn say_ports(&self, config: &mut ZeroMqConfig) {
-        for (port, written) in [
-            (&mut config.pub_port, &self.pub_port),
-            (&mut config.sub_port, &self.sub_port),
-            (&mut config.rep_port, &self.rep_port),
-            (&mut config.req_port, &self.req_port),
-        ] {
-            *port = written.as_ref().map_or(*port, |written| written.value);
+        for (_, port, written) in self.ports(config) {
+            *port = written.map_or(*port, |written| written.value);
         }
+    }
+
+    /// The ports of `config`, the two of each broker side by side, with their keys and what is written.
+    fn ports<'c>(&'c self, config: &'c mut ZeroMqConfig) -> [Port<'c>; 4] {
+        [
+            ("pub_port", &mut config.pub_port, self.pub_port.as_ref()),
+            ("sub_port", &mut config.sub_port, self.sub_port.as_ref()),
+            ("rep_port", &mut config.rep_port, self.rep_port.as_ref()),
+            ("req_port", &mut config.req_port, self.req_port.as_ref()),
+        ]
     }
 
     /// Writes into `config` who runs the broker, its address, and who may reach it.
     fn say(&self, config: &mut ZeroMqConfig) {
         self.insecure.say(&mut config.insecure, self.ip.is_some());
         if let Some(Spanned { value: written, .. }) = &self.curve {
-            let curve = config.curve.get_or_insert_default();
-            if let Some(file) = &written.secret_key_file {
-                curve.secret_key_file = Some(file.value.clone());
-            }
-            if let Some(key) = &written.server_key {
-                curve.server_key = Some(key.value.clone());
-            }
-            let each = |clients: &Vec<Spanned<CurveClient>>| {
-                clients.iter().map(|client| client.value.clone()).collect()
-            };
-            curve.clients = written.clients.as_ref().map(each);
+            let of_environment = config.curve.take().unwrap_or_default();
+            config.curve = Some(written.config().or(of_environment));
         }
         if let Some(ip) = &self.ip {
             config.ip.clone_from(&ip.value);
@@ -233,20 +231,8 @@ impl ZeroMqSection {
     /// All settings, for a command in the `role` that is given, else for routes.
     ///
     /// # Errors
-    /// Exit code 2 for variables of the environment that cannot be, and keys that cannot.
+    /// Exit code 2 for variables of the environment that cannot be.
     pub fn config(
-        &self,
-        role: Option<Role>,
-        largest_message: usize,
-        hosts: &Hosts,
-    ) -> Result<ZeroMqConfig, Failure> {
-        let config = self.settings(role, largest_message, hosts)?;
-        self.check_keys(&config).map_err(|fault| Failure::Usage(fault.message))?;
-        Ok(config)
-    }
-
-    /// As [`Self::config`], whatever the keys are.
-    pub(super) fn settings(
         &self,
         role: Option<Role>,
         largest_message: usize,
@@ -283,8 +269,6 @@ impl ZeroMqSection {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    use wrapyfi_core::middleware::zeromq::CurveConfig;
 
     const SECRET: &str = "JTKVSB%%)wK0E.X)V>+}o?pNmC{O&4W4b!Ni{Lh6\n";
     const CLIENT: &str = "0q:rM>}U?@Lns47E1%kR.o@n%FcmmsL/@{H8]yf7";

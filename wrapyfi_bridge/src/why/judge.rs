@@ -285,8 +285,8 @@ impl Walk<'_> {
             };
             return Err(Finding::new(cause, what, who, remedy));
         }
-        let (cause, remedy) = (cause_of_nobody(role), example(end, role));
-        let nobody = Finding::new(cause, nobody, provider(end, role), remedy);
+        let remedy = example(end, role);
+        let nobody = Finding::new(cause_of_nobody(role), nobody, provider(end, role), remedy);
         Err(refused_alone(self.way, role, nobody))
     }
 

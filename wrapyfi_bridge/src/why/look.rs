@@ -22,7 +22,7 @@ use wrapyfi_core::middleware::ros2::graph::{self, ServiceMapping};
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 
-use super::door::{Answer, Knock, connect};
+use super::door::{Knock, connect};
 use super::names::kinship;
 use super::{End, Graph, PATIENCE, Registered, elsewhere};
 use crate::discovery_watch::DiscoveryWatch;
@@ -139,19 +139,21 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
     }
     // Services of ZeroMQ have no names to be found.
     if !end.is_open() || (middleware == "zeromq" && wanted.is_service) {
-        let is_away = |knock: &Knock| knock.door.is_own && knock.answer != Answer::Open;
-        if middleware == "zeromq" && end.doors.iter().any(is_away) {
-            // The bridge that would run the broker does not start with the settings here.
-            let config = endpoints.zeromq.config(None, 0, &endpoints.hosts);
-            end.away = config.err().map(|fault| fault.to_string());
-            end.is_told = end.away.is_some();
-            end.doors.retain(|_| !end.is_told);
+        let is_own = !end.is_open() && end.doors.iter().any(|knock| knock.door.is_own);
+        let zeromq = &endpoints.zeromq;
+        let config = || zeromq.checked(zeromq.config(None, 0, &endpoints.hosts)?);
+        // The bridge that would run the broker does not start with the settings here.
+        if middleware == "zeromq"
+            && is_own
+            && let Err(fault) = config()
+        {
+            (end.doors, end.away, end.is_told) = (Vec::new(), Some(fault.to_string()), true);
         }
         return end;
     }
     end.graph = (middleware == "ros2").then(|| graph(endpoints));
     let opened = sight.open(middleware).map_err(|fault| {
-        end.is_told = matches!(fault, Failure::Usage(_));
+        end.is_told = middleware == "zeromq" && matches!(fault, Failure::Usage(_));
         fault.to_string()
     });
     let discovered = opened.and_then(|(observer, ros1)| {

@@ -314,7 +314,6 @@ impl Keys {
 mod tests {
     use super::*;
     use crate::config::{BrokerMode, ZeroMqConfig};
-    use crate::curve_config::CurveSetting;
     use std::io::Write as _;
     use std::path::PathBuf;
 
@@ -432,7 +431,7 @@ mod tests {
         assert!(keys.admit(&keys.public, Kind::Dealer).unwrap().is_none(), "this process itself");
         let twice = CurveConfig { clients: Some(vec![client.clone(), client]), ..config(&file) };
         let fault = Keys::load(&twice, true, None).unwrap_err();
-        assert_eq!(fault.setting(), CurveSetting::Client(1), "{fault}");
+        assert!(matches!(fault, CurveError::Client { index: 1, .. }), "{fault}");
         assert!(fault.to_string().ends_with("write all that it may in one entry"), "{fault}");
     }
 }
