@@ -26,16 +26,6 @@ pub struct CurveConfig {
 }
 
 impl CurveConfig {
-    /// These settings, and those of `other` for what they leave out.
-    #[must_use]
-    pub fn or(self, other: Self) -> Self {
-        Self {
-            secret_key_file: self.secret_key_file.or(other.secret_key_file),
-            server_key: self.server_key.or(other.server_key),
-            clients: self.clients.or(other.clients),
-        }
-    }
-
     /// Reads the keys, as ZeroMQ does when it starts, in a process that runs a broker where `serves` is true.
     ///
     /// # Errors

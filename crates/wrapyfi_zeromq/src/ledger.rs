@@ -85,7 +85,9 @@ impl Refusal {
             Kind::Dealer => "serve: true".to_owned(),
         };
         match entry {
-            Some(entry) => format!("{CLIENTS} {grant} in the entry with key: {:?}", entry.key),
+            Some(entry) => {
+                format!("{CLIENTS} write {grant} in the entry with key: {:?}", entry.key)
+            }
             None if key.is_empty() => format!(
                 "that program needs the public key of this broker as its server key, and a CURVE key of its own in \
                  {CLIENTS} - {{ key: …, {grant} }}"
@@ -138,7 +140,7 @@ mod tests {
             (Kind::Router, "call: true"),
         ] {
             let told = refusal(side, "K", Some(&entry));
-            let wanted = format!("clients: {line} in the entry with key: \"keys/robot.key\"");
+            let wanted = format!("clients: write {line} in the entry with key: \"keys/robot.key\"");
             assert!(told.ends_with(&wanted), "{told}");
         }
         let without = refusal(Kind::Dealer, "", None);

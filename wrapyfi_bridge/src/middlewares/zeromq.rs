@@ -58,10 +58,14 @@ pub struct CurveSection {
 }
 
 impl CurveSection {
-    fn config(&self) -> CurveConfig {
+    /// The settings, and those of the environment for what is left out.
+    fn or(&self, of_environment: CurveConfig) -> CurveConfig {
         let Self { secret_key_file, server_key, clients } = self.clone();
-        let clients = clients.map(|each| each.into_iter().map(|client| client.value).collect());
-        CurveConfig { secret_key_file, server_key, clients }
+        CurveConfig {
+            secret_key_file: secret_key_file.or(of_environment.secret_key_file),
+            server_key: server_key.or(of_environment.server_key),
+            clients: clients.map(|each| each.into_iter().map(|client| client.value).collect()),
+        }
     }
 }
 
@@ -137,7 +141,9 @@ impl ZeroMqSection {
         curve.check(serves).map_err(|fault| {
             let file = self.curve.as_ref();
             // The file by itself has it.
-            let own = file.filter(|it| it.value.config().check(serves) == Err(fault.clone()));
+            let own = file.filter(|it| {
+                it.value.or(CurveConfig::default()).check(serves) == Err(fault.clone())
+            });
             let entry = || match fault {
                 CurveError::Client { index, .. } => file?.value.clients.as_ref()?.get(index),
                 _ => None,
@@ -216,7 +222,7 @@ impl ZeroMqSection {
         self.insecure.say(&mut config.insecure, self.ip.is_some());
         if let Some(Spanned { value: written, .. }) = &self.curve {
             let of_environment = config.curve.take().unwrap_or_default();
-            config.curve = Some(written.config().or(of_environment));
+            config.curve = Some(written.or(of_environment));
         }
         if let Some(ip) = &self.ip {
             config.ip.clone_from(&ip.value);

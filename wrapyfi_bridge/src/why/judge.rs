@@ -152,8 +152,8 @@ impl Walk<'_> {
         }
         let remedy = match end.doors.first() {
             _ if end.is_told => {
-                "do what the reason says; keys are those of `endpoints: zeromq: curve` there, and of it or of \
-                 WRAPYFI_ZEROMQ_CURVE_SERVER_KEY and WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE here"
+                "do what the reason says; keys are those of `endpoints: zeromq: curve`, at the broker and here, and of \
+                 WRAPYFI_ZEROMQ_CURVE_SERVER_KEY and WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE for what that leaves out"
                     .to_owned()
             }
             Some(knock) => format!(
