@@ -101,7 +101,9 @@ fn who_is_refused_is_named_with_the_line_that_lets_it_in() -> Result {
         let line = |topic: &str| format!(", publish: [\"{topic}\"] }}");
         is_told("first", "is not among the clients", &line(&topics[0]))?;
         let _forger = socket(env, "pub", &topics[1], "robot", "broker")?;
-        is_told("second", "may not publish", &line(&topics[1]))?;
+        // It is listed, and not to be listed twice.
+        let change = |topic: &str| format!(" publish: [\"{topic}\"] in the entry");
+        is_told("second", "may not publish", &change(&topics[1]))?;
         // One throttle for all would have hidden the second.
         logged(&bridge, &["unknown_key", "is not among the clients"])?;
         logged(&bridge, &["may not publish", &topics[1]])?;
@@ -109,7 +111,8 @@ fn who_is_refused_is_named_with_the_line_that_lets_it_in() -> Result {
         let mut why = env.wrapyfi(["why", "second", "--config", &file])?;
         why.exits_with(1)?;
         let said = why.stdout();
-        assert!(said.contains("may not publish") && said.contains(&line(&topics[1])), "{said}");
+        assert!(said.contains("may not publish") && said.contains(&change(&topics[1])), "{said}");
+        assert!(said.contains(&env.path("keys/robot.key").display().to_string()), "{said}");
         env.set_variable("WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE", env.path("keys/robot.key_secret"));
         env.set_variable("WRAPYFI_ZEROMQ_CURVE_SERVER_KEY", env.path("keys/broker.key"));
         let forbidden = zeromq(&topics[1]);
@@ -118,6 +121,7 @@ fn who_is_refused_is_named_with_the_line_that_lets_it_in() -> Result {
         forger.exits_with(1)?;
         let said = forger.stderr();
         assert!(said.contains("does not let our CURVE key publish"), "{said}");
+        assert!(said.contains(&format!("must have{}", change(&topics[1]))), "{said}");
         assert!(!said.contains("published"), "{said}");
         let mut top = env.wrapyfi(["top", "--once"])?;
         top.exits_with(0)?;
@@ -163,7 +167,7 @@ fn a_listener_is_told_that_its_key_may_not_subscribe() -> Result {
         let told = why()?;
         assert!(told.contains("makes another one with each start"), "{told}");
         env.set_variable("WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE", env.path("keys/robot.key_secret"));
-        let line = format!(", subscribe: [\"{topic}\"] }}");
+        let line = format!("must have subscribe: [\"{topic}\"] in the entry of our key");
         let echo = env.wrapyfi(["echo", &zeromq(&topic), "--type", "NativeObject"])?;
         logged(&echo, &["does not let our CURVE key listen", &line])?;
         let told = why()?;
@@ -179,13 +183,25 @@ fn a_listener_is_told_that_its_key_may_not_subscribe() -> Result {
         check.exits_with(2)?;
         let said = check.stderr();
         assert!(said.contains("twice.yaml:") && said.contains("is listed twice"), "{said}");
-        assert!(!said.contains("set by"), "{said}");
+        assert!(!said.contains("WRAPYFI_"), "{said}");
         env.set_variable("WRAPYFI_ZEROMQ_CURVE_SERVER_KEY", env.path("keys/none.key"));
         let mut check = env.wrapyfi(["check", &env.path("bridge.yaml").display().to_string()])?;
         check.exits_with(2)?;
         let said = check.stderr();
-        assert!(said.contains("set by WRAPYFI_ZEROMQ_CURVE_SERVER_KEY"), "{said}");
-        assert!(!said.contains("bridge.yaml:"), "{said}");
+        // No line of the file has it.
+        assert!(said.contains("bridge.yaml: WRAPYFI_ZEROMQ_CURVE_SERVER_KEY: "), "{said}");
+        // Nobody is sent to the broker for what is wrong here, nor to a bridge that would not start.
+        let told = why()?;
+        assert!(told.contains("WRAPYFI_ZEROMQ_CURVE_SERVER_KEY: "), "{told}");
+        let route = Route::new(&zeromq(&topic), &ros2(&topic), "NativeObject");
+        let bare = env.write("bare.yaml", env.embedded().route(route).yaml())?;
+        let mut check = env.wrapyfi(["check", &bare.display().to_string()])?;
+        check.exits_with(2)?;
+        let said = check.stderr();
+        assert!(said.contains("WRAPYFI_ZEROMQ_CURVE_SERVER_KEY: "), "{said}");
+        drop(bridge);
+        let told = why()?;
+        assert!(told.contains("WRAPYFI_ZEROMQ_CURVE_SERVER_KEY: "), "{told}");
         Ok(())
     })
 }

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 use serde::Deserialize;
 
-use super::curve_config::CurveConfig;
+use super::curve_config::{CurveConfig, SECRET_KEY_FILE, SERVER_KEY};
 use super::error::BrokerError;
 use super::options::FRAME_SLACK;
 use wrapyfi_endpoint::ServiceSpec;
@@ -142,8 +142,8 @@ impl ZeroMqConfig {
         let mut insecure = Insecure::default();
         let is_insecure = of.switch("WRAPYFI_ZEROMQ_INSECURE", false)?;
         insecure.said(Place::Environment, ip.is_some(), is_insecure);
-        let secret_key_file = of.text("WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE")?.map(PathBuf::from);
-        let server_key = of.text("WRAPYFI_ZEROMQ_CURVE_SERVER_KEY")?;
+        let secret_key_file = of.text(SECRET_KEY_FILE)?.map(PathBuf::from);
+        let server_key = of.text(SERVER_KEY)?;
         let has_curve = secret_key_file.is_some() || server_key.is_some();
         let curve = has_curve.then_some(CurveConfig { secret_key_file, server_key, clients: None });
         const START_BROKER: &str = "WRAPYFI_ZEROMQ_START_PROXY_BROKER";

@@ -6,9 +6,13 @@ use serde::Deserialize;
 
 use super::curve::Keys;
 
+/// Variable of [`CurveConfig::secret_key_file`].
+pub(super) const SECRET_KEY_FILE: &str = "WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE";
+/// Variable of [`CurveConfig::server_key`].
+pub(super) const SERVER_KEY: &str = "WRAPYFI_ZEROMQ_CURVE_SERVER_KEY";
+
 /// Keys of this process on ZeroMQ, and what other keys may do at a broker of ours.
-#[derive(Debug, Clone, PartialEq, Eq, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct CurveConfig {
     /// File with the secret key of this process, which nobody else may read
     /// (`WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE`): a certificate of pyzmq, or a line of 40 characters. None: a key of
@@ -22,16 +26,6 @@ pub struct CurveConfig {
 }
 
 impl CurveConfig {
-    /// These settings, and those of `other` for what they leave out.
-    #[must_use]
-    pub fn or(self, other: Self) -> Self {
-        Self {
-            secret_key_file: self.secret_key_file.or(other.secret_key_file),
-            server_key: self.server_key.or(other.server_key),
-            clients: self.clients.or(other.clients),
-        }
-    }
-
     /// Reads the keys, as ZeroMQ does when it starts, in a process that runs a broker where `serves` is true.
     ///
     /// # Errors
@@ -140,6 +134,14 @@ pub enum CurveError {
         /// The rule that it breaks.
         reason: String,
     },
+    /// An entry of `clients` has a fault.
+    #[error("{fault}")]
+    Client {
+        /// Place of the entry in the list.
+        index: usize,
+        /// The fault.
+        fault: Box<CurveError>,
+    },
     /// A client is listed twice.
     #[error("the CURVE client {0} is listed twice: write all that it may in one entry")]
     Twice(String),
@@ -164,4 +166,16 @@ pub enum CurveError {
     /// The system gives no random numbers.
     #[error("the system gives no random numbers for CURVE")]
     NoRandom,
+}
+
+impl CurveError {
+    /// Variable that has the fault, where no file has it.
+    #[must_use]
+    pub fn variable(&self) -> &'static str {
+        match self {
+            Self::Unreadable { .. } | Self::OpenToOthers { .. } => SECRET_KEY_FILE,
+            Self::NoKey { what: "secret", .. } => SECRET_KEY_FILE,
+            _ => SERVER_KEY,
+        }
+    }
 }

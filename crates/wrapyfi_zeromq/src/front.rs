@@ -338,12 +338,15 @@ impl Front {
                 "a CURVE client may not {may_not} this topic (curve: clients)"
             );
         }
-        self.refusals.push(Refusal {
-            side: self.kind,
-            who: format!("{}: its CURVE key {key} may not {may_not} {name:?}", peer.address),
-            key: key.to_owned(),
-            topic: Some(topic.to_vec()),
-        });
+        let who = format!("{}: its CURVE key {key} may not {may_not} {name:?}", peer.address);
+        let key = key.to_owned();
+        self.refuse(who, key, Some(topic.to_vec()));
+    }
+
+    /// Notes a peer that is refused.
+    fn refuse(&mut self, who: String, key: String, topic: Option<Vec<u8>>) {
+        let entry = self.keys.as_ref().and_then(|keys| keys.entry(&key)).cloned();
+        self.refusals.push(Refusal { side: self.kind, who, key, entry, topic });
     }
 
     /// Writes what waits, as far as there is room.
@@ -475,12 +478,9 @@ impl Front {
                     let (key, host) = (why.refused_key(), address.ip().to_string());
                     let subject = key.filter(|key| !key.is_empty()).unwrap_or(&host);
                     self.cut(reason, subject, address, &why);
-                    self.refusals.extend(key.map(|key| Refusal {
-                        side: self.kind,
-                        who: format!("{address}: {why}"),
-                        key: key.to_owned(),
-                        topic: None,
-                    }));
+                    if let Some(key) = key {
+                        self.refuse(format!("{address}: {why}"), key.to_owned(), None);
+                    }
                 }
                 // One that only asks who is here, as a socket that does not fit, is told.
                 if let Some(peer) = self.peers.get_mut(&id) {

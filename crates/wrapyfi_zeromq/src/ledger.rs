@@ -7,6 +7,7 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Weak};
 
+use super::curve_config::CurveClient;
 use super::zmtp::Kind;
 use wrapyfi_endpoint::{Counters, DropReason, Mutex, Refused};
 
@@ -18,6 +19,8 @@ pub(super) struct Refusal {
     pub(super) who: String,
     /// Its key; empty where it has none, or another server key.
     pub(super) key: String,
+    /// Entry of `clients` that has the key, where one does.
+    pub(super) entry: Option<CurveClient>,
     /// Topic that it may not have; `None` where it may have none at all.
     pub(super) topic: Option<Vec<u8>>,
 }
@@ -69,19 +72,28 @@ impl Ledger {
 impl Refusal {
     /// Line of the configuration that lets the peer do what an endpoint called `name` is there for.
     fn allow(&self, name: &str) -> String {
-        let Self { side, key, .. } = self;
-        if key.is_empty() {
-            return "that program needs a CURVE key among `curve: clients`, and the public key of this broker as its \
-                    server key"
-                .to_owned();
-        }
+        const CLIENTS: &str = "endpoints: zeromq: curve: clients:";
+        let Self { side, key, entry, .. } = self;
+        let and = |topics: fn(&CurveClient) -> &Vec<String>| {
+            let listed = entry.iter().flat_map(topics).map(String::as_str);
+            listed.chain([name]).collect::<Vec<_>>()
+        };
         let grant = match side {
-            Kind::Xsub => format!("publish: [\"{name}\"]"),
-            Kind::Xpub => format!("subscribe: [\"{name}\"]"),
+            Kind::Xsub => format!("publish: {:?}", and(|it| &it.publish)),
+            Kind::Xpub => format!("subscribe: {:?}", and(|it| &it.subscribe)),
             Kind::Router => "call: true".to_owned(),
             Kind::Dealer => "serve: true".to_owned(),
         };
-        format!("endpoints: zeromq: curve: clients: - {{ key: \"{key}\", {grant} }}")
+        match entry {
+            Some(entry) => {
+                format!("{CLIENTS} write {grant} in the entry with key: {:?}", entry.key)
+            }
+            None if key.is_empty() => format!(
+                "that program needs the public key of this broker as its server key, and a CURVE key of its own in \
+                 {CLIENTS} - {{ key: …, {grant} }}"
+            ),
+            None => format!("{CLIENTS} - {{ key: \"{key}\", {grant} }}"),
+        }
     }
 }
 
@@ -98,7 +110,8 @@ mod tests {
         ledger.enter(Kind::Xsub, "/command", &command);
         let refuse = |side, topic: Option<&str>| {
             let topic = topic.map(|topic| topic.as_bytes().to_vec());
-            ledger.refused(&Refusal { side, who: "x".to_owned(), key: "K".to_owned(), topic });
+            let (who, key, entry) = ("x".to_owned(), "K".to_owned(), None);
+            ledger.refused(&Refusal { side, who, key, entry, topic });
         };
         let counts = || [&camera, &depth, &command].map(|it| it.snapshot().dropped());
         refuse(Kind::Xpub, Some("/cam"));
@@ -111,5 +124,26 @@ mod tests {
         let line = command.take_refused().pop().unwrap().allow;
         assert!(line.ends_with("- { key: \"K\", publish: [\"/command\"] }"), "{line}");
         assert_eq!(command.take_refused(), []);
+    }
+
+    #[test]
+    fn what_a_key_that_is_listed_lacks_is_told_as_a_change_of_its_entry() {
+        let publish = ["/camera", "/depth/(.*)"].map(str::to_owned).to_vec();
+        let entry = CurveClient { key: "keys/robot.key".to_owned(), publish, ..Default::default() };
+        let refusal = |side, key: &str, entry: Option<&CurveClient>| {
+            let (who, key, entry) = (String::new(), key.to_owned(), entry.cloned());
+            Refusal { side, who, key, entry, topic: None }.allow("/words")
+        };
+        for (side, line) in [
+            (Kind::Xsub, "publish: [\"/camera\", \"/depth/(.*)\", \"/words\"]"),
+            (Kind::Xpub, "subscribe: [\"/words\"]"),
+            (Kind::Router, "call: true"),
+        ] {
+            let told = refusal(side, "K", Some(&entry));
+            let wanted = format!("clients: write {line} in the entry with key: \"keys/robot.key\"");
+            assert!(told.ends_with(&wanted), "{told}");
+        }
+        let without = refusal(Kind::Dealer, "", None);
+        assert!(without.contains("needs the public key") && without.contains("serve: true"));
     }
 }

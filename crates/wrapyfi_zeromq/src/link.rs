@@ -96,13 +96,12 @@ impl BrokerLink {
             KEYS => Some(format!(
                 "the broker at {}, which does not take our CURVE keys: `server_key` must be its public key, and {}",
                 self.broker,
-                self.to_be_listed("")
+                self.to_be_listed(|key| format!("- {{ key: \"{key}\" }}"))
             )),
             DENIED => Some(format!(
-                "the broker at {}, which does not let our CURVE key listen to {:?}: {}",
+                "the broker at {}, which {}",
                 self.broker,
-                self.name,
-                self.to_be_listed(&format!(", subscribe: [{:?}]", self.name))
+                self.denied("listen to", "subscribe")
             )),
             STARVED => Some(format!(
                 "a connection to the broker at {}: {}",
@@ -118,12 +117,21 @@ impl BrokerLink {
         }
     }
 
-    /// Condition under which a broker with a list takes our key and `grant`, in words.
-    fn to_be_listed(&self, grant: &str) -> String {
+    /// What a broker does not let our key do with the topic, and the change of its `list` that does.
+    pub(super) fn denied(&self, what: &str, list: &str) -> String {
+        let name = &self.name;
+        let grant =
+            self.to_be_listed(|key| format!("{list}: [{name:?}] in the entry of our key {key}"));
+        format!("does not let our CURVE key {what} {name:?}: {grant}")
+    }
+
+    /// Condition under which a broker with a list takes our key, in words, with the `line` that it must have.
+    fn to_be_listed(&self, line: impl FnOnce(&str) -> String) -> String {
         match self.keys.as_ref().filter(|keys| keys.is_kept()).map(|keys| keys.public()) {
-            Some(key) => format!(
-                "its `clients` (endpoints: zeromq: curve) must have - {{ key: \"{key}\"{grant} }}"
-            ),
+            Some(key) => {
+                let line = line(&key);
+                format!("its `clients` (endpoints: zeromq: curve) must have {line}")
+            }
             None => "its `clients` must have a key of ours that stays, and this program makes another one with each start \
                      until WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE is set"
                 .to_owned(),

@@ -92,10 +92,7 @@ impl Publisher for ZeroMqPublisher {
             false => Ok(bytes),
             true => Err(PublishError::Refused {
                 topic: self.spec.topic.clone(),
-                reason: format!(
-                    "the broker does not let our CURVE key publish {:?}: its list has to (curve: clients: publish)",
-                    self.spec.topic
-                ),
+                reason: format!("the broker {}", self.connection.link.denied("publish", "publish")),
             }),
         }
     }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::exit::Failure;
 use crate::in_force::{in_lines, warn_of_unheard};
-use crate::middlewares::{self, Settings};
+use crate::middlewares::{self, Loaded, Settings};
 use crate::node::Node;
 use crate::output;
 use crate::sros2;
@@ -18,11 +18,14 @@ use crate::sros2;
 pub fn run(file: &Path, against: Option<&Path>, prints_policy: bool) -> Result<(), Failure> {
     let loaded = middlewares::load(file)?;
     loaded.endpoints.check_permitted(Some(file))?;
+    let settings = |of: &Loaded, before: &Settings| Settings::of(&of.endpoints, &of.plan, before);
+    // The bridge starts with them, and with variables that no line has.
+    settings(&loaded, &Settings::default())?;
     if let Some(against) = against {
         let old = middlewares::load(against)?;
         output::line(&old.plan.diff(&loaded.plan).to_string())?;
-        let before = Settings::of(&old.endpoints, &old.plan, &Settings::default())?;
-        let now = Settings::of(&loaded.endpoints, &loaded.plan, &before)?;
+        let before = settings(&old, &Settings::default())?;
+        let now = settings(&loaded, &before)?;
         for change in before.changes(&now) {
             output::line(&change)?;
         }

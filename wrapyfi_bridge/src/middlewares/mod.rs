@@ -236,7 +236,7 @@ pub fn for_service(
     let Endpoints { zeromq, yarp, ros, ros2, hosts } = &endpoints;
     let largest = Limits::default().message_bytes;
     let one = match address.middleware.as_str() {
-        "zeromq" => One::ZeroMq(zeromq.config(Some(role), largest, hosts)?, false),
+        "zeromq" => One::ZeroMq(zeromq.checked(zeromq.config(Some(role), largest, hosts)?)?, false),
         yarp::NAME => {
             let listens = !matches!(role, Role::Observer | Role::Client);
             One::Yarp(yarp.config(largest, hosts)?, listens)

@@ -118,8 +118,8 @@ pub fn observer(endpoints: &Endpoints, middleware: &str) -> Result<Observer, Fai
     match middleware {
         "zeromq" => {
             let observer = Some(Role::Observer);
-            let mut config = endpoints.zeromq.config(observer, largest, &endpoints.hosts)?;
-            (config.broker, config.service_broker) = (BrokerMode::Foreign, BrokerMode::Foreign);
+            let config = endpoints.zeromq.config(observer, largest, &endpoints.hosts)?;
+            let config = endpoints.zeromq.checked(config)?;
             Ok((Arc::new(start("zeromq", &config)?), None))
         }
         yarp::NAME => {

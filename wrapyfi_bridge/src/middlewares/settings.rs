@@ -75,7 +75,7 @@ impl Settings {
         let of = |name| largest.get(name).copied().unwrap_or_default();
         let mut each = BTreeMap::new();
         if plan.uses("zeromq") {
-            let config = zeromq.config(None, of("zeromq"), hosts)?;
+            let config = zeromq.checked(zeromq.config(None, of("zeromq"), hosts)?)?;
             each.insert("zeromq", One::ZeroMq(config, plan.has_services_on("zeromq")));
         }
         if plan.uses(yarp::NAME) {

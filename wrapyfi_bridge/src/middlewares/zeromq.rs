@@ -2,13 +2,15 @@
 
 use std::net::IpAddr;
 use std::num::NonZeroU16;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::{Deserialize, Deserializer};
 use wrapyfi_core::endpoint::Conventions;
 use wrapyfi_core::engine::{Available, Problem, Spanned};
-use wrapyfi_core::middleware::zeromq::{self, BrokerMode, CurveConfig, ZeroMqConfig};
+use wrapyfi_core::middleware::zeromq::{
+    self, BrokerMode, CurveClient, CurveConfig, CurveError, ZeroMqConfig,
+};
 use wrapyfi_core::network::{Hosts, ReachedByOthers};
 
 use super::start::Role;
@@ -42,7 +44,29 @@ pub struct ZeroMqSection {
     pub insecure: Word,
     // Without keys below it, the word asks for keys all the same: nothing would be encrypted.
     #[serde(deserialize_with = "present")]
-    pub curve: Option<Spanned<CurveConfig>>,
+    pub curve: Option<Spanned<CurveSection>>,
+}
+
+/// `endpoints.zeromq.curve`: a [`CurveConfig`] in which each client has its line.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+#[allow(missing_docs)] // as above
+pub struct CurveSection {
+    pub secret_key_file: Option<PathBuf>,
+    pub server_key: Option<String>,
+    pub clients: Option<Vec<Spanned<CurveClient>>>,
+}
+
+impl CurveSection {
+    /// The settings, and those of the environment for what is left out.
+    fn or(&self, of_environment: CurveConfig) -> CurveConfig {
+        let Self { secret_key_file, server_key, clients } = self.clone();
+        CurveConfig {
+            secret_key_file: secret_key_file.or(of_environment.secret_key_file),
+            server_key: server_key.or(of_environment.server_key),
+            clients: clients.map(|each| each.into_iter().map(|client| client.value).collect()),
+        }
+    }
 }
 
 /// Ports of the ZeroMQ broker of requests and replies.
@@ -66,10 +90,13 @@ impl ServicePorts {
     }
 }
 
+/// A port: its key, its number, and what is written.
+type Port<'c> = (&'static str, &'c mut u16, Option<&'c Spanned<u16>>);
+
 /// A section that is there even where nothing stands below it.
 fn present<'de, D: Deserializer<'de>>(
     written: D,
-) -> Result<Option<Spanned<CurveConfig>>, D::Error> {
+) -> Result<Option<Spanned<CurveSection>>, D::Error> {
     Spanned::deserialize(written).map(Some)
 }
 
@@ -86,7 +113,7 @@ impl ZeroMqSection {
         if let Some(file) = &mut curve.secret_key_file {
             *file = folder.join(&*file);
         }
-        let keys = curve.clients.iter_mut().flatten().map(|client| &mut client.key);
+        let keys = curve.clients.iter_mut().flatten().map(|client| &mut client.value.key);
         for key in curve.server_key.iter_mut().chain(keys) {
             // What names no file is the key itself.
             let file = folder.join(&*key);
@@ -107,20 +134,37 @@ impl ZeroMqSection {
         checked.map_err(|text| Problem::at(written.referenced, text))
     }
 
-    /// Keys that a broker, or who connects to one, cannot have are refused.
+    /// Keys that a broker, or who connects to one, cannot have are refused, with their line or their variable.
     fn check_keys(&self, config: &ZeroMqConfig) -> Result<(), Problem> {
-        let (Some(written), Some(curve)) = (&self.curve, &config.curve) else { return Ok(()) };
+        let Some(curve) = &config.curve else { return Ok(()) };
         let serves = config.broker == BrokerMode::Embedded;
-        curve.check(serves).map_err(|fault| match written.value.check(serves) {
-            Err(own) if own == fault => Problem::at(written.referenced, fault.to_string()),
-            // The file by itself does not have it.
-            _ => {
-                let message = format!(
-                    "{fault} (set by WRAPYFI_ZEROMQ_CURVE_SERVER_KEY or WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE)"
-                );
-                Problem { position: None, message }
+        curve.check(serves).map_err(|fault| {
+            let file = self.curve.as_ref();
+            // The file by itself has it.
+            let own = file.filter(|it| {
+                it.value.or(CurveConfig::default()).check(serves) == Err(fault.clone())
+            });
+            let entry = || match fault {
+                CurveError::Client { index, .. } => file?.value.clients.as_ref()?.get(index),
+                _ => None,
+            };
+            match entry().map(|it| it.referenced).or(own.map(|it| it.referenced)) {
+                Some(written) => Problem::at(written, fault.to_string()),
+                None => {
+                    let message = format!("{}: {fault}", fault.variable());
+                    Problem { position: None, message }
+                }
             }
         })
+    }
+
+    /// The same settings, where their keys can be.
+    ///
+    /// # Errors
+    /// Exit code 2 with the variable that is at fault.
+    pub fn checked(&self, config: ZeroMqConfig) -> Result<ZeroMqConfig, Failure> {
+        self.check_keys(&config).map_err(|fault| Failure::Usage(fault.message))?;
+        Ok(config)
     }
 
     /// Refuses what no broker can start with, and nobody can connect to.
@@ -137,56 +181,48 @@ impl ZeroMqSection {
         }
         let mut config = of_environment()?;
         self.say_ports(&mut config);
-        let written = |one: &Option<Spanned<u16>>, other: &Option<Spanned<u16>>| {
-            other.as_ref().or(one.as_ref()).map(|port| port.referenced)
-        };
-        let pairs = [
-            (
-                ["pub_port", "sub_port"],
-                [config.pub_port, config.sub_port],
-                written(&self.pub_port, &self.sub_port),
-            ),
-            (
-                ["rep_port", "req_port"],
-                [config.rep_port, config.req_port],
-                written(&self.rep_port, &self.req_port),
-            ),
-        ];
-        for ([one, other], [port, same], written) in pairs {
-            if let Some(written) = written
+        for pair in self.ports(&mut config).chunks_exact(2) {
+            let [(one, port, first), (other, same, second)] = pair else { continue };
+            if let Some(written) = second.or(*first)
                 && port == same
-                && port != 0
+                && **port != 0
             {
                 let text = format!(
                     "{one} and {other} are both {port}: give the two sides of the broker two ports, such as \
                      {other}: {}",
-                    port.checked_add(1).unwrap_or(port - 1)
+                    port.checked_add(1).unwrap_or(**port - 1)
                 );
-                return Err(Problem::at(written, text));
+                return Err(Problem::at(written.referenced, text));
             }
         }
         self.say(&mut config);
-        self.check_keys(&config)
+        // Variables alone concern no file, which may be read where another program is to have them.
+        if self.curve.is_some() { self.check_keys(&config) } else { Ok(()) }
     }
 
     /// Writes the ports into `config`.
     fn say_ports(&self, config: &mut ZeroMqConfig) {
-        for (port, written) in [
-            (&mut config.pub_port, &self.pub_port),
-            (&mut config.sub_port, &self.sub_port),
-            (&mut config.rep_port, &self.rep_port),
-            (&mut config.req_port, &self.req_port),
-        ] {
-            *port = written.as_ref().map_or(*port, |written| written.value);
+        for (_, port, written) in self.ports(config) {
+            *port = written.map_or(*port, |written| written.value);
         }
+    }
+
+    /// The ports of `config`, the two of each broker side by side, with their keys and what is written.
+    fn ports<'c>(&'c self, config: &'c mut ZeroMqConfig) -> [Port<'c>; 4] {
+        [
+            ("pub_port", &mut config.pub_port, self.pub_port.as_ref()),
+            ("sub_port", &mut config.sub_port, self.sub_port.as_ref()),
+            ("rep_port", &mut config.rep_port, self.rep_port.as_ref()),
+            ("req_port", &mut config.req_port, self.req_port.as_ref()),
+        ]
     }
 
     /// Writes into `config` who runs the broker, its address, and who may reach it.
     fn say(&self, config: &mut ZeroMqConfig) {
         self.insecure.say(&mut config.insecure, self.ip.is_some());
-        if let Some(curve) = &self.curve {
+        if let Some(Spanned { value: written, .. }) = &self.curve {
             let of_environment = config.curve.take().unwrap_or_default();
-            config.curve = Some(curve.value.clone().or(of_environment));
+            config.curve = Some(written.or(of_environment));
         }
         if let Some(ip) = &self.ip {
             config.ip.clone_from(&ip.value);
@@ -202,7 +238,7 @@ impl ZeroMqSection {
     ///
     /// # Errors
     /// Exit code 2 for variables of the environment that cannot be.
-    pub(super) fn config(
+    pub fn config(
         &self,
         role: Option<Role>,
         largest_message: usize,
@@ -224,15 +260,75 @@ impl ZeroMqSection {
             config.max_connections = usize::from(most.get());
         }
         config.max_frame_bytes = config.max_frame_bytes.max(largest_message);
-        if self.broker.is_none() && role == Some(Role::Client) {
+        let is_left_open = self.broker.is_none() || role == Some(Role::Observer);
+        if is_left_open && matches!(role, Some(Role::Observer | Role::Client)) {
             config.service_broker = BrokerMode::Foreign;
         }
         // A broker that a command does not use is not started for it.
-        if self.broker.is_none()
-            && matches!(role, Some(Role::Observer | Role::Listener | Role::Client | Role::Server))
-        {
+        if is_left_open && !matches!(role, None | Some(Role::Publisher)) {
             config.broker = BrokerMode::Foreign;
         }
         Ok(config)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SECRET: &str = "JTKVSB%%)wK0E.X)V>+}o?pNmC{O&4W4b!Ni{Lh6\n";
+    const CLIENT: &str = "0q:rM>}U?@Lns47E1%kR.o@n%FcmmsL/@{H8]yf7";
+
+    fn refused(yaml: &str, of_environment: CurveConfig) -> (Option<u64>, String) {
+        let section: ZeroMqSection = serde_saphyr::from_str(yaml).unwrap();
+        let curve = Some(of_environment);
+        let mut config = ZeroMqConfig { curve, ..ZeroMqConfig::default() };
+        section.say(&mut config);
+        let Problem { position, message } = section.check_keys(&config).unwrap_err();
+        (position.map(|(line, _)| line), message)
+    }
+
+    #[test]
+    fn a_fault_of_keys_has_its_line_or_its_variable() {
+        use std::os::unix::fs::PermissionsExt as _;
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("own");
+        std::fs::write(&file, SECRET).unwrap();
+        std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o600)).unwrap();
+        let own = format!("broker: embedded\ncurve:\n  secret_key_file: {}\n", file.display());
+        let listed = |line: &str| {
+            let clients =
+                format!("  clients:\n    - {{ key: \"{CLIENT}\", publish: [/a] }}\n{line}\n");
+            refused(&format!("{own}{clients}"), CurveConfig::default())
+        };
+        for (line, words) in [
+            (format!("    - key: \"{CLIENT}\""), "is listed twice"),
+            ("    - key: nowhere.key".to_owned(), "is no CURVE public key"),
+        ] {
+            let (at, told) = listed(&line);
+            assert!(at == Some(6) && told.contains(words), "{at:?} {told}");
+        }
+        let [secret, server] =
+            ["SECRET_KEY_FILE", "SERVER_KEY"].map(|name| format!("WRAPYFI_ZEROMQ_CURVE_{name}: "));
+        let nowhere =
+            || CurveConfig { secret_key_file: Some("/nowhere".into()), ..Default::default() };
+        let short = || CurveConfig { server_key: Some("short".to_owned()), ..Default::default() };
+        let both = CurveConfig { secret_key_file: Some(file.clone()), ..short() };
+        for (yaml, of_environment, at, words) in [
+            ("broker: embedded", nowhere(), None, &*secret),
+            ("broker: foreign", both, None, &server),
+            ("broker: embedded", short(), None, &server),
+            (&own, short(), None, &server),
+            ("curve: { server_key: short }", nowhere(), None, &secret),
+            (
+                "broker: foreign\ncurve:\n\n  server_key: short",
+                CurveConfig::default(),
+                Some(4),
+                "\"short\"",
+            ),
+        ] {
+            let (line, told) = refused(yaml, of_environment);
+            assert!(line == at && told.starts_with(words), "{line:?} {told}");
+        }
     }
 }

@@ -64,6 +64,7 @@ pub(super) fn mends(reason: DropReason) -> &'static str {
         R::Late | R::Expired => "`timeout_ms` on the route, or a faster server",
         R::Overloaded => "fewer calls at once",
         R::Loop => "leave out the route that leads back, of this bridge or of another",
+        R::Refused => "do what the reason says, there",
         _ => "the log of the bridge names the message",
     }
 }

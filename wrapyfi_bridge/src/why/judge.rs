@@ -15,7 +15,8 @@ use super::bridges::{inactive, lacking, several};
 use super::names::nearest;
 use super::reach::{opened, reachable};
 use super::state::{
-    broken, hears_others, is_carried, is_met, is_provider, is_used, rate, refused, runs, state,
+    broken, hears_others, is_carried, is_met, is_provider, is_used, rate, refused, refused_alone,
+    runs, state,
 };
 use super::words::{between, example, is_same_type, nobody, owner, people, provider, types_differ};
 use super::{
@@ -150,9 +151,9 @@ impl Walk<'_> {
             return Err(Finding::new(Cause::Slow, what, who, remedy));
         }
         let remedy = match end.doors.first() {
-            Some(_) if end.is_broker => {
-                "do what the reason says; keys are those of `endpoints: zeromq: curve` there, and of it or of \
-                 WRAPYFI_ZEROMQ_CURVE_SERVER_KEY and WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE here"
+            _ if end.is_told => {
+                "do what the reason says; keys are those of `endpoints: zeromq: curve`, at the broker and here, and of \
+                 WRAPYFI_ZEROMQ_CURVE_SERVER_KEY and WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE for what that leaves out"
                     .to_owned()
             }
             Some(knock) => format!(
@@ -284,7 +285,9 @@ impl Walk<'_> {
             };
             return Err(Finding::new(cause, what, who, remedy));
         }
-        Err(Finding::new(cause_of_nobody(role), nobody, provider(end, role), example(end, role)))
+        let remedy = example(end, role);
+        let nobody = Finding::new(cause_of_nobody(role), nobody, provider(end, role), remedy);
+        Err(refused_alone(self.way, role, nobody))
     }
 
     /// Addresses of those who are there.

@@ -230,7 +230,7 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
         ),
         (
             of_destination(|it| {
-                (it.away, it.is_broker) = (Some("no answer from broker".into()), true);
+                (it.away, it.is_told) = (Some("no answer from broker".into()), true);
                 it.slow = Some(Duration::from_millis(1800));
             }),
             Cause::Slow,
@@ -239,7 +239,7 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
         ),
         (
             of_destination(|it| {
-                (it.away, it.is_broker) = (Some("no answer from broker: keys".into()), true);
+                (it.away, it.is_told) = (Some("no answer from broker: keys".into()), true);
             }),
             Cause::Middleware,
             "no answer from broker: keys",
@@ -551,6 +551,17 @@ fn a_refused_program_is_named_with_its_line_also_where_others_were_served() {
         assert_eq!(found.cause, Cause::Refused, "{alone}");
         assert!(found.what.contains("refused 7 times") && found.what.contains("key K"), "{alone}");
         assert!(found.remedy.contains("publish: [\"/in\"]"), "{alone}");
+    }
+    // Who came before has left: the refusals at that end are told, and at that end alone.
+    for (allow, is_told) in [("subscribe: [\"/out\"]", true), ("publish: [\"/in\"]", false)] {
+        let mut left = of_destination(|it| it.found.clear());
+        left.running = running("waiting", "a listener", 17, 10);
+        let status = left.running.as_mut().unwrap();
+        (status.refused, status.allow) = ("its CURVE key K".to_owned(), allow.to_owned());
+        let found = judge(&left).finding.unwrap();
+        assert_eq!(found.what.contains("its CURVE key K"), is_told, "{found:?}");
+        assert_eq!(found.cause == Cause::Refused, is_told, "{found:?}");
+        assert!(found.what.contains("nobody listens"), "{found:?}");
     }
     let served = of(17, 4);
     assert_eq!(served.finding, None, "{served}");

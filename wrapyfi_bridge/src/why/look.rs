@@ -139,10 +139,23 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
     }
     // Services of ZeroMQ have no names to be found.
     if !end.is_open() || (middleware == "zeromq" && wanted.is_service) {
+        let is_own = !end.is_open() && end.doors.iter().any(|knock| knock.door.is_own);
+        let zeromq = &endpoints.zeromq;
+        let config = || zeromq.checked(zeromq.config(None, 0, &endpoints.hosts)?);
+        // The bridge that would run the broker does not start with the settings here.
+        if middleware == "zeromq"
+            && is_own
+            && let Err(fault) = config()
+        {
+            (end.doors, end.away, end.is_told) = (Vec::new(), Some(fault.to_string()), true);
+        }
         return end;
     }
     end.graph = (middleware == "ros2").then(|| graph(endpoints));
-    let opened = sight.open(middleware).map_err(|fault| fault.to_string());
+    let opened = sight.open(middleware).map_err(|fault| {
+        end.is_told = middleware == "zeromq" && matches!(fault, Failure::Usage(_));
+        fault.to_string()
+    });
     let discovered = opened.and_then(|(observer, ros1)| {
         let discovery = observer.discover().map_err(|fault| fault.to_string())?;
         Ok((observer, ros1, discovery))
@@ -206,7 +219,7 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
         let is_broker = !end.doors.is_empty() && end.doors.iter().all(Knock::has_greeted);
         let is_slow = is_broker && !has_failed && begin.elapsed() >= PATIENCE;
         end.slow = is_slow.then(|| begin.elapsed());
-        (end.away, end.is_broker) = (Some(fault), is_broker);
+        (end.away, end.is_told) = (Some(fault), is_broker);
         return end;
     }
     tidy(&mut end);

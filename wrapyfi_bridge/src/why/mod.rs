@@ -142,8 +142,8 @@ pub struct End {
     pub doors: Vec<Knock>,
     /// Reason that the side does not work, in its own words.
     pub away: Option<String>,
-    /// True where what has no use for us greets as ZeroMQ does.
-    pub is_broker: bool,
+    /// True where that reason names what to mend: settings here, or those of what greets as ZeroMQ does.
+    pub is_told: bool,
     /// Time after which a handshake with such a broker was not over.
     pub slow: Option<Duration>,
     /// Endpoints of the whole side.

@@ -1,6 +1,6 @@
 //! Findings about a route that runs: what its bridge tells of it.
 
-use wrapyfi_core::endpoint::{DropReason, EndpointAddress, Role};
+use wrapyfi_core::endpoint::{DropReason, EndpointAddress, Peers, Role};
 use wrapyfi_core::middleware::ros2::ACKNOWLEDGES_NOTHING;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
@@ -73,6 +73,19 @@ pub(super) fn refused(way: &Way) -> Option<Finding> {
     let what = format!("{} refused {times} times: {}", called(way, running), running.refused);
     let remedy = format!("where they may: {}", running.allow);
     Some(Finding::new(Cause::Refused, what, "the configuration, or those programs", remedy))
+}
+
+/// The programs that were refused in the role at an end where `nobody` else is, else that.
+pub(super) fn refused_alone(way: &Way, role: Role, nobody: Finding) -> Finding {
+    let lists = match is_provider(role) {
+        true => ["publish: [", Peers::FROM],
+        false => ["subscribe: [", Peers::TO],
+    };
+    let refused = refused(way).filter(|it| lists.iter().any(|list| it.remedy.contains(list)));
+    match refused {
+        Some(it) => Finding { what: format!("{}, and {}", nobody.what, it.what), ..it },
+        None => nobody,
+    }
 }
 
 /// True where messages of a route reach its destination.

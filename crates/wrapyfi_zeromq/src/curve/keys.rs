@@ -56,8 +56,8 @@ pub(crate) struct Grant {
     key: String,
     publish: Vec<NamePattern>,
     subscribe: Vec<NamePattern>,
-    call: bool,
-    serve: bool,
+    /// The entry as it is written.
+    entry: CurveClient,
     /// Topic of the broker's own counts.
     own_topic: Option<String>,
 }
@@ -92,7 +92,12 @@ impl Keys {
             return Err(CurveError::OtherServer { server, own });
         }
         if let Some(clients) = config.clients.as_ref().filter(|_| serves) {
-            keys.clients = Some(grants(clients, own_topic)?);
+            let mut grants = BTreeMap::new();
+            for (index, client) in clients.iter().enumerate() {
+                Grant::enter(client, own_topic, &mut grants)
+                    .map_err(|fault| CurveError::Client { index, fault: Box::new(fault) })?;
+            }
+            keys.clients = Some(grants);
         }
         Ok(Arc::new(keys))
     }
@@ -117,6 +122,12 @@ impl Keys {
         self.clients.is_some()
     }
 
+    /// Entry of `clients` that has a key, written as 40 digits.
+    pub(crate) fn entry(&self, key: &str) -> Option<&CurveClient> {
+        let grant = self.clients.as_ref()?.get(&*decode(key)?)?;
+        Some(&grant.entry)
+    }
+
     /// Gives them to a socket of libzmq that will connect.
     pub(crate) fn give_to(&self, socket: &zmq::Socket) -> zmq::Result<()> {
         socket.set_curve_serverkey(&self.server)?;
@@ -132,14 +143,47 @@ impl Keys {
         };
         let grant = clients.get(client).ok_or_else(|| Breach::Unknown(z85(client)))?;
         match kind {
-            Kind::Router if !grant.call => Err(Breach::NotAllowed(grant.key.clone(), "call")),
-            Kind::Dealer if !grant.serve => Err(Breach::NotAllowed(grant.key.clone(), "serve")),
+            Kind::Router if !grant.entry.call => Err(Breach::NotAllowed(grant.key.clone(), "call")),
+            Kind::Dealer if !grant.entry.serve => {
+                Err(Breach::NotAllowed(grant.key.clone(), "serve"))
+            }
             _ => Ok(Some(Arc::clone(grant))),
         }
     }
 }
 
 impl Grant {
+    /// Reads an entry of `clients`.
+    fn enter(
+        entry: &CurveClient,
+        own_topic: Option<&str>,
+        grants: &mut BTreeMap<Key, Arc<Self>>,
+    ) -> Result<(), CurveError> {
+        let public = public_key(&entry.key)?;
+        let key = z85(&public);
+        let compiled = |written: &[String]| -> Result<Vec<NamePattern>, CurveError> {
+            let one = |written: &String| {
+                NamePattern::new(written).map_err(|reason| CurveError::Pattern {
+                    key: key.clone(),
+                    pattern: written.clone(),
+                    reason,
+                })
+            };
+            written.iter().map(one).collect()
+        };
+        let grant = Self {
+            publish: compiled(&entry.publish)?,
+            subscribe: compiled(&entry.subscribe)?,
+            entry: entry.clone(),
+            own_topic: own_topic.map(str::to_owned),
+            key: key.clone(),
+        };
+        match grants.insert(public, Arc::new(grant)) {
+            None => Ok(()),
+            Some(_) => Err(CurveError::Twice(key)),
+        }
+    }
+
     /// Public key of the client.
     pub(crate) fn key(&self) -> &str {
         &self.key
@@ -161,39 +205,6 @@ impl Grant {
 fn matches(patterns: &[NamePattern], topic: &[u8]) -> bool {
     let topic = std::str::from_utf8(topic);
     topic.is_ok_and(|topic| patterns.iter().any(|pattern| pattern.matches(topic)))
-}
-
-fn grants(
-    clients: &[CurveClient],
-    own_topic: Option<&str>,
-) -> Result<BTreeMap<Key, Arc<Grant>>, CurveError> {
-    let mut grants = BTreeMap::new();
-    for client in clients {
-        let public = public_key(&client.key)?;
-        let key = z85(&public);
-        let compiled = |written: &[String]| -> Result<Vec<NamePattern>, CurveError> {
-            let one = |written: &String| {
-                NamePattern::new(written).map_err(|reason| CurveError::Pattern {
-                    key: key.clone(),
-                    pattern: written.clone(),
-                    reason,
-                })
-            };
-            written.iter().map(one).collect()
-        };
-        let grant = Grant {
-            publish: compiled(&client.publish)?,
-            subscribe: compiled(&client.subscribe)?,
-            call: client.call,
-            serve: client.serve,
-            own_topic: own_topic.map(str::to_owned),
-            key: key.clone(),
-        };
-        if grants.insert(public, Arc::new(grant)).is_some() {
-            return Err(CurveError::Twice(key));
-        }
-    }
-    Ok(grants)
 }
 
 /// Random bytes of the system.
@@ -419,6 +430,8 @@ mod tests {
         assert!(matches!(keys.admit(&[7; 32], Kind::Xpub), Err(Breach::Unknown(_))));
         assert!(keys.admit(&keys.public, Kind::Dealer).unwrap().is_none(), "this process itself");
         let twice = CurveConfig { clients: Some(vec![client.clone(), client]), ..config(&file) };
-        assert!(matches!(Keys::load(&twice, true, None), Err(CurveError::Twice { .. })));
+        let fault = Keys::load(&twice, true, None).unwrap_err();
+        assert!(matches!(fault, CurveError::Client { index: 1, .. }), "{fault}");
+        assert!(fault.to_string().ends_with("write all that it may in one entry"), "{fault}");
     }
 }
