@@ -60,11 +60,11 @@ pub(super) fn lacking(way: &Way, source: &End, destination: &End) -> Passed {
             false => format!("no bridge runs the route: {names}{domain} has others"),
         };
         // One that is to be configured has no routes yet.
-        let begins = |(node, status): (&String, &BridgeStatus)| {
+        let begins = others.iter().find(|(_, status)| is_unconfigured(status));
+        let begins = begins.map(|(node, _)| {
             let mapping = way.foreign.get(node).copied();
-            is_unconfigured(status).then(|| not_active(State::Unconfigured, node, mapping))
-        };
-        let begins = others.iter().find_map(begins).map(|it| format!("; or {}", it.remedy));
+            format!("; or {}", not_active(State::Unconfigured, node, mapping).remedy)
+        });
         let remedy = remedy + &begins.unwrap_or_default();
         return Err(Finding::new(Cause::NoBridge, what, "a bridge", remedy));
     }

@@ -127,11 +127,12 @@ impl Walk<'_> {
 
     /// The servers of a side, and the side itself.
     fn side(&mut self, end: &End) -> Step {
+        let does = if end.away.is_some() { "accepts a connection" } else { "answers" };
         for knock in &end.doors {
             opened(knock, &end.address, self.way)?;
-            self.pass(format!("{} answers", knock.words()));
+            self.pass(format!("{} {does}", knock.words()));
         }
-        if let Some(graph) = &end.graph {
+        if let Some(graph) = end.graph.as_ref().filter(|it| !it.carried_by.is_empty()) {
             let Graph { domain_id, carried_by, .. } = graph;
             self.pass(format!("ROS 2 in domain {domain_id}, on {carried_by}"));
         }
@@ -273,15 +274,14 @@ impl Walk<'_> {
             );
             return Err(Finding::new(cause, what, owner(endpoint), remedy.clone()));
         }
-        if let Some(Graph { range: range @ ("OFF" | "LOCALHOST"), range_setting, .. }) = &end.graph
+        if let Some(Graph {
+            range: range @ ("OFF" | "LOCALHOST"), range_setting, widening, ..
+        }) = &end.graph
         {
             let sees = if *range == "OFF" { "nobody but itself" } else { "this machine only" };
             let what = format!("{nobody}, and this program sees {sees} ({range_setting})");
             let who = format!("{}, or one on another machine", provider(end, role));
-            let remedy = format!(
-                "{}; or export ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET at both ends",
-                example(end, role, None)
-            );
+            let remedy = format!("{}; or {widening} at both ends", example(end, role, None));
             // A program on this machine would have been seen.
             let cause = match *range {
                 "OFF" => Cause::DiscoveryRange,

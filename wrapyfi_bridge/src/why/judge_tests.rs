@@ -46,6 +46,7 @@ fn whole() -> Way {
         domain_id: 3,
         range: "SUBNET",
         range_setting: "",
+        widening: "export ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET",
         carried_by: "CycloneDDS inside".to_owned(),
     });
     source.found = vec![publisher("/in"), listener("/in")];
@@ -530,6 +531,10 @@ fn a_route_that_is_not_well_lacks_something_whatever_is_there() {
         "{few}"
     );
     assert_eq!(of("active", "", &[("no_consumer", 100)]).finding, None);
+    // Whether that is too few, only its publisher knows.
+    let topic = RouteInfo { kind: "topic".to_owned(), ..running("active", "", 9, 9).unwrap() };
+    let quiet = judge(&Way { running: Some(topic), ..whole() }).passed;
+    assert!(quiet.iter().any(|it| it.contains("9 in, 9 out, none out in the last")), "{quiet:?}");
 }
 
 #[test]
@@ -643,6 +648,28 @@ fn a_bridge_that_runs_the_route_is_not_to_be_started_for_its_broker() {
     };
     assert!(of(None).starts_with("wrapyfi bridge --config b.yaml"));
     assert_eq!(of(running("waiting", "the broker", 0, 0)), "wrapyfi broker");
+}
+
+#[test]
+fn a_server_that_accepts_and_does_not_answer_is_not_said_to() {
+    let way = of_destination(|it| it.away = Some("no answer from master".to_owned()));
+    let passed = judge(&way).passed.join("\n");
+    assert!(
+        passed.contains("5555 accepts a connection") && !passed.contains("answers"),
+        "{passed}"
+    );
+}
+
+#[test]
+fn who_sees_this_machine_alone_is_told_the_variable_that_counts() {
+    let way = of_source(|it| {
+        it.found.clear();
+        let graph = it.graph.as_mut().unwrap();
+        (graph.range, graph.range_setting) = ("LOCALHOST", "ROS_LOCALHOST_ONLY=1");
+        graph.widening = "unset ROS_LOCALHOST_ONLY";
+    });
+    let found = judge(&way).finding.unwrap();
+    assert!(found.remedy.ends_with("; or unset ROS_LOCALHOST_ONLY at both ends"), "{found:?}");
 }
 
 #[test]

@@ -232,6 +232,8 @@ pub struct Graph {
     pub range: &'static str,
     /// Setting that says the range.
     pub range_setting: &'static str,
+    /// Command that lets the nodes of other machines be seen.
+    pub widening: &'static str,
     /// Name of what carries the graph.
     pub carried_by: String,
 }

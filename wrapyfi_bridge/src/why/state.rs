@@ -68,7 +68,13 @@ pub(super) fn takes(running: &RouteInfo, address: &str) -> bool {
 /// Route that a bridge runs, in words.
 pub(super) fn runs(running: &RouteInfo) -> String {
     let (received, sent, rate) = (came(running), running.sent, running.messages_per_s);
-    let now = if rate > 0.0 { format!(", {rate:.1} a second now") } else { String::new() };
+    let now = if rate > 0.0 {
+        format!(", {rate:.1} a second now")
+    } else if running.kind == "topic" && received > 0 {
+        ", none out in the last second".to_owned()
+    } else {
+        String::new()
+    };
     format!("a bridge runs the route: {received} in, {sent} out{now}")
 }
 
