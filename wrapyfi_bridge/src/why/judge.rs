@@ -289,9 +289,7 @@ impl Walk<'_> {
             };
             return Err(Finding::new(cause, what, who, remedy));
         }
-        // One of its own on YARP would have the port of the route to ask.
-        let port = self.way.running.as_ref().and_then(unopened);
-        let remedy = example(end, role, port.filter(|_| address.middleware == "yarp"));
+        let remedy = example(end, role, self.way.running.as_ref().and_then(unopened));
         Err(Finding::new(cause_of_nobody(role), nobody, provider(end, role), remedy))
     }
 

@@ -534,7 +534,7 @@ fn a_route_that_is_not_well_lacks_something_whatever_is_there() {
     // Whether that is too few, only its publisher knows.
     let topic = RouteInfo { kind: "topic".to_owned(), ..running("active", "", 9, 9).unwrap() };
     let quiet = judge(&Way { running: Some(topic), ..whole() }).passed;
-    assert!(quiet.iter().any(|it| it.contains("9 in, 9 out, none out in the last")), "{quiet:?}");
+    assert!(quiet.iter().any(|it| it.contains("9 in, 9 out, 0.0 a second now")), "{quiet:?}");
 }
 
 #[test]

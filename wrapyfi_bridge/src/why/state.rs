@@ -54,8 +54,9 @@ pub(super) fn other_mapping(running: &RouteInfo) -> Option<(ServiceMapping, Serv
 
 /// Input port of another program on YARP to which a route would write.
 pub(super) fn unopened(running: &RouteInfo) -> Option<&str> {
-    let is_behind = running.kind != "service" && !running.source.starts_with("yarp:");
-    running.reason.strip_prefix("port ")?.strip_suffix(UNOPENED).filter(|_| is_behind)
+    let RouteInfo { kind, source, destination, reason, .. } = running;
+    let is_to = destination.starts_with("yarp:") && !source.starts_with("yarp:");
+    reason.strip_prefix("port ")?.strip_suffix(UNOPENED).filter(|_| is_to && kind != "service")
 }
 
 /// True for a route that gets what an address has, messages or replies, or would, if it understood the servers there.
@@ -68,13 +69,8 @@ pub(super) fn takes(running: &RouteInfo, address: &str) -> bool {
 /// Route that a bridge runs, in words.
 pub(super) fn runs(running: &RouteInfo) -> String {
     let (received, sent, rate) = (came(running), running.sent, running.messages_per_s);
-    let now = if rate > 0.0 {
-        format!(", {rate:.1} a second now")
-    } else if running.kind == "topic" && received > 0 {
-        ", none out in the last second".to_owned()
-    } else {
-        String::new()
-    };
+    let is_service = running.kind == "service";
+    let now = if is_service { String::new() } else { format!(", {rate:.1} a second now") };
     format!("a bridge runs the route: {received} in, {sent} out{now}")
 }
 

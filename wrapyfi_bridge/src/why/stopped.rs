@@ -33,10 +33,6 @@ pub(super) fn bridge(file: Option<&str>) -> Option<Finding> {
 
 /// Why no bridge has answered: one of this machine is stopped, or else the `failure`.
 pub(crate) fn or(failure: Failure) -> Failure {
-    match bridge(None) {
-        Some(Finding { what, remedy, .. }) if matches!(failure, Failure::TimedOut(_)) => {
-            Failure::TimedOut(format!("{what}: {remedy}"))
-        }
-        _ => failure,
-    }
+    let stopped = bridge(None).filter(|_| matches!(failure, Failure::TimedOut(_)));
+    stopped.map_or(failure, |it| Failure::TimedOut(format!("{}: {}", it.what, it.remedy)))
 }
