@@ -279,6 +279,10 @@ fn a_second_bridge_is_not_what_mends_a_route() -> Result {
         let name = r#"{"name": "words"}"#;
         env.wrapyfi(remove.into_iter().chain([name]))?.exits_with(0)?;
         let told = of_running(env, "words", "no_bridge")?;
+        for name in ["words", &ros2(&words), &zeromq(&words)] {
+            let of_bridge = answered(env, [name, "--node", "/wrapyfi_bridge"])?;
+            assert_eq!(of_bridge["remedy"], told["remedy"], "{name}: {of_bridge}");
+        }
         let remedy = told["remedy"].as_str().unwrap_or_default();
         let (call, value) = remedy.split_once(" --value ").unwrap_or_default();
         let call = call.split(' ').skip(1).chain(["--value", value.trim_matches('\'')]);
@@ -287,9 +291,17 @@ fn a_second_bridge_is_not_what_mends_a_route() -> Result {
 
         bridge.pause()?;
         let told = of_running(env, "words", "no_bridge");
+        // Its broker is silent with it.
+        let of_broker = answered(env, [&zeromq(&words)]);
+        let mut top = env.wrapyfi(["top", "--once"])?;
+        let of_top = top.exits_with(3).map(|_| top.stderr());
         bridge.resume()?;
-        let told = told?;
-        assert_eq!(told["remedy"], format!("kill -CONT {}, or `fg` in its shell", bridge.id()));
+        let remedy = format!("kill -CONT {}, or `fg` in its shell", bridge.id());
+        for told in [told?, of_broker?] {
+            assert_eq!(told["remedy"], remedy, "{told}");
+        }
+        let of_top = of_top?;
+        assert!(of_top.contains(&remedy), "{of_top}");
 
         let second = env.wrapyfi(["bridge", "--config", &file, "--json"])?;
         until_route(&second, "words", is_well)?;

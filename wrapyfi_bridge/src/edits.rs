@@ -20,8 +20,8 @@ const SOURCE: &str = "the added route";
 #[derive(Debug, Clone, Default)]
 pub struct Edits {
     added: Vec<Spanned<RouteConfig>>,
-    /// Names by which routes were left out, each with the ends of its route.
-    removed: BTreeMap<String, String>,
+    /// Names by which routes were left out, each with its route.
+    removed: BTreeMap<String, Option<Route>>,
 }
 
 impl Edits {
@@ -29,6 +29,12 @@ impl Edits {
     #[must_use]
     pub fn added(&self) -> &[Spanned<RouteConfig>] {
         &self.added
+    }
+
+    /// Routes of the file that are left out.
+    #[must_use]
+    pub fn removed(&self) -> Plan {
+        Plan { routes: self.removed.values().flatten().cloned().collect() }
     }
 
     /// Adds an entry of `routes`, given in YAML. A route of the file that was left out comes back as the file has it,
@@ -45,7 +51,7 @@ impl Edits {
             (Some(entry), None) if entry.value.from.is_some() || entry.value.service.is_some() => {
                 let ends = ends(&entry.value);
                 let before = self.removed.len();
-                self.removed.retain(|_, removed| *removed != ends);
+                self.removed.retain(|_, it| it.as_ref().map(Route::ends).as_ref() != Some(&ends));
                 if self.removed.len() == before {
                     self.added.push(entry);
                 }
@@ -62,7 +68,7 @@ impl Edits {
 
     /// Leaves out a route, which the plan must have.
     pub fn remove(&mut self, name: &str) {
-        self.removed.insert(name.to_owned(), String::new());
+        self.removed.insert(name.to_owned(), None);
     }
 
     /// Takes the routes that are left out from a plan that was made of the file's entries and those that were added.
@@ -76,10 +82,7 @@ impl Edits {
             let of_file = plan.routes.len().saturating_sub(self.added.len());
             match place(plan, &name) {
                 Some(at) if at >= of_file => drop(self.added.remove(at - of_file)),
-                Some(at) => {
-                    let ends = plan.routes.get(at).map(Route::ends).unwrap_or_default();
-                    self.removed.insert(name.clone(), ends);
-                }
+                Some(at) => drop(self.removed.insert(name.clone(), plan.routes.get(at).cloned())),
                 None if wanted == Some(name.as_str()) => {
                     if let Some(text) = of_pattern(plan, &name) {
                         return Err(Failure::Usage(text));
@@ -172,6 +175,8 @@ mod tests {
         let mut plan = loaded();
         edits.leave_out(Some("a"), &mut plan).unwrap();
         assert_eq!((names(&plan).len(), plan.lines.len(), edits.added().len()), (0, 0, 0));
+        let removed = edits.removed().routes;
+        assert_eq!(removed.iter().map(|route| &route.name[..]).collect::<Vec<_>>(), ["a"]);
         // The file alone, read again.
         let mut plan = load_text(FILE, "file").unwrap();
         edits.leave_out(None, &mut plan).unwrap();

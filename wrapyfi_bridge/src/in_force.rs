@@ -45,6 +45,8 @@ pub struct InForce {
     pub endpoints: Endpoints,
     /// Folders of definitions.
     pub definitions: Vec<PathBuf>,
+    /// Routes of the file that were left out since.
+    pub removed: Plan,
 }
 
 /// A bridge that runs, as those who ask about it need it.

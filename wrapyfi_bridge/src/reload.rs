@@ -172,12 +172,14 @@ impl Reload {
             tracing::info!("{change}");
         }
         self.middlewares.replace_by(next);
+        let removed = edits.removed();
         self.edits = edits;
         WAITING.set_limit(loaded.waiting_bytes);
         if loaded.page_port.is_some() && loaded.page_port != self.page_port {
             tracing::warn!("{name}: page.port is another: start the program anew for that");
         }
-        *in_force.lock() = InForce { file: name, endpoints: endpoints.clone(), definitions };
+        let told = endpoints.clone();
+        *in_force.lock() = InForce { file: name, endpoints: told, definitions, removed };
         if let Some(handle) = &self.handle {
             handle.parameters(|store| {
                 declare_new(&parameters, store);

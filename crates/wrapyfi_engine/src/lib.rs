@@ -93,6 +93,7 @@ pub use plan_diff::PlanDiff;
 pub use plan_entry::MAX_PATTERN_ROUTES;
 pub use plan_options::known_option;
 pub use reconciler::{GONE_AFTER, LOOK_EVERY};
+pub use reconciler_status::OVER_LIMIT;
 pub use relay::Relay;
 pub use route::{Kind, Names, Policy, Route, RouteKey, Types, Typing};
 pub use route_index::RouteIndex;

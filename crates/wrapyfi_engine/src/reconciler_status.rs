@@ -4,6 +4,9 @@ use super::candidate::State;
 use super::reconciler::{Pattern, Reconciler};
 use super::route_status::{PatternCounts, RouteState, RouteStatus};
 
+/// Words between the limit of a pattern and the number of names beyond it.
+pub const OVER_LIMIT: &str = " routes are the limit (max_routes), ";
+
 impl Reconciler {
     /// Statuses of the patterns, and of the names that wait.
     pub(super) fn status(&self) -> Vec<RouteStatus> {
@@ -42,7 +45,7 @@ impl Reconciler {
                 (0, 0) => RouteState::Waiting("a name that matches".to_owned()),
                 (0, _) => RouteState::Active,
                 (over, _) => RouteState::Degraded(format!(
-                    "{} routes are the limit (max_routes), {over} more names match",
+                    "{}{OVER_LIMIT}{over} more names match",
                     spec.max_routes()
                 )),
             }

@@ -129,7 +129,7 @@ pub use rmw_graph::RmwGraph;
 pub use ros2::Ros2;
 #[cfg(feature = "fastdds-services")]
 pub use rust_services::{RustServices, RustServicesError, ServiceEndpoints};
-pub use service::returned;
+pub use service::{SPEAKS_NOT, returned};
 
 use graph::GraphError;
 use listener::Ros2Listener;

@@ -25,7 +25,7 @@ use wrapyfi_yarp::port::{LinkError, PortOptions, RpcClient, RpcError};
 use super::directory::unless_slow;
 use super::found_format::{self, FoundFormat};
 use super::link_state::LinkState;
-use super::name::check_name;
+use super::name::{UNOPENED, check_name};
 use super::opening::{numbered, until_open};
 use super::options::YarpOptions;
 use super::shared::Shared;
@@ -258,7 +258,7 @@ async fn stay_connected(shared: &Shared, state: &ClientState, port: &RpcClient) 
         if !shared.directory.knows(&state.service) {
             has_just_come = true;
             let away = shared.directory.waiting_for();
-            let nobody = || format!("port {}, which no program has opened", state.service);
+            let nobody = || format!("port {}{UNOPENED}", state.service);
             state.link_state.waiting(away.unwrap_or_else(nobody));
             bell.notified().await;
             continue;

@@ -78,7 +78,7 @@ use self::shared::Shared;
 pub use config::YarpConfig;
 pub use error::YarpError;
 pub use log_port::LogPort;
-pub use name::{NAME, check_topic};
+pub use name::{NAME, UNOPENED, check_topic};
 pub use options::{OPTIONS, check_option};
 pub use types::Convention;
 pub use wrapyfi_yarp::Dialect;

@@ -5,6 +5,9 @@ use wrapyfi_endpoint::{OpenError, OpenResult};
 /// Name of this middleware in addresses.
 pub const NAME: &str = "yarp";
 
+/// Words after the name of a port that an endpoint waits for.
+pub const UNOPENED: &str = ", which no program has opened";
+
 /// Longest name of a port: YARP reads 1000 bytes with its end, and a reader's name has a number.
 const MAX_NAME_BYTES: usize = 900;
 

@@ -12,6 +12,7 @@ use tokio::sync::watch;
 use wrapyfi_yarp::port::Connected;
 
 use super::directory::unless_slow;
+use super::name::UNOPENED;
 use super::options::YarpOptions;
 use super::shared::Shared;
 use wrapyfi_endpoint::backoff::Backoff;
@@ -122,7 +123,7 @@ impl PortConnection {
                 continue;
             }
             if !shared.directory.knows(self.other()) {
-                say(format!("port {}, which no program has opened", self.other()));
+                say(format!("port {}{UNOPENED}", self.other()));
                 tokio::select! {
                     () = bell.notified() => {}
                     Ok(()) = changed.changed() => {}

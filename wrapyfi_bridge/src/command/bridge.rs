@@ -56,7 +56,8 @@ pub fn run(
     warn_of_unused(&parameters);
     warn_of_unheard(&plan.index(|address| node.resolve(address)), &lines);
     let middlewares = Middlewares::of_bridge(&endpoints, &plan, node, options.no_autostart)?;
-    let in_force = InForce { file: name.clone(), endpoints, definitions };
+    let removed = Plan::default();
+    let in_force = InForce { file: name.clone(), endpoints, definitions, removed };
     let types = ros2_types(&plan);
     // Dropped last: what the routes say at their end is logged too.
     let bridge_node = node;

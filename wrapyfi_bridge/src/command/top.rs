@@ -20,7 +20,7 @@ use crate::output;
 use crate::shutdown::Shutdown;
 use crate::top::routes::Routes;
 use crate::top::screen::Screen;
-use crate::why::{OTHER_NODE, same_node};
+use crate::why::{OTHER_NODE, same_node, stopped};
 
 /// Longest time that a reply may take: with it, the program still ends in the time that is promised.
 const ANSWER: Duration = Duration::from_millis(1500);
@@ -40,12 +40,12 @@ pub fn run(args: &TopArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let ros2 = Ros2Section::default().hidden()?;
     let (node, bridges) = match &args.node {
         Some(node) => (format!("/{}", node.trim_matches('/')), 1),
-        None => only_bridge(&ros2, shutdown)?,
+        None => only_bridge(&ros2, shutdown).map_err(stopped::or)?,
     };
     let mut asker = Asker::<ListRoutes_Response>::open(&ros2, &node, LIST_ROUTES)?;
     let mut routes = Routes::new(args.sort, args.filter.clone());
     // The first answer before the terminal is taken: a wrong name is told as any other fault.
-    routes.update(asker.ask(Map::new(), LOOK)?.routes);
+    routes.update(asker.ask(Map::new(), LOOK).map_err(stopped::or)?.routes);
     if args.once {
         let namesakes = (bridges > 1).then(|| format!("\n{}; {OTHER_NODE}", same_node(&node)));
         return output::line(&(routes.table() + &namesakes.unwrap_or_default()));

@@ -14,7 +14,7 @@ use crate::on_graph::client::Asker;
 use crate::output;
 use crate::why::judge::judge;
 use crate::why::question::ask;
-use crate::why::{Finding, Verdict};
+use crate::why::{Finding, Verdict, stopped};
 
 /// Longest time that a bridge elsewhere may take.
 const ELSEWHERE: Duration = Duration::from_secs(5);
@@ -37,7 +37,8 @@ pub fn run(args: &WhyArgs) -> Result<(), Failure> {
 fn elsewhere(node: &str, name: &str) -> Result<Verdict, Failure> {
     let ros2 = Ros2Section::default().hidden()?;
     let mut asker = Asker::<Explain_Response>::open(&ros2, node, "explain")?;
-    let reply = asker.ask(Map::from([("name", Value::from(name))]), ELSEWHERE)?;
+    let reply = asker.ask(Map::from([("name", Value::from(name))]), ELSEWHERE);
+    let reply = reply.map_err(stopped::or)?;
     let Explain_Response { known, way, passed, cause, what, who, remedy, .. } = reply;
     if !known {
         return Err(Failure::Usage(format!("{node}: {what}")));

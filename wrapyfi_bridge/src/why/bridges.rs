@@ -12,9 +12,17 @@ use crate::lifecycle::State;
 
 /// A bridge that is not activated, whatever is there.
 pub(super) fn inactive(way: &Way) -> Option<Finding> {
-    let Way { running, node, foreign, .. } = way;
-    let is_inactive = running.as_ref()?.reason == TO_BE_ACTIVATED;
-    is_inactive.then(|| not_active(State::Inactive, node, foreign.get(node).copied()))
+    let Way { running, others, node, foreign, .. } = way;
+    let state = match running {
+        Some(running) => (running.reason == TO_BE_ACTIVATED).then_some(State::Inactive),
+        // Before it is configured, it has neither routes nor a broker.
+        None => is_unconfigured(others.as_ref()?.get(node)?).then_some(State::Unconfigured),
+    };
+    Some(not_active(state?, node, foreign.get(node).copied()))
+}
+
+fn is_unconfigured(status: &BridgeStatus) -> bool {
+    status.state == State::Unconfigured.label()
 }
 
 /// What keeps any way through a bridge whose routes are closed. `foreign` is the mapping of its services, where who asks
@@ -30,10 +38,17 @@ pub(crate) fn not_active(state: State, node: &str, foreign: Option<ServiceMappin
 /// The finding that no bridge runs the route; else what is known instead of that.
 pub(super) fn lacking(way: &Way, source: &End, destination: &End) -> Passed {
     let Way { running: None, others, route: Some(route), .. } = way else { return Ok(None) };
-    if let Some((pid, command)) = &way.stopped {
-        let what = format!("`{command}` is stopped and does not answer: its routes rest");
-        let remedy = format!("kill -CONT {pid}, or `fg` in its shell");
-        return Err(Finding::new(Cause::NoBridge, what, "whoever stopped it", remedy));
+    if let Some(stopped) = &way.stopped {
+        return Err(stopped.clone());
+    }
+    if let Some((node, entry)) = &route.taken_from {
+        let request = serde_json::json!({ "route": entry });
+        let remedy = format!("wrapyfi call ros2:{node}/add_route --value '{request}'");
+        let what = format!(
+            "no bridge runs the route: it was taken out of {node}, which runs what else {} has",
+            route.file
+        );
+        return Err(Finding::new(Cause::NoBridge, what, "whoever took it out", remedy));
     }
     let remedy = format!("wrapyfi bridge --config {}", route.file);
     if let Some(others) = others {
@@ -44,21 +59,12 @@ pub(super) fn lacking(way: &Way, source: &End, destination: &End) -> Passed {
             true => format!("no bridge runs the route: none is on the graph of ROS 2{domain}"),
             false => format!("no bridge runs the route: {names}{domain} has others"),
         };
-        if let Some((node, entry)) = &route.taken_from {
-            let request = serde_json::json!({ "route": entry });
-            let remedy = format!("wrapyfi call ros2:{node}/add_route --value '{request}'");
-            let file = &route.file;
-            let what =
-                format!("{what}; it was taken out of {node}, which runs what else {file} has");
-            return Err(Finding::new(Cause::NoBridge, what, "whoever took it out", remedy));
-        }
         // One that is to be configured has no routes yet.
-        let begins = |(node, status): (&String, &BridgeStatus)| {
-            let is_it = status.state == State::Unconfigured.label();
+        let begins = others.iter().find(|(_, status)| is_unconfigured(status));
+        let begins = begins.map(|(node, _)| {
             let mapping = way.foreign.get(node).copied();
-            is_it.then(|| not_active(State::Unconfigured, node, mapping))
-        };
-        let begins = others.iter().find_map(begins).map(|it| format!("; or {}", it.remedy));
+            format!("; or {}", not_active(State::Unconfigured, node, mapping).remedy)
+        });
         let remedy = remedy + &begins.unwrap_or_default();
         return Err(Finding::new(Cause::NoBridge, what, "a bridge", remedy));
     }

@@ -53,10 +53,7 @@ pub(super) fn look(
         let (place, remedy) = match wide {
             true => (
                 "the same domain on another machine".to_owned(),
-                format!(
-                    "export ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET where the bridge starts (it has {} now)",
-                    graph.range
-                ),
+                format!("{} where the bridge starts (it has {} now)", graph.widening, graph.range),
             ),
             false => (
                 format!("domain {domain}"),

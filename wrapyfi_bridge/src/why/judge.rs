@@ -12,11 +12,12 @@ use wrapyfi_core::middleware::ros2::remedy;
 use crate::middlewares::Server;
 
 use super::bridges::{inactive, lacking, several};
+use super::ends::is_told;
 use super::names::nearest;
 use super::reach::{opened, reachable};
 use super::state::{
-    broken, hears_others, is_carried, is_met, is_provider, is_used, rate, refused, refused_alone,
-    runs, state,
+    broken, hears_others, is_carried, is_met, is_provider, is_used, other_mapping, rate, refused,
+    refused_alone, runs, state, unopened,
 };
 use super::words::{between, example, is_same_type, nobody, owner, people, provider, types_differ};
 use super::{
@@ -126,15 +127,19 @@ impl Walk<'_> {
 
     /// The servers of a side, and the side itself.
     fn side(&mut self, end: &End) -> Step {
+        let does = if end.away.is_some() { "accepts a connection" } else { "answers" };
         for knock in &end.doors {
             opened(knock, &end.address, self.way)?;
-            self.pass(format!("{} answers", knock.words()));
+            self.pass(format!("{} {does}", knock.words()));
         }
-        if let Some(graph) = &end.graph {
+        if let Some(graph) = end.graph.as_ref().filter(|it| !it.carried_by.is_empty()) {
             let Graph { domain_id, carried_by, .. } = graph;
             self.pass(format!("ROS 2 in domain {domain_id}, on {carried_by}"));
         }
         let Some(away) = &end.away else { return Ok(()) };
+        if let Some(stopped) = &self.way.stopped {
+            return Err(stopped.clone());
+        }
         let middleware = &end.address.middleware;
         let what = format!("{middleware} does not work: {away}");
         if let Some(time) = end.slow {
@@ -269,15 +274,14 @@ impl Walk<'_> {
             );
             return Err(Finding::new(cause, what, owner(endpoint), remedy.clone()));
         }
-        if let Some(Graph { range: range @ ("OFF" | "LOCALHOST"), range_setting, .. }) = &end.graph
+        if let Some(Graph {
+            range: range @ ("OFF" | "LOCALHOST"), range_setting, widening, ..
+        }) = &end.graph
         {
             let sees = if *range == "OFF" { "nobody but itself" } else { "this machine only" };
             let what = format!("{nobody}, and this program sees {sees} ({range_setting})");
             let who = format!("{}, or one on another machine", provider(end, role));
-            let remedy = format!(
-                "{}; or export ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET at both ends",
-                example(end, role)
-            );
+            let remedy = format!("{}; or {widening} at both ends", example(end, role, None));
             // A program on this machine would have been seen.
             let cause = match *range {
                 "OFF" => Cause::DiscoveryRange,
@@ -285,7 +289,7 @@ impl Walk<'_> {
             };
             return Err(Finding::new(cause, what, who, remedy));
         }
-        let remedy = example(end, role);
+        let remedy = example(end, role, self.way.running.as_ref().and_then(unopened));
         let nobody = Finding::new(cause_of_nobody(role), nobody, provider(end, role), remedy);
         Err(refused_alone(self.way, role, nobody))
     }
@@ -311,7 +315,8 @@ impl Walk<'_> {
 
     /// Types of those who are there.
     fn types(&mut self, end: &End, role: Role) -> Step {
-        let Some(wanted) = &end.type_name else { return Ok(()) };
+        let wanted = end.type_name.as_ref().filter(|it| is_told(it, &end.address));
+        let Some(wanted) = wanted else { return Ok(()) };
         let told: Vec<&Discovered> = end.of(role).filter(|one| one.type_name.is_some()).collect();
         let Some(first) = told.first() else { return Ok(()) };
         let same = |one: &&Discovered| {
@@ -341,18 +346,23 @@ impl Walk<'_> {
 
     /// Mapping of services to DDS.
     fn mapping(&mut self, end: &End) -> Step {
-        let Some((theirs, ours)) = end.foreign.filter(|(theirs, ours)| theirs != ours) else {
-            return Ok(());
-        };
+        let Way { running, foreign, node, .. } = self.way;
+        // The bridge that runs the route may have another mapping than this program, and tells what it lacks.
+        let told = running.as_ref().and_then(other_mapping);
+        let of_bridge = self.way.route.as_ref().and(running.as_ref()).and(foreign.get(node));
+        let seen = end.foreign.filter(|(theirs, _)| of_bridge != Some(theirs));
+        let Some((theirs, ours)) = told.or(seen) else { return Ok(()) };
         let server = end.of(Role::Server).next();
         let what = format!(
-            "{} speaks {}, and services are mapped in the way of {} here: requests of one are not \
+            "{} speaks {}, and services are mapped in the way of {} {}: requests of one are not \
              understood by the other",
             server.map_or_else(|| format!("the server of {}", end.address), owner),
             theirs.rmw(),
-            ours.rmw()
+            ours.rmw(),
+            if told.is_some() { "in the bridge" } else { "here" }
         );
-        let here = if self.way.route.is_some() { "where the bridge starts" } else { "here" };
+        let is_bridge = told.is_some() || self.way.route.is_some();
+        let here = if is_bridge { "where the bridge starts" } else { "here" };
         let remedy = format!(
             "export RMW_IMPLEMENTATION={} {here} (or {} where the server does)",
             theirs.rmw(),

@@ -6,6 +6,8 @@ use wrapyfi_core::middleware::ros2::graph::ServiceMapping;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
 
 use wrapyfi_core::engine::TO_BE_ACTIVATED;
+use wrapyfi_core::middleware::ros2::SPEAKS_NOT;
+use wrapyfi_core::middleware::yarp::UNOPENED;
 
 use super::super::door::Answer;
 use super::super::{Limited, Unheard};
@@ -44,6 +46,7 @@ fn whole() -> Way {
         domain_id: 3,
         range: "SUBNET",
         range_setting: "",
+        widening: "export ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET",
         carried_by: "CycloneDDS inside".to_owned(),
     });
     source.found = vec![publisher("/in"), listener("/in")];
@@ -249,7 +252,7 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
             of_source(nobody),
             Cause::NobodyPublishes,
             "nobody publishes ros2:/in",
-            "wrapyfi pub ros2:/in",
+            "wrapyfi pub ros2:/in --type std_msgs/msg/String --value '\"hello\"'",
         ),
         (
             of_source(|it| {
@@ -392,7 +395,7 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
             of_destination(|it| it.found.retain(|one| one.role != Role::Listener)),
             Cause::NobodyListens,
             "nobody listens to ros:/out",
-            "wrapyfi echo ros:/out",
+            "wrapyfi echo ros:/out --type std_msgs/msg/String",
         ),
         (
             of_source(|it| it.heard = 0),
@@ -528,6 +531,10 @@ fn a_route_that_is_not_well_lacks_something_whatever_is_there() {
         "{few}"
     );
     assert_eq!(of("active", "", &[("no_consumer", 100)]).finding, None);
+    // Whether that is too few, only its publisher knows.
+    let topic = RouteInfo { kind: "topic".to_owned(), ..running("active", "", 9, 9).unwrap() };
+    let quiet = judge(&Way { running: Some(topic), ..whole() }).passed;
+    assert!(quiet.iter().any(|it| it.contains("9 in, 9 out, 0.0 a second now")), "{quiet:?}");
 }
 
 #[test]
@@ -608,6 +615,12 @@ fn the_bridges_that_are_heard_say_whether_one_runs_the_route() {
         assert_eq!(found.cause, Cause::NoBridge, "{found:?}");
         assert!(found.what.contains(what) && found.remedy.contains(remedy), "{found:?}");
     }
+    // The one of the file's own node is not to be started once more, whatever is not there while it is unconfigured.
+    let mut own = Way { node: "/a".to_owned(), ..beside(&[("/a", "unconfigured")]) };
+    own.source.as_mut().unwrap().doors =
+        vec![knock(Server::Broker, "127.0.0.1", Answer::Refused, true, true)];
+    assert_eq!(found(&own).cause, Cause::State);
+    assert_eq!(found(&own).remedy, "ros2 lifecycle set /a configure, then activate");
     let mut foreign = beside(&[("/a", "unconfigured")]);
     foreign.foreign.insert("/a".to_owned(), ServiceMapping::FastDds);
     let wanted = "; or RMW_IMPLEMENTATION=rmw_fastrtps_cpp ros2 lifecycle set /a configure";
@@ -646,6 +659,43 @@ fn a_bridge_that_runs_the_route_is_not_to_be_started_for_its_broker() {
     };
     assert!(of(None).starts_with("wrapyfi bridge --config b.yaml"));
     assert_eq!(of(running("waiting", "the broker", 0, 0)), "wrapyfi broker");
+}
+
+#[test]
+fn a_server_that_accepts_and_does_not_answer_is_not_said_to() {
+    let way = of_destination(|it| it.away = Some("no answer from master".to_owned()));
+    let passed = judge(&way).passed.join("\n");
+    assert!(
+        passed.contains("5555 accepts a connection") && !passed.contains("answers"),
+        "{passed}"
+    );
+}
+
+#[test]
+fn who_sees_this_machine_alone_is_told_the_variable_that_counts() {
+    let way = of_source(|it| {
+        it.found.clear();
+        let graph = it.graph.as_mut().unwrap();
+        (graph.range, graph.range_setting) = ("LOCALHOST", "ROS_LOCALHOST_ONLY=1");
+        graph.widening = "unset ROS_LOCALHOST_ONLY";
+    });
+    let found = judge(&way).finding.unwrap();
+    assert!(found.remedy.ends_with("; or unset ROS_LOCALHOST_ONLY at both ends"), "{found:?}");
+}
+
+#[test]
+fn a_broker_that_is_silent_in_a_stopped_bridge_is_not_to_be_looked_at() {
+    let broker = || knock(Server::Broker, "127.0.0.1", Answer::Open, true, true);
+    let way = of_source(|it| {
+        (it.doors, it.away) = (vec![broker()], Some("no answer from the broker".to_owned()));
+    });
+    assert!(judge(&way).finding.unwrap().remedy.contains("look what runs on port 5555"));
+    let what = "`wrapyfi bridge --config b.yaml` is stopped".to_owned();
+    let stopped = Finding::new(Cause::NoBridge, what, "whoever stopped it", "kill -CONT 7");
+    for route in [way.route.clone(), None] {
+        let way = Way { route, stopped: Some(stopped.clone()), ..way.clone() };
+        assert_eq!(judge(&way).finding, Some(stopped.clone()));
+    }
 }
 
 #[test]
@@ -782,6 +832,64 @@ fn a_client_of_another_mapping_than_the_bridge_is_named() {
     let found = of(foreign, Some(ServiceMapping::Cyclone)).finding.unwrap();
     assert_eq!(found.cause, Cause::ServiceMapping);
     assert!(found.what.contains("/client_node speaks rmw_cyclonedds_cpp"), "{found:?}");
+}
+
+/// A shell may have another mapping than the bridge that runs the route.
+#[test]
+fn a_server_is_judged_by_the_mapping_of_the_bridge_that_runs_the_route() {
+    const CYCLONE: &str = "export RMW_IMPLEMENTATION=rmw_cyclonedds_cpp where the bridge starts";
+    let mappings = [ServiceMapping::Cyclone, ServiceMapping::FastDds];
+    let of = |foreign: Option<ServiceMapping>, running| {
+        let mut way = of_source(|it| {
+            it.found = vec![endpoint("/in", Role::Server, TEXT, QosPreset::Default)];
+            it.foreign = Some((mappings[0], mappings[1]));
+        });
+        (way.is_service, way.running, way.node) = (true, running, "/eye".to_owned());
+        way.foreign = foreign.map(|it| ("/eye".to_owned(), it)).into_iter().collect();
+        way
+    };
+    let well = || running("active", "", 1, 1);
+    assert_eq!(judge(&of(Some(mappings[0]), well())).finding, None);
+    for way in [of(None, well()), of(Some(mappings[0]), None)] {
+        let found = judge(&way).finding.unwrap();
+        assert_eq!(found.cause, Cause::ServiceMapping);
+        assert!(found.remedy.starts_with(CYCLONE), "{found:?}");
+    }
+    // The shell and the server have the same one, and the bridge has not.
+    let reason = format!("a server of /in{SPEAKS_NOT}rmw_cyclonedds_cpp");
+    let mut way = of(Some(mappings[1]), running("waiting", &reason, 0, 0));
+    way.source.as_mut().unwrap().foreign = None;
+    let [kind, to] = ["service", "ros2:/in"].map(str::to_owned);
+    let status = way.running.take().unwrap();
+    way.running = Some(RouteInfo { kind, destination: to, ..status });
+    let bare = Way { route: None, destination: None, ..way.clone() };
+    for way in [way, bare] {
+        let found = judge(&way).finding.unwrap();
+        assert_eq!(found.cause, Cause::ServiceMapping);
+        assert!(found.remedy.starts_with(CYCLONE), "{found:?}");
+        assert!(found.what.contains("in the way of rmw_fastrtps_cpp in the bridge"), "{found:?}");
+    }
+}
+
+/// Whoever listens in its place has the port itself.
+#[test]
+fn an_input_port_that_nobody_has_opened_is_opened_by_what_is_to_be_tried() {
+    let of = |found: Vec<Discovered>| {
+        let mut way = of_destination(|it| {
+            (it.address, it.type_name) = (address("yarp:/robot/in"), Some("Text".to_owned()));
+            (it.doors, it.found) = (Vec::new(), found);
+        });
+        let status = running("waiting", &format!("port /robot/in{UNOPENED}"), 0, 0).unwrap();
+        let [source, destination] = ["ros2:/in", "yarp:/robot/in"].map(str::to_owned);
+        way.running = Some(RouteInfo { source, destination, ..status });
+        judge(&way).finding.unwrap()
+    };
+    let told = Discovered::new("/robot/in", Role::Listener);
+    for (found, cause) in [(of(Vec::new()), Cause::NobodyListens), (of(vec![told]), Cause::State)] {
+        assert_eq!(found.cause, cause, "{found:?}");
+        let wanted = "wrapyfi echo yarp:/robot/in --type Text --option port=/robot/in";
+        assert!(found.remedy.ends_with(wanted), "{found:?}");
+    }
 }
 
 #[test]

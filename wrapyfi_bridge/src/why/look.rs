@@ -271,16 +271,18 @@ pub(super) fn graph(endpoints: &Endpoints) -> Graph {
         Err(_) => (0, DiscoveryRange::default()),
     };
     let is_local = std::env::var("ROS_LOCALHOST_ONLY").is_ok_and(|value| value == "1");
-    Graph {
-        domain_id: endpoints.ros2.domain_id(domain_id),
-        range: range.word(),
-        range_setting: match is_local {
-            true => "ROS_LOCALHOST_ONLY=1",
-            false if range == DiscoveryRange::Off => "ROS_AUTOMATIC_DISCOVERY_RANGE=OFF",
-            false => "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST",
-        },
-        carried_by: String::new(),
-    }
+    let range_setting = match is_local {
+        true => "ROS_LOCALHOST_ONLY=1",
+        false if range == DiscoveryRange::Off => "ROS_AUTOMATIC_DISCOVERY_RANGE=OFF",
+        false => "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST",
+    };
+    // The older variable goes before the other one.
+    let widening = match is_local {
+        true => "unset ROS_LOCALHOST_ONLY",
+        false => "export ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET",
+    };
+    let (domain_id, range) = (endpoints.ros2.domain_id(domain_id), range.word());
+    Graph { domain_id, range, range_setting, widening, carried_by: String::new() }
 }
 
 /// Looks until `is_over`, which is told whether the side has told all.

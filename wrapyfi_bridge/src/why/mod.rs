@@ -13,6 +13,7 @@
 //!   door     a server that has to answer first
 //!   look     facts about one end
 //!   elsewhere  the same name on ROS 2 in other domains
+//!   ends     what a route lays down at an end
 //!   question what is asked about
 //!   running  what a bridge that runs tells of its routes
 //! ```
@@ -24,6 +25,7 @@ pub(crate) mod bridges;
 pub mod door;
 mod drops;
 mod elsewhere;
+mod ends;
 pub mod judge;
 pub mod look;
 pub mod names;
@@ -31,7 +33,7 @@ pub mod question;
 mod reach;
 mod running;
 mod state;
-mod stopped;
+pub(crate) mod stopped;
 mod words;
 
 use std::collections::BTreeMap;
@@ -74,8 +76,8 @@ pub struct Way {
     pub others: Option<BTreeMap<String, BridgeStatus>>,
     /// Mapping of services of the bridges that have another than ours, by node.
     pub foreign: BTreeMap<String, ServiceMapping>,
-    /// Number and command line of the bridge of the file whose process is stopped, where none that answers has the route.
-    pub stopped: Option<(u32, String)>,
+    /// The finding that the bridge of the file is stopped, where none that answers has the route.
+    pub stopped: Option<Finding>,
     /// File of which no route means the endpoint that was asked for.
     pub without_route: Option<String>,
     /// Parts that are known to be in place before the walk.
@@ -132,7 +134,7 @@ pub struct Unheard {
 pub struct End {
     /// Address of the end.
     pub address: EndpointAddress,
-    /// Type that the route has here, as the middleware names it.
+    /// Type that the route has here, as `--type` has it.
     pub type_name: Option<String>,
     /// Type that the source of a route without a type of its own announces, or shows by its messages.
     pub learned: Option<MessageType>,
@@ -230,6 +232,8 @@ pub struct Graph {
     pub range: &'static str,
     /// Setting that says the range.
     pub range_setting: &'static str,
+    /// Command that lets the nodes of other machines be seen.
+    pub widening: &'static str,
     /// Name of what carries the graph.
     pub carried_by: String,
 }

@@ -11,16 +11,13 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-use wrapyfi_core::endpoint::{Discovered, DropReason, EndpointAddress, Role};
-use wrapyfi_core::engine::{
-    Kind, Plan, Route, RouteIndex, TO_BE_ACTIVATED, Typing, may_be_read_as,
-};
-use wrapyfi_core::middleware::yarp;
-use wrapyfi_core::types::{DataType, MessageType};
+use wrapyfi_core::endpoint::{DropReason, EndpointAddress, Role};
+use wrapyfi_core::engine::{Kind, Plan, Route, RouteIndex, TO_BE_ACTIVATED, Typing};
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
 use super::drops::count;
+use super::ends::{entry, listens_on, qos_at, shown, type_at};
 use super::look::{Sight, Wanted, graph, look, patience, widen};
 use super::state::{came, takes};
 use super::{End, Finding, Limited, RouteFacts, Unheard, Way, bridges, roles, running, stopped};
@@ -66,8 +63,9 @@ fn of_file(asked: &WhyArgs, path: &Path) -> Result<Way, Failure> {
             endpoints.check_permitted(Some(path))?;
             let node = Node::bridge().map_err(Failure::usage)?;
             let sight = Sight::of_command(&endpoints);
+            let (removed, status) = (&Plan::default(), None);
             let configured =
-                Configured { file: &file, plan: &plan, node: &node, sight, status: None };
+                Configured { file: &file, plan: &plan, node: &node, sight, removed, status };
             configured.way(&asked.name, types)
         }
         Err(failure) => {
@@ -111,6 +109,8 @@ pub struct Configured<'c> {
     pub node: &'c Node,
     /// Settings of the middlewares, and those of a bridge that runs the routes.
     pub sight: Sight<'c>,
+    /// Routes of the file that the bridge was told to leave out.
+    pub removed: &'c Plan,
     /// Present statuses of the routes in the bridge that looks; a command asks the bridges on the graph.
     pub status: Option<&'c dyn Fn() -> Vec<RouteInfo>>,
 }
@@ -121,25 +121,25 @@ impl Configured<'_> {
     /// # Errors
     /// Exit code 2 where the name means nothing.
     pub fn way(&self, name: &str, types: TypeStore) -> Result<Way, Failure> {
-        let Self { file, plan, node, sight, .. } = *self;
-        let index = plan.index(|address| node.resolve(address));
+        let Self { file, plan, node, sight, removed, .. } = *self;
         let running = self.status.map(|status| status()).unwrap_or_default();
-        match route(plan, &index, &running, name) {
-            Some((route, left_out)) => {
-                let mut facts = RouteFacts {
-                    name: route.name.clone(),
-                    file: file.to_owned(),
-                    left_out,
-                    is_own: self.status.is_some(),
-                    ..RouteFacts::default()
-                };
-                facts.unheard = unheard(&index, &route, node);
-                if facts.left_out.is_some() {
-                    let title = format!("{name} in {}", route.name);
-                    return Ok(Way { title, route: Some(facts), ..Way::default() });
-                }
-                Ok(self.of_route(&route, facts, types))
+        let found = [plan, removed].into_iter().find_map(|plan| {
+            let index = plan.index(|address| node.resolve(address));
+            let (route, left_out) = route(plan, &index, &running, name)?;
+            let unheard = unheard(&index, &route, node);
+            let taken_from =
+                std::ptr::eq(plan, removed).then(|| (node.name().fqn(), entry(&route)));
+            let (name, file, is_own) = (route.name.clone(), file.to_owned(), self.status.is_some());
+            let rest = RouteFacts::default();
+            let facts = RouteFacts { name, file, is_own, left_out, unheard, taken_from, ..rest };
+            Some((route, facts))
+        });
+        match found {
+            Some((_, facts)) if facts.left_out.is_some() => {
+                let title = format!("{name} in {}", facts.name);
+                Ok(Way { title, route: Some(facts), ..Way::default() })
             }
+            Some((route, facts)) => Ok(self.of_route(&route, facts, types)),
             None => match address(name) {
                 Ok(address) => {
                     let without_route = Some(file.to_owned());
@@ -230,18 +230,26 @@ impl Configured<'_> {
             came_hz = Some(came as f64 / begin.elapsed().as_secs_f64());
         }
         facts.limited = running.as_ref().and_then(|running| limited(route, running, came_hz));
-        facts.taken_from = heard.others.iter().flatten().find_map(|(node, status)| {
+        if running.is_none() {
+            // A name over the limit of its pattern has no status of its own.
+            let own = self.status.map(|status| status()).unwrap_or_default();
+            let others = heard.others.iter().flatten().flat_map(|(_, it)| &it.routes);
+            let mut all = own.iter().chain(others).filter(|one| one.key == route.name);
+            facts.limit = facts.limit.or_else(|| all.find_map(running::over));
+        }
+        let runs_others = heard.others.iter().flatten().find_map(|(node, status)| {
             let is_of_file = |one: &Route| running::of(one, status.routes.clone()).is_some();
             let runs_file = status.state == State::Active.label()
                 && (status.routes.is_empty() || self.plan.routes.iter().any(is_of_file));
             runs_file.then(|| (node.clone(), entry(route)))
         });
+        facts.taken_from = facts.taken_from.or(runs_others);
         let destination = (!route.is_many()).then_some(destination);
         let title = match route.name == route.ends() {
             true => route.ends(),
             false => format!("{}: {}", route.name, route.ends()),
         };
-        let stopped = running.is_none().then(|| stopped::bridge_of(&facts.file)).flatten();
+        let stopped = running.is_none().then(|| stopped::bridge(Some(&facts.file))).flatten();
         let (route, source) = (Some(facts), Some(source));
         let running::Heard { others, also, foreign, .. } = heard;
         let way = Way { title, is_service, route, source, destination, ..Way::default() };
@@ -340,72 +348,12 @@ fn circle(index: &RouteIndex<'_>, route: &Route) -> Vec<String> {
     ends.map(ToString::to_string).collect()
 }
 
-/// Entry of `routes` with the ends of a route.
-fn entry(route: &Route) -> String {
-    let (from, to) = match route.kind {
-        Kind::Topic(_) => ("from", "to"),
-        Kind::Service(_) => ("service", "as"),
-    };
-    format!("{{{from}: {:?}, {to}: {:?}}}", route.from.to_string(), route.to.to_string())
-}
-
 /// Limit of a route's rate where it has left messages out.
 fn limited(route: &Route, running: &RouteInfo, came_hz: Option<f64>) -> Option<Limited> {
     let max_rate_hz = route.policy.max_rate_hz?;
     let dropped = Some(count(running, DropReason::RateLimit)).filter(|dropped| *dropped > 0)?;
     let dropped = dropped as f64 / came(running).max(dropped) as f64;
     Some(Limited { max_rate_hz, came_hz, dropped })
-}
-
-/// True where listening for a moment disturbs nobody: no port is opened, and nobody is told.
-fn listens_on(middleware: &str) -> bool {
-    middleware == "ros2" || middleware == "zeromq"
-}
-
-/// Type of a route at an end, as the middleware's endpoints tell theirs.
-fn type_at(route: &Route, end: &EndpointAddress) -> Option<String> {
-    if route.typing != Typing::Given || route.is_many() {
-        return None;
-    }
-    let is_ros = is_ros(end);
-    match route.kind {
-        Kind::Service(kind) => is_ros.then(|| kind.ros_type().to_owned()),
-        Kind::Topic(types) => {
-            let one = if *end == route.from { types.from } else { types.to };
-            match one {
-                MessageType::Properties => None,
-                one if is_ros => Some(one.ros_type().to_owned()),
-                // Of other types nothing on the wire tells which it is.
-                MessageType::NativeObject | MessageType::Image | MessageType::AudioChunk => {
-                    Some(one.to_string())
-                }
-                _ => None,
-            }
-        }
-    }
-}
-
-/// Type that a route in ROS gets from its source; none where that has no types, and a listener wants what its messages
-/// may be read as.
-fn shown(source: &End, destination: &End) -> Option<String> {
-    let learned = source.learned.filter(|_| is_ros(&destination.address))?;
-    let is_wanted = |one: &Discovered| {
-        let known = one.type_name.as_ref()?.parse::<MessageType>();
-        let wanted = known.map_or(DataType::RosMessage, MessageType::data_type);
-        Some(may_be_read_as(learned.data_type(), wanted))
-    };
-    let is_untyped = source.address.middleware == yarp::NAME;
-    let fits = destination.of(Role::Listener).any(|one| is_wanted(one) == Some(true));
-    (!is_untyped || !fits).then(|| learned.ros_type().to_owned())
-}
-
-/// Quality of service that a route lays down at an end.
-fn qos_at(route: &Route, end: &EndpointAddress) -> Option<wrapyfi_core::endpoint::Qos> {
-    if end.middleware != "ros2" || !matches!(route.kind, Kind::Topic(_)) {
-        return None;
-    }
-    let spec = route.topic_spec_by(end, wrapyfi_core::middleware::ros2::follow_conventions);
-    (!spec.match_peers).then(|| spec.pinned.apply(spec.qos))
 }
 
 /// Result of a look, with what the bridges on the graph of ROS 2 tell meanwhile where a command looks: their own word
@@ -483,8 +431,11 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, mut types: TypeStore)
         Some(running) if is_missing => running.kind == "service",
         _ => end.is_service,
     };
+    // Its broker may be in the bridge that is stopped.
+    let is_silent = end.away.is_some() && end.address.middleware == "zeromq";
+    let stopped = is_silent.then(|| stopped::bridge(None)).flatten();
     let (source, foreign) = (Some(end), heard.foreign);
-    Way { title: text, is_service, node, running, source, foreign, ..Way::default() }
+    Way { title: text, is_service, node, running, source, foreign, stopped, ..Way::default() }
 }
 
 impl Running {
@@ -495,12 +446,13 @@ impl Running {
     pub(crate) fn explain(&self, name: &str) -> Result<Way, Failure> {
         let (registry, plan) = (self.routes.registry(), self.routes.plan());
         let in_force = self.in_force.lock().clone();
-        let InForce { file, endpoints, definitions } = &in_force;
+        let InForce { file, endpoints, definitions, removed } = &in_force;
         let configured = Configured {
             file,
             plan: &plan,
             node: &self.node,
             sight: Sight { bridge: Some(&registry), ..Sight::of_command(endpoints) },
+            removed,
             status: Some(&|| self.routes.status().iter().map(info::of).collect()),
         };
         configured.way(name, definitions::of_command(definitions)?)

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use wrapyfi_core::endpoint::{
     Context, History, Listener, Middleware as _, Qos, QosPreset, Role, TopicSpec,
 };
-use wrapyfi_core::engine::{Kind, Route, TO_BE_ACTIVATED};
+use wrapyfi_core::engine::{Kind, OVER_LIMIT, Route, TO_BE_ACTIVATED};
 use wrapyfi_core::middleware::ros2::Ros2;
 use wrapyfi_core::middleware::ros2::graph::ServiceMapping;
 use wrapyfi_core::types::{MessageType, Payload};
@@ -80,9 +80,9 @@ pub(super) fn heard(ros2: &Ros2, find: Find<'_>, is_over: &dyn Fn(bool) -> bool)
                 *told = Some(status);
             }
         }
-        // Who would have to activate it has to know how its services are mapped.
+        // Who would have to activate it has to know how its services are mapped; so has who judges its route of services.
         let is_told = |((node, _), route): (&(String, _), &RouteInfo)| {
-            route.reason != TO_BE_ACTIVATED || served(node).is_some()
+            (route.kind != "service" && route.reason != TO_BE_ACTIVATED) || served(node).is_some()
         };
         if !is_over(having.iter().any(is_told)) {
             context.wake.wait(LOOK);
@@ -136,6 +136,14 @@ pub(super) fn of(route: &Route, all: Vec<RouteInfo>) -> Option<RouteInfo> {
     }
 }
 
+/// Limit of a pattern and number of the names that match it, where these are more.
+pub(super) fn over(pattern: &RouteInfo) -> Option<(usize, usize)> {
+    let (limit, more) = pattern.reason.split_once(OVER_LIMIT)?;
+    let (limit, more): (usize, usize) =
+        (limit.parse().ok()?, more.split(' ').next()?.parse().ok()?);
+    Some((limit, limit + more))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -150,6 +158,14 @@ mod tests {
     fn state(route: &str, all: &[RouteInfo]) -> Option<String> {
         let plan = load_text(&format!("routes:\n  - {{ {route} }}\n"), "x.yaml").unwrap().plan;
         of(&plan.routes[0], all.to_vec()).map(|one| format!("{} {}", one.source, one.state))
+    }
+
+    #[test]
+    fn the_limit_of_a_pattern_is_told_with_the_names_that_match() {
+        let of =
+            |reason: &str| over(&RouteInfo { reason: reason.to_owned(), ..RouteInfo::default() });
+        assert_eq!(of("1 routes are the limit (max_routes), 2 more names match"), Some((1, 3)));
+        assert_eq!(of("a name that matches"), None);
     }
 
     #[test]

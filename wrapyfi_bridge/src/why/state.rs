@@ -1,10 +1,13 @@
 //! Findings about a route that runs: what its bridge tells of it.
 
 use wrapyfi_core::endpoint::{DropReason, EndpointAddress, Peers, Role};
-use wrapyfi_core::middleware::ros2::ACKNOWLEDGES_NOTHING;
+use wrapyfi_core::middleware::ros2::graph::ServiceMapping;
+use wrapyfi_core::middleware::ros2::{ACKNOWLEDGES_NOTHING, SPEAKS_NOT};
+use wrapyfi_core::middleware::yarp::UNOPENED;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
 use super::drops::{count, drops, meaning, mends};
+use super::words::example;
 use super::{Cause, Finding, Limited, Step, Way};
 
 /// A step that may be in place.
@@ -42,17 +45,32 @@ pub(super) fn is_provider(role: Role) -> bool {
     matches!(role, Role::Publisher | Role::Server)
 }
 
-/// True for a route that gets what an address has, messages or replies.
+/// Mapping of services that the servers speak, and that of the bridge, where its route waits for another server.
+pub(super) fn other_mapping(running: &RouteInfo) -> Option<(ServiceMapping, ServiceMapping)> {
+    let (_, rmw) = running.reason.split_once(SPEAKS_NOT)?;
+    let (cyclone, fast_dds) = (ServiceMapping::Cyclone, ServiceMapping::FastDds);
+    [(cyclone, fast_dds), (fast_dds, cyclone)].into_iter().find(|(it, _)| rmw == it.rmw())
+}
+
+/// Input port of another program on YARP to which a route would write.
+pub(super) fn unopened(running: &RouteInfo) -> Option<&str> {
+    let RouteInfo { kind, source, destination, reason, .. } = running;
+    let is_to = destination.starts_with("yarp:") && !source.starts_with("yarp:");
+    reason.strip_prefix("port ")?.strip_suffix(UNOPENED).filter(|_| is_to && kind != "service")
+}
+
+/// True for a route that gets what an address has, messages or replies, or would, if it understood the servers there.
 pub(super) fn takes(running: &RouteInfo, address: &str) -> bool {
     let is_service = running.kind == "service";
     let from = if is_service { &running.destination } else { &running.source };
-    from == address && running.has_source
+    from == address && (running.has_source || other_mapping(running).is_some())
 }
 
 /// Route that a bridge runs, in words.
 pub(super) fn runs(running: &RouteInfo) -> String {
     let (received, sent, rate) = (came(running), running.sent, running.messages_per_s);
-    let now = if rate > 0.0 { format!(", {rate:.1} a second now") } else { String::new() };
+    let is_service = running.kind == "service";
+    let now = if is_service { String::new() } else { format!(", {rate:.1} a second now") };
     format!("a bridge runs the route: {received} in, {sent} out{now}")
 }
 
@@ -105,7 +123,10 @@ pub(super) fn state(way: &Way) -> Passed {
     let is_degraded = running.state == "degraded";
     if running.state == "waiting" {
         let what = format!("{route} waits for {reason}");
-        let remedy = "provide it; the route begins by itself";
+        let remedy = match (&way.destination, unopened(running)) {
+            (Some(end), port @ Some(_)) => example(end, Role::Listener, port),
+            _ => "provide it; the route begins by itself".to_owned(),
+        };
         return Err(Finding::new(Cause::State, what, "see the reason", remedy));
     }
     if is_degraded && let Some((reader, _)) = reason.split_once(ACKNOWLEDGES_NOTHING) {

@@ -2,6 +2,7 @@
 
 use wrapyfi_core::endpoint::{AnnouncedQos, Discovered, Qos, QosPolicy, Role, Traffic};
 use wrapyfi_core::middleware::ros2::remedy;
+use wrapyfi_core::types::{DataType, MessageType};
 
 use super::End;
 
@@ -35,19 +36,38 @@ pub(super) fn provider(end: &End, role: Role) -> String {
     }
 }
 
-/// Command that stands in for whoever is missing.
-pub(super) fn example(end: &End, role: Role) -> String {
-    let End { address, type_name, .. } = end;
-    let given = type_name.as_deref().unwrap_or("TYPE");
-    match role {
+/// Command that stands in for whoever is missing; a listener on YARP has the input `port` that a route writes to.
+pub(super) fn example(end: &End, role: Role, port: Option<&str>) -> String {
+    let End { address, type_name, learned, .. } = end;
+    let learned = learned.map(|it| it.to_string());
+    let known = type_name.as_deref().or(learned.as_deref());
+    let command = match role {
+        // A route without a type takes any.
         Role::Publisher => {
-            format!("start it; to try: wrapyfi pub {address} --type {given} --value '…'")
+            let known = known.unwrap_or("Text");
+            format!("pub {address} --type {known} {}", sample(known))
         }
         Role::Server => {
-            format!("start it; to try: wrapyfi serve {address} --type {given} --value '…'")
+            format!("serve {address} --type {} --echo", known.unwrap_or("std_srvs/srv/Trigger"))
         }
-        Role::Listener => format!("start it; to try: wrapyfi echo {address} --type {given}"),
-        Role::Client => format!("start it; to try: wrapyfi call {address}"),
+        Role::Listener => {
+            let typed = known.map(|known| format!(" --type {known}")).unwrap_or_default();
+            let port = port.map(|port| format!(" --option port={port}")).unwrap_or_default();
+            format!("echo {address}{typed}{port}")
+        }
+        Role::Client => format!("call {address}"),
+    };
+    format!("start it; to try: wrapyfi {command}")
+}
+
+/// Argument of `wrapyfi pub` with a message of a type.
+fn sample(type_name: &str) -> &'static str {
+    match type_name.parse().map(MessageType::data_type) {
+        Ok(DataType::Image) => "--file picture.png",
+        Ok(DataType::AudioChunk) => "--file sound.wav",
+        Ok(DataType::NativeObject) => "--value '\"hello\"'",
+        // Fields that are left out have their default.
+        _ => "--value '{}'",
     }
 }
 
@@ -99,4 +119,49 @@ pub(super) fn between(policy: QosPolicy, offered: &AnnouncedQos, asked: &Announc
         Qos { reliability: qos.reliability, deadline: qos.deadline, lease: qos.lease, ..default }
     };
     format!("{}, or {}", remedy(policy, true, &own(asked)), remedy(policy, false, &own(offered)))
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser as _;
+    use wrapyfi_core::endpoint::TopicSpec;
+
+    use super::*;
+    use crate::cli::{Cli, Command, TypeName};
+    use crate::input;
+
+    /// Arguments of what is to be tried.
+    fn typed(end: &End, role: Role) -> Command {
+        let text = example(end, role, None);
+        let words = text.strip_prefix("start it; to try: ").unwrap().split(' ');
+        let words = words.map(|word| word.trim_matches('\''));
+        Cli::try_parse_from(words).unwrap_or_else(|error| panic!("{text}: {error}")).command
+    }
+
+    #[test]
+    fn what_is_to_be_tried_works_as_it_is_printed() {
+        for (address, type_name, role) in [
+            ("zeromq:/obj", Some("Text"), Role::Publisher),
+            ("zeromq:/obj", None, Role::Publisher),
+            ("ros2:/words", Some("std_msgs/msg/String"), Role::Publisher),
+            ("ros2:/twist", Some("geometry_msgs/msg/Twist"), Role::Publisher),
+            ("yarp:/grabber", Some("Image"), Role::Publisher),
+            ("zeromq:/sound", Some("AudioChunk"), Role::Publisher),
+            ("ros2:/lamp", Some("std_srvs/srv/SetBool"), Role::Server),
+            ("ros2:/lamp", None, Role::Server),
+            ("zeromq:/obj", Some("Text"), Role::Listener),
+            ("ros2:/obj", None, Role::Listener),
+            ("ros2:/lamp", None, Role::Client),
+        ] {
+            let type_name = type_name.map(str::to_owned);
+            let end = End { type_name, ..End::new(address.parse().unwrap()) };
+            let Command::Pub(args) = typed(&end, role) else { continue };
+            let TypeName::Known(message_type) = args.message_type else { continue };
+            let spec = TopicSpec::new("/x", message_type);
+            match args.file {
+                Some(file) => assert!(file.extension().is_some(), "{address}"),
+                None => drop(input::from_json(&args.value.unwrap(), &spec).unwrap()),
+            }
+        }
+    }
 }

@@ -13,8 +13,8 @@ use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 
-use super::LOOK_AGAIN;
 use super::codec::ServiceCodec;
+use super::{LOOK_AGAIN, SPEAKS_NOT};
 use crate::graph::{CdrClient, Graph, GraphError, Peers, ServiceMapping, ringing};
 use crate::names::service_type_from_dds;
 use crate::ros2::{Ros2, no_service};
@@ -191,7 +191,7 @@ impl ClientWire for Ros2Client {
             Peers::None => (0, Some(format!("a server of {name}"))),
             Peers::Half => (0, Some(format!("a server of {name}, found by half"))),
             Peers::Foreign(theirs) => {
-                (0, Some(format!("a server of {name} that does not speak {}", theirs.rmw())))
+                (0, Some(format!("a server of {name}{SPEAKS_NOT}{}", theirs.rmw())))
             }
         };
         Link { peers: Some(peers), waiting_for, keeps_last: false }

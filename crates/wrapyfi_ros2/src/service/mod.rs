@@ -25,6 +25,9 @@ use wrapyfi_endpoint::{DropReason, ServiceSpec};
 /// [`CdrClient::look_again`](super::graph::CdrClient::look_again).
 pub(super) const LOOK_AGAIN: Duration = Duration::from_millis(1);
 
+/// Words before the RMW that no server of a service speaks, in what a client waits for.
+pub const SPEAKS_NOT: &str = " that does not speak ";
+
 /// Requests and replies that DDS keeps: all that may be under way at once, as it overwrites what exceeds
 /// its depth.
 pub(super) fn depth(spec: &ServiceSpec) -> u32 {

@@ -24,7 +24,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
 use wrapyfi_core::endpoint::Mutex;
-use wrapyfi_core::engine::Engine;
+use wrapyfi_core::engine::{Engine, Plan};
 
 use self::sources::Sources;
 use self::viewer::Viewer;
@@ -55,7 +55,8 @@ pub fn run(args: &DemoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let page = args.page.and_then(|port| {
         // The middlewares are the demo's own: nothing is asked by these settings.
         let (file, endpoints) = ("wrapyfi demo".to_owned(), Endpoints::default());
-        let in_force = InForce { file, endpoints, definitions: Vec::new() };
+        let (definitions, removed) = (Vec::new(), Plan::default());
+        let in_force = InForce { file, endpoints, definitions, removed };
         let (routes, in_force) = (running.applier(), Arc::new(Mutex::new(in_force)));
         Page::start(port, Running { node, routes, in_force })
     });
