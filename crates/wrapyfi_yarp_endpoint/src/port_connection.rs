@@ -143,7 +143,10 @@ impl PortConnection {
             }
             say(self.missing(&format!("{why}{hint}")));
             tokio::select! {
-                () = bell.notified() => continue,
+                () = bell.notified() => {
+                    backoff.reset();
+                    continue;
+                }
                 Ok(()) = changed.changed() => continue,
                 () = backoff.pause() => {}
             }
