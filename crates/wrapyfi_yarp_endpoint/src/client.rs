@@ -263,20 +263,22 @@ async fn stay_connected(shared: &Shared, state: &ClientState, port: &RpcClient) 
             bell.notified().await;
             continue;
         }
-        let asked = shared.network.query(&state.service);
+        let asked = shared.located(&state.service);
         let (what, say) = (format!("to tell where port {} is", state.service), |what| {
             state.link_state.waiting(what);
         });
-        let at = shared.directory.answers(&what, asked, say).await.ok().flatten();
+        let at = shared.directory.answers(&what, asked, say).await.and_then(|entry| entry.at);
         if let Err(error) = port.connect(&state.target()).await {
             let why = format!("port {} to answer: {error}", state.service);
             let hint = shared.hint(&state.service);
             let hint = unless_slow(hint, || state.link_state.waiting(why.as_str())).await;
             state.link_state.waiting(format!("{why}{hint}"));
-            tokio::select! { () = bell.notified() => {}, () = backoff.pause() => {} }
+            // A name is registered a moment before its port listens.
+            tokio::select! { () = bell.notified() => backoff.reset(), () = backoff.pause() => {} }
             continue;
         }
-        if state.options.finds_format {
+        // Without a name server it stays what it was.
+        if state.options.finds_format && shared.directory.reached().is_some() {
             state.format.set(found_format::of_server(shared, &state.service, has_just_come).await);
         }
         has_just_come = false;
@@ -292,10 +294,10 @@ async fn stay_connected(shared: &Shared, state: &ClientState, port: &RpcClient) 
                 () = state.failed.notified() => false,
                 () = bell.notified() => true,
             };
-            // The same server that was registered again is no other server.
+            // The same server that was registered again is no other server, nor is one whose name server went.
             let stays = rung && {
-                let now = shared.network.query(&state.service).await;
-                now.is_ok_and(|now| now.is_none() || now == at)
+                let now = shared.located(&state.service).await;
+                now.is_none_or(|now| now.at == at)
             };
             if !stays {
                 break;

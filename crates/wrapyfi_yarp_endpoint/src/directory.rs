@@ -153,6 +153,13 @@ impl Directory {
         self.entry(name).filter(|entry| entry.is_unlisted)?.at
     }
 
+    /// Place of a port that the name server does not tell: one that is unlisted, and all while it is away.
+    pub(super) fn kept(&self, name: &str) -> Option<Registration> {
+        let inner = self.inner.lock();
+        let entry = inner.names.get(name)?;
+        entry.at.clone().filter(|_| entry.is_unlisted || inner.reached.is_none())
+    }
+
     /// The port of this name.
     pub(super) fn entry(&self, name: &str) -> Option<Entry> {
         self.inner.lock().names.get(name).cloned()

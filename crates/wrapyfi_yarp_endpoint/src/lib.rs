@@ -149,10 +149,10 @@ impl Yarp {
             let _inside = runtime.enter();
             let directory = Arc::new(directory::Directory::new(&client, is_afar));
             let registrar = Registrar::start(client, RegistrarOptions::default());
-            let unlisted = Arc::downgrade(&directory);
+            let kept = Arc::downgrade(&directory);
             let network = Network::new(NetworkOptions {
                 names: Arc::new(registrar.clone()),
-                known: Arc::new(move |name| unlisted.upgrade()?.unlisted(name)),
+                known: Arc::new(move |name| kept.upgrade()?.kept(name)),
                 dialect: config.dialect,
                 limits: wrapyfi_yarp::Limits {
                     max_message_bytes: config.max_message_bytes,

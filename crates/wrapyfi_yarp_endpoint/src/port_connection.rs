@@ -144,7 +144,10 @@ impl PortConnection {
             }
             say(self.missing(&format!("{why}{hint}")));
             tokio::select! {
-                () = bell.notified() => continue,
+                () = bell.notified() => {
+                    backoff.reset();
+                    continue;
+                }
                 Ok(()) = changed.changed() => continue,
                 () = backoff.pause() => {}
             }

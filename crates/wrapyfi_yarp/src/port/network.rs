@@ -37,7 +37,7 @@ impl Default for Timeouts {
     }
 }
 
-/// Place of a port that the name server does not know.
+/// Place of a port that the name server does not know, or does not tell because it is away.
 type Known = Arc<dyn Fn(&str) -> Option<Registration> + Send + Sync>;
 
 /// Settings of a [`Network`]: by default a [`NameTable`] of its own, YARP 3 and the default limits.
@@ -45,7 +45,7 @@ type Known = Arc<dyn Fn(&str) -> Option<Registration> + Send + Sync>;
 pub struct NetworkOptions {
     /// Where names are looked up and registered.
     pub names: Arc<dyn Names>,
-    /// Places of ports that the name server does not know.
+    /// Places of ports that the name server does not know, or does not tell because it is away.
     pub known: Known,
     /// How bottles are encoded and decoded. [`Network::probe_dialect`] finds out what a port speaks.
     pub dialect: Dialect,

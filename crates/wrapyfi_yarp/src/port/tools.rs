@@ -77,8 +77,11 @@ impl Network {
     /// # Errors
     /// When the name server fails.
     pub async fn query(&self, name: &str) -> Result<Option<Registration>, NameError> {
-        let found = self.names().query(name).await?;
-        Ok(found.or_else(|| (self.0.known)(name)))
+        let found = self.names().query(name).await;
+        match (self.0.known)(name) {
+            Some(known) => Ok(found.ok().flatten().or(Some(known))),
+            None => found,
+        }
     }
 
     /// True when a port of this name is registered and answers.

@@ -143,8 +143,14 @@ pub(super) fn decode_text(bottle: &Bottle, format: BottleFormat) -> Value {
 /// The start of a bottle for an error.
 pub(super) fn shown(bottle: &Bottle) -> String {
     const SHOWN: usize = 4;
-    let start: Bottle = bottle.values.iter().take(SHOWN).cloned().collect();
-    let mut text: String = start.to_text().chars().take(80).collect();
+    const LETTERS: usize = 80;
+    let cut = |value: &Element| match value {
+        // The text of all rows of an image takes so long that the next images are dropped.
+        Element::Blob(bytes) => Element::Blob(bytes.slice(..bytes.len().min(LETTERS))),
+        other => other.clone(),
+    };
+    let start: Bottle = bottle.values.iter().take(SHOWN).map(cut).collect();
+    let mut text: String = start.to_text().chars().take(LETTERS).collect();
     if bottle.len() > SHOWN {
         text.push_str(" …");
     }

@@ -188,3 +188,12 @@ proptest! {
         prop_assert_eq!(back, raw(&payload).to_dense());
     }
 }
+
+#[test]
+fn an_image_is_no_sound() {
+    let rows = vec![7; 3 * 640 * 480];
+    let image = sig::Image::from_packed(sig::PixelCode::Rgb, 640, 480, rows.into()).unwrap();
+    let sound = topic(MessageType::AudioChunk, []);
+    let error = read(image.encode().unwrap(), &sound).unwrap_err();
+    assert!(error.to_string().starts_with("expected a sound, received a bottle of 4: "), "{error}");
+}
