@@ -225,7 +225,7 @@ fn services_go_both_ways() -> Result {
 /// Two of the same: each message comes once, and the second goes on where the first ends.
 #[test]
 fn two_bridges_side_by_side_neither_loop_nor_double() -> Result {
-    run("two_bridges_side_by_side_neither_loop_nor_double", ROS1, |env| {
+    run("two_bridges_side_by_side_neither_loop_nor_double", ROS1_AND_DDS, |env| {
         let _roscore = env.roscore()?;
         let (one, two) = (env.topic("one"), env.topic("two"));
         let _talker =
@@ -245,6 +245,15 @@ fn two_bridges_side_by_side_neither_loop_nor_double() -> Result {
         };
         until_route(&second, &there, yields)?;
         until_route(&second, &back, yields)?;
+
+        // A topic that both find at the same moment.
+        let new = env.topic("new");
+        let hears = env.rospy(&format!("subscribe --topic {new} --node hears"), None)?;
+        let _speaker = env.dds_publisher(&new, "std_msgs/msg/String", "--rate 50 --text {n}")?;
+        let heard = hears.messages(100).map_err(|error| error.context(second.tail()))?;
+        let values: Vec<String> = heard.iter().map(|one| one["value"].to_string()).collect();
+        let distinct: std::collections::BTreeSet<&String> = values.iter().collect();
+        assert_eq!(distinct.len(), values.len(), "{values:?}");
 
         let ear = env.rospy(&format!("subscribe --topic {two} --node ear"), None)?;
         let echo = echo(env, &ros2(&one), &["--type", "Text", "--count", "100000"])?;
@@ -357,7 +366,7 @@ fn topics_of_zeromq_are_topics_of_ros_2() -> Result {
         let (there, here) = (env.topic("object"), env.topic("chatter"));
         let (from, endpoint) = (format!("zeromq:{there}"), ros2(&here));
         let value = r#"{"joints": [1, 2.5]}"#;
-        let bridge = env.executable("zeromq_bridge", &[])?;
+        let bridge = env.executable("zeromq_bridge", &["-p", "status_json:=true"])?;
         let _publisher = env.wrapyfi([
             "pub",
             &from,
@@ -383,6 +392,11 @@ fn topics_of_zeromq_are_topics_of_ros_2() -> Result {
         let heard = echo_there.objects(1).map_err(|error| error.context(bridge.tail()))?;
         echo_there.exits_with(0)?;
         assert_eq!(heard[0]["value"], json!({"joints": [1, 2.5]}), "{heard:?}");
+        // The bridge looks at all topics of ZeroMQ, and is no listener that anything is brought for.
+        until_route(&bridge, &format!("{endpoint} -> zeromq:{here}"), |route| {
+            is("waiting")(route)
+                && route.is_some_and(|route| route["counters"]["received"] == json!(0))
+        })?;
         let more = ["--type", "Text", "--count", "1"];
         let mut echo_here = echo(env, &format!("zeromq:{here}"), &more)?;
         let heard = echo_here.objects(1).map_err(|error| error.context(bridge.tail()))?;

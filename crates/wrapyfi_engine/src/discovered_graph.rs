@@ -28,6 +28,8 @@ pub(super) struct DiscoveredMiddleware {
     pub(super) middleware: Option<Arc<dyn Middleware>>,
     /// Filter for the names that discovery has to look at, also where it is opened again.
     meant: Meant,
+    /// True where topics are taken from it, so that those count, too, that show to listeners only.
+    is_source: bool,
     discovery: Option<Box<dyn Discovery>>,
     /// Endpoints that discovery listed last.
     listed: Vec<Discovered>,
@@ -90,7 +92,8 @@ impl DiscoveredGraph {
                     ..DiscoveredMiddleware::empty(None)
                 },
             });
-            side.mean(meant(name, patterns));
+            let is_source = patterns.iter().any(|spec| spec.from.middleware == name);
+            side.mean(meant(name, patterns), is_source);
             self.0.insert(name.to_owned(), side);
         }
         if let Err(panic) = contained(|| drop(known)) {
@@ -141,6 +144,7 @@ impl DiscoveredMiddleware {
         Self {
             middleware,
             meant: Arc::new(|_| true),
+            is_source: false,
             discovery: None,
             listed: Vec::new(),
             found: BTreeMap::new(),
@@ -156,8 +160,11 @@ impl DiscoveredMiddleware {
 
     /// Has discovery look at other names from now on. A panic is caught here, and discovery is opened
     /// again.
-    fn mean(&mut self, meant: Meant) {
+    fn mean(&mut self, meant: Meant, is_source: bool) {
         self.meant = meant;
+        if std::mem::replace(&mut self.is_source, is_source) != is_source {
+            self.discovery = None;
+        }
         if let Some(discovery) = &mut self.discovery
             && let Err(panic) = contained(|| discovery.only(filter(&self.meant)))
         {
@@ -232,9 +239,13 @@ impl DiscoveredMiddleware {
     /// middleware.
     fn found(&mut self) -> Option<Result<Vec<Discovered>, Away>> {
         let middleware = self.middleware.as_ref()?;
+        let open = || match self.is_source {
+            true => middleware.discover_closely(None),
+            false => middleware.discover(),
+        };
         let discovery = match &mut self.discovery {
             Some(discovery) => discovery,
-            none => match middleware.discover_closely(None) {
+            none => match open() {
                 Ok(mut opened) => {
                     opened.only(filter(&self.meant));
                     none.insert(opened)

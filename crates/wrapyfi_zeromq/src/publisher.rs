@@ -98,8 +98,13 @@ impl Publisher for ZeroMqPublisher {
     }
 
     fn link(&self) -> Link {
+        // A lazy route takes from its source what somebody wants.
+        let peers = match self.spec.mark {
+            Some(_) => self.connection.named_subscriptions(),
+            None => self.connection.subscriptions(),
+        };
         Link {
-            peers: Some(self.connection.subscriptions()),
+            peers: Some(peers),
             waiting_for: self.connection.link.waiting_for(),
             keeps_last: false,
         }

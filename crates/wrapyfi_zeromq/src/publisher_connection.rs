@@ -102,7 +102,13 @@ impl PublisherConnection {
 
     /// Distinct subscriptions that match the topic, as far as the broker told.
     pub(super) fn subscriptions(&self) -> usize {
-        self.state.lock().subscriptions()
+        self.state.lock().subscriptions(false)
+    }
+
+    /// Those of them that name at least the beginning of the topic. Who looks at what there is, a bridge with patterns
+    /// among them, subscribes to everything.
+    pub(super) fn named_subscriptions(&self) -> usize {
+        self.state.lock().subscriptions(true)
     }
 
     /// True where the broker has said that our key may not publish the topic.
@@ -283,9 +289,9 @@ impl End for Arc<PublisherConnection> {
         faults: &mut Throttle,
     ) -> zmq::Result<Look> {
         let mut state = self.state.lock();
-        let before = (state.subscriptions(), self.link.state());
+        let before = (state.subscriptions(false), self.link.state());
         let look = self.step(&mut state, now, registry, faults);
-        let after = (state.subscriptions(), self.link.state());
+        let after = (state.subscriptions(false), self.link.state());
         drop(state);
         if before != after {
             self.context.wake.ring();
@@ -301,9 +307,9 @@ impl End for Arc<PublisherConnection> {
 }
 
 impl State {
-    fn subscriptions(&self) -> usize {
+    fn subscriptions(&self, named: bool) -> usize {
         match &self.way {
-            Way::Up(peer) => peer.topics.len(),
+            Way::Up(peer) => peer.topics.iter().filter(|topic| !named || !topic.is_empty()).count(),
             _ => 0,
         }
     }
