@@ -36,7 +36,6 @@ pub struct RosType(&'static Known);
 
 struct Known {
     name: String,
-    dds: String,
     hash: String,
     resolved: ResolvedType,
     plan: TypePlan,
@@ -101,7 +100,6 @@ impl RosType {
             let has_stamp = defaults.get("stamp.nanosec").is_some();
             Ok(Known {
                 name: name.to_owned(),
-                dds: dds_name(name),
                 hash: resolved.type_hash(),
                 resolved: resolved.clone(),
                 plan,
@@ -116,12 +114,6 @@ impl RosType {
     #[must_use]
     pub fn name(self) -> &'static str {
         &self.0.name
-    }
-
-    /// Name on DDS, for instance `sensor_msgs::msg::dds_::JointState_`.
-    #[must_use]
-    pub fn dds_type(self) -> &'static str {
-        &self.0.dds
     }
 
     /// REP-2016 hash, `RIHS01_…`.
@@ -152,13 +144,6 @@ impl RosType {
     #[must_use]
     pub fn plan(self) -> &'static TypePlan {
         &self.0.plan
-    }
-}
-
-fn dds_name(name: &str) -> String {
-    match name.rsplit_once('/') {
-        Some((package, name)) => format!("{}::dds_::{name}_", package.replace('/', "::")),
-        None => name.to_owned(),
     }
 }
 
@@ -224,7 +209,6 @@ mod tests {
         let image = RosType::new(&image).unwrap();
         assert_eq!(image.plan().type_name(), image.name());
         assert_eq!(image.to_string(), "sensor_msgs/msg/Image");
-        assert_eq!(image.dds_type(), "sensor_msgs::msg::dds_::Image_");
         RosType::new(&store.resolve_name("std_srvs/srv/SetBool_Request").unwrap()).unwrap();
         let service = store.resolve_name("std_srvs/srv/SetBool").unwrap();
         let told = RosType::new(&service).unwrap_err().to_string();

@@ -77,12 +77,6 @@ impl ParameterDescriptor {
         Self { description: description.into(), ..self }
     }
 
-    /// Sets rules that a range cannot say, in words.
-    #[must_use]
-    pub fn with_constraints(self, constraints: impl Into<String>) -> Self {
-        Self { additional_constraints: constraints.into(), ..self }
-    }
-
     /// Makes the parameter read-only: only the start of the node sets it.
     #[must_use]
     pub fn read_only(self) -> Self {

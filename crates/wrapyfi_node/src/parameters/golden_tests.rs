@@ -35,8 +35,8 @@ fn recorded_node() -> ParameterStore {
     declare("bools", vec![true, false].into());
     let ranged = ParameterDescriptor::new("ranged")
         .with_description("an int in a range")
-        .with_constraints("even is nice")
         .with_integer_range(0, 10, 1);
+    let ranged = ParameterDescriptor { additional_constraints: "even is nice".into(), ..ranged };
     store.declare(ranged, 5).unwrap();
     store.declare(ParameterDescriptor::new("locked").read_only(), "x").unwrap();
     store.declare(ParameterDescriptor::new("group.inner"), 1).unwrap();

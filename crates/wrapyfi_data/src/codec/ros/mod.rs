@@ -120,28 +120,15 @@ pub fn decode_with(
 /// REP-2016 hash of the type, `RIHS01_…`.
 #[must_use]
 pub fn type_hash(message_type: MessageType) -> &'static str {
-    names(message_type).1
-}
-
-/// Name of the type on DDS, for instance `sensor_msgs::msg::dds_::Image_`.
-#[must_use]
-pub fn dds_type(message_type: MessageType) -> &'static str {
-    names(message_type).0
-}
-
-fn names(message_type: MessageType) -> (&'static str, &'static str) {
-    fn of<M: Message>() -> (&'static str, &'static str) {
-        (M::DDS_TYPE, M::TYPE_HASH)
-    }
     match message_type {
-        MessageType::NativeObject => of::<NativeObject>(),
-        MessageType::StringJson | MessageType::Text => of::<Text>(),
-        MessageType::Image => of::<Image>(),
-        MessageType::CompressedImage => of::<CompressedImage>(),
-        MessageType::AudioChunk => of::<AudioChunk>(),
-        MessageType::UpstreamAudio => of::<ROS2AudioMessage>(),
-        MessageType::Properties => of::<Parameter>(),
-        MessageType::Ros(ros_type) => (ros_type.dds_type(), ros_type.type_hash()),
+        MessageType::NativeObject => NativeObject::TYPE_HASH,
+        MessageType::StringJson | MessageType::Text => Text::TYPE_HASH,
+        MessageType::Image => Image::TYPE_HASH,
+        MessageType::CompressedImage => CompressedImage::TYPE_HASH,
+        MessageType::AudioChunk => AudioChunk::TYPE_HASH,
+        MessageType::UpstreamAudio => ROS2AudioMessage::TYPE_HASH,
+        MessageType::Properties => Parameter::TYPE_HASH,
+        MessageType::Ros(ros_type) => ros_type.type_hash(),
     }
 }
 

@@ -286,12 +286,8 @@ fn too_large_messages_are_refused_by_size() {
 }
 
 #[test]
-fn names_on_dds() {
+fn every_type_has_a_hash() {
     for message_type in MessageType::TOPICS {
-        assert_eq!(
-            dds_type(message_type),
-            message_type.ros_type().replace("/msg/", "::msg::dds_::") + "_"
-        );
         assert_eq!(type_hash(message_type).len(), "RIHS01_".len() + 64);
     }
 }
