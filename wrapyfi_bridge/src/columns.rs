@@ -1,10 +1,13 @@
 //! Rows of text as lines with aligned columns.
 
-/// Lines of the rows: the first `texts` columns are aligned to the left, those of numbers to the right.
+/// Lines of the rows: the first `texts` columns are aligned to the left, those of numbers to the right. What a terminal
+/// obeys is no part of them.
 #[must_use]
 pub fn aligned<const N: usize>(rows: &[[String; N]], texts: usize) -> Vec<String> {
+    let plain = |cell: &String| cell.replace(char::is_control, "\u{fffd}");
+    let rows: Vec<[String; N]> = rows.iter().map(|row| row.each_ref().map(plain)).collect();
     let mut widths = [0; N];
-    for row in rows {
+    for row in &rows {
         for (width, cell) in widths.iter_mut().zip(row) {
             *width = (*width).max(cell.chars().count());
         }
@@ -18,4 +21,15 @@ pub fn aligned<const N: usize>(rows: &[[String; N]], texts: usize) -> Vec<String
         cells.join("  ").trim_end().to_owned()
     };
     rows.iter().map(line).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_from_outside_move_no_cursor() {
+        let rows = [["/a\x1b[31m\n/b".to_owned(), "1".to_owned()]];
+        assert_eq!(aligned(&rows, 1), ["/a\u{fffd}[31m\u{fffd}/b  1"]);
+    }
 }

@@ -242,7 +242,9 @@ impl<S: Subscriber> Layer<S> for Output {
             Level::INFO => ("INFO", "INFO", LogLevel::Info),
             Level::DEBUG | Level::TRACE => ("DEBUG", "DEBUG", LogLevel::Debug),
         };
-        let text = line.message + &line.fields;
+        // Names from outside may hold what a terminal obeys.
+        let obeyed = |letter: char| letter.is_control() && letter != '\n' && letter != '\t';
+        let text = (line.message + &line.fields).replace(obeyed, "\u{fffd}");
         if self.is_printed {
             let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
             let (seconds, rest) = (now.as_secs(), now.subsec_nanos());

@@ -183,8 +183,9 @@ fn print_all(
                 {
                     return Err(timed_out(args, printed, &listener.link(), &context));
                 }
-                if let Some(what) = listener.link().waiting_for {
-                    waiting.say(&what);
+                match listener.link().waiting_for {
+                    Some(what) => waiting.say(&what),
+                    None => waiting = Waiting::new(&args.endpoint),
                 }
                 context.wake.wait(super::WAIT_SLICE);
             }
