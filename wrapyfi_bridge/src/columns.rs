@@ -1,11 +1,17 @@
 //! Rows of text as lines with aligned columns.
 
+/// A text without what a terminal obeys: names come from the network.
+#[must_use]
+pub fn plain(text: &str) -> String {
+    text.replace(char::is_control, "\u{fffd}")
+}
+
 /// Lines of the rows: the first `texts` columns are aligned to the left, those of numbers to the right. What a terminal
 /// obeys is no part of them.
 #[must_use]
 pub fn aligned<const N: usize>(rows: &[[String; N]], texts: usize) -> Vec<String> {
-    let plain = |cell: &String| cell.replace(char::is_control, "\u{fffd}");
-    let rows: Vec<[String; N]> = rows.iter().map(|row| row.each_ref().map(plain)).collect();
+    let rows: Vec<[String; N]> =
+        rows.iter().map(|row| row.each_ref().map(|cell| plain(cell))).collect();
     let mut widths = [0; N];
     for row in &rows {
         for (width, cell) in widths.iter_mut().zip(row) {

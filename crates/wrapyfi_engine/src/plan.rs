@@ -85,6 +85,7 @@ impl Plan {
         let mut routes: Vec<Route> = Vec::with_capacity(config.routes.len());
         let mut seen: BTreeMap<RouteKey, u64> = BTreeMap::new();
         let mut into: BTreeMap<(Role, EndpointAddress), (u64, bool)> = BTreeMap::new();
+        let mut names = BTreeMap::new();
         if config.routes.is_empty() {
             let message = "no routes: nothing to do".to_owned();
             reader.problems.push(Problem { position: None, message });
@@ -110,7 +111,12 @@ impl Plan {
                 }),
                 _ => None,
             };
-            reader.problems.extend(fault.map(|text| Problem::at(entry.referenced, text)));
+            let named = entry.value.name.as_ref().and_then(|name| names.insert(name, line));
+            let named = named.map(|first| {
+                format!("line {first} already has the name {}; give each its own", route.name)
+            });
+            let faults = fault.into_iter().chain(named);
+            reader.problems.extend(faults.map(|text| Problem::at(entry.referenced, text)));
             if !route.is_many() {
                 into.entry(place).or_insert((line, merges));
             }

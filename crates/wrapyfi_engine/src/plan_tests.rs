@@ -187,6 +187,9 @@ fn duplicates_and_shared_destinations_are_refused() {
     assert!(text.contains("merge: true"), "{text}");
     let merged = "routes:\n  - { from: 'zeromq:/a', to: 'ros2:/b', type: Image, merge: true }\n  - { from: 'zeromq:/c', to: 'ros2:/b', type: Image, merge: true }\n";
     assert_eq!(plan(merged).unwrap().routes.len(), 2);
+    let named = "routes:\n  - { name: left, from: 'zeromq:/a', to: 'ros2:/b', type: Image }\n  - { name: left, from: 'zeromq:/c', to: 'ros2:/d', type: Image }\n";
+    let text = plan(named).unwrap_err().to_string();
+    assert!(text.contains(":3:5: line 2 already has the name left"), "{text}");
     let to_itself = "routes:\n  - { from: 'ros2:/a', to: 'ros2:/a', type: Image }\n";
     assert!(plan(to_itself).unwrap_err().to_string().contains("loop"));
     assert!(plan("routes: []\n").unwrap_err().to_string().contains("no routes"));

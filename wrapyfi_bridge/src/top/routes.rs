@@ -8,7 +8,7 @@ use clap::ValueEnum;
 use wrapyfi_interfaces::named;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
-use crate::columns::aligned;
+use crate::columns::{aligned, plain};
 
 /// Number of rates that are kept of each route: two minutes of a reply a second.
 const HISTORY: usize = 120;
@@ -49,7 +49,7 @@ impl Sort {
 /// Last reply about a route, and its rates in the replies before.
 #[derive(Debug, Default)]
 pub struct Row {
-    /// State and counters; texts without control characters.
+    /// State and counters.
     pub info: RouteInfo,
     /// Messages a second of each reply so far, the oldest first.
     pub history: VecDeque<u64>,
@@ -106,7 +106,8 @@ pub const TEXTS: usize = 2;
 /// Routes of one bridge.
 #[derive(Debug, Default)]
 pub struct Routes {
-    rows: BTreeMap<String, Row>,
+    /// By name and kind.
+    rows: BTreeMap<(String, String), Row>,
     /// Column by which they are sorted.
     pub sort: Sort,
     /// Text that names, ends or types of the shown routes contain, whatever their case.
@@ -124,14 +125,14 @@ impl Routes {
     pub fn update(&mut self, routes: Vec<RouteInfo>) {
         let mut rows = BTreeMap::new();
         for info in routes {
-            let info = printable(info);
-            let before = self.rows.remove(&info.key);
+            let key = (info.key.clone(), info.kind.clone());
+            let before = self.rows.remove(&key);
             let mut history = before.map(|before| before.history).unwrap_or_default();
             if history.len() == HISTORY {
                 history.pop_front();
             }
             history.push_back(info.messages_per_s.round() as u64);
-            rows.insert(info.key.clone(), Row { info, history });
+            rows.insert(key, Row { info, history });
         }
         self.rows = rows;
     }
@@ -187,32 +188,12 @@ impl Routes {
             let _infallible = write!(text, "\n{line}");
             for note in [row.info.reason.clone(), row.drops(), row.refused()] {
                 if !note.is_empty() {
-                    let _infallible = write!(text, "\n    {note}");
+                    let _infallible = write!(text, "\n    {}", plain(&note));
                 }
             }
         }
         text
     }
-}
-
-/// The route with its texts made harmless: names come from the network, and a terminal obeys control characters.
-fn printable(mut info: RouteInfo) -> RouteInfo {
-    let texts = [
-        &mut info.key,
-        &mut info.source,
-        &mut info.destination,
-        &mut info.type_name,
-        &mut info.state,
-        &mut info.reason,
-        &mut info.refused,
-        &mut info.allow,
-    ];
-    for text in texts.into_iter().chain(&mut info.drop_reasons) {
-        if text.contains(char::is_control) {
-            *text = text.replace(char::is_control, "\u{fffd}");
-        }
-    }
-    info
 }
 
 #[cfg(test)]
