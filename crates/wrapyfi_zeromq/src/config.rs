@@ -189,7 +189,11 @@ impl ZeroMqConfig {
         let is_ours =
             [self.broker, self.service_broker].contains(&BrokerMode::Embedded) && !has_list;
         // A name that has no address yet is looked at when the broker starts.
-        match self.hosts.or_same(&self.ip).parse::<IpAddr>() {
+        let ip = match &*self.hosts.or_same(&self.ip) {
+            ALL => Ok(Ipv4Addr::UNSPECIFIED.into()),
+            other => other.parse::<IpAddr>(),
+        };
+        match ip {
             Ok(ip) if is_ours && is_of_this_machine(ip) => {
                 self.insecure.check(NAME, "a broker", ip)
             }
@@ -203,9 +207,12 @@ impl ZeroMqConfig {
     }
 }
 
+/// Host that stands for all addresses of this machine.
+const ALL: &str = "*";
+
 /// First address of `host`, or the reason why there is none.
 fn resolve(host: &str) -> Result<IpAddr, BrokerError> {
-    if host == "*" {
+    if host == ALL {
         return Ok(Ipv4Addr::UNSPECIFIED.into());
     }
     Hosts::default().resolve(host).map_err(BrokerError::Host)

@@ -467,6 +467,7 @@ mod tests {
         };
         for (section, middleware) in [
             ("zeromq: { ip: 0.0.0.0 }", "zeromq"),
+            ("zeromq: { ip: '*' }", "zeromq"),
             ("yarp: { ip: 0.0.0.0 }", "yarp"),
             ("ros: { hostname: 0.0.0.0 }", "ros"),
         ] {

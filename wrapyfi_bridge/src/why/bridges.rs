@@ -10,6 +10,9 @@ use super::state::Passed;
 use super::{Cause, End, Finding, OTHER_NODE, RouteFacts, Step, Way, roles, same_node};
 use crate::lifecycle::State;
 
+/// What is known of a route where no bridge can be heard.
+const MAY_RUN: &str = "the route may run: no bridge tells its state (`--node NODE` asks one)";
+
 /// A bridge that is not activated, whatever is there.
 pub(super) fn inactive(way: &Way) -> Option<Finding> {
     let Way { running, others, node, foreign, .. } = way;
@@ -35,8 +38,8 @@ pub(crate) fn not_active(state: State, node: &str, foreign: Option<ServiceMappin
     Finding::new(Cause::State, what, "whoever manages the node", remedy)
 }
 
-/// The finding that no bridge runs the route; else what is known instead of that.
-pub(super) fn lacking(way: &Way, source: &End, destination: &End) -> Passed {
+/// The finding that no bridge runs the route; else what is known instead of that. A pattern has no destination.
+pub(super) fn lacking(way: &Way, source: &End, destination: Option<&End>) -> Passed {
     let Way { running: None, others, route: Some(route), .. } = way else { return Ok(None) };
     if let Some(stopped) = &way.stopped {
         return Err(stopped.clone());
@@ -53,7 +56,8 @@ pub(super) fn lacking(way: &Way, source: &End, destination: &End) -> Passed {
     let remedy = format!("wrapyfi bridge --config {}", route.file);
     if let Some(others) = others {
         let names = others.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
-        let graph = [source, destination].into_iter().find_map(|end| end.graph.as_ref());
+        let mut ends = std::iter::once(source).chain(destination);
+        let graph = ends.find_map(|end| end.graph.as_ref());
         let domain = graph.map_or(String::new(), |it| format!(" (domain {})", it.domain_id));
         let what = match names.is_empty() {
             true => format!("no bridge runs the route: none is on the graph of ROS 2{domain}"),
@@ -68,6 +72,7 @@ pub(super) fn lacking(way: &Way, source: &End, destination: &End) -> Passed {
         let remedy = remedy + &begins.unwrap_or_default();
         return Err(Finding::new(Cause::NoBridge, what, "a bridge", remedy));
     }
+    let Some(destination) = destination else { return Ok(Some(MAY_RUN.to_owned())) };
     let (at_destination, at_source) = roles(way.is_service);
     let tells = |end: &End| end.address.middleware != "zeromq";
     let seen = source.of(at_source).next().is_some()
@@ -75,8 +80,7 @@ pub(super) fn lacking(way: &Way, source: &End, destination: &End) -> Passed {
         || !destination.doors.iter().all(|knock| knock.answer == Answer::Open)
         || (!tells(source) && !tells(destination));
     if seen {
-        let what = "the route may run: no bridge tells its state (`--node NODE` asks one)";
-        return Ok(Some(what.to_owned()));
+        return Ok(Some(MAY_RUN.to_owned()));
     }
     let what = format!(
         "no bridge runs the route: nobody listens to {} for it, and nobody has {} at the other end",

@@ -77,7 +77,10 @@ impl Walk<'_> {
         defined(&source.undefined)?;
         self.quality(source, provider)?;
         match &way.destination {
-            None if source.names.is_some() => self.passed.extend(state(way)?),
+            None if source.names.is_some() => {
+                self.passed.extend(lacking(way, source, None)?);
+                self.passed.extend(state(way)?);
+            }
             None if way.without_route.is_some() => {
                 let file = way.without_route.as_deref().unwrap_or_default();
                 let address = &source.address;
@@ -96,7 +99,7 @@ impl Walk<'_> {
                 }
             }
             Some(destination) => {
-                self.passed.extend(lacking(way, source, destination)?);
+                self.passed.extend(lacking(way, source, Some(destination))?);
                 self.side(destination)?;
                 self.callers(destination)?;
                 if !way.is_service {

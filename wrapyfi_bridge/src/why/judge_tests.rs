@@ -392,6 +392,16 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
             "wrapyfi bridge --config b.yaml",
         ),
         (
+            {
+                // A pattern.
+                let way = of_source(|it| it.names = Some(1));
+                Way { destination: None, others: Some(std::collections::BTreeMap::new()), ..way }
+            },
+            Cause::NoBridge,
+            "no bridge runs the route: none is on the graph of ROS 2",
+            "wrapyfi bridge --config b.yaml",
+        ),
+        (
             of_destination(|it| it.found.retain(|one| one.role != Role::Listener)),
             Cause::NobodyListens,
             "nobody listens to ros:/out",
