@@ -163,7 +163,7 @@ impl DiscoveredMiddleware {
     fn mean(&mut self, meant: Meant, is_source: bool) {
         self.meant = meant;
         if std::mem::replace(&mut self.is_source, is_source) != is_source {
-            self.discovery = None;
+            self.close();
         }
         if let Some(discovery) = &mut self.discovery
             && let Err(panic) = contained(|| discovery.only(filter(&self.meant)))
@@ -228,11 +228,15 @@ impl DiscoveredMiddleware {
     fn failed(&mut self, panic: &str) -> bool {
         let name = self.middleware.as_ref().map_or("", |it| it.name()).to_owned();
         tracing::error!("the discovery of {name} panicked, it is opened again: {panic}");
-        let discovery = self.discovery.take();
-        // The destructor may panic again.
-        _ = contained(|| drop(discovery));
+        self.close();
         self.panics += 1;
         self.lost(Away::Failed(format!("the discovery of {name} panicked: {panic}")))
+    }
+
+    /// Closes the discovery, whose destructor may panic; the next look opens another one.
+    fn close(&mut self) {
+        let discovery = self.discovery.take();
+        _ = contained(|| drop(discovery));
     }
 
     /// Endpoints that exist, or the reason that they cannot be seen; `None` where there is no
