@@ -198,16 +198,10 @@ edition = "2024"
 wrapyfi_core = { path = "$core/wrapyfi_core/rust", features = ["zeromq"] }
 wrapyfi_interfaces = { path = "$core/wrapyfi_interfaces/rust" }
 
-# As in the workspace, so that the crates compiled there serve here.
-[profile.dev]
-debug = false
-opt-level = 1
-
-[profile.release]
-overflow-checks = true
-
 [workspace]
 TOML
+# The workspace's profiles, so that the crates compiled there serve here.
+sed -n '/^\[profile\./,$p' "$tree/Cargo.toml" >>"$foreign/Cargo.toml"
 cat >"$foreign/src/main.rs" <<'RUST'
 use wrapyfi_core::communicator::communicator;
 

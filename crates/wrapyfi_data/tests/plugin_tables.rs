@@ -337,20 +337,19 @@ fn what_cannot_be_a_table_is_refused_with_its_reason() {
     }
 }
 
-/// Every cut and many changed bytes of what pandas and PyArrow wrote: an error or a value, and what
-/// is a value can be written.
+/// A byte changed at each place of what pandas and PyArrow wrote: an error or a value, and what is a value can be
+/// written.
 #[test]
 fn damaged_tables_do_no_harm() {
     let limits = Limits { message_bytes: 1 << 20, ..Limits::default() };
     for vector in ["pandas", "pandas3", "pyarrow", "pyarrow_types"].into_iter().flat_map(vectors) {
         let Some(wire) = vector["wire"].as_str() else { continue };
-        for at in 0..wire.len() {
-            for damage in [b'K', b'0', b'\\', b')'] {
-                let mut damaged = wire.as_bytes().to_vec();
-                damaged[at] = damage;
-                if let Ok(value) = codec::decode(&damaged.into(), &limits) {
-                    drop(codec::encode(&value));
-                }
+        // One of the four at a place, the next one at the next: the fuzz targets try the others.
+        for (at, damage) in (0..wire.len()).zip([b'K', b'0', b'\\', b')'].into_iter().cycle()) {
+            let mut damaged = wire.as_bytes().to_vec();
+            damaged[at] = damage;
+            if let Ok(value) = codec::decode(&damaged.into(), &limits) {
+                drop(codec::encode(&value));
             }
         }
     }
