@@ -21,7 +21,7 @@ use wrapyfi_yarp::name::events::NameEvents;
 use wrapyfi_yarp::name::{NameClient, NameEvent};
 use wrapyfi_yarp::port::names::Registration;
 
-use super::options::brings_files;
+use super::registered_port::Entry;
 use super::shared::Shared;
 use super::unlisted;
 use wrapyfi_endpoint::Mutex;
@@ -32,35 +32,6 @@ const FIRST_ANSWER: Duration = Duration::from_secs(1);
 /// Time after which an answer that has not come is reported as awaited: a dead link takes several
 /// times five seconds.
 const SLOW: Duration = Duration::from_millis(500);
-
-/// A registered port.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Entry {
-    /// Differs from that of whatever had the name before: what was known of that port is not known of
-    /// this one.
-    pub(super) number: u64,
-    /// Place of the port, where it is known: events do not tell it.
-    pub(super) at: Option<Registration>,
-    /// True for a port that the name server before this one knew, and this one does not.
-    pub(super) is_unlisted: bool,
-}
-
-impl Entry {
-    pub(super) fn new(number: u64, at: Option<Registration>) -> Self {
-        Self { number, at, is_unlisted: false }
-    }
-
-    /// Address of the port, where it is known.
-    pub(super) fn contact(&self) -> Option<String> {
-        self.at.as_ref().map(Registration::contact)
-    }
-
-    /// True when the port is registered under carrier mjpeg: files are asked of it, and it may be no port of
-    /// YARP at all.
-    pub(super) fn has_files(&self) -> bool {
-        self.at.as_ref().is_some_and(|at| brings_files(&at.carrier))
-    }
-}
 
 /// Ports that the name server has registered, kept up to date from its events.
 #[derive(Debug)]

@@ -21,8 +21,8 @@ use std::time::{Duration, Instant};
 
 use wrapyfi_yarp::port::{AdminError, Inspection, Modes};
 
-use super::directory::Entry;
 use super::intrinsics;
+use super::registered_port::Entry;
 use super::role::{role, topic_of};
 use super::shared::Shared;
 use super::survey::Silence;

@@ -12,9 +12,9 @@ use std::time::{Duration, Instant};
 use tokio::sync::Notify;
 use wrapyfi_yarp::port::{Answer, PortOptions, Received};
 
-use super::directory::Entry;
 use super::first_message::{Ear, Heard, SILENT_AT_ONCE, State};
 use super::opening::numbered;
+use super::registered_port::Entry;
 use super::shared::Shared;
 use super::survey::pause;
 use wrapyfi_endpoint::LearnError;

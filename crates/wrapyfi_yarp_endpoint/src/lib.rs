@@ -53,6 +53,7 @@ mod own;
 pub mod payload;
 mod port_connection;
 mod publisher;
+mod registered_port;
 mod role;
 mod server;
 mod shared;

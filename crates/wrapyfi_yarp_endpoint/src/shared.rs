@@ -6,9 +6,10 @@ use std::sync::Arc;
 use wrapyfi_yarp::name::{Environment, Registrar};
 use wrapyfi_yarp::port::{Network, PortOptions};
 
-use super::directory::{Directory, Entry};
+use super::directory::Directory;
 use super::options::YarpOptions;
 use super::own::OwnPorts;
+use super::registered_port::Entry;
 use super::shared_output::SharedOutputs;
 use super::survey::Survey;
 use super::tasks::Tasks;

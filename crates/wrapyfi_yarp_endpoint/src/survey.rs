@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::Semaphore;
 use wrapyfi_yarp::port::Inspection;
 
-use super::directory::Entry;
+use super::registered_port::Entry;
 use super::role::role;
 use wrapyfi_endpoint::{Mutex, Role};
 

@@ -16,7 +16,7 @@ use std::time::Duration;
 use tokio::net::TcpStream;
 use wrapyfi_yarp::port::LinkError;
 
-use super::directory::Entry;
+use super::registered_port::Entry;
 use super::shared::Shared;
 
 /// Time between two tries to reach a port.
