@@ -201,6 +201,26 @@ fn a_bridge_is_heard_whatever_its_services_are_mapped_to() -> Result {
     })
 }
 
+/// A broker tells its clients nothing of servers; that of the bridge itself is known to have none.
+#[test]
+fn a_service_of_zeromq_that_nobody_offers_is_told() -> Result {
+    run("a_service_of_zeromq_that_nobody_offers_is_told", &[Need::Program], |env| {
+        let light = env.topic("light");
+        let route = Route::service(&zeromq("/light"), &ros2(&light), "std_srvs/srv/Trigger");
+        let bridge =
+            env.bridge(&env.embedded().requests(env).route(route.with("name", "light")))?;
+        let told = of_running(env, "light", "nobody_offers")?;
+        let what = told["what"].to_string();
+        assert!(what.contains("waits for a server of zeromq:/light"), "{told}");
+        let remedy = told["remedy"].as_str().unwrap_or_default();
+        let (_, command) = remedy.split_once("wrapyfi ").ok_or(anyhow::anyhow!("{told}"))?;
+        let _server = env.wrapyfi(command.split(' '))?;
+        until_route(&bridge, "light", |route| route.is_some_and(|it| it["state"] == "active"))?;
+        let mut call = env.wrapyfi(["call", &ros2(&light)])?;
+        call.exits_with(0)
+    })
+}
+
 /// A master that was restarted knows nobody, while the connections that there were go on.
 #[test]
 fn a_master_that_was_restarted_is_not_believed_before_the_bridge() -> Result {

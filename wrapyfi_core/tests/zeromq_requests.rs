@@ -364,6 +364,28 @@ fn the_first_server_brings_the_broker_and_the_next_process_uses_it() {
     .unwrap();
 }
 
+/// A broker tells its clients nothing of servers, but the one of their own process.
+#[test]
+fn a_client_knows_whether_a_server_is_at_the_broker_of_its_process() {
+    let config = ZeroMqConfig {
+        broker: BrokerMode::Foreign,
+        rep_port: 0,
+        req_port: 0,
+        ..ZeroMqConfig::default()
+    };
+    let zeromq = ZeroMq::start(&config).unwrap();
+    let (mut client, _) = client(&zeromq, &native());
+    until("nobody", || (client.link().peers == Some(0)).then_some(()));
+    let ticket = client.send(&Request::new([1.into()]), Duration::from_millis(200)).unwrap();
+    let error = until("the end of the call", || client.take_only(ticket)).unwrap_err().to_string();
+    assert!(error.contains("no server is connected to the broker"), "{error}");
+    let (_, req_port) = zeromq.start_services().unwrap();
+    let python = bare(zmq::REP, req_port);
+    until("the server", || (client.link().peers == Some(1)).then_some(()));
+    drop(python);
+    until("its end", || (client.link().peers == Some(0)).then_some(()));
+}
+
 #[test]
 fn ports_that_cannot_be_are_named() {
     let start = |rep_port, req_port, ip: &str| {

@@ -13,6 +13,7 @@ use super::candidate::Candidate;
 use super::config_qos::QosConfig;
 use super::reconciler::Reconciler;
 use super::route::{Kind, Route, Typing};
+use super::route_index::is_by_hand;
 use super::route_status::RouteState;
 use wrapyfi_data::types::{DataType, MessageType, ServiceKind};
 use wrapyfi_endpoint::{BridgeMark, Discovered, Durability, EndpointAddress, LearnError, Role};
@@ -48,12 +49,8 @@ impl Reconciler {
         to: &EndpointAddress,
     ) -> bool {
         let role = spec.role();
-        self.explicit.keys().any(|written| {
-            written.role == role
-                && ((written.from == *from && written.to.middleware == to.middleware)
-                    || (written.to == *from && written.from.middleware == to.middleware)
-                    || written.to == *to)
-        })
+        let ends = [from, to];
+        self.explicit.keys().any(|it| it.role == role && is_by_hand([&it.from, &it.to], ends))
     }
 
     /// Endpoints of a source whose messages did not come through the middleware of the destination.

@@ -14,6 +14,8 @@ pub enum LeftOut {
     NotAllowed,
     /// This entry of `deny` matches.
     Denied(String),
+    /// A route that is written has one of its ends: the name of that route.
+    Written(String),
 }
 
 /// Topics that every node has, and those that two programs would feed each other for ever.

@@ -51,6 +51,16 @@ impl<'p> RouteIndex<'p> {
         taking.or_else(|| written().find(|it| it.to == *address)).map(|it| it.route)
     }
 
+    /// Route that is written and has one of the ends of a route that a pattern would make: it goes first.
+    #[must_use]
+    pub fn instead_of(&self, made: &Route) -> Option<&'p Route> {
+        let mut written = self.all.iter().map(|it| it.route).filter(|one| !one.is_many());
+        let one = written.find(|one| {
+            one.role() == made.role() && is_by_hand([&one.from, &one.to], [&made.from, &made.to])
+        })?;
+        (one.ends() != made.ends()).then_some(one)
+    }
+
     /// Route at a place of the plan.
     #[must_use]
     pub fn at(&self, place: usize) -> Option<&'p Route> {
@@ -66,6 +76,17 @@ impl<'p> RouteIndex<'p> {
         let places = self.taking.get(address).into_iter().flatten();
         places.filter_map(|it| self.all.get(*it)).filter(move |it| it.route.role() == role)
     }
+}
+
+/// True where a written route from one address to another stands in the way of one between two addresses.
+pub(super) fn is_by_hand(
+    written: [&EndpointAddress; 2],
+    [from, to]: [&EndpointAddress; 2],
+) -> bool {
+    let [source, destination] = written;
+    (source == from && destination.middleware == to.middleware)
+        || (destination == from && source.middleware == to.middleware)
+        || destination == to
 }
 
 /// True for a route of parameters, which are their node's, whoever set them, and are not set again where they

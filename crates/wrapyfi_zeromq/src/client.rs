@@ -11,6 +11,7 @@ use std::time::Instant;
 use bytes::Bytes;
 
 use super::envelope::{self, ServiceMessage};
+use super::ledger::Ledger;
 use super::service_connection::{Delivery, End, ServiceConnection, ServiceHandle, Unusable};
 use super::shared::Shared;
 use super::{contexts, deadline, zmtp};
@@ -32,6 +33,7 @@ pub(super) struct Outgoing {
 pub(super) struct ZeroMqClient {
     spec: ServiceSpec,
     handle: Arc<ServiceHandle>,
+    ledger: Arc<Ledger>,
     number: i64,
 }
 
@@ -49,7 +51,8 @@ impl ZeroMqClient {
             .map_err(|error| contexts::refused(&spec.service, error))?;
         shared.ledger.enter(zmtp::Kind::Dealer, &spec.service, &context.counters);
         let (service, pending) = (spec.service.clone(), spec.pending);
-        Ok(WireClient::new(Self { spec, handle, number: 0 }, &service, pending, context))
+        let ledger = Arc::clone(&shared.ledger);
+        Ok(WireClient::new(Self { spec, handle, ledger, number: 0 }, &service, pending, context))
     }
 
     fn deliver(&self, delivery: &Delivery, calls: &mut Calls<Outgoing>) {
@@ -117,6 +120,9 @@ impl ClientWire for ZeroMqClient {
             (Stage::Sent, Some(what)) => {
                 format!("lost {what} after it was sent: it may have been carried out, or not")
             }
+            (Stage::Sent, None) if *self.ledger.servers.lock() == Some(0) => {
+                "no server is connected to the broker".to_owned()
+            }
             (Stage::Sent, None) => {
                 "no server is there, or it has not answered; on ZeroMQ a broker \
                                     does not tell which"
@@ -126,8 +132,9 @@ impl ClientWire for ZeroMqClient {
     }
 
     fn link(&self) -> Link {
-        // A broker does not tell clients who serves.
-        Link { peers: None, waiting_for: self.handle.link.waiting_for(), keeps_last: false }
+        // A broker does not tell clients who serves; the one in this process does.
+        let peers = *self.ledger.servers.lock();
+        Link { peers, waiting_for: self.handle.link.waiting_for(), keeps_last: false }
     }
 }
 

@@ -248,6 +248,11 @@ impl Front {
         self.message(vec![frame.into()], of)
     }
 
+    /// Number of the peers that are connected.
+    pub(super) fn connected(&self) -> usize {
+        self.peers.values().filter(|peer| peer.is_open()).count()
+    }
+
     /// Tells publishers that somebody wants a topic, or no more; as often as it was wanted before it is not.
     pub(super) fn want(&mut self, topic: &[u8], is_wanted: bool) {
         let times = self.wanted.entry(topic.to_vec()).or_default();

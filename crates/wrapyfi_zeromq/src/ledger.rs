@@ -1,5 +1,5 @@
 //! Counters of the endpoints of this process, for what only a broker in the same process sees: messages of its
-//! publishers that are lost there, and peers that are refused there.
+//! publishers that are lost there, peers that are refused there, and servers that are connected there.
 //!
 //! Topics alone tell whose a message is. Where another process publishes on the same topic through
 //! this broker, its losses are counted here too.
@@ -31,19 +31,23 @@ type Key = (Kind, Vec<u8>);
 /// The counters of the endpoints of one instance, by the side of the broker at which their peers are, and by name.
 /// Looked at only where something is lost.
 #[derive(Debug, Default)]
-pub(super) struct Ledger(Mutex<BTreeMap<Key, Weak<Counters>>>);
+pub(super) struct Ledger {
+    entries: Mutex<BTreeMap<Key, Weak<Counters>>>,
+    /// Number of servers at the broker of requests and replies, where it is this process that runs it.
+    pub(super) servers: Mutex<Option<usize>>,
+}
 
 impl Ledger {
     /// Enters an endpoint.
     pub(super) fn enter(&self, peers_at: Kind, name: &str, counters: &Arc<Counters>) {
-        let mut entries = self.0.lock();
+        let mut entries = self.entries.lock();
         entries.retain(|_, counters| counters.strong_count() > 0);
         entries.insert((peers_at, name.as_bytes().to_vec()), Arc::downgrade(counters));
     }
 
     /// Counts a message, `bytes` long, that not everybody got who was to have it.
     pub(super) fn undelivered(&self, topic: &[u8], reason: DropReason, bytes: usize) {
-        let entries = self.0.lock();
+        let entries = self.entries.lock();
         let publisher = entries.get(&(Kind::Xpub, topic.to_vec()));
         if let Some(counters) = publisher.and_then(Weak::upgrade) {
             counters.undelivered(reason, bytes);
@@ -52,7 +56,7 @@ impl Ledger {
 
     /// Counts a peer that was refused at every endpoint that it may have been for.
     pub(super) fn refused(&self, refusal: &Refusal) {
-        for ((side, name), counters) in &*self.0.lock() {
+        for ((side, name), counters) in &*self.entries.lock() {
             let is_meant = refusal.topic.as_ref().is_none_or(|topic| match side {
                 // A subscription is the beginning of a topic.
                 Kind::Xpub => name.starts_with(topic),

@@ -114,6 +114,7 @@ impl ServiceProxy {
 
     fn show(&mut self) {
         self.tally.cut = self.sides.settle();
+        *self.sides.ledger.servers.lock() = Some(self.sides.back.connected());
         self.shown.lock().clone_from(&self.tally);
     }
 
@@ -314,6 +315,7 @@ impl Turns for ServiceProxy {
 
     fn end(mut self) {
         let deadline = Instant::now() + options::LINGER;
+        *self.sides.ledger.servers.lock() = None;
         self.sides.front.close(deadline);
         self.sides.back.close(deadline);
     }

@@ -520,6 +520,10 @@ fn of_file(route: &RouteFacts) -> Step {
                 format!("{topic} is left out of {name}: no entry of allow matches it"),
                 format!("add it to `allow` in {file}"),
             ),
+            LeftOut::Written(written) => (
+                format!("no pattern makes {topic}: the route {written} has one of its ends"),
+                format!("wrapyfi why {written:?} --config {file}; or take that route out of it"),
+            ),
             LeftOut::ByDefault => (
                 format!("{topic} is left out of {name} by default: hidden, or of every node"),
                 format!(

@@ -174,6 +174,12 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
             "take \"raw\" out of `deny` in b.yaml",
         ),
         (
+            of_route(|it| it.left_out = Some(("a -> b".into(), LeftOut::Written("cam".into())))),
+            Cause::LeftOut,
+            "the route cam has one of its ends",
+            "wrapyfi why \"cam\" --config b.yaml",
+        ),
+        (
             of_route(|it| it.left_out = Some(("ros:/_x".into(), LeftOut::ByDefault))),
             Cause::LeftOut,
             "by default",

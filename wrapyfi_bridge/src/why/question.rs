@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 use wrapyfi_core::endpoint::{DropReason, EndpointAddress, Role};
-use wrapyfi_core::engine::{Kind, Plan, Route, RouteIndex, TO_BE_ACTIVATED, Typing};
+use wrapyfi_core::engine::{Kind, LeftOut, Plan, Route, RouteIndex, TO_BE_ACTIVATED, Typing};
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
@@ -276,7 +276,7 @@ fn address(text: &str) -> Result<EndpointAddress, String> {
     Ok(address)
 }
 
-type LeftOutName = Option<(String, wrapyfi_core::engine::LeftOut)>;
+type LeftOutName = Option<(String, LeftOut)>;
 
 /// Route that a name means: by its name, its ends, or one of them; of a pattern the route that it makes for
 /// the name, or the reason that it makes none. Of two routes with the same end it is the one that is `running`.
@@ -288,8 +288,13 @@ fn route(
 ) -> Option<(Route, LeftOutName)> {
     let named = plan.routes.iter().find(|route| route.name == name || route.ends() == name);
     let between = || made_between(plan, name, running.iter().find(|one| one.key == name));
+    let with_written = |route: Route| {
+        let one = index.instead_of(&route).filter(|_| !route.is_many());
+        let left_out = one.map(|one| (route.ends(), LeftOut::Written(one.name.clone())));
+        Some((route, left_out))
+    };
     if let Some(route) = named.cloned().or_else(between) {
-        return Some((route, None));
+        return with_written(route);
     }
     let address = address(name).ok()?;
     let text = address.to_string();
@@ -304,7 +309,7 @@ fn route(
     let written = index.written_at(&address).cloned();
     let any = || make(Route::made_from).or_else(|| make(Route::made_to));
     if let Some(route) = written.or_else(runs).or_else(any) {
-        return Some((route, None));
+        return with_written(route);
     }
     let mut many = plan.routes.iter().filter(|one| one.from.middleware == address.middleware);
     let left_out = |pattern: &Route| Some((pattern.clone(), pattern.left_out(&address.name)?));
@@ -501,6 +506,14 @@ mod tests {
             assert_eq!(found(&plan, name), cam, "{name}");
         }
         assert_eq!(found(&plan, "ros1:/x"), Some(("ros:/x -> ros2:/one/x".to_owned(), false)));
+        let plan = self::plan(&[
+            "name: chat, from: 'ros:/chat', to: 'ros2:/words'",
+            "from: 'ros:/(.*)', to: 'ros2:/one/$1'",
+        ]);
+        let (_, left_out) = route(&plan, &index(&plan), &[], "ros2:/one/chat").unwrap();
+        let (ends, chat) =
+            ("ros:/chat -> ros2:/one/chat".to_owned(), LeftOut::Written("chat".to_owned()));
+        assert_eq!(left_out, Some((ends, chat)));
         assert!(found(&plan, "ros:/raw").is_some_and(|(_, is_left_out)| is_left_out));
         assert_eq!(found(&plan, "yarp:/x"), None);
     }

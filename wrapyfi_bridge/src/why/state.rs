@@ -8,7 +8,7 @@ use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
 use super::drops::{count, drops, meaning, mends};
 use super::words::example;
-use super::{Cause, Finding, Limited, Step, Way};
+use super::{Cause, End, Finding, Limited, Step, Way};
 
 /// A step that may be in place.
 pub(super) type Passed = Result<Option<String>, Finding>;
@@ -121,8 +121,21 @@ pub(super) fn state(way: &Way) -> Passed {
         .filter_map(|(reason, count)| Some((reason, count, meaning(reason)?)))
         .collect();
     let is_degraded = running.state == "degraded";
-    if running.state == "waiting" {
+    let most = lost.iter().max_by_key(|(_, count, _)| *count);
+    // Calls that nobody here understands are the nearer cause.
+    let is_mapping = most.is_some_and(|(reason, ..)| *reason == DropReason::ServiceMapping);
+    if running.state == "waiting" && !is_mapping {
         let what = format!("{route} waits for {reason}");
+        let lacks_server = |end: &&End| *reason == format!("a server of {}", end.address);
+        if let Some(end) = way.source.as_ref().filter(lacks_server) {
+            let remedy = example(end, Role::Server, None);
+            return Err(Finding::new(
+                Cause::NobodyOffers,
+                what,
+                "the program that offers it",
+                remedy,
+            ));
+        }
         let remedy = match (&way.destination, unopened(running)) {
             (Some(end), port @ Some(_)) => example(end, Role::Listener, port),
             _ => "provide it; the route begins by itself".to_owned(),
@@ -137,7 +150,7 @@ pub(super) fn state(way: &Way) -> Passed {
             format!("end {node} or start it again; the bridge goes on without it meanwhile");
         return Err(Finding::new(Cause::State, what, node, remedy));
     }
-    let Some((most, _, meaning)) = lost.iter().max_by_key(|(_, count, _)| *count) else {
+    let Some((most, _, meaning)) = most else {
         if !is_degraded {
             return Ok(None);
         }
