@@ -34,7 +34,7 @@ use std::io::{self, Read as _};
 pub use log::LogLine;
 pub use log_level::LogLevel;
 pub use name::{NameError, NodeName};
-pub use ros_time::{ClockError, RosTime, TimeJump};
+pub use ros_time::{ClockError, RosTime};
 use wrapyfi_interfaces::builtin_interfaces::msg::Time;
 
 use args::RosArgs;
