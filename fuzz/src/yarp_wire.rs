@@ -3,7 +3,7 @@
 use bytes::BytesMut;
 use wrapyfi_yarp::wire::bare::BareReader;
 use wrapyfi_yarp::wire::datagram::{self, Assembler};
-use wrapyfi_yarp::wire::header::{self, HeaderReader};
+use wrapyfi_yarp::wire::header;
 use wrapyfi_yarp::wire::http::MAX_HEAD;
 use wrapyfi_yarp::wire::message::{self, Found, MessageReader};
 use wrapyfi_yarp::wire::mjpeg::MjpegReader;
@@ -75,11 +75,10 @@ fn read<'a, T>(
 }
 
 fn connection(bytes: &[u8], piece: usize) {
-    let mut reader = HeaderReader::new(&limits());
     let mut buffer = BytesMut::new();
     let (mut rest, mut opening) = (bytes, None);
     while opening.is_none() {
-        match reader.poll(&mut buffer) {
+        match Opening::poll(&mut buffer, &limits()) {
             Ok(Step::Event(found)) => opening = Some(found),
             Ok(Step::Need(_)) if !rest.is_empty() => {
                 let (now, later) = rest.split_at(piece.min(rest.len()));

@@ -33,8 +33,8 @@ use std::io::{self, Read as _};
 
 pub use log::LogLine;
 pub use log_level::LogLevel;
-pub use name::{NameError, NameFault, NameKind, NodeName};
-pub use ros_time::{ClockError, RosTime, TimeJump};
+pub use name::{NameError, NodeName};
+pub use ros_time::{ClockError, RosTime};
 use wrapyfi_interfaces::builtin_interfaces::msg::Time;
 
 use args::RosArgs;

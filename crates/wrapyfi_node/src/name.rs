@@ -81,9 +81,12 @@ impl NodeName {
         let expanded = match name.strip_prefix('~') {
             Some("") => self.fqn(),
             Some(rest) if rest.starts_with('/') => format!("{}{rest}", self.fqn()),
-            Some(_) => return Err(NameKind::Topic.error(NameFault::TildeInside, 0)),
+            Some(_) => {
+                let rule = "must have a '/' behind the leading tilde '~'";
+                return Err(NameError::new(TOPIC, rule, 0));
+            }
             None if name.starts_with('/') => name,
-            None if name.is_empty() => return Err(NameKind::Topic.error(NameFault::Empty, 0)),
+            None if name.is_empty() => return Err(NameError::new(TOPIC, "must not be empty", 0)),
             None => join(&self.namespace, &name),
         };
         Self::check_topic(&expanded)?;
@@ -95,7 +98,7 @@ impl NodeName {
     /// # Errors
     /// When the name breaks a rule; the error names the first.
     pub fn check_topic(absolute: &str) -> Result<(), NameError> {
-        check_absolute(absolute, NameKind::Topic, MAX_TOPIC)
+        check_absolute(absolute, TOPIC, MAX_TOPIC)
     }
 
     fn substitute(&self, name: &str) -> Result<String, NameError> {
@@ -105,13 +108,17 @@ impl NodeName {
             out.push_str(before);
             let at = name.len() - after.len() - 1;
             let Some((key, tail)) = after.split_once('}') else {
-                return Err(NameKind::Topic.error(NameFault::OpenBrace, at));
+                return Err(NameError::new(TOPIC, "must close every '{' with a '}'", at));
             };
             out.push_str(match key {
                 "node" => &self.name,
                 // An absolute name may hold {ns}: `/x{ns}/y` is /x/ns/y.
                 "ns" | "namespace" => &self.namespace,
-                _ => return Err(NameKind::Topic.error(NameFault::UnknownSubstitution, at)),
+                _ => {
+                    let rule =
+                        "must not have a substitution other than {node}, {ns} or {namespace}";
+                    return Err(NameError::new(TOPIC, rule, at));
+                }
             });
             rest = tail;
         }
@@ -126,154 +133,81 @@ impl fmt::Display for NodeName {
     }
 }
 
-/// Kind of a refused name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum NameKind {
-    /// Name of a node, without namespace.
-    Node,
-    /// Namespace of a node.
-    Namespace,
-    /// Topic or service.
-    Topic,
-    /// Security enclave, which messages call a context.
-    Enclave,
-}
-
-impl NameKind {
-    fn error(self, fault: NameFault, index: usize) -> NameError {
-        NameError { kind: self, fault, index }
-    }
-}
-
-/// The rule a refused name breaks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum NameFault {
-    /// The name is empty.
-    Empty,
-    /// The name does not start at the root.
-    NotAbsolute,
-    /// The name ends with a slash.
-    TrailingSlash,
-    /// The name has a character that names cannot have.
-    BadCharacter,
-    /// The name has two slashes in a row.
-    RepeatedSlash,
-    /// A part of the name starts with a digit.
-    LeadingDigit,
-    /// The name is longer than this many bytes.
-    TooLong(usize),
-    /// `~` with something else than `/` behind it.
-    TildeInside,
-    /// `{` without `}`.
-    OpenBrace,
-    /// `{…}` with a word that stands for nothing.
-    UnknownSubstitution,
-}
+/// What messages call the name of a topic or service.
+const TOPIC: &str = "topic name";
 
 /// Error of a name that is not valid, in the words of ROS 2.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("{}", self.text())]
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{what} {rule}")]
 pub struct NameError {
-    /// Kind of the name.
-    pub kind: NameKind,
-    /// Rule that the name breaks.
-    pub fault: NameFault,
-    /// Index of the byte that breaks it.
+    what: &'static str,
+    rule: String,
+    /// Index of the byte that breaks the rule.
     pub index: usize,
 }
 
 impl NameError {
-    fn text(&self) -> String {
-        let what = match self.kind {
-            NameKind::Node => "node name",
-            NameKind::Namespace => "namespace",
-            NameKind::Topic => "topic name",
-            NameKind::Enclave => "context name",
-        };
-        let node = self.kind == NameKind::Node;
-        let rule = match self.fault {
-            NameFault::Empty => "must not be empty",
-            NameFault::NotAbsolute => "must be absolute, it must lead with a '/'",
-            NameFault::TrailingSlash => "must not end with a '/', unless only a '/'",
-            NameFault::BadCharacter if node => {
-                "must not contain characters other than alphanumerics or '_'"
-            }
-            NameFault::BadCharacter => {
-                "must not contain characters other than alphanumerics, '_', or '/'"
-            }
-            NameFault::RepeatedSlash => "must not contain repeated '/'",
-            NameFault::LeadingDigit if node => "must not start with a number",
-            NameFault::LeadingDigit => "must not have a token that starts with a number",
-            NameFault::TooLong(max) if node => {
-                return format!("{what} length should not exceed '{max}'");
-            }
-            NameFault::TooLong(max) => return format!("{what} should not exceed '{max}'"),
-            NameFault::TildeInside => "must have a '/' behind the leading tilde '~'",
-            NameFault::OpenBrace => "must close every '{' with a '}'",
-            NameFault::UnknownSubstitution => {
-                "must not have a substitution other than {node}, {ns} or {namespace}"
-            }
-        };
-        format!("{what} {rule}")
+    fn new(what: &'static str, rule: impl Into<String>, index: usize) -> Self {
+        Self { what, rule: rule.into(), index }
     }
 }
 
 /// Checks a node name.
 pub(super) fn check_node_name(name: &str) -> Result<(), NameError> {
-    let kind = NameKind::Node;
+    let fault = |rule: &str, index| Err(NameError::new("node name", rule, index));
     if name.is_empty() {
-        return Err(kind.error(NameFault::Empty, 0));
+        return fault("must not be empty", 0);
     }
     if let Some(at) = name.bytes().position(|b| !is_name_byte(b)) {
-        return Err(kind.error(NameFault::BadCharacter, at));
+        return fault("must not contain characters other than alphanumerics or '_'", at);
     }
     if name.starts_with(|c: char| c.is_ascii_digit()) {
-        return Err(kind.error(NameFault::LeadingDigit, 0));
+        return fault("must not start with a number", 0);
     }
     if name.len() > MAX_NODE_NAME {
-        return Err(kind.error(NameFault::TooLong(MAX_NODE_NAME), MAX_NODE_NAME - 1));
+        let rule = format!("length should not exceed '{MAX_NODE_NAME}'");
+        return fault(&rule, MAX_NODE_NAME - 1);
     }
     Ok(())
 }
 
 /// Checks an absolute namespace; `/` alone is one.
 pub(super) fn check_namespace(namespace: &str) -> Result<(), NameError> {
-    check_absolute(namespace, NameKind::Namespace, MAX_NAMESPACE)
+    check_absolute(namespace, "namespace", MAX_NAMESPACE)
 }
 
-/// Checks a security enclave.
+/// Checks a security enclave, which messages call a context.
 pub(super) fn check_enclave(enclave: &str) -> Result<(), NameError> {
-    check_absolute(enclave, NameKind::Enclave, MAX_ENCLAVE)
+    check_absolute(enclave, "context name", MAX_ENCLAVE)
 }
 
-fn check_absolute(name: &str, kind: NameKind, max: usize) -> Result<(), NameError> {
+fn check_absolute(name: &str, what: &'static str, max: usize) -> Result<(), NameError> {
+    let fault = |rule: &str, index| Err(NameError::new(what, rule, index));
     if name.is_empty() {
-        return Err(kind.error(NameFault::Empty, 0));
+        return fault("must not be empty", 0);
     }
     if !name.starts_with('/') {
-        return Err(kind.error(NameFault::NotAbsolute, 0));
+        return fault("must be absolute, it must lead with a '/'", 0);
     }
-    if name == "/" && kind != NameKind::Topic {
+    if name == "/" && what != TOPIC {
         return Ok(());
     }
     if name.ends_with('/') {
-        return Err(kind.error(NameFault::TrailingSlash, name.len() - 1));
+        return fault("must not end with a '/', unless only a '/'", name.len() - 1);
     }
     if let Some(at) = name.bytes().position(|b| b != b'/' && !is_name_byte(b)) {
-        return Err(kind.error(NameFault::BadCharacter, at));
+        return fault("must not contain characters other than alphanumerics, '_', or '/'", at);
     }
     for (at, (byte, next)) in name.bytes().zip(name.bytes().skip(1)).enumerate() {
         if byte == b'/' && next == b'/' {
-            return Err(kind.error(NameFault::RepeatedSlash, at + 1));
+            return fault("must not contain repeated '/'", at + 1);
         }
         if byte == b'/' && next.is_ascii_digit() {
-            return Err(kind.error(NameFault::LeadingDigit, at + 1));
+            return fault("must not have a token that starts with a number", at + 1);
         }
     }
     if name.len() > max {
-        return Err(kind.error(NameFault::TooLong(max), max - 1));
+        return fault(&format!("should not exceed '{max}'"), max - 1);
     }
     Ok(())
 }
@@ -312,24 +246,27 @@ mod tests {
     fn broken_names_say_which_rule_and_where() {
         let node = NodeName::new("n", "/").unwrap();
         let cases = [
-            ("", NameFault::Empty, 0),
-            ("~x", NameFault::TildeInside, 0),
-            ("a//b", NameFault::RepeatedSlash, 3),
-            ("a/", NameFault::TrailingSlash, 2),
-            ("/a/1", NameFault::LeadingDigit, 3),
-            ("é", NameFault::BadCharacter, 1),
-            ("a{", NameFault::OpenBrace, 1),
-            ("{x}", NameFault::UnknownSubstitution, 0),
-            ("/", NameFault::TrailingSlash, 0),
+            ("", "topic name must not be empty", 0),
+            ("~x", "topic name must have a '/' behind", 0),
+            ("a//b", "topic name must not contain repeated '/'", 3),
+            ("a/", "topic name must not end with a '/'", 2),
+            ("/a/1", "topic name must not have a token that starts with a number", 3),
+            ("é", "topic name must not contain characters other", 1),
+            ("a{", "topic name must close every '{'", 1),
+            ("{x}", "topic name must not have a substitution other", 0),
+            ("/", "topic name must not end with a '/'", 0),
         ];
-        for (name, fault, index) in cases {
+        for (name, rule, index) in cases {
             let error = node.expand(name).unwrap_err();
-            assert_eq!((error.fault, error.index), (fault, index), "{name:?}");
+            assert!(error.to_string().starts_with(rule), "{name:?}: {error}");
+            assert_eq!(error.index, index, "{name:?}");
         }
-        assert_eq!(NodeName::check_topic("a").unwrap_err().fault, NameFault::NotAbsolute);
-        assert_eq!(NodeName::check_topic("/a\0").unwrap_err().fault, NameFault::BadCharacter);
-        let long = "a".repeat(300);
-        assert_eq!(NodeName::new(&long, "").unwrap_err().fault, NameFault::TooLong(255));
+        let text = |checked: Result<(), NameError>| checked.unwrap_err().to_string();
+        let relative = text(NodeName::check_topic("a"));
+        assert_eq!(relative, "topic name must be absolute, it must lead with a '/'");
+        assert!(text(NodeName::check_topic("/a\0")).contains("other than alphanumerics"));
+        let long = NodeName::new(&"a".repeat(300), "").map(drop);
+        assert_eq!(text(long), "node name length should not exceed '255'");
         assert!(NodeName::new("a b", "").is_err());
         assert!(NodeName::new("a", "/ns/").is_err());
     }

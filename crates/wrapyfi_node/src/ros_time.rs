@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   use_sim_time ──▶ ┌─────────┐ ◀── rosgraph_msgs/Clock
-//!                    │ RosTime │ ──▶ TimeJump: switched on or off, forward, backward
+//!                    │ RosTime │ ──▶ how far the clock went back
 //!   system time ───▶ └─────────┘ ──▶ now
 //! ```
 //!
@@ -20,7 +20,8 @@ const SECOND: i64 = 1_000_000_000;
 /// The time of a node. It asks no clock itself: the caller gives the system's time.
 ///
 /// ```
-/// use wrapyfi_node::{RosTime, TimeJump};
+/// use std::time::Duration;
+/// use wrapyfi_node::RosTime;
 /// use wrapyfi_data::types::Stamp;
 /// use wrapyfi_interfaces::builtin_interfaces::msg::Time;
 /// use wrapyfi_interfaces::rosgraph_msgs::msg::Clock;
@@ -30,7 +31,7 @@ const SECOND: i64 = 1_000_000_000;
 /// time.on_clock(&Clock { clock: Time { sec: 5, nanosec: 0 } })?;
 /// assert_eq!(time.now(Stamp::now()), Stamp { sec: 5, nanosec: 0 });
 /// let back = time.on_clock(&Clock { clock: Time { sec: 1, nanosec: 0 } })?;
-/// assert!(matches!(back, Some(TimeJump::Backward { .. })));
+/// assert_eq!(back, Some(Duration::from_secs(4)));
 /// # Ok::<(), wrapyfi_node::ClockError>(())
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -38,20 +39,6 @@ pub struct RosTime {
     simulated: bool,
     /// Time of the last message of `/clock`, in nanoseconds.
     clock_ns: Option<i64>,
-}
-
-/// Jump of a node's time, which otherwise goes on like a clock.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum TimeJump {
-    /// Change from the system's time to simulated time.
-    ToSimulated,
-    /// Change from simulated time to the system's.
-    ToSystem,
-    /// Simulated time went on by this much; the first clock counts from zero.
-    Forward(Duration),
-    /// Simulated time went back: the simulation was reset, or the recording began anew. Buffers and
-    /// deadlines that are kept by time are to be dropped.
-    Backward(Duration),
 }
 
 /// Error of a message of `/clock` that is not used.
@@ -74,13 +61,9 @@ impl RosTime {
         Self { simulated: use_sim_time, ..Self::default() }
     }
 
-    /// Takes a value of `use_sim_time`; `None` where it has not changed.
-    pub fn set_simulated(&mut self, use_sim_time: bool) -> Option<TimeJump> {
-        let before = std::mem::replace(&mut self.simulated, use_sim_time);
-        (before != use_sim_time).then_some(match use_sim_time {
-            true => TimeJump::ToSimulated,
-            false => TimeJump::ToSystem,
-        })
+    /// Takes a value of `use_sim_time`; true where it has changed.
+    pub fn set_simulated(&mut self, use_sim_time: bool) -> bool {
+        std::mem::replace(&mut self.simulated, use_sim_time) != use_sim_time
     }
 
     /// True while the time is simulated.
@@ -89,12 +72,13 @@ impl RosTime {
         self.simulated
     }
 
-    /// Takes a message of `/clock`, whose time is kept also while the system's is used. `None`
-    /// where the clock stands still, or the system's time is used.
+    /// Takes a message of `/clock`, whose time is kept also while the system's is used. Returns by
+    /// how much simulated time went back, where it did: the simulation was reset, or the recording
+    /// began anew. Buffers and deadlines that are kept by time are to be dropped then.
     ///
     /// # Errors
     /// When the time of the message is negative. The node's time stays.
-    pub fn on_clock(&mut self, message: &Clock) -> Result<Option<TimeJump>, ClockError> {
+    pub fn on_clock(&mut self, message: &Clock) -> Result<Option<Duration>, ClockError> {
         let clock = &message.clock;
         if clock.sec < 0 {
             return Err(ClockError(clock.sec));
@@ -102,11 +86,8 @@ impl RosTime {
         // Both are 32 bits: their sum fits. Nanoseconds beyond a second are carried.
         let now = i64::from(clock.sec) * SECOND + i64::from(clock.nanosec);
         let before = self.clock_ns.replace(now).unwrap_or(0);
-        if !self.simulated || now == before {
-            return Ok(None);
-        }
-        let by = Duration::from_nanos(now.abs_diff(before));
-        Ok(Some(if now > before { TimeJump::Forward(by) } else { TimeJump::Backward(by) }))
+        let went_back = self.simulated && now < before;
+        Ok(went_back.then(|| Duration::from_nanos(now.abs_diff(before))))
     }
 
     /// Time of the node, given the `system` time.
@@ -138,12 +119,10 @@ mod tests {
     fn simulated_time_is_zero_until_the_first_clock() {
         let mut time = RosTime::new(true);
         assert_eq!(time.now(SYSTEM), Stamp::default());
-        let by = Duration::new(7, 9);
-        assert_eq!(time.on_clock(&clock(7, 9)), Ok(Some(TimeJump::Forward(by))));
+        assert_eq!(time.on_clock(&clock(7, 9)), Ok(None));
         assert_eq!(time.on_clock(&clock(7, 9)), Ok(None));
         assert_eq!(time.now(SYSTEM), Stamp { sec: 7, nanosec: 9 });
-        let by = Duration::from_nanos(1);
-        assert_eq!(time.on_clock(&clock(7, 8)), Ok(Some(TimeJump::Backward(by))));
+        assert_eq!(time.on_clock(&clock(7, 8)), Ok(Some(Duration::from_nanos(1))));
     }
 
     #[test]
@@ -151,14 +130,11 @@ mod tests {
         let mut time = RosTime::new(false);
         assert_eq!(time.on_clock(&clock(3, 0)), Ok(None));
         assert_eq!(time.now(SYSTEM), SYSTEM);
-        assert_eq!(time.set_simulated(false), None);
-        assert_eq!(time.set_simulated(true), Some(TimeJump::ToSimulated));
+        assert!(!time.set_simulated(false));
+        assert!(time.set_simulated(true));
         assert_eq!(time.now(SYSTEM), Stamp { sec: 3, nanosec: 0 });
-        assert_eq!(
-            time.on_clock(&clock(1, 0)).unwrap(),
-            Some(TimeJump::Backward(Duration::from_secs(2)))
-        );
-        assert_eq!(time.set_simulated(false), Some(TimeJump::ToSystem));
+        assert_eq!(time.on_clock(&clock(1, 0)), Ok(Some(Duration::from_secs(2))));
+        assert!(time.set_simulated(false));
         assert!(!time.is_simulated());
         assert_eq!(time.now(SYSTEM), SYSTEM);
     }
@@ -179,19 +155,16 @@ mod tests {
 
     proptest! {
         #[test]
-        fn steps_add_up(clocks in proptest::collection::vec((0..i32::MAX - 1, 0..1_000_000_000_u32), 1..20)) {
+        fn steps_back_are_told(clocks in proptest::collection::vec((0..i32::MAX - 1, 0..1_000_000_000_u32), 1..20)) {
             let mut time = RosTime::new(true);
-            let mut sum = 0_i128;
-            for (sec, nanosec) in &clocks {
-                match time.on_clock(&clock(*sec, *nanosec)).unwrap() {
-                    Some(TimeJump::Forward(by)) => sum += by.as_nanos() as i128,
-                    Some(TimeJump::Backward(by)) => sum -= by.as_nanos() as i128,
-                    other => prop_assert_eq!(other, None),
-                }
+            for (sec, nanosec) in clocks {
+                let (before, now) = (time.now(SYSTEM), Stamp { sec, nanosec });
+                let back = time.on_clock(&clock(sec, nanosec)).unwrap();
+                prop_assert_eq!(time.now(SYSTEM), now);
+                let ns = |at: Stamp| i128::from(at.sec) * 1_000_000_000 + i128::from(at.nanosec);
+                let by = ns(before) - ns(now);
+                prop_assert_eq!(back.map(|by| by.as_nanos() as i128), (by > 0).then_some(by));
             }
-            let now = time.now(SYSTEM);
-            prop_assert_eq!((now.sec, now.nanosec), *clocks.last().unwrap());
-            prop_assert_eq!(i128::from(now.sec) * 1_000_000_000 + i128::from(now.nanosec), sum);
         }
     }
 }

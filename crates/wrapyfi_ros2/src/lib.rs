@@ -77,6 +77,7 @@ mod discovery_info;
 mod domain;
 pub mod environment;
 mod follow;
+mod gaps;
 pub mod graph;
 mod listener;
 mod matching;

@@ -15,7 +15,7 @@ use wrapyfi_data::types::Stamp;
 use wrapyfi_endpoint::{Clock as NodeClock, Mutex, RosNow, Wake};
 use wrapyfi_node::parameters::ParameterStore;
 use wrapyfi_node::type_description::TypeDescriptions;
-use wrapyfi_node::{LogLine, RosTime, TimeJump};
+use wrapyfi_node::{LogLine, RosTime};
 
 /// Log lines that may wait for the node's thread.
 const MAX_LINES: usize = 1000;
@@ -37,7 +37,6 @@ pub(super) struct Shared {
     lines: Mutex<VecDeque<(Stamp, LogLine)>>,
     lost_lines: AtomicU64,
     refused_requests: AtomicU64,
-    unheard_replies: AtomicU64,
     pub(super) wake: Wake,
 }
 
@@ -50,7 +49,6 @@ impl Shared {
             lines: Mutex::default(),
             lost_lines: AtomicU64::new(0),
             refused_requests: AtomicU64::new(0),
-            unheard_replies: AtomicU64::new(0),
             wake,
         }
     }
@@ -75,25 +73,21 @@ impl Shared {
         self.refused_requests.fetch_add(1, Relaxed);
     }
 
-    pub(super) fn set_unheard(&self, replies: u64) {
-        self.unheard_replies.store(replies, Relaxed);
-    }
-
     pub(super) fn set_simulated(&self, simulated: bool) {
-        let jump = self.time.lock().set_simulated(simulated);
-        if let Some(jump) = jump {
-            let to = if jump == TimeJump::ToSimulated { RosTime::TOPIC } else { "the system" };
+        let changed = self.time.lock().set_simulated(simulated);
+        if changed {
+            let to = if simulated { RosTime::TOPIC } else { "the system" };
             tracing::info!("the node's time comes from {to}");
         }
     }
 
     pub(super) fn on_clock(&self, clock: &Clock) {
-        let jump = self.time.lock().on_clock(clock);
-        match jump {
-            Ok(Some(TimeJump::Backward(by))) => {
+        let went_back = self.time.lock().on_clock(clock);
+        match went_back {
+            Ok(Some(by)) => {
                 tracing::warn!("{} went back by {} s", RosTime::TOPIC, by.as_secs_f64());
             }
-            Ok(_) => {}
+            Ok(None) => {}
             Err(error) => tracing::warn!("{error}"),
         }
     }
@@ -162,11 +156,5 @@ impl NodeHandle {
     #[must_use]
     pub fn refused_requests(&self) -> u64 {
         self.0.refused_requests.load(Relaxed)
-    }
-
-    /// Replies of the node that their clients did not hear in time, or that DDS refused.
-    #[must_use]
-    pub fn unheard_replies(&self) -> u64 {
-        self.0.unheard_replies.load(Relaxed)
     }
 }

@@ -33,7 +33,6 @@ mod goodbye;
 mod greeting;
 mod identity;
 mod large;
-mod numbers;
 mod outgoing;
 mod pair;
 mod participant;

@@ -4,11 +4,11 @@ use bytes::{Bytes, BytesMut};
 use proptest::prelude::*;
 use wrapyfi_yarp::Limits;
 use wrapyfi_yarp::wire::datagram::{self, Assembler};
-use wrapyfi_yarp::wire::header::{self, HeaderReader};
+use wrapyfi_yarp::wire::header;
 use wrapyfi_yarp::wire::message::{self, MessageReader};
 use wrapyfi_yarp::wire::mjpeg::{self, MjpegReader};
 use wrapyfi_yarp::wire::text::{self, TextReader};
-use wrapyfi_yarp::wire::{Carrier, Command, Fault, Sender, Step, admin};
+use wrapyfi_yarp::wire::{Carrier, Command, Fault, Opening, Sender, Step, admin};
 
 fn limits() -> Limits {
     Limits { max_message_bytes: 4096, max_line_bytes: 256, ..Limits::default() }
@@ -113,11 +113,10 @@ proptest! {
         if carrier == Carrier::Mcast {
             bytes.extend(header::encode_group("224.1.1.3:10004".parse().unwrap()));
         }
-        let mut reader = HeaderReader::new(&limits());
         let mut buffer = BytesMut::new();
         let opening = bytes.iter().find_map(|&byte| {
             buffer.extend_from_slice(&[byte]);
-            match reader.poll(&mut buffer).unwrap() {
+            match Opening::poll(&mut buffer, &limits()).unwrap() {
                 Step::Event(opening) => Some(opening),
                 Step::Need(_) => None,
             }
@@ -126,8 +125,8 @@ proptest! {
         prop_assert!(text.contains(&format!("{carrier:?}")), "{}", text);
         prop_assert!(text.contains(&format!("{sender:?}")), "{}", text);
         prop_assert!(buffer.is_empty());
-        let mut reader = HeaderReader::new(&limits());
-        prop_assert_eq!(found(&bytes, &pieces, |buffer| reader.poll(buffer)).len(), 1);
+        let openings = found(&bytes, &pieces, |buffer| Opening::poll(buffer, &limits()));
+        prop_assert_eq!(openings.len(), 1);
     }
 
     #[test]
@@ -143,8 +142,7 @@ proptest! {
         ];
         let bytes = [starts[start], &bytes].concat();
         let limits = limits();
-        let mut reader = HeaderReader::new(&limits);
-        found(&bytes, &pieces, |buffer| reader.poll(buffer));
+        found(&bytes, &pieces, |buffer| Opening::poll(buffer, &limits));
         let mut reader = MessageReader::new(&limits);
         let events = found(&bytes, &pieces, |buffer| reader.poll(buffer));
         let mut reader = MessageReader::new(&limits);
@@ -221,12 +219,12 @@ fn names_that_lie_are_refused() {
     for length in [-1, 0, 1001, i32::MAX] {
         let mut bytes = b"YA\xe4\x1e\0\0RP".to_vec();
         bytes.extend(i32::to_le_bytes(length));
-        let fault = HeaderReader::new(&Limits::default()).poll(&mut BytesMut::from(&bytes[..]));
+        let fault = Opening::poll(&mut BytesMut::from(&bytes[..]), &Limits::default());
         assert_eq!(fault, Err(Fault::NameLength { length: i64::from(length), limit: 1000 }));
     }
     let mut buffer = BytesMut::from("CONNECT ");
     buffer.extend_from_slice(&[b'x'; 1100]);
-    assert!(HeaderReader::new(&Limits::default()).poll(&mut buffer).is_err());
+    assert!(Opening::poll(&mut buffer, &Limits::default()).is_err());
     let long = Sender::new("x".repeat(1000));
     assert!(header::encode(Carrier::Tcp, &long, &Limits::default()).is_err());
 }

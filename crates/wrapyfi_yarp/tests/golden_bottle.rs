@@ -106,7 +106,7 @@ fn bottles_of_connections() {
 fn bad_bottle_code() {
     let payloads = payloads("bad_bottle_code.json", "c2s");
     let error = Bottle::decode_whole(&payloads[0], Dialect::V3, &limits()).unwrap_err();
-    assert_eq!(error, BottleError::UnknownCode { code: 99, at: 8 });
+    assert!(error.to_string().starts_with("type code 99 at byte 8 is none"), "{error}");
     let framed = Bottle::frame(&payloads[0], Dialect::V3, &limits());
     assert_eq!(framed, Err(error));
     // The next message on that connection is sound.
@@ -134,7 +134,8 @@ fn v3_writer_v4_reader() {
     let payloads = payloads("v3_writer_v4_reader.json", "c2s");
     let double = &payloads[2];
     let error = Bottle::decode_whole(double, Dialect::V4, &limits()).unwrap_err();
-    assert_eq!(error, BottleError::Surplus { used: 12, length: 16, dialect: Dialect::V4 });
+    let text = error.to_string();
+    assert!(text.contains("after 12 of 16 bytes") && text.ends_with("other than v4"), "{text}");
     let (bottle, dialect) = Bottle::decode_either(double, Dialect::V4, &limits()).unwrap();
     assert_eq!((bottle.to_text().as_str(), dialect), ("3.25", Dialect::V3));
 }

@@ -17,20 +17,21 @@ fn refused(bytes: &Bytes, limits: &Limits) -> BottleError {
 fn counts_beyond_the_bytes_are_refused_before_memory_is_taken() {
     for code in [256, 257, 260, 266, 268] {
         let error = refused(&words(&[code, i32::MAX, 0, 0]), &Limits::default());
-        let BottleError::CountBeyondBytes { count, left: 8, .. } = error else { panic!("{error}") };
-        assert_eq!(count, i32::MAX as usize);
+        let text = error.to_string();
+        assert!(text.starts_with("a list of 2147483647 elements at byte 4"), "{text}");
+        assert!(text.contains("8 are left"), "{text}");
     }
     let error = refused(&words(&[260, 1, i32::MAX]), &Limits::default());
-    assert!(matches!(error, BottleError::Truncated { what: "a string", .. }), "{error}");
+    assert!(error.to_string().starts_with("a string at byte 12 needs 2147483647"), "{error}");
 }
 
 #[test]
 fn negative_lengths_are_refused() {
     for bytes in [words(&[257, -1]), words(&[260, 1, -1]), words(&[256, 1, 12, i32::MIN])] {
         let error = refused(&bytes, &Limits::default());
-        assert!(matches!(error, BottleError::Negative { .. }), "{error}");
+        assert!(error.to_string().contains("lengths cannot be negative"), "{error}");
         let framed = Bottle::frame(&bytes, Dialect::V3, &Limits::default()).unwrap_err();
-        assert!(matches!(framed, BottleError::Negative { .. }), "{framed}");
+        assert!(framed.to_string().contains("lengths cannot be negative"), "{framed}");
     }
 }
 

@@ -59,7 +59,6 @@ struct Written(Bytes, Option<Bytes>);
 
 /// Calls one service.
 pub(super) struct YarpClient {
-    spec: ServiceSpec,
     state: Arc<ClientState>,
     shared: Arc<Shared>,
     number: i64,
@@ -80,7 +79,6 @@ enum Outcome {
 /// State that a client shares with its tasks.
 struct ClientState {
     spec: ServiceSpec,
-    service: String,
     options: YarpOptions,
     format: FoundFormat,
     dialect: Dialect,
@@ -102,7 +100,7 @@ struct ClientState {
 
 impl ClientState {
     fn target(&self) -> String {
-        format!("{}:/{}", self.options.carrier(), self.service)
+        format!("{}:/{}", self.options.carrier(), self.spec.service)
     }
 
     /// A connection to the server as it is now; `None` when it is lost.
@@ -122,14 +120,14 @@ impl ClientState {
         let client = match shared.network(&self.options).open_rpc_client(&name, &options).await {
             Ok(client) => client,
             Err(error) => {
-                tracing::debug!(service = self.service, %error, "no connection");
+                tracing::debug!(service = self.spec.service, %error, "no connection");
                 return None;
             }
         };
         match client.connect(&self.target()).await {
             Ok(()) => Some(Arc::new(client)),
             Err(error) => {
-                tracing::debug!(service = self.service, %error, "no connection");
+                tracing::debug!(service = self.spec.service, %error, "no connection");
                 None
             }
         }
@@ -159,7 +157,7 @@ impl ClientState {
         let told = *self.told.lock();
         let dialect = match told {
             Some(dialect) => dialect,
-            None => client_dialects::ask(&shared.network, &self.service).await.0,
+            None => client_dialects::ask(&shared.network, &self.spec.service).await.0,
         };
         *self.told.lock() = Some(dialect);
         if dialect == self.dialect { usual } else { other }
@@ -227,9 +225,9 @@ async fn keep((shared, state): (Arc<Shared>, Arc<ClientState>), mut stopped: Sto
     // One that panicked had connections.
     state.up.send_replace(None);
     state.idle.lock().clear();
-    let opened = until_open(&shared, &state.service, &state.link_state, || {
+    let opened = until_open(&shared, &state.spec.service, &state.link_state, || {
         let own = state.options.port.clone();
-        let name = own.unwrap_or_else(|| numbered(&state.service));
+        let name = own.unwrap_or_else(|| numbered(&state.spec.service));
         let (network, options) = (shared.network(&state.options), shared.asking());
         async move { network.open_rpc_client(&name, &options).await }
     });
@@ -250,27 +248,27 @@ async fn keep((shared, state): (Arc<Shared>, Arc<ClientState>), mut stopped: Sto
 }
 
 async fn stay_connected(shared: &Shared, state: &ClientState, port: &RpcClient) {
-    let bell = shared.directory.watch(&state.service);
-    let (mut backoff, mut time) = (Backoff::of_name(&state.service), 0);
+    let bell = shared.directory.watch(&state.spec.service);
+    let (mut backoff, mut time) = (Backoff::of_name(&state.spec.service), 0);
     let mut changes = port.connected();
     let mut has_just_come = false;
     loop {
-        if !shared.directory.knows(&state.service) {
+        if !shared.directory.knows(&state.spec.service) {
             has_just_come = true;
             let away = shared.directory.waiting_for();
-            let nobody = || format!("port {}{UNOPENED}", state.service);
+            let nobody = || format!("port {}{UNOPENED}", state.spec.service);
             state.link_state.waiting(away.unwrap_or_else(nobody));
             bell.notified().await;
             continue;
         }
-        let asked = shared.located(&state.service);
-        let (what, say) = (format!("to tell where port {} is", state.service), |what| {
+        let asked = shared.located(&state.spec.service);
+        let (what, say) = (format!("to tell where port {} is", state.spec.service), |what| {
             state.link_state.waiting(what);
         });
         let at = shared.directory.answers(&what, asked, say).await.and_then(|entry| entry.at);
         if let Err(error) = port.connect(&state.target()).await {
-            let why = format!("port {} to answer: {error}", state.service);
-            let hint = shared.hint(&state.service);
+            let why = format!("port {} to answer: {error}", state.spec.service);
+            let hint = shared.hint(&state.spec.service);
             let hint = unless_slow(hint, || state.link_state.waiting(why.as_str())).await;
             state.link_state.waiting(format!("{why}{hint}"));
             // A name is registered a moment before its port listens.
@@ -279,7 +277,9 @@ async fn stay_connected(shared: &Shared, state: &ClientState, port: &RpcClient) 
         }
         // Without a name server it stays what it was.
         if state.options.finds_format && shared.directory.reached().is_some() {
-            state.format.set(found_format::of_server(shared, &state.service, has_just_come).await);
+            state
+                .format
+                .set(found_format::of_server(shared, &state.spec.service, has_just_come).await);
         }
         has_just_come = false;
         backoff.reset();
@@ -296,7 +296,7 @@ async fn stay_connected(shared: &Shared, state: &ClientState, port: &RpcClient) 
             };
             // The same server that was registered again is no other server, nor is one whose name server went.
             let stays = rung && {
-                let now = shared.located(&state.service).await;
+                let now = shared.located(&state.spec.service).await;
                 now.is_none_or(|now| now.at == at)
             };
             if !stays {
@@ -305,7 +305,7 @@ async fn stay_connected(shared: &Shared, state: &ClientState, port: &RpcClient) 
         }
         state.up.send_replace(None);
         state.idle.lock().clear();
-        state.link_state.waiting(format!("port {} to answer", state.service));
+        state.link_state.waiting(format!("port {} to answer", state.spec.service));
         port.disconnect().await;
     }
 }
@@ -324,7 +324,6 @@ impl YarpClient {
         let waiting = format!("port {} to answer", spec.service);
         let state = Arc::new(ClientState {
             spec: spec.clone(),
-            service: spec.service.clone(),
             format: FoundFormat::new(&options),
             dialect: shared.network(&options).dialect(),
             told: Mutex::default(),
@@ -341,17 +340,17 @@ impl YarpClient {
         let (stop, stopped) = shared.tasks.stop();
         let (kept, told) = ((Arc::clone(shared), Arc::clone(&state)), Arc::clone(&state));
         shared.tasks.spawn(
-            &state.service,
+            &state.spec.service,
             move |what| told.link_state.waiting(what),
             move || keep(kept.clone(), stopped.clone()),
         );
         let shared = Arc::clone(shared);
-        let wire = Self { spec: spec.clone(), state, shared, number: 0, _stop: stop };
+        let wire = Self { state, shared, number: 0, _stop: stop };
         Ok(WireClient::new(wire, &spec.service, spec.pending, context))
     }
 
     fn end(&self, calls: &mut Calls<Outgoing>, (number, outcome, at): (i64, Outcome, Instant)) {
-        let service = self.spec.service.clone();
+        let service = self.state.spec.service.clone();
         let body = match outcome {
             Outcome::Reply(body) => body,
             Outcome::Silence => {
@@ -366,10 +365,10 @@ impl YarpClient {
                 return calls.failed(number, CallError::Transport { service, reason });
             }
         };
-        let (spec, state) = (&self.spec, &self.state);
+        let state = &self.state;
         calls.answered(number, body.len(), at, || {
             let now = Stamp::now();
-            match payload::decode_reply(&body, spec, state.options(), state.dialect, now) {
+            match payload::decode_reply(&body, &state.spec, state.options(), state.dialect, now) {
                 Ok(Ok(payload)) => Ok(payload),
                 Ok(Err(reason)) => Err(CallError::Refused { service, reason }),
                 Err(fault) => Err(CallError::Reply { service, fault }),
@@ -404,7 +403,7 @@ impl ClientWire for YarpClient {
 
     fn turn(&mut self, calls: &mut Calls<Outgoing>) {
         // Late replies have their connections still: twice the calls is the most.
-        let most = self.spec.pending.saturating_mul(2);
+        let most = self.state.spec.pending.saturating_mul(2);
         while self.state.up.borrow().is_some()
             && self.state.out.load(Relaxed) < most
             && calls.next_to_send().is_some()

@@ -72,6 +72,19 @@ impl ParameterType {
     pub fn number(self) -> u8 {
         self as u8
     }
+
+    /// The empty list of this type; `None` of a type that is no list.
+    #[must_use]
+    pub fn empty_list(self) -> Option<ParameterValue> {
+        Some(match self {
+            Self::ByteArray => ParameterValue::ByteArray(Vec::new()),
+            Self::BoolArray => ParameterValue::BoolArray(Vec::new()),
+            Self::IntegerArray => ParameterValue::IntegerArray(Vec::new()),
+            Self::DoubleArray => ParameterValue::DoubleArray(Vec::new()),
+            Self::StringArray => ParameterValue::StringArray(Vec::new()),
+            _ => return None,
+        })
+    }
 }
 
 impl ParameterValue {

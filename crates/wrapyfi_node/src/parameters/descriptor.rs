@@ -136,12 +136,14 @@ impl ParameterDescriptor {
             return Ok(());
         }
         if value < min || value > max {
-            return Err(self.out_of_range(min, max, value));
+            // rclpy has a full stop here for integers only.
+            return Err(self.out_of_range(".", [min, max, value].map(|number| number.to_string())));
         }
         // value > min, so the distance fits.
         let distance = value.abs_diff(min);
         if distance.checked_rem(step).unwrap_or(0) != 0 {
-            return Err(self.off_step(min, max, value, step));
+            let numbers = [min, max, value].map(|number| number.to_string());
+            return Err(self.off_step("", numbers, &step.to_string()));
         }
         Ok(())
     }
@@ -153,33 +155,28 @@ impl ParameterDescriptor {
         }
         // Not a number is in no range.
         if !(min < value && value < max) {
-            return Err(self.out_of_range(min, max, value));
+            return Err(self.out_of_range("", [min, max, value].map(python)));
         }
         if step != 0.0 && !is_close(min + ((value - min) / step).round() * step, value) {
-            return Err(self.off_step(min, max, value, step));
+            let numbers = [min, max, value].map(python);
+            return Err(self.off_step("close enough to ", numbers, &python(step)));
         }
         Ok(())
     }
 
-    fn out_of_range<T: Number>(&self, min: T, max: T, value: T) -> SetError {
-        let name = self.name.clone();
-        // rclpy has a full stop here for integers only.
-        let dot = if T::IS_INTEGER { "." } else { "" };
-        let [min, max, value] = [min, max, value].map(T::text);
-        let reason =
-            format!("Parameter {name} out of range{dot} Min: {min}, Max: {max}, value: {value}");
-        SetError::OutOfRange { name, reason }
+    fn out_of_range(&self, dot: &str, [min, max, value]: [String; 3]) -> SetError {
+        let name = &self.name;
+        SetError::Range(format!(
+            "Parameter {name} out of range{dot} Min: {min}, Max: {max}, value: {value}"
+        ))
     }
 
-    fn off_step<T: Number>(&self, min: T, max: T, value: T, step: impl Number) -> SetError {
-        let name = self.name.clone();
-        let close = if T::IS_INTEGER { "" } else { "close enough to " };
-        let ([min, max, value], step) = ([min, max, value].map(T::text), step.text());
-        let reason = format!(
+    fn off_step(&self, close: &str, [min, max, value]: [String; 3], step: &str) -> SetError {
+        let name = &self.name;
+        SetError::Range(format!(
             "The parameter value for {name} is not {close}a valid step. Min: {min}, max: {max}, \
              value: {value}, step: {step}"
-        );
-        SetError::OffStep { name, reason }
+        ))
     }
 }
 
@@ -195,30 +192,8 @@ impl ParameterRange {
 }
 
 /// A number in an error, written as Python does: `1.0`, `1e+16`, `inf`.
-trait Number {
-    const IS_INTEGER: bool;
-    fn text(self) -> String;
-}
-
-impl Number for i64 {
-    const IS_INTEGER: bool = true;
-    fn text(self) -> String {
-        self.to_string()
-    }
-}
-
-impl Number for u64 {
-    const IS_INTEGER: bool = true;
-    fn text(self) -> String {
-        self.to_string()
-    }
-}
-
-impl Number for f64 {
-    const IS_INTEGER: bool = false;
-    fn text(self) -> String {
-        DefaultValue::One(Literal::Float(self)).to_python()
-    }
+fn python(number: f64) -> String {
+    DefaultValue::One(Literal::Float(number)).to_python()
 }
 
 fn is_close(a: f64, b: f64) -> bool {

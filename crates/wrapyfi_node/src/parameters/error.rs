@@ -14,14 +14,11 @@ pub enum DeclareError {
     #[error("parameter {0} is declared already; declare it once")]
     AlreadyDeclared(String),
     /// The value given from outside is not allowed.
-    #[error(
-        "parameter {name} cannot be what the command line or a parameter file says: {0}",
-        name = .0.name()
-    )]
-    Override(#[source] SetError),
+    #[error("parameter {0} cannot be what the command line or a parameter file says: {1}")]
+    Override(String, #[source] SetError),
     /// The default value is not allowed.
-    #[error("parameter {name} cannot have its default value: {0}", name = .0.name())]
-    Default(#[source] SetError),
+    #[error("parameter {0} cannot have its default value: {1}")]
+    Default(String, #[source] SetError),
 }
 
 /// Error of reading a parameter.
@@ -59,22 +56,9 @@ pub enum SetError {
     /// A value without type would delete the parameter, which keeps its type.
     #[error("parameter {0}: {STATIC_TYPE}")]
     StaticType(String),
-    /// The value is outside the range.
-    #[error("{reason}")]
-    OutOfRange {
-        /// The name.
-        name: String,
-        /// Text with the least and the largest value.
-        reason: String,
-    },
-    /// The value is between the steps of the range.
-    #[error("{reason}")]
-    OffStep {
-        /// The name.
-        name: String,
-        /// Text with the range and the distance of its values.
-        reason: String,
-    },
+    /// The value is outside the range, or between its steps; the text has the range.
+    #[error("{0}")]
+    Range(String),
     /// The value is too large.
     #[error("the value for parameter {name} has {size} bytes, the limit is {limit}")]
     TooLarge {
@@ -115,23 +99,6 @@ fn wrong_type(expected: ParameterType, found: ParameterType) -> String {
 }
 
 impl SetError {
-    /// Name of the parameter; empty for an error of a whole request.
-    #[must_use]
-    pub fn name(&self) -> &str {
-        match self {
-            Self::NotDeclared(name)
-            | Self::ReadOnly(name)
-            | Self::WrongType { name, .. }
-            | Self::StaticType(name)
-            | Self::OutOfRange { name, .. }
-            | Self::OffStep { name, .. }
-            | Self::TooLarge { name, .. }
-            | Self::UnknownType { name, .. }
-            | Self::Twice(name) => name,
-            Self::TooMany { .. } => "",
-        }
-    }
-
     /// Text for `SetParametersResult.reason`, in the words of rclpy where it has some.
     #[must_use]
     pub fn reason(&self) -> String {

@@ -13,23 +13,15 @@ pub(super) fn override_for(
         return Ok(value.clone());
     }
     // `[]` on the command line is an empty list of any type.
-    Err(match (found, expected) {
-        (ParameterType::NotSet, ParameterType::ByteArray) => return Ok(Vec::<u8>::new().into()),
-        (ParameterType::NotSet, ParameterType::BoolArray) => return Ok(Vec::<bool>::new().into()),
-        (ParameterType::NotSet, ParameterType::IntegerArray) => return Ok(Vec::<i64>::new().into()),
-        (ParameterType::NotSet, ParameterType::DoubleArray) => return Ok(Vec::<f64>::new().into()),
-        (ParameterType::NotSet, ParameterType::StringArray) => {
-            return Ok(Vec::<String>::new().into());
-        }
-        _ => {
-            let (name, hint) = (&descriptor.name, hint(&descriptor.name, value, expected));
-            let value: String = value.to_string().chars().take(SHOWN).collect();
-            DeclareError::Unfit(format!(
-                "Trying to set parameter '{name}' to '{value}' of type '{found}', expecting type \
-                 '{expected}': write {hint}"
-            ))
-        }
-    })
+    if let (ParameterType::NotSet, Some(empty)) = (found, expected.empty_list()) {
+        return Ok(empty);
+    }
+    let (name, hint) = (&descriptor.name, hint(&descriptor.name, value, expected));
+    let value: String = value.to_string().chars().take(SHOWN).collect();
+    Err(DeclareError::Unfit(format!(
+        "Trying to set parameter '{name}' to '{value}' of type '{found}', expecting type \
+         '{expected}': write {hint}"
+    )))
 }
 
 /// Example of a value of the type, as it is written on the command line.

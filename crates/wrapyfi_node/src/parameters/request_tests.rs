@@ -29,7 +29,7 @@ fn groups_are_listed_by_depth() {
     for name in ["b", "a.x", "a.b.y", "a.b.c.z", "ab.w", "a"] {
         store.declare(named(name), 1).unwrap();
     }
-    let mut list = |prefixes: &[&str], depth| {
+    let list = |prefixes: &[&str], depth| {
         let prefixes = prefixes.iter().map(|&prefix| prefix.to_owned()).collect();
         let found = store.list_parameters(&ListParameters_Request { prefixes, depth }).result;
         let skip = |names: Vec<String>| -> Vec<String> {
@@ -62,9 +62,7 @@ fn requests_are_bounded() {
     store.declare(named("big"), "x".repeat(MAX_VALUE_BYTES)).unwrap();
     let ask = |count| GetParameters_Request { names: vec!["big".to_owned(); count] };
     assert_eq!(store.get_parameters(&ask(15)).values.len(), 15);
-    assert_eq!(store.refused_requests(), 0);
     assert!(store.get_parameters(&ask(16)).values.is_empty());
-    assert_eq!(store.refused_requests(), 1);
     let names = vec!["use_sim_time".to_owned(); MAX_PARAMETERS + 1];
     assert!(
         store
@@ -74,7 +72,6 @@ fn requests_are_bounded() {
     );
     let list = ListParameters_Request { prefixes: names, depth: 0 };
     assert!(store.list_parameters(&list).result.names.is_empty());
-    assert_eq!(store.refused_requests(), 3);
 
     let parameters = vec![msg::Parameter::default(); MAX_PARAMETERS + 1];
     let request = SetParameters_Request { parameters: parameters.clone() };
@@ -84,7 +81,6 @@ fn requests_are_bounded() {
     assert!(results.iter().all(|result| result.reason == text));
     let request = SetParametersAtomically_Request { parameters };
     assert_eq!(store.set_parameters_atomically(request).result.reason, text);
-    assert_eq!(store.refused_requests(), 5);
 
     let large = ParameterValue::from("x".repeat(MAX_VALUE_BYTES + 1));
     assert_eq!(

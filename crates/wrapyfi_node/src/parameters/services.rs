@@ -69,7 +69,7 @@ impl ParameterStore {
 
     /// Answers `~/describe_parameters`: nothing at all where one of the names is not declared.
     pub fn describe_parameters(
-        &mut self,
+        &self,
         request: &DescribeParameters_Request,
     ) -> DescribeParameters_Response {
         let descriptors = self.each(&request.names, |store, name| {
@@ -84,7 +84,7 @@ impl ParameterStore {
 
     /// Answers `~/get_parameters`: nothing at all where one of the names is not declared or has no
     /// value.
-    pub fn get_parameters(&mut self, request: &GetParameters_Request) -> GetParameters_Response {
+    pub fn get_parameters(&self, request: &GetParameters_Request) -> GetParameters_Response {
         let values = self.each(&request.names, |store, name| {
             let value = store.get(name).ok()?;
             Some((value.clone(), value.size()))
@@ -96,7 +96,7 @@ impl ParameterStore {
 
     /// Answers `~/get_parameter_types`: nothing at all where one of the names is not declared.
     pub fn get_parameter_types(
-        &mut self,
+        &self,
         request: &GetParameterTypes_Request,
     ) -> GetParameterTypes_Response {
         let types =
@@ -105,9 +105,8 @@ impl ParameterStore {
     }
 
     /// Answers `~/list_parameters`.
-    pub fn list_parameters(&mut self, request: &ListParameters_Request) -> ListParameters_Response {
+    pub fn list_parameters(&self, request: &ListParameters_Request) -> ListParameters_Response {
         if request.prefixes.len() > MAX_PARAMETERS {
-            self.refuse();
             return ListParameters_Response::default();
         }
         ListParameters_Response { result: self.list(&request.prefixes, request.depth) }
@@ -117,7 +116,6 @@ impl ParameterStore {
     pub fn set_parameters(&mut self, request: SetParameters_Request) -> SetParameters_Response {
         let (count, limit) = (request.parameters.len(), MAX_PARAMETERS);
         if count > limit {
-            self.refuse();
             let refused = result(Err(SetError::TooMany { count, limit }));
             return SetParameters_Response { results: vec![refused; count] };
         }
@@ -130,10 +128,6 @@ impl ParameterStore {
         &mut self,
         request: SetParametersAtomically_Request,
     ) -> SetParametersAtomically_Response {
-        let count = request.parameters.len();
-        if count > MAX_PARAMETERS {
-            self.refuse();
-        }
         let parameters: Result<Vec<_>, _> = request.parameters.into_iter().map(parameter).collect();
         let result = result(parameters.and_then(|parameters| self.set_atomically(parameters)));
         SetParametersAtomically_Response { result }
@@ -142,7 +136,7 @@ impl ParameterStore {
     /// Collects the result of `find` for each name. Empty where a name has no result, or where all
     /// together exceed the size of a reply.
     fn each<T>(
-        &mut self,
+        &self,
         names: &[String],
         find: impl Fn(&Self, &str) -> Option<(T, usize)>,
     ) -> Vec<T> {
@@ -152,16 +146,11 @@ impl ParameterStore {
             let Some((one, size)) = find(self, name) else { return Vec::new() };
             total = total.saturating_add(size).saturating_add(FIXED_BYTES);
             if total > MAX_REPLY_BYTES || names.len() > MAX_PARAMETERS {
-                self.refuse();
                 return Vec::new();
             }
             found.push(one);
         }
         found
-    }
-
-    fn refuse(&mut self) {
-        self.refused_requests = self.refused_requests.saturating_add(1);
     }
 }
 

@@ -47,7 +47,6 @@ pub struct ParameterStore {
     ordinal: u64,
     watches: Watches,
     events: PendingEvents,
-    pub(super) refused_requests: u64,
 }
 
 struct Declared {
@@ -76,7 +75,6 @@ impl ParameterStore {
             ordinal: 0,
             watches: Watches::default(),
             events: PendingEvents::default(),
-            refused_requests: 0,
         };
         let [use_sim_time, type_descriptions] = NODE_SWITCHES;
         store.declare(ParameterDescriptor::new(use_sim_time), false)?;
@@ -131,8 +129,8 @@ impl ParameterStore {
         // A typed parameter may wait for its value.
         if value != ParameterValue::NotSet {
             descriptor.check(&value).map_err(|source| match overridden {
-                true => DeclareError::Override(source),
-                false => DeclareError::Default(source),
+                true => DeclareError::Override(name.clone(), source),
+                false => DeclareError::Default(name.clone(), source),
             })?;
         }
         if descriptor.dynamic_typing {
@@ -323,13 +321,6 @@ impl ParameterStore {
     #[must_use]
     pub fn take_events(&mut self, stamp: Stamp) -> Vec<ParameterEvent> {
         self.events.take(&self.node, stamp)
-    }
-
-    /// Number of requests that got an empty answer because they, or their answer, exceeded the
-    /// limits.
-    #[must_use]
-    pub fn refused_requests(&self) -> u64 {
-        self.refused_requests
     }
 }
 

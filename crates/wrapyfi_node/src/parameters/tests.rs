@@ -166,7 +166,7 @@ fn a_typed_parameter_waits_for_its_value() {
 fn dynamic_parameters_change_their_type_and_go() {
     let mut store = store();
     store.declare(named("p").dynamic().with_integer_range(0, 10, 5), 5).unwrap();
-    assert!(matches!(store.set("p", 7).unwrap_err(), SetError::OffStep { .. }));
+    assert!(matches!(store.set("p", 7).unwrap_err(), SetError::Range(_)));
     store.set("p", "text").unwrap();
     assert_eq!(store.describe("p").unwrap().parameter_type, ParameterType::String);
     let wake = Wake::new();

@@ -21,8 +21,8 @@ use super::entity::{Entity, ReturnCode};
 use super::events::{Events, Listener, silence};
 use super::matched::{self, Side};
 use super::qos::{EndpointQos, QosObject};
-use super::sequence::Gaps;
 use super::serdata::Sample;
+use crate::gaps::Gaps;
 use crate::graph::CdrSample;
 
 /// Call that creates a writer or a reader.
@@ -195,7 +195,7 @@ impl RawWriter {
 /// Takes serialised messages.
 pub(crate) struct RawReader {
     endpoint: Endpoint,
-    gaps: Gaps,
+    gaps: Gaps<u64>,
 }
 
 /// Result of taking one sample from a reader.

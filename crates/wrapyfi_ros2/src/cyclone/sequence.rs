@@ -14,11 +14,8 @@
 //! one version of `cyclors` that Cargo.toml allows.
 #![allow(unsafe_code)]
 
-use std::collections::HashMap;
 use std::ffi::c_void;
 
-/// Writers whose last number is known.
-const MAX_WRITERS: usize = 4096;
 /// Kinds of submessage that carry a sample.
 const DATA: u8 = 0x15;
 const DATA_FRAG: u8 = 0x16;
@@ -63,7 +60,7 @@ struct Submessage {
 ///
 /// # Safety
 /// `fragments` is null or what Cyclone gives to `from_ser`.
-unsafe fn number(fragments: *const cyclors::ddsi_rdata) -> Option<u64> {
+unsafe fn number(fragments: *const cyclors::ddsi_rdata) -> Option<i64> {
     // SAFETY: as Cyclone's own `deliver_user_data` finds the header, by this module's contract.
     let submessage = unsafe {
         let fragment = fragments.cast::<Fragment>().as_ref()?;
@@ -75,7 +72,7 @@ unsafe fn number(fragments: *const cyclors::ddsi_rdata) -> Option<u64> {
     };
     let number = (i64::from(submessage.high) << 32) | i64::from(submessage.low);
     let carries = matches!(submessage.kind, DATA | DATA_FRAG);
-    u64::try_from(number).ok().filter(|number| carries && *number > 0)
+    (carries && number > 0).then_some(number)
 }
 
 /// Writes the number of the packet's sample into a sample that was made of it.
@@ -89,66 +86,13 @@ pub(super) unsafe fn keep(
     // SAFETY: by this function's contract.
     unsafe {
         if let (Some(sample), Some(number)) = (serdata.as_mut(), number(fragments)) {
-            sample.twrite.v = i64::try_from(number).map_or(0, |number| -number);
+            sample.twrite.v = -number;
         }
     }
 }
 
 /// The number that [`keep`] wrote; `None` for samples of this process, among which none is lost.
-pub(super) fn kept(sample: &cyclors::ddsi_serdata) -> Option<u64> {
+pub(super) fn kept(sample: &cyclors::ddsi_serdata) -> Option<i64> {
     // A sample that is neither kept nor written has the least number that there is.
-    let number = sample.twrite.v.checked_neg()?;
-    u64::try_from(number).ok().filter(|number| *number > 0)
-}
-
-/// Numbers that are missing between the samples of each writer.
-#[derive(Debug, Default)]
-pub(super) struct Gaps {
-    newest: HashMap<u64, u64>,
-    missing: u64,
-}
-
-impl Gaps {
-    /// Notes a sample of the writer `writer`. The first one of each begins the count: what was before
-    /// it was not for this reader.
-    pub(super) fn note(&mut self, writer: u64, number: u64) {
-        if self.newest.len() >= MAX_WRITERS && !self.newest.contains_key(&writer) {
-            self.newest.clear();
-        }
-        let newest = self.newest.entry(writer).or_insert(number);
-        let missing = number.saturating_sub(*newest).saturating_sub(1);
-        self.missing = self.missing.saturating_add(missing);
-        *newest = number.max(*newest);
-    }
-
-    /// Number of missing samples that were not returned before.
-    pub(super) fn take(&mut self) -> u64 {
-        std::mem::take(&mut self.missing)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_is_missing_is_counted_per_writer_and_once() {
-        let mut gaps = Gaps::default();
-        for (writer, number) in [(1, 7), (2, 100), (1, 8), (1, 12), (2, 101), (1, 12), (1, 11)] {
-            gaps.note(writer, number);
-        }
-        assert_eq!((gaps.take(), gaps.take()), (3, 0));
-        gaps.note(1, 14);
-        assert_eq!(gaps.take(), 1);
-    }
-
-    #[test]
-    fn many_writers_take_bounded_room() {
-        let mut gaps = Gaps::default();
-        for writer in 0..3 * MAX_WRITERS as u64 {
-            gaps.note(writer, writer);
-        }
-        assert!(gaps.newest.len() <= MAX_WRITERS);
-        assert_eq!(gaps.take(), 0);
-    }
+    sample.twrite.v.checked_neg().filter(|number| *number > 0)
 }

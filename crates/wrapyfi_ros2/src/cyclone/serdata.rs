@@ -113,7 +113,7 @@ impl Sample {
     }
 
     /// Sequence number of a sample that came from another process.
-    pub(super) fn sequence(&self) -> Option<u64> {
+    pub(super) fn sequence(&self) -> Option<i64> {
         // SAFETY: the sample is alive, and nobody writes it any more.
         sequence::kept(unsafe { self.0.as_ref() })
     }

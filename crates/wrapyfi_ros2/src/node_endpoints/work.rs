@@ -130,7 +130,6 @@ impl Work {
             drop(served.replies.flush());
             more |= self.answer_some(served);
         }
-        self.shared.set_unheard(servers.iter().map(|served| served.replies.unheard()).sum());
         self.servers = servers;
         more
     }

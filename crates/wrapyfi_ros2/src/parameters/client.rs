@@ -213,35 +213,16 @@ impl ParameterClient {
         let mut types = types.into_iter().peekable();
         let parameters = properties.iter().map(|(name, value)| {
             let kind = types.next_if(|(empty, _)| empty == name).and_then(|(_, kind)| kind);
-            let value = kind.and_then(empty_list).unwrap_or_else(|| value.clone());
+            let value = kind.and_then(ParameterType::empty_list).unwrap_or_else(|| value.clone());
             msg::Parameter::from(Parameter::new(name, value))
         });
         Ok(parameters.collect())
     }
 }
 
-/// A list that says nothing of its type.
+/// True of a list that says nothing of its type.
 fn is_empty_list(value: &ParameterValue) -> bool {
-    match value {
-        ParameterValue::ByteArray(values) => values.is_empty(),
-        ParameterValue::BoolArray(values) => values.is_empty(),
-        ParameterValue::IntegerArray(values) => values.is_empty(),
-        ParameterValue::DoubleArray(values) => values.is_empty(),
-        ParameterValue::StringArray(values) => values.is_empty(),
-        _ => false,
-    }
-}
-
-/// The empty list of this type.
-fn empty_list(kind: ParameterType) -> Option<ParameterValue> {
-    Some(match kind {
-        ParameterType::ByteArray => ParameterValue::ByteArray(Vec::new()),
-        ParameterType::BoolArray => ParameterValue::BoolArray(Vec::new()),
-        ParameterType::IntegerArray => ParameterValue::IntegerArray(Vec::new()),
-        ParameterType::DoubleArray => ParameterValue::DoubleArray(Vec::new()),
-        ParameterType::StringArray => ParameterValue::StringArray(Vec::new()),
-        _ => return None,
-    })
+    value.parameter_type().empty_list().as_ref() == Some(value)
 }
 
 pub(super) fn counts(answers: usize, questions: usize) -> String {

@@ -9,7 +9,6 @@
 use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::pin::pin;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::task::{Context, Poll, Waker};
 
 use futures_core::Stream as _;
@@ -18,11 +17,11 @@ use rustdds::rpc::SampleIdentity;
 use rustdds::{DataReaderStatus, DataWriterStatus, RTPSEntity as _, StatusEvented as _, Timestamp};
 
 use super::adapter::{RawCdr, Received, Within};
-use super::numbers::Numbers;
 use super::outgoing::{Identity, Outgoing, Writer};
 use super::remotes::{PREFIX, Remotes};
 use super::settings::WholeSamples;
 use crate::discovery_info::Gid;
+use crate::gaps::Gaps;
 use crate::graph::{GraphError, Notify, ServiceDescription};
 use wrapyfi_endpoint::Mutex;
 
@@ -42,8 +41,7 @@ pub(super) struct Pair {
     notify: Notify,
     /// Remote endpoints that the two are matched with.
     pub(super) remotes: Mutex<Remotes>,
-    numbers: Mutex<Numbers>,
-    lost: AtomicU64,
+    gaps: Mutex<Gaps<Gid>>,
 }
 
 /// A message as its reader takes it.
@@ -75,8 +73,7 @@ impl Pair {
             reader,
             notify,
             remotes: Mutex::default(),
-            numbers: Mutex::default(),
-            lost: AtomicU64::new(0),
+            gaps: Mutex::default(),
         };
         pair.forget();
         pair
@@ -98,7 +95,7 @@ impl Pair {
 
     /// Samples lost since the last call.
     pub(super) fn take_lost(&self) -> u64 {
-        self.lost.swap(0, Relaxed)
+        self.gaps.lock().take()
     }
 
     /// Writes one message, given in pieces. Its number.
@@ -120,7 +117,7 @@ impl Pair {
 
     fn taken(&self, sample: DeserializedCacheChange<Received>) -> Taken {
         let (writer, number) = (sample.writer_guid().to_bytes(), i64::from(sample.sequence_number));
-        self.lost.fetch_add(self.numbers.lock().note(writer, number), Relaxed);
+        self.gaps.lock().note(writer, number);
         let stamp = sample.source_timestamp().unwrap_or(sample.receive_instant);
         Taken {
             writer,
@@ -133,13 +130,13 @@ impl Pair {
 
     /// Forgets an endpoint that discovery has lost; true when it was matched.
     pub(super) fn remote_lost(&self, gid: &Gid) -> bool {
-        self.numbers.lock().retain(|known| known != gid);
+        self.gaps.lock().retain(|known| known != gid);
         self.remotes.lock().remove(gid)
     }
 
     /// Forgets the endpoints of a participant that discovery has lost.
     pub(super) fn participant_lost(&self, prefix: &[u8]) -> bool {
-        self.numbers.lock().retain(|gid| !gid.starts_with(prefix));
+        self.gaps.lock().retain(|gid| !gid.starts_with(prefix));
         self.remotes.lock().retain(|gid| !gid.starts_with(prefix))
     }
 
@@ -152,7 +149,7 @@ impl Pair {
         let stays = |gid: &Gid| {
             gid.first_chunk::<PREFIX>() == own.first_chunk::<PREFIX>() || discovered.contains(gid)
         };
-        self.numbers.lock().retain(stays);
+        self.gaps.lock().retain(stays);
         self.remotes.lock().retain(stays)
     }
 

@@ -6,18 +6,10 @@ use crate::Dialect;
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BottleError {
-    /// The bytes end early.
-    #[error("{what} at byte {at} needs {needed} bytes, {left} are left: the message was cut short")]
-    Truncated {
-        /// Name of the missing part.
-        what: &'static str,
-        /// Offset of the part in bytes.
-        at: usize,
-        /// Length of the part in bytes.
-        needed: usize,
-        /// Number of bytes that are left.
-        left: usize,
-    },
+    /// Bytes that are no whole bottle: they end early, or lie about their lengths, or have a type
+    /// code that no dialect has.
+    #[error("{0}")]
+    Damaged(String),
     /// A type code of the other dialect, so the peer speaks that one.
     #[error(
         "type code {code} at byte {at} is {meaning} of YARP's dialect {other}, but this connection \
@@ -33,44 +25,6 @@ pub enum BottleError {
         meaning: &'static str,
         /// The dialect that was read.
         dialect: Dialect,
-    },
-    /// A type code that no dialect has.
-    #[error(
-        "type code {code} at byte {at} is none of YARP's: the message is damaged, or not a bottle"
-    )]
-    UnknownCode {
-        /// The code.
-        code: i32,
-        /// Offset of the code in bytes.
-        at: usize,
-    },
-    /// A bottle begins with the code of a list; this begins with something else.
-    #[error("a bottle begins with a list code (256 and above), not with {0}: it is no bottle")]
-    NotAList(i32),
-    /// A length or count below zero.
-    #[error("{what} at byte {at} is {length}: lengths cannot be negative, the message is damaged")]
-    Negative {
-        /// Name of the part with the length.
-        what: &'static str,
-        /// Offset of the length in bytes.
-        at: usize,
-        /// The length.
-        length: i32,
-    },
-    /// More elements than the bytes behind the count can hold.
-    #[error(
-        "a list of {count} elements at byte {at} needs {needed} bytes or more, {left} are left: \
-         the message is damaged"
-    )]
-    CountBeyondBytes {
-        /// Elements announced.
-        count: usize,
-        /// Offset of the count in bytes.
-        at: usize,
-        /// Least number of bytes that so many elements take.
-        needed: usize,
-        /// Number of bytes that are left.
-        left: usize,
     },
     /// More elements than the limit.
     #[error(
@@ -93,19 +47,24 @@ pub enum BottleError {
         /// [`crate::Limits::max_message_bytes`].
         limit: usize,
     },
-    /// Bytes behind a bottle that should fill its message.
-    #[error(
-        "the bottle ends after {used} of {length} bytes: the message is damaged, or in a dialect \
-         other than {dialect}"
-    )]
-    Surplus {
-        /// Length of the bottle in bytes.
-        used: usize,
-        /// Length of the message.
-        length: usize,
-        /// The dialect that was read.
-        dialect: Dialect,
-    },
+}
+
+impl BottleError {
+    /// Reads a length, which is not negative.
+    pub(super) fn length(what: &str, at: usize, length: i32) -> Result<usize, Self> {
+        usize::try_from(length).ok().ok_or_else(|| {
+            Self::Damaged(format!(
+                "{what} at byte {at} is {length}: lengths cannot be negative, the message is damaged"
+            ))
+        })
+    }
+
+    /// Error of something else than a list where a bottle begins.
+    pub(super) fn not_a_list(code: i32) -> Self {
+        Self::Damaged(format!(
+            "a bottle begins with a list code (256 and above), not with {code}: it is no bottle"
+        ))
+    }
 }
 
 /// Error of writing a bottle as bytes.

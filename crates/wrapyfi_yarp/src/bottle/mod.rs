@@ -69,7 +69,10 @@ impl Bottle {
         let (bottle, used) = Self::decode(bytes, dialect, limits)?;
         let length = bytes.len();
         if used < length {
-            return Err(BottleError::Surplus { used, length, dialect });
+            return Err(BottleError::Damaged(format!(
+                "the bottle ends after {used} of {length} bytes: the message is damaged, or in a \
+                 dialect other than {dialect}"
+            )));
         }
         Ok(bottle)
     }

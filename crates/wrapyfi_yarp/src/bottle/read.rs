@@ -34,7 +34,7 @@ impl<'a> Reader<'a> {
         match Code::of(code, self.dialect) {
             Some(Code::List(kind)) => self.list(kind, depth),
             None if code & LIST != 0 => Err(wrong_code(code, at, self.dialect)),
-            _ => Err(BottleError::NotAList(code)),
+            _ => Err(BottleError::not_a_list(code)),
         }
     }
 
@@ -57,7 +57,10 @@ impl<'a> Reader<'a> {
         let left = self.left();
         let needed = count.saturating_mul(least);
         if needed > left {
-            return Err(BottleError::CountBeyondBytes { count, at: count_at, needed, left });
+            return Err(BottleError::Damaged(format!(
+                "a list of {count} elements at byte {count_at} needs {needed} bytes or more, \
+                 {left} are left: the message is damaged"
+            )));
         }
         self.elements_left = self
             .elements_left
@@ -117,22 +120,22 @@ impl<'a> Reader<'a> {
 
     fn length(&mut self, what: &'static str) -> Result<usize, BottleError> {
         let at = self.at;
-        let length = self.int(what)?;
-        usize::try_from(length).ok().ok_or(BottleError::Negative { what, at, length })
+        BottleError::length(what, at, self.int(what)?)
     }
 
     fn int(&mut self, what: &'static str) -> Result<i32, BottleError> {
-        let (at, left) = (self.at, self.left());
-        let bytes = self.bytes.get(at..).and_then(<[u8]>::first_chunk::<4>);
-        let bytes = bytes.ok_or(BottleError::Truncated { what, at, needed: 4, left })?;
-        self.at += 4;
-        Ok(i32::from_le_bytes(*bytes))
+        let bytes = self.take(what, 4)?;
+        Ok(bytes.first_chunk().map_or(0, |bytes| i32::from_le_bytes(*bytes)))
     }
 
     fn take(&mut self, what: &'static str, needed: usize) -> Result<&'a [u8], BottleError> {
         let (at, left) = (self.at, self.left());
         let taken = self.bytes.get(at..).and_then(|rest| rest.get(..needed));
-        let taken = taken.ok_or(BottleError::Truncated { what, at, needed, left })?;
+        let taken = taken.ok_or_else(|| {
+            BottleError::Damaged(format!(
+                "{what} at byte {at} needs {needed} bytes, {left} are left: the message was cut short"
+            ))
+        })?;
         self.at += needed;
         Ok(taken)
     }
@@ -146,7 +149,12 @@ impl<'a> Reader<'a> {
 pub(super) fn wrong_code(code: i32, at: usize, dialect: Dialect) -> BottleError {
     let kind = match Code::of(code, dialect.other()) {
         Some(Code::Value(kind) | Code::List(Some(kind))) => kind,
-        _ => return BottleError::UnknownCode { code, at },
+        _ => {
+            return BottleError::Damaged(format!(
+                "type code {code} at byte {at} is none of YARP's: the message is damaged, or not a \
+                 bottle"
+            ));
+        }
     };
     BottleError::OtherDialect { code, at, meaning: kind.name(), dialect }
 }

@@ -109,7 +109,7 @@ impl BottleScan {
     /// Passes a string or blob whose length stands at `at`, or says up to where bytes are needed.
     fn block(&mut self, bytes: &[u8], at: usize) -> Result<Option<usize>, BottleError> {
         let Some(length) = int(bytes, at) else { return Ok(Some(at.saturating_add(4))) };
-        let length = size("a string or blob", length, at)?;
+        let length = BottleError::length("a string or blob", at, length)?;
         self.count_down();
         self.skip((at + 4 - self.at).saturating_add(length))?;
         Ok(None)
@@ -118,7 +118,7 @@ impl BottleScan {
     /// Enters a list whose code stands at `at`.
     fn begin_list(&mut self, code: i32, count: i32, at: usize) -> Result<(), BottleError> {
         let kind = self.list_kind(code, at)?;
-        let left = size("the count of a list", count, at + 4)?;
+        let left = BottleError::length("the count of a list", at + 4, count)?;
         self.elements = self.elements.saturating_add(left);
         if self.elements > self.limits.max_elements {
             return Err(BottleError::TooManyElements(self.limits.max_elements));
@@ -136,7 +136,7 @@ impl BottleScan {
         match Code::of(code, self.dialect) {
             Some(Code::List(kind)) => Ok(kind),
             None if code & LIST != 0 => Err(wrong_code(code, at, self.dialect)),
-            _ => Err(BottleError::NotAList(code)),
+            _ => Err(BottleError::not_a_list(code)),
         }
     }
 
@@ -155,10 +155,6 @@ impl BottleScan {
         }
         Ok(())
     }
-}
-
-fn size(what: &'static str, length: i32, at: usize) -> Result<usize, BottleError> {
-    usize::try_from(length).ok().ok_or(BottleError::Negative { what, at, length })
 }
 
 fn need(end: usize, bytes: &[u8]) -> Frame {

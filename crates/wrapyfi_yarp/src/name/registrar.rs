@@ -59,8 +59,6 @@ pub struct RegistrarStatus {
     pub renewed: u64,
     /// Names that somebody else has now.
     pub taken: Vec<String>,
-    /// Last failure, in words.
-    pub failure: Option<String>,
 }
 
 /// Keeps ports registered. Cheap to clone; ends with its last clone.
@@ -115,7 +113,7 @@ impl Registrar {
         let (told, kept) = (Arc::clone(&shared), Arc::clone(&shared));
         let task = tokio::spawn(restarted(
             "the registration of YARP ports".to_owned(),
-            move |why| told.failed(&why),
+            move |_| told.failed(),
             move || watch_over(Arc::clone(&kept)),
         ));
         Self(Arc::new(RegistrarTask { shared, task }))
@@ -231,11 +229,8 @@ impl Shared {
         self.names.lock().is_empty()
     }
 
-    fn failed(&self, reason: &dyn std::fmt::Display) {
-        self.status.send_modify(|status| {
-            status.connected = false;
-            status.failure = Some(reason.to_string());
-        });
+    fn failed(&self) {
+        self.status.send_modify(|status| status.connected = false);
     }
 
     /// Makes sure that one port is registered where it is.
@@ -346,7 +341,7 @@ async fn watch_over(shared: Arc<Shared>) {
             Err(error) => Box::new(error),
         };
         tracing::debug!(target: "wrapyfi_yarp::name", error = %ended, "name server lost");
-        shared.failed(&ended);
+        shared.failed();
         drop(ended);
         backoff.pause().await;
     }
@@ -375,9 +370,6 @@ async fn stay(shared: &Shared, mut link: Link) -> Option<LinkError> {
                 None => {
                     if let Err(error) = shared.renew(&name).await {
                         tracing::warn!(target: "wrapyfi_yarp::name", %error, name, "not registered");
-                        shared
-                            .status
-                            .send_modify(|status| status.failure = Some(error.to_string()));
                     }
                 }
             },

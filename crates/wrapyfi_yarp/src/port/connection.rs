@@ -15,17 +15,17 @@ use crate::wire::http;
 use crate::wire::{Carrier, Command, Fault, Opening, mjpeg};
 
 /// Next use of a connection after its session.
-enum After {
-    Close,
+enum Turn {
+    End,
     /// The peer reads from now on.
-    Reversed(Session),
+    Reverse,
     /// The peer asked for pictures.
-    Pictures(Session),
+    Pictures,
 }
 
 /// Takes care of a connection.
 pub(super) async fn run(core: Arc<Core>, stream: TcpStream) {
-    let session = match Session::accept(stream, &core.session).await {
+    let mut session = match Session::accept(stream, &core.session).await {
         Ok(session) => session,
         Err(error) => {
             tracing::trace!(target: "wrapyfi_yarp::port", name = core.name, %error, "refused");
@@ -42,61 +42,37 @@ pub(super) async fn run(core: Arc<Core>, stream: TcpStream) {
     let name = sender.name.clone();
     let address = session.peer().ip().to_string();
     let entered = Entered::new(&core, name.clone(), session.carrier_text(), false, true);
-    let after = tokio::select! {
+    let turn = tokio::select! {
         biased;
-        () = entered.stop.notified() => After::Close,
-        after = serve(&core, &entered, session) => after,
-    };
-    drop(entered);
-    if !matches!(after, After::Close)
-        && let Err(fault) = Admission::check(core.readers.as_ref(), &name, &address)
-    {
-        return core.counters.count(&fault);
-    }
-    match after {
-        After::Close => {}
-        After::Reversed(session) => {
-            let contact = session.peer().to_string();
-            let carrier = session.carrier_text();
-            let Some(stream) = session.into_tcp() else { return };
-            let way = Way::Reversed(core.reversed(stream));
-            core.start(&name, Carrier::Text, carrier, contact, way, None);
-        }
-        After::Pictures(session) => {
-            let contact = session.peer().to_string();
-            let Some(stream) = session.into_tcp() else { return };
-            let mut link = core.reversed(stream);
-            if link.write_raw(&[mjpeg::RESPONSE_HEAD.as_bytes()]).await.is_ok() {
-                let carrier = Carrier::Mjpeg.name().to_owned();
-                core.start(&name, Carrier::Mjpeg, carrier, contact, Way::Mjpeg(link), None);
-            }
-        }
-    }
-}
-
-async fn serve(core: &Arc<Core>, entered: &Entered, mut session: Session) -> After {
-    match serve_events(core, entered, &mut session).await {
-        Ok(Turn::End) => After::Close,
-        Ok(Turn::Reverse) => After::Reversed(session),
-        Ok(Turn::Pictures) => After::Pictures(session),
-        Err(error) => {
-            let name = &core.name;
-            tracing::debug!(target: "wrapyfi_yarp::port", name, from = &*entered.name, %error, "closed");
+        () = entered.stop.notified() => Turn::End,
+        turn = serve(&core, &entered, &mut session) => turn.unwrap_or_else(|error| {
+            let (name, from) = (&core.name, &*entered.name);
+            tracing::debug!(target: "wrapyfi_yarp::port", name, from, %error, "closed");
             if matches!(error, SessionError::Io(_)) {
                 core.counters.add("connection_failed");
             }
-            After::Close
-        }
+            Turn::End
+        }),
+    };
+    drop(entered);
+    if matches!(turn, Turn::End) {
+        return;
+    }
+    if let Err(fault) = Admission::check(core.readers.as_ref(), &name, &address) {
+        return core.counters.count(&fault);
+    }
+    let (carrier, contact) = (session.carrier_text(), session.peer().to_string());
+    let Some(stream) = session.into_tcp() else { return };
+    let mut link = core.reversed(stream);
+    if matches!(turn, Turn::Reverse) {
+        core.start(&name, Carrier::Text, carrier, contact, Way::Reversed(link), None);
+    } else if link.write_raw(&[mjpeg::RESPONSE_HEAD.as_bytes()]).await.is_ok() {
+        let carrier = Carrier::Mjpeg.name().to_owned();
+        core.start(&name, Carrier::Mjpeg, carrier, contact, Way::Mjpeg(link), None);
     }
 }
 
-enum Turn {
-    End,
-    Reverse,
-    Pictures,
-}
-
-async fn serve_events(
+async fn serve(
     core: &Arc<Core>,
     entered: &Entered,
     session: &mut Session,

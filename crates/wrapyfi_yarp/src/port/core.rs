@@ -11,7 +11,6 @@ use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::pin::Pin;
 use std::sync::Arc;
-use std::sync::atomic::AtomicU64;
 
 use tokio::net::TcpStream;
 use tokio::sync::{Notify, watch};
@@ -79,7 +78,6 @@ pub(super) struct Input {
     pub(super) connectionless: bool,
     pub(super) push: bool,
     pub(super) stop: Arc<Notify>,
-    pub(super) messages: Arc<AtomicU64>,
 }
 
 #[derive(Default)]

@@ -1,7 +1,6 @@
 //! An input on its port's list, and what it hands to the port's owner.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use tokio::sync::Notify;
 
@@ -16,7 +15,6 @@ pub(super) struct Entered {
     id: u64,
     pub(super) name: Arc<str>,
     pub(super) stop: Arc<Notify>,
-    messages: Arc<AtomicU64>,
 }
 
 impl Entered {
@@ -28,7 +26,7 @@ impl Entered {
         connectionless: bool,
         push: bool,
     ) -> Self {
-        let (stop, messages) = (Arc::new(Notify::new()), Arc::new(AtomicU64::new(0)));
+        let stop = Arc::new(Notify::new());
         let shared: Arc<str> = name.as_str().into();
         let mut connections = core.connections.lock();
         if name.starts_with('/') {
@@ -39,23 +37,15 @@ impl Entered {
             connections.inputs.retain(|input| input.name != name);
         }
         let id = Core::new_id(&mut connections);
-        connections.inputs.push(Input {
-            id,
-            name,
-            carrier,
-            connectionless,
-            push,
-            stop: Arc::clone(&stop),
-            messages: Arc::clone(&messages),
-        });
+        let input = Input { id, name, carrier, connectionless, push, stop: Arc::clone(&stop) };
+        connections.inputs.push(input);
         core.ring(&connections);
         drop(connections);
-        Self { core: Arc::clone(core), id, name: shared, stop, messages }
+        Self { core: Arc::clone(core), id, name: shared, stop }
     }
 
     /// Hands data to whoever reads them; the answer for the sender.
     pub(super) async fn deliver(&self, data: Data) -> Answer {
-        self.messages.fetch_add(1, Ordering::Relaxed);
         let core = &self.core;
         let Data { body, envelope, reply } = data;
         let is_text = matches!(body, Body::Text(_));
@@ -72,7 +62,6 @@ impl Entered {
 
     /// Hands over what came without a session.
     pub(super) async fn put(&self, payload: PortPayload, envelope: Option<bytes::Bytes>) {
-        self.messages.fetch_add(1, Ordering::Relaxed);
         self.hand(payload, envelope, false, false).await;
     }
 

@@ -2,12 +2,11 @@
 //!
 //! ```text
 //!   write ──push──▶ [ │ │ │ ] ──next──▶ the target's task ──▶ socket
-//!                   full: the oldest or the newest is dropped and counted
+//!                   full: the oldest or the newest is dropped, and the writer told
 //! ```
 
 use std::collections::VecDeque;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use tokio::sync::Notify;
 
@@ -46,11 +45,6 @@ pub(super) struct Outbox {
     stop: Notify,
     /// Signal that a message left.
     moved: Notify,
-    pub(super) sent: AtomicU64,
-    pub(super) bytes: AtomicU64,
-    pub(super) dropped: AtomicU64,
-    /// Messages that have no form on the target's carrier.
-    pub(super) unsendable: AtomicU64,
 }
 
 /// Result of putting a message into a queue.
@@ -76,10 +70,6 @@ impl Outbox {
             filled: Notify::new(),
             stop: Notify::new(),
             moved: Notify::new(),
-            sent: AtomicU64::new(0),
-            bytes: AtomicU64::new(0),
-            dropped: AtomicU64::new(0),
-            unsendable: AtomicU64::new(0),
         }
     }
 
@@ -91,14 +81,12 @@ impl Outbox {
         }
         let full = queue.waiting.len() >= self.capacity;
         if full {
-            self.dropped.fetch_add(1, Ordering::Relaxed);
             if self.overflow == Overflow::DropNewest {
                 return Put::Full;
             }
             self.lose(queue.waiting.pop_front(), Loss::Full);
         }
         if !self.room.take(message.payload.bytes.len()) {
-            self.dropped.fetch_add(1, Ordering::Relaxed);
             return Put::NoRoom;
         }
         queue.waiting.push_back(Arc::clone(message));
@@ -179,7 +167,7 @@ impl Outbox {
         self.stop.notified().await;
     }
 
-    /// The target's task has ended; what waited or was on its way is dropped and counted.
+    /// The target's task has ended; what waited or was on its way is dropped.
     pub(super) fn end(&self) {
         let mut queue = self.queue.lock();
         queue.dead = true;
@@ -187,13 +175,7 @@ impl Outbox {
         let Queue { sending, waiting, .. } = &mut *queue;
         let lost: Vec<_> = sending.take().into_iter().chain(waiting.drain(..)).collect();
         drop(queue);
-        self.dropped.fetch_add(lost.len() as u64, Ordering::Relaxed);
         self.lose(lost, how);
         self.moved.notify_waiters();
-    }
-
-    /// Messages that wait.
-    pub(super) fn waiting(&self) -> usize {
-        self.queue.lock().waiting.len()
     }
 }

@@ -6,7 +6,6 @@
 
 use std::net::SocketAddr;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use tokio::net::UdpSocket;
@@ -307,30 +306,11 @@ impl Core {
             name: input.name.clone(),
             carrier: input.carrier.clone(),
             incoming: true,
-            messages: input.messages.load(Ordering::Relaxed),
-            ..ConnectionStatus::default()
         });
-        let outputs = connections.outputs.iter().map(|output| {
-            let status = ConnectionStatus {
-                name: output.name.clone(),
-                carrier: output.carrier_text.clone(),
-                ..ConnectionStatus::default()
-            };
-            let outbox = match &output.kind {
-                Kind::Queue(outbox) => outbox,
-                Kind::Group(group) => &group.outbox,
-                Kind::Rpc(link) => {
-                    return ConnectionStatus { messages: link.calls(), ..status };
-                }
-            };
-            ConnectionStatus {
-                messages: outbox.sent.load(Ordering::Relaxed),
-                bytes: outbox.bytes.load(Ordering::Relaxed),
-                dropped: outbox.dropped.load(Ordering::Relaxed),
-                unsendable: outbox.unsendable.load(Ordering::Relaxed),
-                waiting: outbox.waiting(),
-                ..status
-            }
+        let outputs = connections.outputs.iter().map(|output| ConnectionStatus {
+            name: output.name.clone(),
+            carrier: output.carrier_text.clone(),
+            incoming: false,
         });
         inputs.chain(outputs).collect()
     }
@@ -348,7 +328,7 @@ pub struct Written {
 }
 
 /// State of one connection.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ConnectionStatus {
     /// The other port.
     pub name: String,
@@ -356,16 +336,6 @@ pub struct ConnectionStatus {
     pub carrier: String,
     /// True when the connection brings data.
     pub incoming: bool,
-    /// Messages received, or sent.
-    pub messages: u64,
-    /// Bytes of the payloads that were sent.
-    pub bytes: u64,
-    /// Messages that found no room.
-    pub dropped: u64,
-    /// Messages that have no form on this carrier.
-    pub unsendable: u64,
-    /// Messages that wait to be sent.
-    pub waiting: usize,
 }
 
 struct EndOnDrop {

@@ -1,7 +1,5 @@
 //! Connection of a client to its server: one request at a time, each with its reply.
 
-use std::sync::atomic::{AtomicU64, Ordering};
-
 use bytes::Bytes;
 use tokio::sync::Mutex;
 
@@ -17,7 +15,6 @@ pub(super) struct RpcLink {
     options: LinkOptions,
     /// Empty while a request is on its way, and after one that failed.
     link: Mutex<Option<Link>>,
-    calls: AtomicU64,
 }
 
 impl RpcLink {
@@ -27,8 +24,7 @@ impl RpcLink {
         sender: Sender,
         options: LinkOptions,
     ) -> Self {
-        let (link, calls) = (Mutex::new(None), AtomicU64::new(0));
-        Self { contact, carrier, sender, options, link, calls }
+        Self { contact, carrier, sender, options, link: Mutex::new(None) }
     }
 
     async fn open(&self) -> Result<Link, LinkError> {
@@ -60,12 +56,7 @@ impl RpcLink {
         let command = Command::Data { reply: true, envelope: None };
         let reply = link.request(&command, request).await?;
         *place = Some(link);
-        self.calls.fetch_add(1, Ordering::Relaxed);
         Ok(reply)
-    }
-
-    pub(super) fn calls(&self) -> u64 {
-        self.calls.load(Ordering::Relaxed)
     }
 
     pub(super) async fn close(&self) {

@@ -57,7 +57,7 @@ use super::stream::Stream;
 use super::unix::Meeting;
 use crate::Bottle;
 use crate::wire::bare::{self, BareReader};
-use crate::wire::header::{self, HeaderReader};
+use crate::wire::header;
 use crate::wire::http::HttpRequest;
 use crate::wire::message::{Found, MessageReader};
 use crate::wire::text::{self, Lines, TextReader};
@@ -126,9 +126,8 @@ impl Session {
         let (own, peer) = (stream.local_addr()?, stream.peer_addr()?);
         let mut stream = Stream::Tcp(stream);
         let mut buffer = BytesMut::with_capacity(READ_BYTES);
-        let mut header = HeaderReader::new(&options.limits);
         let opening = loop {
-            match header.poll(&mut buffer) {
+            match Opening::poll(&mut buffer, &options.limits) {
                 Ok(Step::Event(opening)) => break opening,
                 Ok(Step::Need(more)) => {
                     buffer.reserve(more.max(READ_BYTES));
@@ -339,21 +338,13 @@ impl Session {
                 }
                 Step::Need(more) => Step::Need(more),
             },
-            Reader::Bare(reader) => match reader.poll(&mut self.buffer)? {
-                Step::Event(message) => Step::Event(Item::Message(message)),
-                Step::Need(more) => Step::Need(more),
-            },
-            Reader::Text(reader) => match reader.poll(&mut self.buffer)? {
-                Step::Event(message) => Step::Event(Item::Message(message)),
-                Step::Need(more) => Step::Need(more),
-            },
-            Reader::Lines(first, lines) => match first.take() {
-                Some(line) => Step::Event(Item::Event(Event::Line(line))),
-                None => match lines.poll_request(&mut self.buffer)? {
-                    Step::Event(line) => Step::Event(Item::Event(Event::Line(line))),
-                    Step::Need(more) => Step::Need(more),
-                },
-            },
+            Reader::Bare(reader) => reader.poll(&mut self.buffer)?.map(Item::Message),
+            Reader::Text(reader) => reader.poll(&mut self.buffer)?.map(Item::Message),
+            Reader::Lines(first, lines) => {
+                let first = first.take().map(|line| Ok(Step::Event(line)));
+                let line = first.unwrap_or_else(|| lines.poll_request(&mut self.buffer))?;
+                line.map(|line| Item::Event(Event::Line(line)))
+            }
             Reader::Http(request) => match request.take() {
                 Some(request) => Step::Event(Item::Event(Event::Http(request))),
                 None => return Ok(None),

@@ -8,7 +8,6 @@
 //! ```
 
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 
 use bytes::Bytes;
 use tokio::net::UdpSocket;
@@ -45,14 +44,9 @@ pub(super) async fn run(mut way: Way, outbox: &Outbox) -> Result<(), LinkError> 
         };
         let Some(message) = next else { break };
         match send(&mut way, &message).await {
-            Ok(()) => {
-                outbox.sent.fetch_add(1, Ordering::Relaxed);
-                let bytes = message.payload.bytes.len() as u64;
-                outbox.bytes.fetch_add(bytes, Ordering::Relaxed);
-            }
+            Ok(()) => {}
             Err(LinkError::Unsendable { carrier, reason }) => {
                 tracing::debug!(target: "wrapyfi_yarp::port", %carrier, reason, "not sent");
-                outbox.unsendable.fetch_add(1, Ordering::Relaxed);
                 message.lost(Loss::Unsendable);
             }
             Err(error) => return Err(error),

@@ -43,59 +43,47 @@ pub enum Opening {
     Http(HttpRequest),
 }
 
-/// Reads the beginning of a connection that somebody opened to us.
-///
-/// `poll` yields one [`Opening`]; what is left in the buffer are messages.
-#[derive(Debug, Clone)]
-pub struct HeaderReader {
-    limits: Limits,
-}
-
-impl HeaderReader {
-    /// A reader that refuses names and lines beyond `limits`.
-    #[must_use]
-    pub fn new(limits: &Limits) -> Self {
-        Self { limits: limits.clone() }
-    }
-
-    /// Reads on.
+impl Opening {
+    /// Reads the beginning of a connection that somebody opened to us; what it leaves in the buffer
+    /// are messages.
     ///
     /// # Errors
-    /// A [`Fault`] when the bytes begin no carrier, or exceed a limit. For an unknown header there
+    /// A [`Fault`] when the bytes begin no carrier, or exceed `limits`. For an unknown header there
     /// is a text to send before closing: [`UNKNOWN_HEADER_HELP`].
-    pub fn poll(&mut self, buffer: &mut BytesMut) -> Result<Step<Opening>, Fault> {
+    pub fn poll(buffer: &mut BytesMut, limits: &Limits) -> Result<Step<Self>, Fault> {
         let Some(magic) = buffer.get(..MAGIC) else {
             return Ok(Step::Need(MAGIC - buffer.len()));
         };
         match magic {
-            b"CONNECT " => self.text(buffer, Carrier::Text),
-            b"CONNACK " => self.text(buffer, Carrier::TextAck),
-            b"NAME_SER" => self.names(buffer),
+            b"CONNECT " => Self::text(buffer, Carrier::Text, limits),
+            b"CONNACK " => Self::text(buffer, Carrier::TextAck, limits),
+            b"NAME_SER" => Self::names(buffer, limits),
             b"LOCALITY" => Err(Fault::UnsupportedCarrier("local")),
-            b"UNIX_STR" => self.binary(buffer, Carrier::UnixStream),
-            b"UNIX_ACK" => self.binary(buffer, Carrier::UnixStreamAck),
+            b"UNIX_STR" => Self::binary(buffer, Carrier::UnixStream, limits),
+            b"UNIX_ACK" => Self::binary(buffer, Carrier::UnixStreamAck, limits),
             b"HUMANITY" => Err(Fault::UnsupportedCarrier("human")),
             b"GET /?ws" => Err(Fault::UnsupportedCarrier("websocket")),
             _ if magic.starts_with(b"GET /") || magic == b"POST /fo" => {
-                Ok(match http::request(buffer)? {
-                    Step::Event(request) => Step::Event(Opening::Http(request)),
-                    Step::Need(more) => Step::Need(more),
-                })
+                Ok(http::request(buffer)?.map(Self::Http))
             }
             _ => {
                 let unknown = || Fault::UnknownHeader(String::from_utf8_lossy(magic).into_owned());
                 let specifier = number::decode(magic).ok_or_else(unknown)?;
                 let carrier = binary(specifier.wrapping_sub(BASE)).ok_or_else(unknown)??;
-                self.binary(buffer, carrier)
+                Self::binary(buffer, carrier, limits)
             }
         }
     }
 
-    fn binary(&self, buffer: &mut BytesMut, carrier: Carrier) -> Result<Step<Opening>, Fault> {
+    fn binary(
+        buffer: &mut BytesMut,
+        carrier: Carrier,
+        limits: &Limits,
+    ) -> Result<Step<Self>, Fault> {
         let Some(length) = i32_at(buffer, MAGIC) else {
             return Ok(Step::Need(MAGIC + 4 - buffer.len()));
         };
-        let limit = self.limits.max_name_bytes + 1;
+        let limit = limits.max_name_bytes + 1;
         let allowed = usize::try_from(length).ok().filter(|length| (1..=limit).contains(length));
         let length = allowed.ok_or(Fault::NameLength { length: i64::from(length), limit })?;
         let start = MAGIC + 4;
@@ -112,28 +100,32 @@ impl HeaderReader {
             }
             _ => None,
         };
-        Ok(Step::Event(Opening::Messages { carrier, sender: Sender::parse(name), group }))
+        Ok(Step::Event(Self::Messages { carrier, sender: Sender::parse(name), group }))
     }
 
-    fn text(&self, buffer: &mut BytesMut, carrier: Carrier) -> Result<Step<Opening>, Fault> {
-        let limit = self.limits.max_name_bytes + MAGIC;
+    fn text(buffer: &mut BytesMut, carrier: Carrier, limits: &Limits) -> Result<Step<Self>, Fault> {
+        let limit = limits.max_name_bytes + MAGIC;
+        let too_long = |length| {
+            let length = i64::try_from(length).unwrap_or(i64::MAX);
+            Fault::NameLength { length, limit: limits.max_name_bytes + 1 }
+        };
         let Some(end) = memchr(buffer) else {
             return match buffer.len() {
                 // The line's end may have two bytes.
-                length if length > limit + 2 => Err(self.name_too_long(length - MAGIC)),
+                length if length > limit + 2 => Err(too_long(length - MAGIC)),
                 _ => Ok(Step::Need(1)),
             };
         };
         let line = text::cut_line(buffer, end);
         if line.len() > limit {
-            return Err(self.name_too_long(line.len() - MAGIC));
+            return Err(too_long(line.len() - MAGIC));
         }
         let sender = Sender::parse(line.get(MAGIC..).unwrap_or_default());
-        Ok(Step::Event(Opening::Messages { carrier, sender, group: None }))
+        Ok(Step::Event(Self::Messages { carrier, sender, group: None }))
     }
 
-    fn names(&self, buffer: &mut BytesMut) -> Result<Step<Opening>, Fault> {
-        let limit = self.limits.max_line_bytes;
+    fn names(buffer: &mut BytesMut, limits: &Limits) -> Result<Step<Self>, Fault> {
+        let limit = limits.max_line_bytes;
         let Some(end) = memchr(buffer) else {
             return match buffer.len() > limit {
                 true => Err(Fault::LineTooLong(limit)),
@@ -143,12 +135,7 @@ impl HeaderReader {
         if end > limit {
             return Err(Fault::LineTooLong(limit));
         }
-        Ok(Step::Event(Opening::Names(text::without_prefix(text::cut_line(buffer, end)))))
-    }
-
-    fn name_too_long(&self, length: usize) -> Fault {
-        let length = i64::try_from(length).unwrap_or(i64::MAX);
-        Fault::NameLength { length, limit: self.limits.max_name_bytes + 1 }
+        Ok(Step::Event(Self::Names(text::without_prefix(text::cut_line(buffer, end)))))
     }
 }
 

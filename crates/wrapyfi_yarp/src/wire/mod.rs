@@ -49,6 +49,15 @@ pub enum Step<T> {
     Need(usize),
 }
 
+impl<T> Step<T> {
+    pub(crate) fn map<U>(self, make: impl FnOnce(T) -> U) -> Step<U> {
+        match self {
+            Self::Event(event) => Step::Event(make(event)),
+            Self::Need(more) => Step::Need(more),
+        }
+    }
+}
+
 /// The first `count` bytes, off the buffer; `None` when there are fewer.
 fn take(buffer: &mut bytes::BytesMut, count: usize) -> Option<bytes::BytesMut> {
     (buffer.len() >= count).then(|| buffer.split_to(count))

@@ -103,10 +103,7 @@ impl Lines {
     /// # Errors
     /// As [`Lines::poll`].
     pub fn poll_request(&mut self, buffer: &mut BytesMut) -> Result<Step<Bytes>, Fault> {
-        Ok(match self.poll(buffer)? {
-            Step::Event(line) => Step::Event(without_prefix(line)),
-            need @ Step::Need(_) => need,
-        })
+        Ok(self.poll(buffer)?.map(without_prefix))
     }
 }
 

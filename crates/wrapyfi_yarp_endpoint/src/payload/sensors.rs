@@ -85,21 +85,15 @@ pub(super) fn read_imu(bytes: &Bytes, rules: Rules<'_>) -> DecodeResult<Map> {
         }
     };
     let mut fields = Map::new();
-    match angles {
-        Some(angles) => {
-            drop(fields.insert("orientation", quaternion(rules.options.radians(angles))));
-        }
-        None => drop(fields.insert("orientation_covariance", unmeasured()?)),
-    }
-    match velocity {
-        Some(velocity) => {
-            drop(fields.insert("angular_velocity", vector3(rules.options.radians(velocity))));
-        }
-        None => drop(fields.insert("angular_velocity_covariance", unmeasured()?)),
-    }
-    match acceleration {
-        Some(acceleration) => drop(fields.insert("linear_acceleration", vector3(acceleration))),
-        None => drop(fields.insert("linear_acceleration_covariance", unmeasured()?)),
+    for (name, measured) in [
+        ("orientation", angles.map(|angles| quaternion(rules.options.radians(angles)))),
+        ("angular_velocity", velocity.map(|velocity| vector3(rules.options.radians(velocity)))),
+        ("linear_acceleration", acceleration.map(vector3)),
+    ] {
+        drop(match measured {
+            Some(value) => fields.insert(name, value),
+            None => fields.insert(format!("{name}_covariance"), unmeasured()?),
+        });
     }
     Ok(fields)
 }

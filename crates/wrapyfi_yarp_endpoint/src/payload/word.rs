@@ -9,8 +9,6 @@
 //!
 //! The vocabs of booleans and of `null` are no text: they have values of their own.
 
-use std::fmt::Write as _;
-
 use wrapyfi_yarp::Dialect;
 use wrapyfi_yarp::Value as Element;
 use wrapyfi_yarp::bottle::{Text, Vocab, Vocab64};
@@ -114,15 +112,10 @@ fn escape(bytes: &[u8]) -> Vec<u16> {
 
 /// The bytes behind text with Python's escapes; none where it holds other lone surrogates.
 pub(super) fn unescape(units: &[u16]) -> Option<Vec<u8>> {
-    let mut text = String::new();
     let mut bytes = Vec::with_capacity(units.len());
     for unit in char::decode_utf16(units.iter().copied()) {
         match unit {
-            Ok(letter) => {
-                text.clear();
-                text.write_char(letter).ok()?;
-                bytes.extend_from_slice(text.as_bytes());
-            }
+            Ok(letter) => bytes.extend_from_slice(letter.encode_utf8(&mut [0; 4]).as_bytes()),
             Err(lone) => {
                 let byte = lone.unpaired_surrogate().checked_sub(ESCAPE)?;
                 bytes.push(u8::try_from(byte).ok().filter(|byte| *byte >= 0x80)?);

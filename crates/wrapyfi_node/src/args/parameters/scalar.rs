@@ -7,64 +7,40 @@
 use super::super::error::YamlError;
 use wrapyfi_data::types::ParameterValue;
 
-/// A scalar with its type.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) enum Scalar {
-    Bool(bool),
-    Integer(i64),
-    Double(f64),
-    Text(String),
+/// Reads an unquoted scalar, whose type follows from its form.
+pub(super) fn plain(text: &str) -> ParameterValue {
+    bool_of(text)
+        .map(ParameterValue::Bool)
+        .or_else(|| integer_of(text).map(ParameterValue::Integer))
+        .or_else(|| double_of(text).map(ParameterValue::Double))
+        .unwrap_or_else(|| ParameterValue::String(text.to_owned()))
 }
 
-impl Scalar {
-    /// Reads an unquoted scalar, whose type follows from its form.
-    pub(super) fn plain(text: &str) -> Self {
-        bool_of(text)
-            .map(Self::Bool)
-            .or_else(|| integer_of(text).map(Self::Integer))
-            .or_else(|| double_of(text).map(Self::Double))
-            .unwrap_or_else(|| Self::Text(text.to_owned()))
-    }
-
-    /// Word for the type in messages.
-    fn kind(&self) -> &'static str {
-        match self {
-            Self::Bool(_) => "bool",
-            Self::Integer(_) => "integer",
-            Self::Double(_) => "double",
-            Self::Text(_) => "string",
-        }
-    }
-}
-
-impl From<Scalar> for ParameterValue {
-    fn from(scalar: Scalar) -> Self {
-        match scalar {
-            Scalar::Bool(value) => Self::Bool(value),
-            Scalar::Integer(value) => Self::Integer(value),
-            Scalar::Double(value) => Self::Double(value),
-            Scalar::Text(value) => Self::String(value),
-        }
-    }
-}
-
-/// Appends to a list. The first scalar gives its type, so an empty list has none.
+/// Appends a scalar to a list. The first gives its type, so an empty list has none.
 pub(super) fn append(
     list: &mut ParameterValue,
-    scalar: Scalar,
+    scalar: ParameterValue,
     line: usize,
 ) -> Result<(), YamlError> {
     use ParameterValue as V;
     match (&mut *list, scalar) {
-        (V::NotSet, Scalar::Bool(value)) => *list = V::BoolArray(vec![value]),
-        (V::NotSet, Scalar::Integer(value)) => *list = V::IntegerArray(vec![value]),
-        (V::NotSet, Scalar::Double(value)) => *list = V::DoubleArray(vec![value]),
-        (V::NotSet, Scalar::Text(value)) => *list = V::StringArray(vec![value]),
-        (V::BoolArray(values), Scalar::Bool(value)) => values.push(value),
-        (V::IntegerArray(values), Scalar::Integer(value)) => values.push(value),
-        (V::DoubleArray(values), Scalar::Double(value)) => values.push(value),
-        (V::StringArray(values), Scalar::Text(value)) => values.push(value),
-        (_, other) => return Err(YamlError::MixedSequence { kind: other.kind(), line }),
+        (V::NotSet, V::Bool(value)) => *list = V::BoolArray(vec![value]),
+        (V::NotSet, V::Integer(value)) => *list = V::IntegerArray(vec![value]),
+        (V::NotSet, V::Double(value)) => *list = V::DoubleArray(vec![value]),
+        (V::NotSet, V::String(value)) => *list = V::StringArray(vec![value]),
+        (V::BoolArray(values), V::Bool(value)) => values.push(value),
+        (V::IntegerArray(values), V::Integer(value)) => values.push(value),
+        (V::DoubleArray(values), V::Double(value)) => values.push(value),
+        (V::StringArray(values), V::String(value)) => values.push(value),
+        (_, other) => {
+            let kind = match other {
+                V::Bool(_) => "bool",
+                V::Integer(_) => "integer",
+                V::Double(_) => "double",
+                _ => "string",
+            };
+            return Err(YamlError::MixedSequence { kind, line });
+        }
     }
     Ok(())
 }
@@ -149,7 +125,7 @@ mod tests {
             ("-9223372036854775808", i64::MIN),
             ("0x7fffffffffffffff", i64::MAX),
         ] {
-            assert_eq!(Scalar::plain(text), Scalar::Integer(value), "{text}");
+            assert_eq!(plain(text), ParameterValue::Integer(value), "{text}");
         }
     }
 
@@ -166,7 +142,7 @@ mod tests {
             ("0e0", 0.0),
             ("0xffffffffffffffff", 18_446_744_073_709_551_615.0),
         ] {
-            assert_eq!(Scalar::plain(text), Scalar::Double(value), "{text}");
+            assert_eq!(plain(text), ParameterValue::Double(value), "{text}");
         }
     }
 
@@ -174,9 +150,9 @@ mod tests {
     fn everything_else_is_text() {
         for text in ["", "-", "0x", "0x+5", "1_000", "1e999", "1e-999", "-.NaN", ".", "--1", "1 2"]
         {
-            assert_eq!(Scalar::plain(text), Scalar::Text(text.to_owned()), "{text}");
+            assert_eq!(plain(text), ParameterValue::String(text.to_owned()), "{text}");
         }
         let giant = "9".repeat(100_000);
-        assert_eq!(Scalar::plain(&giant), Scalar::Text(giant.clone()));
+        assert_eq!(plain(&giant), ParameterValue::String(giant.clone()));
     }
 }

@@ -7,7 +7,7 @@
 use granit_parser::{Event, Options, Parser, ScalarStyle, Span, StrInput, Tag, options};
 
 use super::super::error::YamlError;
-use super::scalar::{Scalar, append};
+use super::scalar::{append, plain};
 use wrapyfi_data::types::ParameterValue;
 
 /// Deepest nesting of groups in a file.
@@ -103,7 +103,7 @@ impl<'a> Events<'a> {
     /// The value that `first` starts.
     pub(super) fn value(&mut self, first: Item) -> Result<ParameterValue, YamlError> {
         match first {
-            Item::Scalar(scalar) => scalar.typed().map(ParameterValue::from),
+            Item::Scalar(scalar) => scalar.typed(),
             Item::SequenceStart(_) => self.sequence(),
             other => Err(self.unknown(&other)),
         }
@@ -153,11 +153,11 @@ impl RawScalar {
         if self.text.is_empty() { Err(YamlError::NoKey(self.line)) } else { Ok(&self.text) }
     }
 
-    fn typed(self) -> Result<Scalar, YamlError> {
+    fn typed(self) -> Result<ParameterValue, YamlError> {
         if self.text.is_empty() && !self.quoted {
             return Err(YamlError::NoValue(self.line));
         }
-        Ok(if self.is_text { Scalar::Text(self.text) } else { Scalar::plain(&self.text) })
+        Ok(if self.is_text { ParameterValue::String(self.text) } else { plain(&self.text) })
     }
 }
 
