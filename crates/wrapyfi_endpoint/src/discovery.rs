@@ -35,7 +35,9 @@ pub trait Discovery: Send {
 
     /// Reason that nothing can be found at the moment, for instance a broker that does not answer;
     /// `None` while it looks.
-    fn waiting_for(&self) -> Option<String>;
+    fn waiting_for(&self) -> Option<String> {
+        None
+    }
 
     /// True when the last [`Discovery::endpoints`] listed all endpoints, or nobody can be asked;
     /// `None` where the transport never knows, because endpoints announce themselves in their own

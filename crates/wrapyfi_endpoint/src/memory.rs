@@ -13,8 +13,8 @@ use std::sync::Arc;
 
 use crate::{
     Client, Context, DiscoverError, Discovered, Discovery, Link, Listener, Middleware, Mutex,
-    OpenError, OpenResult, Opened, PublishError, Publisher, Receiver, Role, Sample, Sender, Server,
-    ServiceSpec, TakeError, TopicSpec, Wake, inbox,
+    Opened, PublishError, Publisher, Receiver, Role, Sample, Sender, Server, ServiceSpec,
+    TakeError, TopicSpec, Wake, inbox,
 };
 use wrapyfi_data::types::Payload;
 
@@ -45,7 +45,6 @@ pub use services::{Carriage, Fate, Way};
 struct Bus {
     topics: BTreeMap<String, Topic>,
     services: BTreeMap<String, services::Service>,
-    refusal: Option<String>,
     carriage: Carriage,
 }
 
@@ -55,7 +54,6 @@ struct Topic {
     listeners: Vec<(Sender<Sample>, Context)>,
     /// Bells that ring when the number of peers changes.
     watchers: Vec<Wake>,
-    fault: Option<String>,
     /// Type with which the topic was opened last.
     type_name: Option<&'static str>,
 }
@@ -67,52 +65,18 @@ impl Memory {
         Self { name: name.into(), bus: Arc::default() }
     }
 
-    /// Makes every send to `topic` fail with `fault`, or heals it: for tests of what is above.
-    pub fn break_topic(&self, topic: &str, fault: Option<&str>) {
-        self.bus.lock().topics.entry(topic.to_owned()).or_default().fault =
-            fault.map(str::to_owned);
-    }
-
-    /// Announces a publisher of a type of any name, which sends nothing, until the result is
-    /// dropped.
-    pub fn announce(&self, topic: &str, type_name: &'static str) -> impl Drop + use<> {
-        let mut bus = self.bus.lock();
-        let entered = bus.topics.entry(topic.to_owned()).or_default();
-        entered.publishers += 1;
-        entered.type_name = Some(type_name);
-        MemoryPublisher { bus: Arc::clone(&self.bus), topic: topic.to_owned() }
-    }
-
-    /// Makes opening fail with `refusal`, or heals it.
-    pub fn refuse_to_open(&self, refusal: Option<&str>) {
-        self.bus.lock().refusal = refusal.map(str::to_owned);
-    }
-
     /// Sets the rule that decides the fate of requests and replies on their way, for tests of the layers above.
     pub fn carry_services(&self, carriage: Carriage) {
         self.bus.lock().carriage = carriage;
     }
 
-    fn refusal(&self, name: &str) -> OpenResult<()> {
-        self.bus.lock().refusal.clone().map_or(Ok(()), |reason| {
-            Err(OpenError::Transport { middleware: "memory", topic: name.to_owned(), reason })
-        })
-    }
-
-    fn topic<R>(
-        &self,
-        spec: &TopicSpec,
-        context: &Context,
-        enter: impl FnOnce(&mut Topic) -> R,
-    ) -> OpenResult<R> {
-        self.refusal(&spec.topic)?;
+    fn enter(&self, spec: &TopicSpec, context: &Context, enter: impl FnOnce(&mut Topic)) {
         let mut bus = self.bus.lock();
         let topic = bus.topics.entry(spec.topic.clone()).or_default();
         topic.type_name = Some(spec.message_type.label());
-        let entered = enter(topic);
+        enter(topic);
         topic.watchers.push(context.wake.clone());
         topic.watchers.iter().for_each(Wake::ring);
-        Ok(entered)
     }
 }
 
@@ -123,7 +87,7 @@ impl Middleware for Memory {
 
     fn open_listener(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Listener> {
         let (sender, receiver) = inbox(spec.queue, context);
-        self.topic(spec, context, |topic| topic.listeners.push((sender, context.clone())))?;
+        self.enter(spec, context, |topic| topic.listeners.push((sender, context.clone())));
         Ok(Box::new(MemoryListener {
             bus: Arc::clone(&self.bus),
             topic: spec.topic.clone(),
@@ -132,17 +96,15 @@ impl Middleware for Memory {
     }
 
     fn open_publisher(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Publisher> {
-        self.topic(spec, context, |topic| topic.publishers += 1)?;
+        self.enter(spec, context, |topic| topic.publishers += 1);
         Ok(Box::new(MemoryPublisher { bus: Arc::clone(&self.bus), topic: spec.topic.clone() }))
     }
 
     fn open_client(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Client> {
-        self.refusal(&spec.service)?;
         Ok(Box::new(services::MemoryClient::open(&self.bus, spec, context)))
     }
 
     fn open_server(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Server> {
-        self.refusal(&spec.service)?;
         Ok(Box::new(services::MemoryServer::open(&self.bus, spec, context)))
     }
 
@@ -175,10 +137,6 @@ impl Discovery for MemoryDiscovery {
             })
         });
         Ok(found.chain(served).filter(|endpoint| endpoint.count > 0).collect())
-    }
-
-    fn waiting_for(&self) -> Option<String> {
-        None
     }
 
     fn is_complete(&self) -> Option<bool> {
@@ -229,9 +187,6 @@ impl Publisher for MemoryPublisher {
     fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
         let mut bus = self.bus.lock();
         let topic = bus.topics.entry(self.topic.clone()).or_default();
-        if let Some(reason) = topic.fault.clone() {
-            return Err(PublishError::Transport { topic: self.topic.clone(), reason });
-        }
         topic.listeners.retain(|(listener, _)| !listener.is_closed());
         for (listener, context) in &topic.listeners {
             context.counters.received(0);

@@ -4,12 +4,13 @@ use std::sync::Arc;
 
 use super::super::{Available, Config, Engine, PatternCounts, Plan, RouteStatus};
 use super::*;
-use wrapyfi_data::types::{MessageType, Payload, ServiceKind, Value};
+use wrapyfi_data::types::{MessageType, Payload, RosType, ServiceKind, Value};
 use wrapyfi_endpoint::memory::Memory;
 use wrapyfi_endpoint::{
     Context, DiscoverError, Discovered, Discovery, LearnError, LearnResult, Learned, Listener,
     Middleware, Opened, Publisher, ServiceSpec, TopicSpec, Traits, topic_of_name,
 };
+use wrapyfi_interfaces::parser::{Dialect, TypeName};
 
 #[derive(Debug, Default, serde::Deserialize)]
 struct NoEndpoints {}
@@ -70,6 +71,13 @@ impl Bench {
 
 fn publisher(bus: &Memory, topic: &str, message_type: MessageType) -> Box<dyn Publisher> {
     bus.open_publisher(&TopicSpec::new(topic, message_type), &Context::default()).unwrap()
+}
+
+/// A type that the engine has no definition of.
+fn unknown(name: &str) -> MessageType {
+    let mut types = TypeStore::empty();
+    types.add_definition(&TypeName::parse(Dialect::Ros2, name).unwrap(), "bool a").unwrap();
+    MessageType::Ros(RosType::new(&types.resolve_name(name).unwrap()).unwrap())
 }
 
 fn listener(bus: &Memory, topic: &str) -> Box<dyn Listener> {
@@ -260,7 +268,7 @@ fn types_are_learned_and_those_unknown_say_so() {
     bench.run(5 * SECOND);
     let status = bench.engine.status();
     assert_eq!(status[0].message_type, "sensor_msgs/msg/Image");
-    let _odd = bench.a.announce("/odd", "demo/msg/None");
+    let _odd = publisher(&bench.a, "/odd", unknown("demo/msg/None"));
     bench.run(3 * SECOND);
     let state = bench.state("a:/odd -> b:/from_a/odd").unwrap();
     assert!(state.contains("a definition of demo/msg/None: "), "{state}");

@@ -7,12 +7,65 @@ use super::*;
 use wrapyfi_data::types::{Map, MessageType, Payload, Properties, Stamp, Tensor, Value};
 use wrapyfi_endpoint::memory::Memory;
 use wrapyfi_endpoint::{
-    ForwardingListener, ForwardingPublisher, Middleware, OpenError, Origin, Overflow, QosChange,
-    QueueSpec, Review, SourceDurability, TopicSpec,
+    ForwardingListener, ForwardingPublisher, Middleware, Mutex, OpenError, Opened, Origin,
+    Overflow, PublishError, Published, QosChange, QueueSpec, Review, SourceDurability, TopicSpec,
 };
+
+/// The bus as a route sees it, which opens nothing and takes nothing where it is told so.
+#[derive(Default)]
+struct Cable {
+    bus: Arc<Memory>,
+    refusal: Mutex<Option<&'static str>>,
+    fault: Arc<Mutex<Option<&'static str>>>,
+}
+
+impl Cable {
+    fn check(&self, topic: &str) -> Result<(), OpenError> {
+        let refused = |reason: &str| OpenError::transport("memory", topic, reason.to_owned());
+        self.refusal.lock().map_or(Ok(()), |reason| Err(refused(reason)))
+    }
+}
+
+impl Middleware for Cable {
+    fn name(&self) -> &str {
+        "memory"
+    }
+
+    fn open_listener(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Listener> {
+        self.check(&spec.topic)?;
+        self.bus.open_listener(spec, context)
+    }
+
+    fn open_publisher(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Publisher> {
+        self.check(&spec.topic)?;
+        let (end, fault) = (self.bus.open_publisher(spec, context)?, Arc::clone(&self.fault));
+        Ok(Box::new(CableEnd { end, fault }))
+    }
+}
+
+struct CableEnd {
+    end: Box<dyn Publisher>,
+    fault: Arc<Mutex<Option<&'static str>>>,
+}
+
+impl Publisher for CableEnd {
+    fn publish(&mut self, payload: &Payload) -> Published {
+        let fault = *self.fault.lock();
+        fault.map_or(Ok(()), |reason| {
+            let (topic, reason) = ("/out".to_owned(), reason.to_owned());
+            Err(PublishError::Transport { topic, reason })
+        })?;
+        self.end.publish(payload)
+    }
+
+    fn link(&self) -> wrapyfi_endpoint::Link {
+        self.end.link()
+    }
+}
 
 struct Bench {
     bus: Arc<Memory>,
+    cable: Arc<Cable>,
     relay: Relay,
     now: Instant,
 }
@@ -21,7 +74,8 @@ impl Bench {
     fn new(adjust: impl FnOnce(&mut Route)) -> Self {
         let bus = Arc::new(Memory::new("memory"));
         let mut registry = Registry::new();
-        registry.register(bus.clone());
+        let cable = Arc::new(Cable { bus: bus.clone(), ..Cable::default() });
+        registry.register(cable.clone());
         let mut spec = Route::topic(
             "memory:/in".parse().unwrap(),
             "memory:/out".parse().unwrap(),
@@ -30,6 +84,7 @@ impl Bench {
         adjust(&mut spec);
         Self {
             bus,
+            cable,
             relay: Relay::new(spec, &registry, 1, Arc::default(), Arc::default()),
             now: Instant::now(),
         }
@@ -134,14 +189,14 @@ fn a_loss_degrades_the_route_for_a_while_with_its_cause() {
     bench.step_after(MS);
     let (mut source, sink) = (bench.source(), bench.sink());
     bench.step_after(MS);
-    bench.bus.break_topic("/out", Some("cable pulled"));
+    *bench.cable.fault.lock() = Some("cable pulled");
     source.publish(&number(1)).unwrap();
     bench.step_after(MS);
     assert_eq!(
         bench.relay.status().state.to_string(),
         r#"degraded: could not send to "/out": cable pulled"#
     );
-    bench.bus.break_topic("/out", None);
+    *bench.cable.fault.lock() = None;
     source.publish(&number(2)).unwrap();
     bench.step_after(DEGRADED_FOR + MS);
     assert_eq!(bench.relay.status().state, RouteState::Active);
@@ -169,11 +224,11 @@ fn ends_at_rest_are_looked_at_less_often_until_something_happens() {
 #[test]
 fn an_end_that_cannot_open_is_tried_again_with_growing_waits() {
     let mut bench = Bench::new(|_| ());
-    bench.bus.refuse_to_open(Some("no route to host"));
+    *bench.cable.refusal.lock() = Some("no route to host");
     let first = bench.step_after(MS);
     assert!(first.next > bench.now && first.next <= bench.now + wrapyfi_endpoint::backoff::FIRST);
     assert!(bench.relay.status().state.to_string().contains("no route to host"));
-    bench.bus.refuse_to_open(None);
+    *bench.cable.refusal.lock() = None;
     bench.step_after(MS);
     assert_eq!(bench.relay.status().state.word(), "waiting", "not before its back-off is over");
     bench.step_after(wrapyfi_endpoint::backoff::FIRST);

@@ -35,10 +35,7 @@ pub trait Message: CdrValue + Clone + Debug + Default + PartialEq {
     /// # Errors
     /// When `cdr` is too large, not plain CDR, or not a message of this type.
     fn decode(cdr: &Bytes, max_bytes: usize) -> Result<Self, CdrError> {
-        if cdr.len() > max_bytes {
-            return Err(CdrError::TooLarge { actual: cdr.len(), limit: max_bytes });
-        }
-        Self::read(&mut CdrReader::new(cdr)?)
+        Self::read(&mut CdrReader::within(cdr, max_bytes)?)
     }
 }
 

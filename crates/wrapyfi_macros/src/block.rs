@@ -2,7 +2,7 @@
 
 use proc_macro2::TokenStream;
 use quote::{ToTokens as _, quote};
-use syn::parse::{Parse, ParseStream, Parser as _};
+use syn::parse::{ParseStream, Parser as _};
 use syn::spanned::Spanned as _;
 use syn::{Ident, ImplItem, ItemImpl, Type, Visibility};
 
@@ -22,26 +22,20 @@ pub(crate) struct Block {
     pub(crate) methods: Vec<Method>,
 }
 
-/// Arguments in the brackets of `#[communicator(…)]`.
-struct Settings {
-    krate: Option<syn::Path>,
-}
-
-impl Parse for Settings {
-    fn parse(input: ParseStream<'_>) -> syn::Result<Self> {
-        if input.is_empty() {
-            return Ok(Self { krate: None });
-        }
-        if !input.peek(syn::Token![crate]) {
-            return Err(input.error(
-                "#[communicator] takes nothing, or crate = path; topics and types stand in #[register] on \
-                 the methods",
-            ));
-        }
-        input.parse::<syn::Token![crate]>()?;
-        input.parse::<syn::Token![=]>()?;
-        Ok(Self { krate: Some(input.parse()?) })
+/// The crate that the brackets of `#[communicator(…)]` name.
+fn named_crate(input: ParseStream<'_>) -> syn::Result<Option<syn::Path>> {
+    if input.is_empty() {
+        return Ok(None);
     }
+    if !input.peek(syn::Token![crate]) {
+        return Err(input.error(
+            "#[communicator] takes nothing, or crate = path; topics and types stand in #[register] on \
+             the methods",
+        ));
+    }
+    input.parse::<syn::Token![crate]>()?;
+    input.parse::<syn::Token![=]>()?;
+    input.parse().map(Some)
 }
 
 /// The block without our marks, and what is added to it; or the block and every mistake in it.
@@ -80,7 +74,7 @@ fn analyse(attribute: TokenStream, block: &mut ItemImpl) -> syn::Result<Block> {
             }
         }
     }
-    let settings = Settings::parse.parse2(attribute);
+    let krate = named_crate.parse2(attribute);
     if let Some((_, path, _)) = &block.trait_ {
         errors.push(syn::Error::new(
             path.span(),
@@ -126,13 +120,10 @@ fn analyse(attribute: TokenStream, block: &mut ItemImpl) -> syn::Result<Block> {
             errors.push(syn::Error::new(found.name.span(), text));
         }
     }
-    let settings = match settings {
-        Ok(settings) => settings,
-        Err(error) => {
-            errors.push(error);
-            Settings { krate: None }
-        }
-    };
+    let krate = krate.unwrap_or_else(|error| {
+        errors.push(error);
+        None
+    });
     let first = errors.into_iter().reduce(|mut all, next| {
         all.combine(next);
         all
@@ -142,9 +133,7 @@ fn analyse(attribute: TokenStream, block: &mut ItemImpl) -> syn::Result<Block> {
             this: (*block.self_ty).clone(),
             name,
             visibility: widest(&methods),
-            krate: settings
-                .krate
-                .map_or_else(|| quote!(::wrapyfi_core), |path| path.to_token_stream()),
+            krate: krate.map_or_else(|| quote!(::wrapyfi_core), |path| path.to_token_stream()),
             methods,
         }),
         (Some(error), _) => Err(error),

@@ -5,7 +5,7 @@
 //!   ROS_MASTER_URI, ROS_HOSTNAME, ROS_IP, ROS_NAMESPACE ─▶ Ros1Config ─▶ Ros1::start
 //! ```
 
-use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::net::{IpAddr, SocketAddr};
 
 use hyper::Uri;
 use wrapyfi_interfaces::ros1::Rules;
@@ -13,7 +13,7 @@ use wrapyfi_interfaces::ros1::Rules;
 use super::names::{NameError, NodeName};
 use wrapyfi_endpoint::network::{
     Hosts, Insecure, Place, ReachedByOthers, VariableError, Variables, facing, is_of_this_machine,
-    variable,
+    unspecified, variable,
 };
 
 /// Name of this middleware in addresses.
@@ -247,13 +247,6 @@ impl Ros1Config {
     }
 }
 
-fn unspecified(like: IpAddr) -> IpAddr {
-    match like {
-        IpAddr::V4(_) => Ipv4Addr::UNSPECIFIED.into(),
-        IpAddr::V6(_) => std::net::Ipv6Addr::UNSPECIFIED.into(),
-    }
-}
-
 /// `wrapyfi` and what no other node has: the process, and a count of the time in it.
 fn anonymous() -> String {
     use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -265,6 +258,8 @@ fn anonymous() -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::net::Ipv4Addr;
+
     use super::*;
 
     fn from(pairs: &[(&str, &str)]) -> Result<Ros1Config, VariableError> {

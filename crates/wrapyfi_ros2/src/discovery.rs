@@ -81,10 +81,6 @@ impl Discovery for Ros2Discovery {
         Ok(found)
     }
 
-    fn waiting_for(&self) -> Option<String> {
-        None
-    }
-
     fn carried_by(&self) -> Option<&str> {
         self.carried_by.as_deref()
     }

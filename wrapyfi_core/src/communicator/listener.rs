@@ -14,13 +14,11 @@ use super::error::MethodError;
 use super::rules::Rules;
 use super::runtime::Runtime;
 use super::wait::{Wait, with_reason};
-use crate::endpoint::{Clock, Counters, EndpointAddress, Link, Listener, Mutex};
+use crate::endpoint::{Clock, Counters, EndpointAddress, Link, Listener, Mutex, Throttle};
 use crate::types::Payload;
 
 /// Time between two looks at the peers while nothing rings.
 const REVIEW_EVERY: Duration = Duration::from_secs(1);
-/// Shortest time between two lines about bad messages.
-const SAY_EVERY: Duration = Duration::from_secs(5);
 
 pub(super) struct ListenerEnd {
     pub(super) endpoint: EndpointAddress,
@@ -38,7 +36,8 @@ struct State {
     /// Messages that were taken for a call that failed; the next call gets them first.
     held: VecDeque<Payload>,
     review_at: Instant,
-    say_at: Instant,
+    /// Throttle of lines about bad messages.
+    said: Throttle,
 }
 
 /// Options of a value for its endpoint: whether and how long a call waits, and the checks.
@@ -55,7 +54,6 @@ impl ListenerEnd {
         context: &crate::endpoint::Context,
         options: EndOptions,
     ) -> Self {
-        let now = context.clock.now();
         Self {
             endpoint,
             rules: options.rules,
@@ -67,8 +65,8 @@ impl ListenerEnd {
             state: Mutex::new(State {
                 listener,
                 held: VecDeque::new(),
-                review_at: now,
-                say_at: now,
+                review_at: context.clock.now(),
+                said: Throttle::default(),
             }),
         }
     }
@@ -127,9 +125,8 @@ impl ListenerEnd {
                 Ok(None) => return None,
                 Err(error) => {
                     self.counters.dropped((&error).into());
-                    if now >= state.say_at {
+                    if state.said.pass(now).is_some() {
                         tracing::warn!("dropped a message from {}: {error}", self.endpoint);
-                        state.say_at = now + SAY_EVERY;
                     }
                 }
             }

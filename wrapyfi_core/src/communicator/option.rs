@@ -164,12 +164,10 @@ impl Options {
     /// # Errors
     /// When the value is of another kind.
     pub fn text(&self, name: &str) -> Result<Option<&str>, OptionError> {
-        let value = self.get(name);
-        match value {
-            Some(OptionValue::Text(text)) => Ok(Some(text)),
-            None => Ok(None),
-            Some(other) => Err(OptionError::new(name, other, "a text")),
-        }
+        self.read(name, "a text", |value| match value {
+            OptionValue::Text(text) => Some(text.as_str()),
+            _ => None,
+        })
     }
 
     /// Value of an option that is a text, read as `T`.
@@ -198,11 +196,10 @@ impl Options {
     /// # Errors
     /// When the value is of another kind.
     pub fn map(&self, name: &str) -> Result<Option<&Self>, OptionError> {
-        match self.get(name) {
-            Some(OptionValue::Map(map)) => Ok(Some(map)),
-            None => Ok(None),
-            Some(other) => Err(OptionError::new(name, other, "a map")),
-        }
+        self.read(name, "a map", |value| match value {
+            OptionValue::Map(map) => Some(map),
+            _ => None,
+        })
     }
 
     /// Options inside the option `name`; none where it is not written.
@@ -210,11 +207,11 @@ impl Options {
         Ok(self.map(name)?.cloned().unwrap_or_default())
     }
 
-    fn read<T>(
-        &self,
+    fn read<'a, T>(
+        &'a self,
         name: &str,
         wanted: &str,
-        read: impl FnOnce(&OptionValue) -> Option<T>,
+        read: impl FnOnce(&'a OptionValue) -> Option<T>,
     ) -> Result<Option<T>, OptionError> {
         self.get(name)
             .map(|value| read(value).ok_or_else(|| OptionError::new(name, value, wanted)))

@@ -16,12 +16,9 @@ use super::rules::Rules;
 use super::runtime::{Runtime, Watched};
 use super::wait::{Wait, with_reason};
 use crate::endpoint::{
-    Counters, DropReason, EndpointAddress, Link, Mutex, PublishError, Publisher,
+    Counters, DropReason, EndpointAddress, Link, Mutex, PublishError, Publisher, Throttle,
 };
 use crate::types::Payload;
-
-/// Shortest time between two lines about messages that were not sent.
-const SAY_EVERY: Duration = Duration::from_secs(5);
 
 pub(super) struct PublisherEnd {
     pub(super) endpoint: EndpointAddress,
@@ -41,7 +38,8 @@ pub(super) struct PublisherEnd {
 
 struct State {
     publisher: Box<dyn Publisher>,
-    say_at: Instant,
+    /// Throttle of lines about messages that were not sent.
+    said: Throttle,
 }
 
 impl PublisherEnd {
@@ -61,7 +59,7 @@ impl PublisherEnd {
             is_idle: AtomicBool::new(false),
             is_established: AtomicBool::new(!options.should_wait),
             changed: Bell::default(),
-            state: Mutex::new(State { publisher, say_at: Instant::now() }),
+            state: Mutex::new(State { publisher, said: Throttle::default() }),
         };
         end.look(Instant::now());
         end
@@ -97,9 +95,8 @@ impl PublisherEnd {
             Err(error) => {
                 self.counters.dropped(error.drop_reason());
                 let is_news = !matches!(error, PublishError::NoConsumer(_));
-                if is_news && started >= state.say_at {
+                if is_news && state.said.pass(started).is_some() {
                     tracing::warn!("a message to {} was not sent: {error}", self.endpoint);
-                    state.say_at = started + SAY_EVERY;
                 }
                 Ok(())
             }

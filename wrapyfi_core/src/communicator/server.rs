@@ -21,12 +21,11 @@ use super::session::Session;
 use super::wait::to_stderr;
 use crate::endpoint::{
     self, Call, Clock, Counters, CountersSnapshot, EndpointAddress, Link, Mutex, RequestId, Server,
+    Throttle,
 };
 use crate::types::{self, from_value};
 use wrapyfi_data::returned::Returned;
 
-/// Shortest time between two lines about requests that could not be served.
-const SAY_EVERY: Duration = Duration::from_secs(5);
 /// Time between two tries to send kept replies: no bell rings when their clients begin to hear.
 const FLUSH_EVERY: Duration = Duration::from_millis(10);
 /// Longest time for which a closed server goes on sending kept replies.
@@ -45,7 +44,8 @@ pub(super) struct ServerEnd {
 
 struct Serving {
     server: Box<dyn Server>,
-    say_at: Instant,
+    /// Throttle of lines about requests that could not be served.
+    said: Throttle,
 }
 
 impl ServerEnd {
@@ -62,7 +62,7 @@ impl ServerEnd {
             should_wait: options.should_wait,
             bell: Bell::new(context.wake.clone()),
             clock: context.clock.clone(),
-            state: Mutex::new(Serving { server, say_at: context.clock.now() }),
+            state: Mutex::new(Serving { server, said: Throttle::default() }),
         }
     }
 
@@ -99,10 +99,8 @@ impl ServerEnd {
     }
 
     fn say(&self, state: &mut Serving, error: &dyn std::fmt::Display) {
-        let now = self.clock.now();
-        if now >= state.say_at {
+        if state.said.pass(self.clock.now()).is_some() {
             tracing::warn!("{}: {error}", self.endpoint);
-            state.say_at = now + SAY_EVERY;
         }
     }
 
@@ -271,11 +269,6 @@ impl Session {
         heard: &mut Heard<'_>,
         value: &R,
     ) -> Result<(), MethodError> {
-        let unfit = |source| MethodError::Send {
-            method: self.method.clone(),
-            endpoint: server.endpoint.to_string(),
-            source: Box::new(source),
-        };
         let made = value
             .to_payload()
             .and_then(|payload| payload.map(|payload| server.rules.apply(payload)).transpose());
@@ -287,7 +280,7 @@ impl Session {
             }
             Err(error) => {
                 heard.tell(&format!("what the method returned cannot be sent: {error}"));
-                return Err(unfit(error));
+                return Err(self.unfit(&server.endpoint, error));
             }
         };
         let Some((_, id)) = heard.asked.take() else { return Ok(()) };

@@ -191,11 +191,7 @@ impl Session {
             publisher.skip();
             return Ok(None);
         }
-        let unfit = |source| MethodError::Send {
-            method: self.method.clone(),
-            endpoint: publisher.endpoint.to_string(),
-            source: Box::new(source),
-        };
+        let unfit = |source| self.unfit(&publisher.endpoint, source);
         let Some(mut payload) = value.to_payload().map_err(unfit)? else { return Ok(None) };
         if publisher.in_ros
             && let types::Payload::NativeObject(object) = &mut payload
@@ -204,6 +200,12 @@ impl Session {
         }
         let payload = publisher.rules.apply(payload).map_err(unfit)?;
         Ok(Some((publisher, payload)))
+    }
+
+    /// Error for a value that has no form on the wire of `endpoint`.
+    pub(super) fn unfit(&self, endpoint: &EndpointAddress, source: PayloadError) -> MethodError {
+        let (method, endpoint) = (self.method.clone(), endpoint.to_string());
+        MethodError::Send { method, endpoint, source: Box::new(source) }
     }
 
     fn published(

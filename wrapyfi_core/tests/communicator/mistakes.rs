@@ -5,7 +5,9 @@ use std::sync::Arc;
 use wrapyfi_core::communicator::{
     ActivateError, CommunicatorContext, Method, MethodError, Mode, communicator,
 };
-use wrapyfi_core::middleware::memory::Memory;
+use wrapyfi_core::endpoint::{
+    Client, Context, Listener, Middleware, OpenError, Opened, Publisher, ServiceSpec, TopicSpec,
+};
 use wrapyfi_core::types::{Properties, Value};
 
 use super::robot::{Nobody, NobodyMethod, RobotMethod, context, robot};
@@ -35,11 +37,34 @@ fn a_middleware_nobody_knows_is_a_mistake_and_none_is_no_middleware() {
     assert_eq!(nobody.elsewhere(Some("zenoh".into())).unwrap(), None);
 }
 
+/// A middleware that opens nothing.
+struct Closed;
+
+fn closed<T: ?Sized>(name: &str) -> Opened<T> {
+    Err(OpenError::transport("memory", name, "closed today".to_owned()))
+}
+
+impl Middleware for Closed {
+    fn name(&self) -> &str {
+        "memory"
+    }
+
+    fn open_listener(&self, spec: &TopicSpec, _: &Context) -> Opened<dyn Listener> {
+        closed(&spec.topic)
+    }
+
+    fn open_publisher(&self, spec: &TopicSpec, _: &Context) -> Opened<dyn Publisher> {
+        closed(&spec.topic)
+    }
+
+    fn open_client(&self, spec: &ServiceSpec, _: &Context) -> Opened<dyn Client> {
+        closed(&spec.service)
+    }
+}
+
 #[test]
 fn a_middleware_without_services_says_so() {
-    let refused = Arc::new(Memory::new("memory"));
-    refused.refuse_to_open(Some("closed today"));
-    let context = CommunicatorContext::builder().only(refused).build();
+    let context = CommunicatorContext::builder().only(Arc::new(Closed)).build();
     let mut nobody = Nobody.communicator_in(&context);
     nobody.activate(NobodyMethod::Ask, Mode::Request).unwrap();
     let error = nobody.ask().unwrap_err();

@@ -68,6 +68,23 @@ impl DecodeError {
     pub fn check_size(actual: usize, limit: usize) -> DecodeResult<()> {
         if actual > limit { Err(Self::too_large(actual, limit)) } else { Ok(()) }
     }
+
+    /// Compares the bytes that a picture needs with the limit of a message.
+    #[cfg(any(feature = "jpeg", feature = "pictures"))]
+    pub(super) fn check_pixels(
+        name: &str,
+        width: u32,
+        height: u32,
+        actual: u64,
+        limits: &crate::Limits,
+    ) -> DecodeResult<()> {
+        let limit = limits.message_bytes as u64;
+        if actual <= limit {
+            return Ok(());
+        }
+        let path = format!("{name} of {width}x{height}");
+        Err(Self::TooLarge { what: "message", path, actual, limit })
+    }
 }
 
 /// Result of decoding.

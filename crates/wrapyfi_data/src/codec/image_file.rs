@@ -63,7 +63,13 @@ pub fn decode(
     let decoder = reader.into_decoder().map_err(|error| malformed(error.to_string()))?;
     let ((width, height), color) = (decoder.dimensions(), decoder.color_type());
     let work = if format == ImageFormat::WebP { WEBP_WORK } else { 0 };
-    check_size(name, width, height, decoder.total_bytes().saturating_add(work), limits)?;
+    DecodeError::check_pixels(
+        name,
+        width,
+        height,
+        decoder.total_bytes().saturating_add(work),
+        limits,
+    )?;
     let mut pixels = vec![0; usize::try_from(decoder.total_bytes()).unwrap_or(usize::MAX)];
     decoder.read_image(&mut pixels).map_err(|error| malformed(error.to_string()))?;
     let (encoding, pixels) =
@@ -94,21 +100,6 @@ fn known_format(file: &[u8]) -> DecodeResult<(ImageFormat, &'static str)> {
             format!("a file of {} bytes that begins with \"{begins}\"", file.len()),
         )
     })
-}
-
-fn check_size(
-    name: &str,
-    width: u32,
-    height: u32,
-    actual: u64,
-    limits: &Limits,
-) -> DecodeResult<()> {
-    let limit = limits.message_bytes as u64;
-    if actual <= limit {
-        return Ok(());
-    }
-    let path = format!("{name} of {width}x{height}");
-    Err(DecodeError::TooLarge { what: "message", path, actual, limit })
 }
 
 /// Converts pixels that the crate `image` decoded to an encoding that ROS has a name for.
@@ -195,7 +186,7 @@ fn tiff(file: &[u8], limits: &Limits, name: &'static str) -> DecodeResult<(RawPi
     };
     let (width, height) = decoder.dimensions().map_err(fault)?;
     let size = u64::from(width) * u64::from(height);
-    check_size(name, width, height, size.saturating_mul(pixel_bytes), limits)?;
+    DecodeError::check_pixels(name, width, height, size.saturating_mul(pixel_bytes), limits)?;
     let (encoding, pixels): (_, Vec<u8>) = match decoder.read_image().map_err(fault)? {
         DecodingResult::U8(bits) if color == tiff::ColorType::Gray(1) => {
             (encoding, unpack_bits(&bits, width as usize))

@@ -85,14 +85,7 @@ pub fn decode(
     };
     let (width, height) = (u32::from(width), u32::from(height));
     let size = u64::from(width) * u64::from(height) * format.size() as u64;
-    if size > limits.message_bytes as u64 {
-        return Err(DecodeError::TooLarge {
-            what: "message",
-            path: format!("JPEG of {width}x{height}"),
-            actual: size,
-            limit: limits.message_bytes as u64,
-        });
-    }
+    DecodeError::check_pixels("JPEG", width, height, size, limits)?;
     // Below the limit, which is a usize.
     let mut pixels = vec![0; usize::try_from(size).unwrap_or_default()];
     let image = turbojpeg::Image {

@@ -16,9 +16,9 @@ use wrapyfi_interfaces::builtin_interfaces::msg::Time;
 use wrapyfi_interfaces::cdr::{CdrError, CdrParts, CdrReader, CdrValue, CdrWriter};
 use wrapyfi_interfaces::sensor_msgs::msg::{CompressedImage, Image};
 use wrapyfi_interfaces::std_msgs::msg::Header;
-use wrapyfi_interfaces::wrapyfi_ros2_interfaces::msg::ROS2AudioMessage;
+use wrapyfi_interfaces::wrapyfi_msgs::msg::AudioChunk;
 
-use super::ros::{audio, countable, describe, image};
+use super::ros::{audio, countable, describe, image, plain};
 use super::{DecodeError, DecodeResult, EncodeError, EncodeResult, json};
 use crate::Limits;
 use crate::plugin::Plugins;
@@ -102,10 +102,9 @@ pub fn encode(
         (Payload::NativeObject(value), MessageType::NativeObject | MessageType::StringJson) => {
             text(&json::encode_with(value, plugins)?.into())?
         }
-        (Payload::NativeObject(value), MessageType::Text) => match value.as_str() {
-            Some(plain) => text(&Bytes::copy_from_slice(plain.as_bytes()))?,
-            None => return Err(EncodeError::mismatch("a text", format!("a {}", value.kind()))),
-        },
+        (Payload::NativeObject(value), MessageType::Text) => {
+            text(&Bytes::copy_from_slice(plain(value)?.as_bytes()))?
+        }
         (Payload::Image(picture), MessageType::Image) => {
             headed(sequence, image::raw_message(picture)?, |message| &mut message.header)
         }
@@ -149,8 +148,7 @@ pub fn decode(
                 .into()
         }
         MessageType::AudioChunk | MessageType::UpstreamAudio => {
-            let read = read_headed::<ROS2AudioMessage>(message, |read| &mut read.header)?;
-            audio::decode_upstream(read)?.into()
+            audio::decode(read_headed::<AudioChunk>(message, |read| &mut read.header)?)?.into()
         }
         other @ (MessageType::Properties | MessageType::Ros(_)) => {
             return Err(DecodeError::mismatch(

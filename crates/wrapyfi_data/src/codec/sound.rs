@@ -19,7 +19,7 @@
 use bytes::Bytes;
 
 use super::{DecodeError, DecodeResult};
-use crate::types::{AudioChunk, Dtype, SampleFormat, Stamp, Tensor, Value};
+use crate::types::{AudioChunk, Dtype, SampleFormat, Stamp, Tensor, Value, into_bytes};
 
 impl AudioChunk {
     /// The sound in what a Wrapyfi script returns from a method registered as `AudioChunk`: the tuple
@@ -80,13 +80,7 @@ impl AudioChunk {
         // The fields are public, so they may contradict each other; then it is as long as its data.
         let array = Tensor::new(dtype, shape, self.data.clone()).unwrap_or_else(|_misfit| {
             let whole = self.data.len() / dtype.size();
-            Tensor {
-                dtype,
-                shape: vec![whole],
-                device: String::new(),
-                origin: None,
-                data: self.data.slice(..whole * dtype.size()),
-            }
+            Tensor::unchecked(dtype, vec![whole], self.data.slice(..whole * dtype.size()))
         });
         Value::Tuple(vec![array.into(), self.sample_rate.into()])
     }
@@ -157,14 +151,8 @@ fn number(
 #[allow(clippy::cast_possible_truncation)] // float64 to float32 rounds: sound has no more precision
 fn samples(array: &Tensor) -> DecodeResult<(SampleFormat, Bytes)> {
     let mismatch = || DecodeError::mismatch("sound as float32 or int16", array.dtype().to_string());
-    let floats = |samples: Vec<f32>| {
-        let bytes: Vec<u8> = samples.into_iter().flat_map(f32::to_le_bytes).collect();
-        (SampleFormat::F32Le, Bytes::from(bytes))
-    };
-    let integers = |samples: Vec<i16>| {
-        let bytes: Vec<u8> = samples.into_iter().flat_map(i16::to_le_bytes).collect();
-        (SampleFormat::S16Le, Bytes::from(bytes))
-    };
+    let floats = |samples: Vec<f32>| (SampleFormat::F32Le, into_bytes(samples));
+    let integers = |samples: Vec<i16>| (SampleFormat::S16Le, into_bytes(samples));
     /// Every element of type `T`, converted.
     fn each<T: crate::types::Element, S>(
         array: &Tensor,

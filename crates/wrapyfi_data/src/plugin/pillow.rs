@@ -124,8 +124,7 @@ fn from_pixels(
         swap_byte_order(&mut swapped, 2);
         data = swapped.into();
     }
-    let raw = RawPixels::dense(width, height, *encoding, data)
-        .map_err(|error| malformed(error.to_string()))?;
+    let raw = RawPixels::dense(width, height, *encoding, data).map_err(malformed)?;
     Ok((raw.into(), matches!(&*mode, BITS | "P" | INKS).then_some(mode)))
 }
 

@@ -25,8 +25,7 @@ impl Plugin for Pint {
         let text = body.base64(0)?;
         let limits = context.limits_within(text.len());
         // A quantity holds no plug-in objects.
-        let text = json::decode_with(&text, &limits, &Plugins::none())
-            .map_err(|error| malformed(error.to_string()))?;
+        let text = json::decode_with(&text, &limits, &Plugins::none()).map_err(malformed)?;
         json::quantity(&text).map(Value::from).map_err(malformed)
     }
 

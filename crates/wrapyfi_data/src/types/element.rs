@@ -89,7 +89,7 @@ pub(super) fn copy_from_bytes<T: Element>(bytes: &[u8]) -> Vec<T> {
 }
 
 /// Bytes of `elements`, little-endian, without a copy on little-endian machines.
-pub(super) fn into_bytes<T: Element>(elements: Vec<T>) -> Bytes {
+pub(crate) fn into_bytes<T: Element>(elements: Vec<T>) -> Bytes {
     struct Owner<T>(Vec<T>);
     impl<T: Element> AsRef<[u8]> for Owner<T> {
         fn as_ref(&self) -> &[u8] {

@@ -82,7 +82,7 @@ pub use typed::as_tensor;
 pub use typed::{MAX_DEPTH, TypedError, from_value, to_value};
 pub use value::{Tagged, Value};
 
-pub(crate) use element::swap_byte_order;
+pub(crate) use element::{into_bytes, swap_byte_order};
 pub(crate) use map::unique_members;
 pub(crate) use nested::rectangular;
 pub(crate) use shape::element_count;

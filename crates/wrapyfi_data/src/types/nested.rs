@@ -5,7 +5,7 @@
 //! ```
 
 use super::element::Element;
-use super::{Dtype, Tensor, Value};
+use super::{Tensor, Value};
 
 /// Largest number of lists that stand for an array without elements, because that number is only
 /// claimed.
@@ -34,7 +34,8 @@ pub(crate) fn rectangular(items: &[Value]) -> Option<Tensor> {
     }
 }
 
-fn exact_float(value: &Value) -> Option<f64> {
+/// Converts a number to a float that is equal to it.
+pub(super) fn exact_float(value: &Value) -> Option<f64> {
     match value {
         Value::Int(whole) if whole.unsigned_abs() > EXACT => None,
         number => number.as_f64(),
@@ -76,22 +77,13 @@ pub fn nested_list(tensor: &Tensor) -> Option<Value> {
     fn all<T: Element>(tensor: &Tensor, number: fn(T) -> Value) -> Option<Vec<Value>> {
         Some(tensor.to_vec()?.into_iter().map(number).collect())
     }
-    let numbers = match tensor.dtype() {
-        Dtype::Bool => all::<bool>(tensor, Into::into),
-        Dtype::I8 => all::<i8>(tensor, Into::into),
-        Dtype::I16 => all::<i16>(tensor, Into::into),
-        Dtype::I32 => all::<i32>(tensor, Into::into),
-        Dtype::I64 => all::<i64>(tensor, Into::into),
-        Dtype::U8 => all::<u8>(tensor, Into::into),
-        Dtype::U16 => all::<u16>(tensor, Into::into),
-        Dtype::U32 => all::<u32>(tensor, Into::into),
-        Dtype::U64 => all::<u64>(tensor, Into::into),
-        Dtype::F16 => all::<half::f16>(tensor, |x| x.to_f64().into()),
-        Dtype::BF16 => all::<half::bf16>(tensor, |x| x.to_f64().into()),
-        Dtype::F32 => all::<f32>(tensor, Into::into),
-        Dtype::F64 => all::<f64>(tensor, Into::into),
-        Dtype::C64 | Dtype::C128 => None,
-    }?;
+    // The numbers, where the tensor has one of these types.
+    macro_rules! one_of {
+        ($($number:ty),*) => { None$(.or_else(|| all::<$number>(tensor, Into::into)))* };
+    }
+    let numbers = one_of!(bool, i8, i16, i32, i64, u8, u16, u32, u64, f32, f64)
+        .or_else(|| all::<half::f16>(tensor, |x| x.to_f64().into()))
+        .or_else(|| all::<half::bf16>(tensor, |x| x.to_f64().into()))?;
     let lists = tensor.shape().iter().take_while(|&&extent| extent > 0).copied();
     if numbers.is_empty() && lists.fold(1, usize::saturating_mul) > MOST_EMPTY_LISTS {
         return None;
@@ -112,6 +104,7 @@ fn nest(shape: &[usize], numbers: &mut impl Iterator<Item = Value>) -> Option<Va
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::types::Dtype;
 
     fn list(items: impl IntoIterator<Item = Value>) -> Value {
         Value::List(items.into_iter().collect())

@@ -7,6 +7,7 @@
 
 use std::collections::HashMap;
 
+use super::nested::exact_float;
 use super::{Dtype, Map, ParameterValue, Tensor, Value};
 
 /// Deepest nesting of groups that is read.
@@ -312,7 +313,7 @@ fn list(name: &str, items: &[Value]) -> Result<ParameterValue, PropertiesError> 
         Value::Bool(_) => all(items, Value::as_bool).map(ParameterValue::BoolArray),
         Value::Int(_) if !floats => all(items, Value::as_i64).map(ParameterValue::IntegerArray),
         Value::Int(_) | Value::Float(_) if items.iter().all(is_number) => {
-            all(items, exact).map(ParameterValue::DoubleArray)
+            all(items, exact_float).map(ParameterValue::DoubleArray)
         }
         Value::Str(_) => {
             all(items, |item| item.as_str().map(str::to_owned)).map(ParameterValue::StringArray)
@@ -333,16 +334,6 @@ fn list(name: &str, items: &[Value]) -> Result<ParameterValue, PropertiesError> 
 
 fn all<T>(items: &[Value], read: impl Fn(&Value) -> Option<T>) -> Option<Vec<T>> {
     items.iter().map(read).collect()
-}
-
-/// Converts a number to a float that is equal to it.
-fn exact(number: &Value) -> Option<f64> {
-    // Up to here every integer has its float.
-    const EXACT: std::ops::RangeInclusive<i64> = -(1 << 53)..=1 << 53;
-    match number {
-        Value::Int(value) if !EXACT.contains(value) => None,
-        other => other.as_f64(),
-    }
 }
 
 /// Converts an array with one dimension.

@@ -50,10 +50,7 @@ impl RosMessage {
     /// # Errors
     /// When the bytes cannot be a message of the type, or are more than `max_bytes`.
     pub fn check(&self, max_bytes: usize) -> Result<(), CdrError> {
-        if self.cdr.len() > max_bytes {
-            return Err(CdrError::TooLarge { actual: self.cdr.len(), limit: max_bytes });
-        }
-        let available = CdrReader::new(&self.cdr)?.remaining();
+        let available = CdrReader::within(&self.cdr, max_bytes)?.remaining();
         let needed = self.ros_type.plan().min_size();
         if available < needed {
             let path = self.ros_type.name().to_owned();

@@ -7,7 +7,7 @@
 //! ```
 
 use num_bigint::BigInt;
-use serde_json::{Map as Object, Number, Value as Json};
+use serde_json::{Map as Object, Value as Json};
 use wrapyfi_interfaces::cdr::CdrError;
 use wrapyfi_interfaces::dynamic::{DynamicMessage, DynamicValue, Primitives, ValueError};
 
@@ -293,21 +293,13 @@ fn json(value: &Value, path: &mut Path<'_>, depth: usize) -> Result<Json, RosVal
 }
 
 fn float(value: f64) -> Json {
-    Number::from_f64(value).map_or_else(
-        || {
-            Json::String(
-                if value.is_nan() {
-                    "NaN"
-                } else if value > 0.0 {
-                    "Infinity"
-                } else {
-                    "-Infinity"
-                }
-                .to_owned(),
-            )
-        },
-        Json::Number,
-    )
+    let word = match value {
+        f64::INFINITY => "Infinity",
+        f64::NEG_INFINITY => "-Infinity",
+        nan if nan.is_nan() => "NaN",
+        number => return number.into(),
+    };
+    word.into()
 }
 
 /// Converts an array to a list of numbers, row by row whatever its shape, because fields have one

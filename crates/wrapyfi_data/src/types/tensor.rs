@@ -49,7 +49,12 @@ impl Tensor {
     ) -> Result<Self, ShapeError> {
         let (shape, data) = (shape.into(), data.into());
         check_length(&shape, dtype.size(), data.len(), || format!("{dtype} array {shape:?}"))?;
-        Ok(Self { dtype, shape, device: String::new(), origin: None, data })
+        Ok(Self::unchecked(dtype, shape, data))
+    }
+
+    /// A tensor whose data are known to fit its shape.
+    pub(crate) fn unchecked(dtype: Dtype, shape: Vec<usize>, data: Bytes) -> Self {
+        Self { dtype, shape, device: String::new(), origin: None, data }
     }
 
     /// An array that takes over `elements` in row-major order.

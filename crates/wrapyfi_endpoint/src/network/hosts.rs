@@ -36,24 +36,20 @@ impl Hosts {
             return Ok(ip);
         }
         let found: Vec<SocketAddr> =
-            (bare, 0).to_socket_addrs().map_err(|error| unresolved(bare, &error))?.collect();
+            (bare, 0).to_socket_addrs().map_err(|error| Self::unresolved(bare, &error))?.collect();
         // ROS 1, YARP and Wrapyfi's sockets speak IPv4 unless they are told otherwise.
         let preferred = found.iter().find(|address| address.is_ipv4()).or(found.first());
-        preferred.map(SocketAddr::ip).ok_or_else(|| unresolved(bare, &"it has no address"))
+        preferred.map(SocketAddr::ip).ok_or_else(|| Self::unresolved(bare, &"it has no address"))
     }
 
     /// Error text for a name for which the system has no address, with the remedy.
     #[must_use]
     pub fn unresolved(host: &str, reason: &dyn std::fmt::Display) -> String {
-        unresolved(host, reason)
+        format!(
+            "host name {host:?} does not resolve on this machine ({reason}): write its address \
+             under hosts: in the configuration, or into /etc/hosts"
+        )
     }
-}
-
-fn unresolved(host: &str, reason: &dyn std::fmt::Display) -> String {
-    format!(
-        "host name {host:?} does not resolve on this machine ({reason}): write its address under \
-         hosts: in the configuration, or into /etc/hosts"
-    )
 }
 
 impl FromIterator<(String, IpAddr)> for Hosts {
@@ -66,13 +62,18 @@ impl FromIterator<(String, IpAddr)> for Hosts {
 /// is sent for it.
 #[must_use]
 pub fn facing(to: SocketAddr) -> Option<IpAddr> {
-    let any: IpAddr = match to {
-        SocketAddr::V4(_) => Ipv4Addr::UNSPECIFIED.into(),
-        SocketAddr::V6(_) => Ipv6Addr::UNSPECIFIED.into(),
-    };
-    let socket = UdpSocket::bind((any, 0)).ok()?;
+    let socket = UdpSocket::bind((unspecified(to.ip()), 0)).ok()?;
     socket.connect(to).ok()?;
     Some(socket.local_addr().ok()?.ip())
+}
+
+/// All addresses of this machine that are of the kind of `like`.
+#[must_use]
+pub fn unspecified(like: IpAddr) -> IpAddr {
+    match like {
+        IpAddr::V4(_) => Ipv4Addr::UNSPECIFIED.into(),
+        IpAddr::V6(_) => Ipv6Addr::UNSPECIFIED.into(),
+    }
 }
 
 /// True when this machine has the address, so that a socket can listen on it.

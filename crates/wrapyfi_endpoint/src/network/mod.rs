@@ -8,6 +8,6 @@ mod hosts;
 mod insecure;
 mod variables;
 
-pub use hosts::{Hosts, facing, is_of_this_machine};
+pub use hosts::{Hosts, facing, is_of_this_machine, unspecified};
 pub use insecure::{Insecure, Place, ReachedByOthers, is_on};
 pub use variables::{VariableError, Variables, variable};

@@ -33,6 +33,17 @@ impl<'a> CdrReader<'a> {
         Ok(Self { cdr, position: ENCAPSULATION_SIZE, order, is_ros1: false })
     }
 
+    /// [`CdrReader::new`] for a message of at most `max_bytes` bytes.
+    ///
+    /// # Errors
+    /// When `cdr` is larger, or not plain CDR.
+    pub fn within(cdr: &'a Bytes, max_bytes: usize) -> Result<Self, CdrError> {
+        match cdr.len() {
+            actual if actual > max_bytes => Err(CdrError::TooLarge { actual, limit: max_bytes }),
+            _ => Self::new(cdr),
+        }
+    }
+
     /// Reads a message as ROS 1 serialises it: members in the same order, behind no header, not aligned, and
     /// text without a terminator.
     #[must_use]

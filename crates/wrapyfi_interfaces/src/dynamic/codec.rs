@@ -18,10 +18,7 @@ impl TypePlan {
     /// # Errors
     /// When it is too large, is not plain CDR, or a field is not there or not valid.
     pub fn decode(&self, cdr: &Bytes, max_bytes: usize) -> Result<DynamicMessage, CdrError> {
-        if cdr.len() > max_bytes {
-            return Err(CdrError::TooLarge { actual: cdr.len(), limit: max_bytes });
-        }
-        read_message(&mut CdrReader::new(cdr)?, &self.shape)
+        read_message(&mut CdrReader::within(cdr, max_bytes)?, &self.shape)
     }
 
     /// As [`TypePlan::decode`], for what must be of this type and no other: nothing but the padding of
@@ -32,10 +29,7 @@ impl TypePlan {
     pub fn decode_exact(&self, cdr: &Bytes, max_bytes: usize) -> Result<DynamicMessage, CdrError> {
         /// DDS fills whole words of four bytes.
         const MOST_PADDING: usize = 3;
-        if cdr.len() > max_bytes {
-            return Err(CdrError::TooLarge { actual: cdr.len(), limit: max_bytes });
-        }
-        let mut reader = CdrReader::new(cdr)?;
+        let mut reader = CdrReader::within(cdr, max_bytes)?;
         let message = read_message(&mut reader, &self.shape)?;
         match reader.remaining() {
             0..=MOST_PADDING => Ok(message),

@@ -98,33 +98,27 @@ fn value(
         };
         budget.take(size.saturating_mul(elements.len()))?;
     }
-    let elements = elements.iter().enumerate();
     Ok(match &field.element {
         ElementShape::Primitive(primitive) => {
             DynamicValue::Primitives(with_scalar!(*primitive, T => {
-                let mut values: Vec<T> = Vec::with_capacity(elements.len());
-                for (index, json) in elements {
-                    let value = T::from_json(*primitive, json);
-                    values.push(value.map_err(|error| error.in_element(index))?);
-                }
-                Primitives::from(values)
+                Primitives::from(each(elements, |json| T::from_json(*primitive, json))?)
             }))
         }
-        ElementShape::Text { .. } => DynamicValue::Texts(
-            elements
-                .map(|(index, json)| {
-                    text(field, json, budget).map_err(|error| error.in_element(index))
-                })
-                .collect::<Result<_, _>>()?,
-        ),
-        ElementShape::Message(shape) => DynamicValue::Messages(
-            elements
-                .map(|(index, json)| {
-                    message(shape, json, budget).map_err(|error| error.in_element(index))
-                })
-                .collect::<Result<_, _>>()?,
-        ),
+        ElementShape::Text { .. } => {
+            DynamicValue::Texts(each(elements, |json| text(field, json, budget))?)
+        }
+        ElementShape::Message(shape) => {
+            DynamicValue::Messages(each(elements, |json| message(shape, json, budget))?)
+        }
     })
+}
+
+fn each<T>(
+    elements: &[Value],
+    mut read: impl FnMut(&Value) -> Result<T, ValueError>,
+) -> Result<Vec<T>, ValueError> {
+    let elements = elements.iter().enumerate();
+    elements.map(|(index, json)| read(json).map_err(|error| error.in_element(index))).collect()
 }
 
 fn text(field: &FieldShape, json: &Value, budget: &mut Budget) -> Result<String, ValueError> {

@@ -22,14 +22,12 @@ macro_rules! integers {
     ($($integer:ty),*) => {$(
         impl FromJson for $integer {
             fn from_json(primitive: Primitive, json: &Value) -> Result<Self, ValueError> {
-                let Value::Number(number) = json else {
-                    return Err(kind(format!("an integer for {}", primitive.name()), json));
-                };
-                let value = integer(number)
+                let value = json.as_number().and_then(integer);
+                let value = value
                     .ok_or_else(|| kind(format!("an integer for {}", primitive.name()), json))?;
                 Self::try_from(value).map_err(|_out| ValueError::Range {
                     path: String::new(),
-                    value: number.to_string(),
+                    value: json.to_string(),
                     expected: primitive.name(),
                     low: Self::MIN.to_string(),
                     high: Self::MAX.to_string(),

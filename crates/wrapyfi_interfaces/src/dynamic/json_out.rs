@@ -3,7 +3,7 @@
 //! Objects have their fields in the definition's order, `uint8[]` is an array of numbers, and
 //! numbers that JSON lacks are the strings `"NaN"`, `"Infinity"` and `"-Infinity"`.
 
-use serde::ser::{Serialize, SerializeMap, Serializer};
+use serde::ser::{Serialize, Serializer};
 
 use super::value::with_elements;
 use super::{DynamicMessage, DynamicValue, Primitives};
@@ -21,11 +21,7 @@ impl DynamicMessage {
 
 impl Serialize for DynamicMessage {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(Some(self.values.len()))?;
-        for (name, value) in self.fields() {
-            map.serialize_entry(name, value)?;
-        }
-        map.end()
+        serializer.collect_map(self.fields())
     }
 }
 

@@ -202,16 +202,7 @@ impl FieldShape {
 
     /// Checks that so many elements fit.
     pub(super) fn check_count(&self, actual: usize) -> Result<(), ValueError> {
-        let (fits, expected) = match self.container {
-            Container::Array(size) => (actual == size as usize, format!("exactly {size}")),
-            Container::Sequence { bound: Some(bound) } => {
-                (actual <= bound as usize, format!("at most {bound}"))
-            }
-            Container::Sequence { bound: None } | Container::Single => return Ok(()),
-        };
-        if fits {
-            return Ok(());
-        }
+        let Some(expected) = self.container.other_count(actual) else { return Ok(()) };
         Err(ValueError::Count { path: String::new(), actual, unit: "elements", expected })
     }
 

@@ -151,6 +151,19 @@ impl fmt::Display for Element {
     }
 }
 
+impl Container {
+    /// How many elements it has, where that are not `actual`.
+    pub(crate) fn other_count(self, actual: usize) -> Option<String> {
+        match self {
+            Self::Array(size) if actual != size as usize => Some(format!("exactly {size}")),
+            Self::Sequence { bound: Some(bound) } if actual > bound as usize => {
+                Some(format!("at most {bound}"))
+            }
+            _ => None,
+        }
+    }
+}
+
 impl fmt::Display for Container {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

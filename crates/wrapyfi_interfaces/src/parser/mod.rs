@@ -46,19 +46,7 @@ use line::Line;
 /// # Errors
 /// The first line that is neither field nor constant nor comment, with its number.
 pub fn parse_message(name: &TypeName, text: &str) -> Result<MessageDefinition, ParseError> {
-    parse_message_as(Dialect::Ros2, name, text)
-}
-
-/// Parses the text of a `.msg` file of either ROS.
-///
-/// # Errors
-/// As [`parse_message`].
-pub fn parse_message_as(
-    dialect: Dialect,
-    name: &TypeName,
-    text: &str,
-) -> Result<MessageDefinition, ParseError> {
-    parse_section(dialect, name, text, 0)
+    parse_section(Dialect::Ros2, name, text, 0)
 }
 
 /// Messages that the definition file of `name` gives; of a part of a service or action, all of its file.
@@ -73,7 +61,7 @@ pub fn parse_interface(
     let interface = name.interface();
     match name.kind() {
         InterfaceKind::Message => {
-            parse_message_as(dialect, &interface, text).map(|message| vec![message])
+            parse_section(dialect, &interface, text, 0).map(|message| vec![message])
         }
         InterfaceKind::Service => parse_service(dialect, &interface, text),
         InterfaceKind::Action => parse_action(dialect, &interface, text),

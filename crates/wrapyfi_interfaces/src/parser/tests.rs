@@ -153,7 +153,7 @@ fn names_say_their_kind_and_file() {
 #[test]
 fn the_words_of_ros1_are_read_in_its_dialect_only() {
     let name = TypeName::parse(Dialect::Ros1, "demo/Thing").unwrap();
-    let ros1 = |text: &str| parse_message_as(Dialect::Ros1, &name, text);
+    let ros1 = |text: &str| parse_section(Dialect::Ros1, &name, text, 0);
     let message = ros1(
         "byte LOW=-1\nstring left= a \"b\" # c \ntime at\nduration[] waits\nHeader header\n\
          float64[9] K # matrix\nbyte level\nchar letter\n",

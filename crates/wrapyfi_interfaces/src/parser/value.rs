@@ -65,19 +65,10 @@ pub(super) fn default(
         .into_iter()
         .map(|element| literal(Dialect::Ros2, &field_type.element, type_name, element))
         .collect::<Result<Vec<_>, _>>()?;
-    let (fits, expected) = match field_type.container {
-        Container::Array(size) => {
-            (values.len() as u64 == u64::from(size), format!("exactly {size}"))
-        }
-        Container::Sequence { bound: Some(bound) } => {
-            (values.len() as u64 <= u64::from(bound), format!("at most {bound}"))
-        }
-        Container::Single | Container::Sequence { bound: None } => (true, String::new()),
-    };
-    if !fits {
-        return Err(ParseFault::DefaultCount { actual: values.len(), expected });
+    match field_type.container.other_count(values.len()) {
+        Some(expected) => Err(ParseFault::DefaultCount { actual: values.len(), expected }),
+        None => Ok(DefaultValue::Many(values)),
     }
-    Ok(DefaultValue::Many(values))
 }
 
 /// Elements between commas that are not inside quotes.

@@ -27,7 +27,7 @@ pub(super) struct Work<'p> {
 }
 
 impl Work<'_> {
-    fn path(&self, at: PathId) -> String {
+    pub(super) fn path(&self, at: PathId) -> String {
         let path = usize::try_from(at).ok().and_then(|at| self.paths.get(at));
         path.map(ToString::to_string).unwrap_or_default()
     }
@@ -72,18 +72,6 @@ impl Work<'_> {
             }
             _ => Ok(()),
         }
-    }
-
-    pub(super) fn not_utf8(&self, at: PathId, valid_up_to: usize) -> TranscodeError {
-        CdrError::NotUtf8 { path: self.path(at), valid_up_to }.into()
-    }
-
-    pub(super) fn not_utf16(&self, at: PathId, index: usize) -> TranscodeError {
-        CdrError::NotUtf16 { path: self.path(at), index }.into()
-    }
-
-    pub(super) fn unterminated(&self, at: PathId, length: usize, last: u8) -> TranscodeError {
-        CdrError::Unterminated { path: self.path(at), length, last }.into()
     }
 
     fn note_elements(&mut self, count: usize, at: PathId) -> Result<(), TranscodeError> {

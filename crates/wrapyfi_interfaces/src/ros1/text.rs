@@ -10,6 +10,7 @@ use super::error::TranscodeError;
 use super::op::Text;
 use super::run::{Work, sequence};
 use super::wire::{Source, Target};
+use crate::cdr::CdrError;
 
 /// Text in place of bytes that are no UTF-8.
 const REPLACEMENT: &str = "\u{fffd}";
@@ -29,7 +30,10 @@ pub(super) fn copy<const F: bool, const T: bool>(
     let bytes = from.take(length).map_err(|short| work.truncated(op.at, short))?;
     let bytes = match (F, bytes.split_last()) {
         (true, Some((0, text))) => text,
-        (true, Some((last, _))) => return Err(work.unterminated(op.at, length, *last)),
+        (true, Some((last, _))) => {
+            let path = work.path(op.at);
+            return Err(CdrError::Unterminated { path, length, last: *last }.into());
+        }
         _ => bytes,
     };
     // The search for a byte is far faster than finding where it is.
@@ -45,7 +49,10 @@ pub(super) fn copy<const F: bool, const T: bool>(
         Err(error) => {
             work.done.bad_texts = work.done.bad_texts.saturating_add(1);
             match work.options.bad_text {
-                BadText::Refuse => Err(work.not_utf8(op.at, error.valid_up_to())),
+                BadText::Refuse => {
+                    let (path, valid_up_to) = (work.path(op.at), error.valid_up_to());
+                    Err(CdrError::NotUtf8 { path, valid_up_to }.into())
+                }
                 BadText::Keep if !op.to_wide => put_bytes(op, text, to, work),
                 BadText::Keep | BadText::Replace => put_repaired(op, text, to, work),
             }
@@ -162,7 +169,7 @@ fn copy_wide<const F: bool, const T: bool>(
     if let Some(index) = bad {
         work.done.bad_texts = work.done.bad_texts.saturating_add(1);
         if work.options.bad_text == BadText::Refuse {
-            return Err(work.not_utf16(op.at, index));
+            return Err(CdrError::NotUtf16 { path: work.path(op.at), index }.into());
         }
     }
     put_length(op, length, to, work)?;

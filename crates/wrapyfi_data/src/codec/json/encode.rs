@@ -116,7 +116,7 @@ impl Encoder<'_> {
             },
             Value::Float(value) => write_float(*value, &mut self.out),
             Value::Str(value) => text::write(value, &mut self.out),
-            Value::Utf16(units) => text::write_utf16(units, &mut self.out),
+            Value::Utf16(units) => text::write_units(units, &mut self.out),
             Value::Bytes(bytes) => {
                 let what = format!("{} raw bytes", bytes.len());
                 return Err(unrepresentable(what, path, "send an array of uint8"));
@@ -228,7 +228,7 @@ impl Encoder<'_> {
             match part {
                 Part::Text(text) => text::write(text, &mut self.out),
                 Part::Base64(head, tail) => self.base64(head, tail)?,
-                Part::Latin1(file) => text::write_latin1(file, &mut self.out),
+                Part::Latin1(file) => text::write_units(file, &mut self.out),
                 Part::Value(value) => self.value(value, &Path::Index(path, index), depth + 1)?,
             }
         }
@@ -285,7 +285,7 @@ impl Encoder<'_> {
                 return Ok(Cow::Borrowed(key));
             }
             Value::Utf16(units) => {
-                text::write_utf16(units, &mut self.out);
+                text::write_units(units, &mut self.out);
                 return Ok(String::from_utf16_lossy(units).into());
             }
             Value::Null | Value::Bool(_) | Value::Int(_) | Value::BigInt(_) | Value::Float(_) => {}

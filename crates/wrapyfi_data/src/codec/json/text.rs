@@ -186,17 +186,10 @@ pub(super) fn write(text: &str, out: &mut Vec<u8>) {
     out.push(b'"');
 }
 
-/// Appends `file` in quotes, one character for each byte.
-pub(super) fn write_latin1(file: &[u8], out: &mut Vec<u8>) {
+/// Appends UTF-16 code units in quotes, surrogates included. Bytes become one character each.
+pub(super) fn write_units<T: Copy + Into<u16>>(units: &[T], out: &mut Vec<u8>) {
     out.push(b'"');
-    file.iter().for_each(|&byte| write_unit(byte.into(), out));
-    out.push(b'"');
-}
-
-/// Appends UTF-16 code units in quotes, surrogates included.
-pub(super) fn write_utf16(units: &[u16], out: &mut Vec<u8>) {
-    out.push(b'"');
-    units.iter().for_each(|&unit| write_unit(unit, out));
+    units.iter().for_each(|&unit| write_unit(unit.into(), out));
     out.push(b'"');
 }
 
@@ -280,7 +273,7 @@ mod tests {
         #[test]
         fn a_file_written_then_read_is_the_same(file: Vec<u8>) {
             let mut out = Vec::new();
-            write_latin1(&file, &mut out);
+            write_units(&file, &mut out);
             prop_assert_eq!(find_end(&out[1..]).unwrap().decode_latin1(), Ok(file));
         }
 

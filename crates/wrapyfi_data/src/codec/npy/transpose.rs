@@ -67,9 +67,7 @@ pub(super) fn permute(
     }
     let strides: Vec<usize> =
         axes.iter().filter_map(|&axis| strides_before.get(axis).copied()).collect();
-    let mut row_major = Vec::with_capacity(data.len());
-    copy_axis(data, shape, &strides, itemsize, 0, &mut row_major);
-    Ok(row_major.into())
+    Ok(gather(data, shape, &strides, itemsize, 0).into())
 }
 
 /// Appends everything below one index of the axes before: at most 64 deep, as many as there are

@@ -1,8 +1,6 @@
 //! Instructions that make objects of others: containers, calls, state.
 
-use bytes::Bytes;
-
-use super::arena::{CallData, EDGE, Kind, NodeId, Span};
+use super::arena::{CallData, EDGE, Kind, NodeId};
 use super::globals::GETATTR;
 use super::machine::{Machine, Result};
 use super::{opcode as op, text};
@@ -15,7 +13,7 @@ impl Machine<'_> {
 
     pub(super) fn push_tuple(&mut self, items: Vec<NodeId>) -> Result<()> {
         if items.is_empty() {
-            self.push_id(NodeId::EMPTY_TUPLE);
+            self.stack.push(NodeId::EMPTY_TUPLE);
             return Ok(());
         }
         self.push(Kind::Tuple(items.into()))
@@ -68,7 +66,7 @@ impl Machine<'_> {
         };
         if std::ptr::eq(global, &raw const GETATTR) && kwargs.is_none() && !new {
             let method = self.method(args)?;
-            self.push_id(method);
+            self.stack.push(method);
             return Ok(());
         }
         if !global.callable {
@@ -86,9 +84,9 @@ impl Machine<'_> {
             // These calls take three arguments at most; copying all would cost time with each call.
             let args: Vec<NodeId> = items.iter().take(4).copied().collect();
             let plain = match (global.module, global.name) {
-                ("_codecs", "encode") => Some(self.encoded(&args)?.into_bytes()),
-                ("builtins", "bytes") => Some(self.byte_content(&args)?.into_bytes()),
-                ("builtins", "bytearray") => Some(self.byte_content(&args)?.into_byte_array()),
+                ("_codecs", "encode") => Some(self.encoded(&args)?),
+                ("builtins", "bytes") => Some(self.byte_content(&args)?),
+                ("builtins", "bytearray") => Some(byte_array(self.byte_content(&args)?)),
                 ("builtins", "list") => Some(Kind::List(self.members(&args)?)),
                 ("builtins", "tuple") => Some(Kind::Tuple(self.members(&args)?.into())),
                 ("builtins", "set") => Some(Kind::Set(self.members(&args)?)),
@@ -163,7 +161,7 @@ impl Machine<'_> {
     }
 
     /// `_codecs.encode(text, 'latin1')`: how protocols 0 to 2 write bytes.
-    fn encoded(&mut self, args: &[NodeId]) -> Result<Content> {
+    fn encoded(&mut self, args: &[NodeId]) -> Result<Kind> {
         match *args {
             [text, encoding] if self.is_latin1(encoding) => self.latin1(text),
             _ => Err(self.fault("_codecs.encode for anything but 'latin1'")),
@@ -171,14 +169,14 @@ impl Machine<'_> {
     }
 
     /// The arguments of `bytes` and `bytearray`: nothing, bytes, or text as Latin-1.
-    fn byte_content(&mut self, args: &[NodeId]) -> Result<Content> {
+    fn byte_content(&mut self, args: &[NodeId]) -> Result<Kind> {
         match *args {
-            [] => Ok(Content::Owned(Bytes::new())),
+            [] => Ok(Kind::OwnedBytes(Box::default())),
             [text, encoding] if self.is_latin1(encoding) => self.latin1(text),
             [bytes] => match *self.arena.kind(bytes) {
-                Kind::Bytes(span) | Kind::ByteArray(span) => Ok(Content::Span(span)),
+                Kind::Bytes(span) | Kind::ByteArray(span) => Ok(Kind::Bytes(span)),
                 Kind::OwnedBytes(ref bytes) | Kind::OwnedByteArray(ref bytes) => {
-                    Ok(Content::Owned(Bytes::clone(bytes)))
+                    Ok(Kind::OwnedBytes(bytes.clone()))
                 }
                 _ => Err(self.not_a(bytes, "bytes")),
             },
@@ -191,7 +189,7 @@ impl Machine<'_> {
             if matches!(self.span_bytes(*span), b"latin1" | b"latin-1"))
     }
 
-    fn latin1(&mut self, id: NodeId) -> Result<Content> {
+    fn latin1(&mut self, id: NodeId) -> Result<Kind> {
         let length = match self.arena.kind(id) {
             Kind::Str(span) => span.end - span.start,
             Kind::OwnedStr(text) => text.len(),
@@ -203,7 +201,7 @@ impl Machine<'_> {
             Kind::Str(span) => {
                 let bytes = self.span_bytes(*span);
                 if bytes.is_ascii() {
-                    return Ok(Content::Span(*span));
+                    return Ok(Kind::Bytes(*span));
                 }
                 str::from_utf8(bytes).ok().and_then(text::to_latin1)
             }
@@ -211,28 +209,15 @@ impl Machine<'_> {
             _ => None,
         };
         let owned = owned.ok_or_else(|| self.fault("a character beyond Latin-1"))?;
-        Ok(Content::Owned(owned.into()))
+        Ok(Kind::OwnedBytes(Box::new(owned.into())))
     }
 }
 
-/// Bytes, in the pickle or not.
-enum Content {
-    Span(Span),
-    Owned(Bytes),
-}
-
-impl Content {
-    fn into_bytes(self) -> Kind {
-        match self {
-            Self::Span(span) => Kind::Bytes(span),
-            Self::Owned(bytes) => Kind::OwnedBytes(Box::new(bytes)),
-        }
-    }
-
-    fn into_byte_array(self) -> Kind {
-        match self {
-            Self::Span(span) => Kind::ByteArray(span),
-            Self::Owned(bytes) => Kind::OwnedByteArray(Box::new(bytes)),
-        }
+/// The byte array of such bytes.
+fn byte_array(bytes: Kind) -> Kind {
+    match bytes {
+        Kind::Bytes(span) => Kind::ByteArray(span),
+        Kind::OwnedBytes(bytes) => Kind::OwnedByteArray(bytes),
+        other => other,
     }
 }

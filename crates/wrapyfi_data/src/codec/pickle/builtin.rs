@@ -109,10 +109,6 @@ impl Node<'_> {
             .and_then(|delta| delta.checked_add(&TimeDelta::microseconds(micros.int().ok()?)));
         delta.ok_or_else(|| self.invalid("timedelta", "larger than can be"))
     }
-
-    fn invalid(&self, what: &'static str, reason: &str) -> PickleError {
-        PickleError::Invalid { what, path: self.path(), reason: reason.to_owned(), at: self.at() }
-    }
 }
 
 fn date(y: u8, year: u8, month: u8, day: u8) -> Option<NaiveDate> {

@@ -54,12 +54,7 @@ impl Node<'_> {
 }
 
 fn invalid(node: &Node<'_>, reason: impl Into<String>) -> PickleError {
-    PickleError::Invalid {
-        what: "numpy.dtype",
-        path: node.path(),
-        reason: reason.into(),
-        at: node.at(),
-    }
+    node.invalid("numpy.dtype", reason)
 }
 
 /// State of a dtype.

@@ -41,7 +41,8 @@ macro_rules! family {
 #[derive(Debug, Clone, Copy)]
 pub struct Allowed {
     families: &'static [&'static [Global]],
-    persistent_ids: bool,
+    /// True where the pickle may refer to things beside it by an id.
+    pub(super) persistent_ids: bool,
 }
 
 impl Allowed {
@@ -55,7 +56,7 @@ impl Allowed {
     pub const PYARROW: Self = Self::new(&[BUILTINS, PYARROW]);
     /// `PytorchTensor`: `data.pkl` of a `torch.save` file. The only one with persistent ids, which
     /// name the storages in the file.
-    pub const TORCH: Self = Self::new(&[TORCH]).with_persistent_ids();
+    pub const TORCH: Self = Self { families: &[TORCH], persistent_ids: true };
     /// `PaddleTensor`: a named array.
     pub const PADDLE: Self = Self::new(&[BUILTINS, NUMPY]);
     /// `TraxArray`: a JAX array.
@@ -65,18 +66,6 @@ impl Allowed {
     #[must_use]
     pub const fn new(families: &'static [&'static [Global]]) -> Self {
         Self { families, persistent_ids: false }
-    }
-
-    /// The same list, for pickles that may refer to things beside them by an id.
-    #[must_use]
-    pub const fn with_persistent_ids(self) -> Self {
-        Self { persistent_ids: true, ..self }
-    }
-
-    /// True when persistent ids are read.
-    #[must_use]
-    pub const fn has_persistent_ids(&self) -> bool {
-        self.persistent_ids
     }
 
     /// The entry for `module.name`, whose module may have its Python 2 name.

@@ -254,10 +254,6 @@ impl<'a> Machine<'a> {
         Ok(())
     }
 
-    pub(super) fn push_id(&mut self, id: NodeId) {
-        self.stack.push(id);
-    }
-
     /// The object on top. What lies below a mark is out of reach until the mark is taken away.
     pub(super) fn top(&self) -> Result<NodeId> {
         let floor = self.marks.last().copied().unwrap_or_default();

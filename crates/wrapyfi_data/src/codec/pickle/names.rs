@@ -107,7 +107,7 @@ impl Machine<'_> {
     }
 
     pub(super) fn check_persistent(&self) -> Result<()> {
-        if self.allowed.has_persistent_ids() {
+        if self.allowed.persistent_ids {
             return Ok(());
         }
         Err(self.fault("nothing lies beside this pickle that an id could refer to"))

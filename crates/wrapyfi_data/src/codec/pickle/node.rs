@@ -175,6 +175,11 @@ impl<'p> Node<'p> {
         }
     }
 
+    /// Error for an object that is made as its kind, but says what cannot be.
+    pub(crate) fn invalid(&self, what: &'static str, reason: impl Into<String>) -> PickleError {
+        PickleError::Invalid { what, path: self.path(), reason: reason.into(), at: self.at() }
+    }
+
     /// Kind and content of the object.
     #[must_use]
     pub fn view(&self) -> View<'p> {

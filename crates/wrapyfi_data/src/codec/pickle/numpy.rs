@@ -140,7 +140,7 @@ impl<'p> Node<'p> {
             ArrayDtype::Object => return Err(dtype.unexpected("elements with a size")),
         };
         let array = npy::from_parts(&descr, shape, order, data);
-        match array.map_err(|reason| self.invalid_array(reason))? {
+        match array.map_err(|reason| self.invalid("NumPy array", reason))? {
             NpyArray::Tensor(mut tensor) => {
                 if bfloat16 {
                     tensor.dtype = Dtype::BF16;
@@ -149,10 +149,6 @@ impl<'p> Node<'p> {
             }
             NpyArray::Array(array) => Ok(PickledArray::Array(array)),
         }
-    }
-
-    fn invalid_array(&self, reason: String) -> PickleError {
-        PickleError::Invalid { what: "NumPy array", path: self.path(), reason, at: self.at() }
     }
 }
 

@@ -140,6 +140,17 @@ impl Writer {
         self.op(op::LIST)
     }
 
+    /// A list of what `write` makes of each of `items`.
+    pub(crate) fn list<T, E>(
+        &mut self,
+        items: impl IntoIterator<Item = T>,
+        mut write: impl FnMut(&mut Self, T) -> Result<(), E>,
+    ) -> Result<&mut Self, E> {
+        self.mark();
+        items.into_iter().try_for_each(|item| write(self, item))?;
+        Ok(self.list_since_mark())
+    }
+
     /// Makes a dict of key, value, key, value, … since the mark.
     pub(crate) fn dict_since_mark(&mut self) -> &mut Self {
         self.op(op::DICT)

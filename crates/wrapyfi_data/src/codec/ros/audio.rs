@@ -1,12 +1,9 @@
 //! Sound: `wrapyfi_msgs/msg/AudioChunk` and the message of Python Wrapyfi.
 //!
-//! Both have the same fields. Wrapyfi labels its 32-bit floats `S16LE` and insists on that label,
+//! Both have the same fields in the same order, so one is read and written as the other. Wrapyfi labels its 32-bit floats `S16LE` and insists on that label,
 //! so on reception the size of the data decides what a sample is, whatever the label says.
 
-use wrapyfi_interfaces::Message;
-use wrapyfi_interfaces::cdr::CdrParts;
 use wrapyfi_interfaces::wrapyfi_msgs::msg;
-use wrapyfi_interfaces::wrapyfi_ros2_interfaces::msg::ROS2AudioMessage;
 
 use super::part::{
     contradictory, countable, header, little_endian, malformed, misfit, quote, stamp,
@@ -14,45 +11,33 @@ use super::part::{
 use crate::codec::{DecodeResult, EncodeResult};
 use crate::types::{AudioChunk, SampleFormat};
 
-pub(super) fn encode(sound: &AudioChunk) -> EncodeResult<CdrParts> {
+/// Sound under the label that is true.
+pub(super) fn message(sound: &AudioChunk) -> EncodeResult<msg::AudioChunk> {
     check(sound)?;
-    let message = msg::AudioChunk {
-        header: header(sound.stamp, &sound.frame_id),
-        chunk_size: sound.frames,
-        channels: sound.channels,
-        sample_rate: sound.sample_rate,
-        encoding: sound.format.name().to_owned(),
-        is_bigendian: 0,
-        bitrate: 0,
-        coding_format: String::new(),
-        step: step(sound),
-        data: sound.data.clone(),
-    };
-    Ok(message.encode())
+    Ok(labelled(sound, sound.format))
 }
 
-/// Writes what Python Wrapyfi accepts: floats under the label of integers.
-pub(super) fn encode_upstream(sound: &AudioChunk) -> EncodeResult<CdrParts> {
-    upstream_message(sound).map(|message| message.encode())
-}
-
-/// The fields that Python Wrapyfi accepts.
-pub(in crate::codec) fn upstream_message(sound: &AudioChunk) -> EncodeResult<ROS2AudioMessage> {
+/// What Python Wrapyfi accepts: floats under the label of integers.
+pub(in crate::codec) fn upstream_message(sound: &AudioChunk) -> EncodeResult<msg::AudioChunk> {
     check(sound)?;
     let sound = sound.to_format(SampleFormat::F32Le);
     countable("data", sound.data.len())?;
-    Ok(ROS2AudioMessage {
+    Ok(labelled(&sound, SampleFormat::S16Le))
+}
+
+fn labelled(sound: &AudioChunk, label: SampleFormat) -> msg::AudioChunk {
+    msg::AudioChunk {
         header: header(sound.stamp, &sound.frame_id),
         chunk_size: sound.frames,
         channels: sound.channels,
         sample_rate: sound.sample_rate,
-        encoding: SampleFormat::S16Le.name().to_owned(),
+        encoding: label.name().to_owned(),
         is_bigendian: 0,
         bitrate: 0,
         coding_format: String::new(),
-        step: step(&sound),
-        data: sound.data,
-    })
+        step: sound.format.bytes_per_sample() as u32 * u32::from(sound.channels),
+        data: sound.data.clone(),
+    }
 }
 
 /// The fields are public, so they may contradict each other.
@@ -63,27 +48,7 @@ fn check(sound: &AudioChunk) -> EncodeResult<()> {
     countable("data", data.len())
 }
 
-/// Bytes of one sample of every channel.
-fn step(sound: &AudioChunk) -> u32 {
-    sound.format.bytes_per_sample() as u32 * u32::from(sound.channels)
-}
-
-pub(in crate::codec) fn decode_upstream(message: ROS2AudioMessage) -> DecodeResult<AudioChunk> {
-    decode(msg::AudioChunk {
-        header: message.header,
-        chunk_size: message.chunk_size,
-        channels: message.channels,
-        sample_rate: message.sample_rate,
-        encoding: message.encoding,
-        is_bigendian: message.is_bigendian,
-        bitrate: message.bitrate,
-        coding_format: message.coding_format,
-        step: message.step,
-        data: message.data,
-    })
-}
-
-pub(super) fn decode(message: msg::AudioChunk) -> DecodeResult<AudioChunk> {
+pub(in crate::codec) fn decode(message: msg::AudioChunk) -> DecodeResult<AudioChunk> {
     let format = sample_format(&message)?;
     let data = if message.is_bigendian == 0 {
         message.data.clone()

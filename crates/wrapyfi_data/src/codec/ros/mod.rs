@@ -16,7 +16,6 @@ pub(super) mod audio;
 pub(super) mod image;
 mod native;
 mod part;
-mod text;
 
 use bytes::Bytes;
 use wrapyfi_interfaces::Message;
@@ -27,13 +26,14 @@ use wrapyfi_interfaces::std_msgs::msg::String as Text;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::{AudioChunk, NativeObject};
 use wrapyfi_interfaces::wrapyfi_ros2_interfaces::msg::ROS2AudioMessage;
 
+pub(super) use self::native::plain;
 pub(super) use self::part::countable;
 use self::part::describe_pixels;
 pub use self::part::fault;
 use super::{DecodeError, DecodeResult, EncodeError, EncodeResult};
 use crate::Limits;
 use crate::plugin::Plugins;
-use crate::types::{MessageType, Payload, RosMessage};
+use crate::types::{MessageType, Payload, RosMessage, Value};
 
 /// Writes `payload` as a message of type `message_type`.
 ///
@@ -55,15 +55,19 @@ pub fn encode_with(
     match (payload, message_type) {
         (Payload::Image(picture), MessageType::Image) => image::encode_raw(picture),
         (Payload::Image(picture), MessageType::CompressedImage) => image::encode_file(picture),
-        (Payload::AudioChunk(sound), MessageType::AudioChunk) => audio::encode(sound),
-        (Payload::AudioChunk(sound), MessageType::UpstreamAudio) => audio::encode_upstream(sound),
+        (Payload::AudioChunk(sound), MessageType::AudioChunk) => {
+            audio::message(sound).map(|message| message.encode())
+        }
+        (Payload::AudioChunk(sound), MessageType::UpstreamAudio) => {
+            audio::upstream_message(sound).map(|message| message.encode())
+        }
         (Payload::NativeObject(object), MessageType::NativeObject) => {
             native::encode(object, plugins)
         }
         (Payload::NativeObject(value), MessageType::StringJson) => {
             native::encode_text(value, plugins)
         }
-        (Payload::NativeObject(value), MessageType::Text) => text::encode(value),
+        (Payload::NativeObject(value), MessageType::Text) => native::encode_plain(value),
         (Payload::RosMessage(message), MessageType::Ros(ros_type))
             if message.ros_type == ros_type =>
         {
@@ -94,15 +98,14 @@ pub fn decode_with(
     match message_type {
         MessageType::Image => image::decode_raw(read(cdr, limits)?).map(Payload::Image),
         MessageType::CompressedImage => image::decode_file(read(cdr, limits)?).map(Payload::Image),
-        MessageType::AudioChunk => audio::decode(read(cdr, limits)?).map(Payload::AudioChunk),
-        MessageType::UpstreamAudio => {
-            audio::decode_upstream(read(cdr, limits)?).map(Payload::AudioChunk)
+        MessageType::AudioChunk | MessageType::UpstreamAudio => {
+            audio::decode(read(cdr, limits)?).map(Payload::AudioChunk)
         }
         MessageType::NativeObject => {
             native::decode(read(cdr, limits)?, limits, plugins).map(Payload::from)
         }
         MessageType::StringJson => native::decode_text(cdr, limits, plugins).map(Payload::from),
-        MessageType::Text => text::decode(read(cdr, limits)?).map(Payload::from),
+        MessageType::Text => read::<Text>(cdr, limits).map(|text| Value::from(text.data).into()),
         MessageType::Ros(ros_type) => {
             let message = RosMessage::new(ros_type, cdr.clone());
             // Bytes that are no message of the type must not travel on under its name.

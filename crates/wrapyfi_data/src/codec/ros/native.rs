@@ -3,11 +3,12 @@
 use bytes::Bytes;
 use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::cdr::{CdrParts, CdrReader, CdrWriter};
+use wrapyfi_interfaces::std_msgs::msg::String as Text;
 use wrapyfi_interfaces::wrapyfi_msgs::msg;
 
 use super::part::{FORMAT, countable, fault, header, malformed, quote, stamp};
 use crate::Limits;
-use crate::codec::{DecodeError, DecodeResult, EncodeError, json};
+use crate::codec::{DecodeError, DecodeResult, EncodeError, EncodeResult, json};
 use crate::plugin::Plugins;
 use crate::types::{Dtype, NativeObject, Tensor, Value};
 
@@ -26,6 +27,18 @@ pub(super) fn encode_text(value: &Value, plugins: &Plugins) -> Result<CdrParts, 
     let mut writer = CdrWriter::new();
     writer.write_text(&Bytes::from(json));
     Ok(writer.finish())
+}
+
+/// Writes a text as it is, as ROS users write and read it.
+pub(super) fn encode_plain(value: &Value) -> EncodeResult<CdrParts> {
+    let text = plain(value)?;
+    countable("data", text.len())?;
+    Ok(Text { data: text.to_owned() }.encode())
+}
+
+/// The text that goes into a `std_msgs/msg/String` as it is.
+pub(in crate::codec) fn plain(value: &Value) -> EncodeResult<&str> {
+    value.as_str().ok_or_else(|| EncodeError::mismatch("a text", format!("a {}", value.kind())))
 }
 
 pub(super) fn decode(

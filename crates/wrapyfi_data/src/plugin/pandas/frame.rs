@@ -167,7 +167,7 @@ impl Frame {
         });
         let schema = Schema::new(fields.collect::<Vec<_>>());
         let arrays = columns.into_iter().map(|column| column.array).collect();
-        let batch = batch(schema, arrays, rows).map_err(|error| malformed(error.to_string()))?;
+        let batch = batch(schema, arrays, rows).map_err(malformed)?;
         Ok(Table { batch, origin: Arc::new(origin) })
     }
 

@@ -31,10 +31,7 @@ fn read_index(node: &Node<'_>, budget: &Budget) -> Result<Index> {
         return Err(node.unexpected("an index"));
     }
     let (class, parts) = (call.arg(0)?.global()?, call.arg(1)?.dict()?);
-    let name = match parts.find("name") {
-        Some(name) => labels::scalar(&name)?,
-        None => Value::Null,
-    };
+    let name = parts.find("name").map_or(Ok(Value::Null), |name| labels::scalar(&name))?;
     match class.name {
         "RangeIndex" => {
             range(node, [parts.get("start")?, parts.get("stop")?, parts.get("step")?], name)

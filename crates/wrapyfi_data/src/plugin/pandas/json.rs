@@ -23,7 +23,7 @@ use crate::types::{Map, Value};
 type Result<T> = std::result::Result<T, PluginError>;
 
 fn text(body: &Body<'_>, context: &Unpacking<'_>) -> Result<Value> {
-    json::decode(&body.base64(0)?, context.limits).map_err(|error| malformed(error.to_string()))
+    json::decode(&body.base64(0)?, context.limits).map_err(malformed)
 }
 
 /// Reads parts `text, "DataFrame" or "Series"`.
@@ -85,7 +85,7 @@ pub(in crate::plugin) fn read_records(
     is_series: bool,
     context: &Unpacking<'_>,
 ) -> Result<crate::types::Table> {
-    let value = json::decode(file, context.limits).map_err(|error| malformed(error.to_string()))?;
+    let value = json::decode(file, context.limits).map_err(malformed)?;
     let records = value.as_items().ok_or_else(|| malformed("no list of records"))?;
     let names: Vec<Value> = match records.first().map(Value::as_map) {
         Some(Some(first)) => first.iter().map(|(name, _)| name.clone()).collect(),

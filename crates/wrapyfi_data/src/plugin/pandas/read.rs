@@ -106,10 +106,8 @@ fn series(node: &Node<'_>, call: &PickleCall<'_>, budget: &Budget) -> Result<Fra
     if array.len() != index.len() {
         return Err(node.unexpected(format!("a series of {} rows", index.len())));
     }
-    let label = match state.find("_name").or_else(|| state.find("name")) {
-        Some(name) => labels::scalar(&name)?,
-        None => Value::Null,
-    };
+    let label = state.find("_name").or_else(|| state.find("name"));
+    let label = label.map_or(Ok(Value::Null), |name| labels::scalar(&name))?;
     let columns = vec![Column { label, dtype, array }];
     Ok(Frame { kind: Kind::Series, index, columns, columns_name: Value::Null })
 }

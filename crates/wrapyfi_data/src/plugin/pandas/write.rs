@@ -92,20 +92,14 @@ fn labels(to: &mut Writer, frame: &Frame, columns: &[Column]) -> Result {
     };
     let count = columns.first().map_or(0, levels);
     if count > 0 && columns.iter().all(|column| levels(column) == count) {
-        to.global("pandas", "MultiIndex.from_tuples").mark().mark();
-        for column in columns {
-            label(to, &column.label)?;
-        }
-        to.list_since_mark().none();
+        to.global("pandas", "MultiIndex.from_tuples").mark();
+        to.list(columns, |to, column| label(to, &column.label))?.none();
         label(to, &frame.columns_name)?;
         to.tuple_since_mark().reduce();
         return Ok(());
     }
-    to.global("pandas", "Index").mark().mark();
-    for column in columns {
-        label(to, &column.label)?;
-    }
-    to.list_since_mark().none().bool(false);
+    to.global("pandas", "Index").mark();
+    to.list(columns, |to, column| label(to, &column.label))?.none().bool(false);
     label(to, &frame.columns_name)?;
     to.tuple_since_mark().reduce();
     Ok(())
@@ -148,12 +142,8 @@ fn index(to: &mut Writer, index: &Index) -> Result {
             for (level, (codes, _)) in levels.iter().zip(&dictionaries) {
                 write_codes(to, level.array.data_type(), codes);
             }
-            to.list_since_mark().str("names").mark();
-            for level in levels {
-                label(to, &level.label)?;
-            }
-            to.list_since_mark();
-            Ok(())
+            to.list_since_mark().str("names");
+            to.list(levels, |to, level| label(to, &level.label)).map(drop)
         }),
     }
 }

@@ -21,7 +21,7 @@ type Result<T> = std::result::Result<T, PickleError>;
 /// Reads whatever PyArrow pickles as a table.
 pub(super) fn table(node: &Node<'_>, budget: &Budget) -> Result<Table> {
     let call = node.any_call()?;
-    let invalid = |error: ArrowError| invalid(node, &error.to_string());
+    let invalid = |error: ArrowError| invalid(node, error);
     match call.global().name {
         "_restore_array" => single(array(node, budget)?, "Array").map_err(invalid),
         "scalar" => single(scalar::read(&call, budget)?, "Scalar").map_err(invalid),
@@ -61,7 +61,7 @@ pub(in crate::plugin) fn array(node: &Node<'_>, budget: &Budget) -> Result<Array
         Err(chunks) => {
             let sizes = chunks.iter().map(ArrayData::get_buffer_memory_size);
             budget.take(node, sizes.fold(0, usize::saturating_add))?;
-            join(&chunks, &data_type).map_err(|error| invalid(node, &error.to_string()))?
+            join(&chunks, &data_type).map_err(|error| invalid(node, error))?
         }
     }))
 }
@@ -141,14 +141,14 @@ fn restore(node: &Node<'_>, budget: &Budget, depth: usize) -> Result<ArrayData> 
         .align_buffers(true)
         .build()
         .and_then(|data| data.validate_full().map(|()| data))
-        .map_err(|error| invalid(node, &error.to_string()))
+        .map_err(|error| invalid(node, error))
         .and_then(|data| {
             // Elements without bytes, such as nulls, could be claimed in any number.
             let most = data.get_buffer_memory_size().saturating_mul(8).saturating_add(FREE);
             if data.len() <= most {
                 return Ok(data);
             }
-            Err(invalid(node, &format!("{} elements where at most {most} fit", data.len())))
+            Err(invalid(node, format!("{} elements where at most {most} fit", data.len())))
         })
 }
 
@@ -156,11 +156,6 @@ fn read_buffer(node: &Node<'_>) -> Result<Buffer> {
     Ok(Buffer::from(node.call("pyarrow.lib.py_buffer")?.arg(0)?.bytes()?))
 }
 
-fn invalid(node: &Node<'_>, reason: &str) -> PickleError {
-    PickleError::Invalid {
-        what: "Arrow array",
-        path: node.path(),
-        reason: reason.to_owned(),
-        at: node.at(),
-    }
+fn invalid(node: &Node<'_>, reason: impl std::fmt::Display) -> PickleError {
+    node.invalid("Arrow array", reason.to_string())
 }

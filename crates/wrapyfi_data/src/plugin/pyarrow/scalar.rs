@@ -349,10 +349,5 @@ fn no_scalar(data_type: &DataType) -> PluginError {
 }
 
 fn list(to: &mut Writer, elements: &ArrayRef) -> std::result::Result<(), PluginError> {
-    to.mark();
-    for row in 0..elements.len() {
-        value(to, elements, row)?;
-    }
-    to.list_since_mark();
-    Ok(())
+    to.list(0..elements.len(), |to, row| value(to, elements, row)).map(drop)
 }

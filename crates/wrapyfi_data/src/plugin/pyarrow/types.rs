@@ -7,7 +7,7 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use arrow_schema::{DataType, Field, Fields, Metadata, Schema, TimeUnit};
+use arrow_schema::{DataType, Field, Metadata, Schema, TimeUnit};
 
 use super::super::PluginError;
 use super::super::budget::Budget;
@@ -254,8 +254,7 @@ pub(super) fn write_type(
             to.int((*size).into()).tuple(2).reduce();
         }
         DataType::Struct(fields) => {
-            to.global(LIB, "struct");
-            write_fields(to, fields)?;
+            to.global(LIB, "struct").list(fields, |to, field| write_field(to, field))?;
             to.tuple(1).reduce();
         }
         DataType::Dictionary(index, value) => {
@@ -271,15 +270,6 @@ pub(super) fn write_type(
             ));
         }
     }
-    Ok(())
-}
-
-fn write_fields(to: &mut Writer, fields: &Fields) -> std::result::Result<(), PluginError> {
-    to.mark();
-    for field in fields {
-        write_field(to, field)?;
-    }
-    to.list_since_mark();
     Ok(())
 }
 
@@ -299,7 +289,7 @@ pub(super) fn write_schema(
     schema: &Schema,
 ) -> std::result::Result<(), PluginError> {
     to.global("pyarrow.lib", "schema");
-    write_fields(to, schema.fields())?;
+    to.list(schema.fields(), |to, field| write_field(to, field))?;
     write_metadata(to, schema.metadata());
     to.tuple(2).reduce();
     Ok(())

@@ -26,11 +26,7 @@ pub(super) fn table(to: &mut Writer, table: &Table) -> Result<(), PluginError> {
                 "Table" => ("_reconstruct_table", chunked),
                 _ => ("_reconstruct_record_batch", array),
             };
-            to.global(LIB, function).mark();
-            for array in columns {
-                column(to, &array.to_data())?;
-            }
-            to.list_since_mark();
+            to.global(LIB, function).list(columns, |to, array| column(to, &array.to_data()))?;
             types::write_schema(to, table.batch.schema_ref())?;
             to.tuple(2).reduce();
             Ok(())
@@ -43,9 +39,7 @@ pub(super) fn table(to: &mut Writer, table: &Table) -> Result<(), PluginError> {
 }
 
 fn chunked(to: &mut Writer, data: &ArrayData) -> Result<(), PluginError> {
-    to.global(LIB, "chunked_array").mark();
-    array(to, data)?;
-    to.list_since_mark();
+    to.global(LIB, "chunked_array").list([data], array)?;
     types::write_type(to, data.data_type())?;
     to.tuple(2).reduce();
     Ok(())
@@ -90,11 +84,7 @@ fn parts(to: &mut Writer, data: &ArrayData) -> Result<(), PluginError> {
     }
     to.list_since_mark();
     let dictionary = matches!(data.data_type(), DataType::Dictionary(..));
-    to.mark();
-    for child in data.child_data().iter().filter(|_| !dictionary) {
-        parts(to, child)?;
-    }
-    to.list_since_mark();
+    to.list(data.child_data().iter().filter(|_| !dictionary), parts)?;
     match data.child_data().first().filter(|_| dictionary) {
         Some(values) => parts(to, values)?,
         None => _ = to.none(),

@@ -112,8 +112,9 @@ impl TorchFile<'_> {
         let (dtype, metadata) = if call.global().name == "_rebuild_tensor_v3" {
             (named_type(get(6)?)?, args.find(7))
         } else {
-            let dtype = storage_type.ok_or_else(|| in_pickle(get_untyped(&call)))?;
-            (dtype, args.find(6))
+            let wanted = "a tensor over a storage that says its element type";
+            let untyped = || in_pickle(call.node().unexpected(wanted));
+            (storage_type.ok_or_else(untyped)?, args.find(6))
         };
         if let Some(metadata) = metadata.and_then(Node::option)
             && !metadata.dict().map_err(in_pickle)?.is_empty()
@@ -126,8 +127,7 @@ impl TorchFile<'_> {
         }
         let view = View { dtype, offset, shape, strides };
         let data = self.elements(&storage, &view)?;
-        let tensor =
-            Tensor::new(dtype, view.shape, data).map_err(|error| malformed(error.to_string()))?;
+        let tensor = Tensor::new(dtype, view.shape, data).map_err(malformed)?;
         Ok((tensor, learns))
     }
 
@@ -266,10 +266,6 @@ fn named_type(node: Node<'_>) -> Result<Dtype, PluginError> {
     let name = node.global().map_err(in_pickle)?.name;
     let found = NAMED.iter().find(|(known, _)| *known == name);
     found.map(|(_, dtype)| *dtype).ok_or_else(|| in_pickle(node.unexpected("an element type")))
-}
-
-fn get_untyped(call: &pickle::PickleCall<'_>) -> PickleError {
-    call.node().unexpected("a tensor over a storage that says its element type")
 }
 
 /// Functions that torch would call when it learns. A sender has them seldom, and they are never

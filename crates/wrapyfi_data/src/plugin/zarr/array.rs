@@ -89,7 +89,7 @@ impl Store<'_> {
             })?;
             metadata.put(data, &origin, elements);
         }
-        match npy::read(&file.into()).map_err(|error| malformed(error.to_string()))? {
+        match npy::read(&file.into()).map_err(malformed)? {
             npy::NpyArray::Tensor(tensor) => Ok(tensor.into()),
             npy::NpyArray::Array(array) => Ok(array.into()),
         }
@@ -102,8 +102,7 @@ impl Metadata {
             return Err(PluginError::too_large(".zarray", file.len(), MAX_METADATA));
         }
         let limits = Limits { message_bytes: MAX_METADATA, ..*limits };
-        let text = json::decode_with(file, &limits, &Plugins::none())
-            .map_err(|error| malformed(error.to_string()))?;
+        let text = json::decode_with(file, &limits, &Plugins::none()).map_err(malformed)?;
         let member = |name: &str| text.get(name).filter(|member| **member != Value::Null);
         if member("zarr_format").and_then(Value::as_i64) != Some(2) {
             return Err(malformed("$.zarr_format is not 2"));

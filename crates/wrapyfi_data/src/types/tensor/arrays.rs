@@ -14,13 +14,7 @@ impl Tensor {
         D: Dimension,
     {
         let elements: Vec<T> = array.iter().copied().collect();
-        Self {
-            dtype: T::DTYPE,
-            shape: array.shape().to_vec(),
-            device: String::new(),
-            origin: None,
-            data: element::into_bytes(elements),
-        }
+        Self::unchecked(T::DTYPE, array.shape().to_vec(), element::into_bytes(elements))
     }
 
     /// An array that takes over the elements of `array`: shared where they lie in row-major order,
@@ -42,7 +36,7 @@ impl Tensor {
         // A part of a larger array keeps all its memory alive, but shows its own elements only.
         let begin = first.unwrap_or_default() * size_of::<T>();
         let data = element::into_bytes(elements).slice(begin..begin + count * size_of::<T>());
-        Self { dtype: T::DTYPE, shape, device: String::new(), origin: None, data }
+        Self::unchecked(T::DTYPE, shape, data)
     }
 
     /// The elements in place. `None` when `T` is not the element type, when the bytes do not lie

@@ -7,8 +7,9 @@
 use std::fmt;
 
 use num_bigint::BigInt;
+use serde::de::value::SeqAccessDeserializer;
 use serde::de::{Deserialize, Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
-use serde::ser::{Error as _, Serialize, SerializeMap, SerializeStruct, Serializer};
+use serde::ser::{Error as _, Serialize, SerializeStruct, Serializer};
 
 use super::exact;
 use crate::types::{DateTime, Map, Tensor, Value};
@@ -43,13 +44,7 @@ impl Serialize for Content<'_> {
             Value::List(items) | Value::Tuple(items) | Value::Set(items) => {
                 serializer.collect_seq(items)
             }
-            Value::Map(map) => {
-                let mut pairs = serializer.serialize_map(Some(map.len()))?;
-                for (key, value) in map.iter() {
-                    pairs.serialize_entry(key, value)?;
-                }
-                pairs.end()
-            }
+            Value::Map(map) => serializer.collect_map(map.iter()),
             Value::Tensor(tensor) => {
                 let mut fields = serializer.serialize_struct("Tensor", 4)?;
                 fields.serialize_field("dtype", tensor.dtype().name())?;
@@ -118,12 +113,8 @@ impl<'de> Visitor<'de> for ValueVisitor {
         Ok(bytes::Bytes::copy_from_slice(bytes).into())
     }
 
-    fn visit_seq<A: SeqAccess<'de>>(self, mut members: A) -> Result<Value, A::Error> {
-        let mut items = Vec::new();
-        while let Some(item) = members.next_element()? {
-            items.push(item);
-        }
-        Ok(Value::List(items))
+    fn visit_seq<A: SeqAccess<'de>>(self, members: A) -> Result<Value, A::Error> {
+        Vec::deserialize(SeqAccessDeserializer::new(members)).map(Value::List)
     }
 
     fn visit_map<A: MapAccess<'de>>(self, mut members: A) -> Result<Value, A::Error> {
