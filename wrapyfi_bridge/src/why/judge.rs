@@ -92,6 +92,7 @@ impl Walk<'_> {
                 ));
             }
             None => {
+                self.callers(source)?;
                 self.among_themselves(source, provider, taker)?;
                 if !way.is_service {
                     self.somebody(source, taker)?;
@@ -374,10 +375,10 @@ impl Walk<'_> {
         Err(Finding::new(Cause::ServiceMapping, what, "either end", remedy))
     }
 
-    /// Mapping of services to DDS of those who call where the route serves.
+    /// Mapping of services to DDS of those who call.
     fn callers(&mut self, end: &End) -> Step {
         let address = &end.address;
-        let Some(clients) = end.clients else {
+        let Some((theirs, servers)) = end.clients else {
             let served = end.foreign.map(|(server, _)| server.rmw());
             let needs = |rmw| {
                 format!("who calls {address} needs RMW_IMPLEMENTATION={rmw}, unlike this shell")
@@ -385,14 +386,19 @@ impl Walk<'_> {
             self.passed.extend(served.map(needs));
             return Ok(());
         };
-        let client = end.of(Role::Client).next();
-        let (who, rmw) = (client.map_or_else(|| "its client".to_owned(), owner), clients.rmw());
+        let mut clients = end.of(Role::Client);
+        let who = match (clients.next(), clients.next()) {
+            (Some(only), None) => owner(only),
+            _ => "one of its clients".to_owned(),
+        };
+        let server = if self.way.route.is_some() { "bridge" } else { "server" };
+        let (theirs, servers) = (theirs.rmw(), servers.rmw());
         let what = format!(
-            "{who} speaks {rmw}, and {address} is served in another mapping of services: requests of one are not \
+            "{who} speaks {theirs}, and {address} is served in the way of {servers}: requests of one are not \
              understood by the other"
         );
         let remedy = format!(
-            "export RMW_IMPLEMENTATION={rmw} where the bridge starts, or that of the bridge where {who} does"
+            "export RMW_IMPLEMENTATION={theirs} where the {server} starts, or {servers} where {who} does"
         );
         Err(Finding::new(Cause::ServiceMapping, what, "either end", remedy))
     }

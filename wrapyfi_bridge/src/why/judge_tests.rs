@@ -839,9 +839,20 @@ fn a_client_of_another_mapping_than_the_bridge_is_named() {
     let ours = of(foreign, None);
     assert_eq!(ours.finding, None);
     assert!(ours.to_string().contains("needs RMW_IMPLEMENTATION=rmw_fastrtps_cpp"), "{ours}");
-    let found = of(foreign, Some(ServiceMapping::Cyclone)).finding.unwrap();
+    let clients = Some((ServiceMapping::Cyclone, ServiceMapping::FastDds));
+    let found = of(foreign, clients).finding.unwrap();
     assert_eq!(found.cause, Cause::ServiceMapping);
     assert!(found.what.contains("/client_node speaks rmw_cyclonedds_cpp"), "{found:?}");
+    assert!(found.remedy.contains("rmw_fastrtps_cpp where /client_node does"), "{found:?}");
+    // A service that no route has.
+    let bare = of_source(|it| {
+        let with = |role| endpoint("/in", role, TEXT, QosPreset::Default);
+        (it.found, it.clients) = ([Role::Server, Role::Client].map(with).into(), clients);
+    });
+    let bare = Way { is_service: true, route: None, destination: None, ..bare };
+    let found = judge(&bare).finding.unwrap();
+    assert_eq!(found.cause, Cause::ServiceMapping);
+    assert!(found.remedy.contains("rmw_cyclonedds_cpp where the server starts"), "{found:?}");
 }
 
 /// A shell may have another mapping than the bridge that runs the route.

@@ -152,8 +152,8 @@ pub struct End {
     pub found: Vec<Discovered>,
     /// Mapping of services that servers of the name speak, and ours.
     pub foreign: Option<(ServiceMapping, ServiceMapping)>,
-    /// Mapping of services that clients of the name speak, where its servers have another.
-    pub clients: Option<ServiceMapping>,
+    /// Mapping of services that a client of the name speaks, and that of its servers, which is another.
+    pub clients: Option<(ServiceMapping, ServiceMapping)>,
     /// True where the bridge that looks knows who has the name, and the server of names does not.
     pub is_forgotten: bool,
     /// Addresses of those who have the name.
