@@ -65,7 +65,8 @@ fn whole() -> Way {
 }
 
 fn knock(server: Server, host: &str, answer: Answer, is_here: bool, is_own: bool) -> Knock {
-    let door = Door { server, host: host.to_owned(), port: 5555, is_own };
+    let (host, start) = (host.to_owned(), format!("start {server}"));
+    let door = Door { server, host, port: 5555, is_own, start };
     Knock { door, answer, is_here, greeting: None }
 }
 
@@ -202,13 +203,13 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
             }),
             Cause::LoopbackElsewhere,
             "listens on 127.0.0.1 of that machine alone",
-            "wrapyfi broker --ip 10.0.0.2 --insecure",
+            "on 10.0.0.2: start ZeroMQ broker",
         ),
         (
             of_destination(|it| it.doors = vec![master("127.0.0.1", Answer::Refused, true)]),
             Cause::ServerAway,
             "ROS 1 master 127.0.0.1:5555 does not answer",
-            "roscore",
+            "start ROS 1 master",
         ),
         (
             Way {
@@ -668,7 +669,7 @@ fn a_bridge_that_runs_the_route_is_not_to_be_started_for_its_broker() {
         judge(&Way { running, ..way }).finding.unwrap().remedy
     };
     assert!(of(None).starts_with("wrapyfi bridge --config b.yaml"));
-    assert_eq!(of(running("waiting", "the broker", 0, 0)), "wrapyfi broker");
+    assert_eq!(of(running("waiting", "the broker", 0, 0)), "start ZeroMQ broker");
 }
 
 #[test]
