@@ -41,6 +41,8 @@ pub struct Options {
 pub struct InForce {
     /// Name of the configuration.
     pub file: String,
+    /// True where the parameters of the node are the configuration.
+    pub is_of_parameters: bool,
     /// Settings of the middlewares, with what parameters and arguments changed.
     pub endpoints: Endpoints,
     /// Folders of definitions.

@@ -179,7 +179,9 @@ impl Reload {
             tracing::warn!("{name}: page.port is another: start the program anew for that");
         }
         let told = endpoints.clone();
-        *in_force.lock() = InForce { file: name, endpoints: told, definitions, removed };
+        let mut in_force = in_force.lock();
+        *in_force = InForce { file: name, endpoints: told, definitions, removed, ..*in_force };
+        drop(in_force);
         if let Some(handle) = &self.handle {
             handle.parameters(|store| {
                 declare_new(&parameters, store);

@@ -35,6 +35,10 @@ struct Walk<'w> {
 pub fn judge(way: &Way) -> Verdict {
     let mut walk = Walk { way, passed: way.known.clone() };
     let finding = inactive(way).or_else(|| walk.walk().err());
+    let finding = finding.map(|finding| match way.is_of_parameters {
+        true => by_parameters(finding, way),
+        false => finding,
+    });
     Verdict { way: way.title.clone(), passed: walk.passed, finding }
 }
 
@@ -543,6 +547,23 @@ fn of_file(route: &RouteFacts) -> Step {
         }
         _ => Ok(()),
     }
+}
+
+/// A finding about the routes that parameters of the bridge's node made: these mend it, or a file instead of them.
+fn by_parameters(finding: Finding, way: &Way) -> Finding {
+    let parameter = match finding.cause {
+        Cause::LeftOut => "change `allow`, `deny` or `default_deny` of its parameters",
+        Cause::NoRoute => {
+            "correct the name, or change `prefix`, `allow` or `deny` of its parameters"
+        }
+        Cause::State if broken(way).is_err() => "take the name into `deny` of its parameters",
+        Cause::Limit => "take fewer names by `allow` of its parameters",
+        _ => return finding,
+    };
+    let remedy = format!(
+        "{parameter} (--ros-args -p 'deny:=[\"raw/.*\"]'), or name a file of routes (-p config_file:=FILE)"
+    );
+    Finding { who: format!("whoever starts {}", way.node), remedy, ..finding }
 }
 
 /// Definition of a type: the one that is missing, and why.

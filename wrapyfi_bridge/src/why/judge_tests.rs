@@ -935,3 +935,24 @@ fn two_bridges_of_one_node_name_are_named() {
     assert_eq!(found.cause, Cause::SameNode);
     assert!(found.what.contains("/wrapyfi_bridge") && found.remedy.contains("__node:="));
 }
+
+#[test]
+fn routes_of_parameters_are_mended_by_parameters() {
+    let node = "/ros1_bridge".to_owned();
+    let left_out = Some(("ros:/raw".to_owned(), LeftOut::Denied("raw".to_owned())));
+    let denied = RouteFacts { left_out, ..RouteFacts::default() };
+    let denied = Way { route: Some(denied), ..Way::default() };
+    let unknown = Way { destination: None, without_route: Some("x".to_owned()), ..whole() };
+    let broken = Way { running: running("error", "no name of ROS 2", 0, 0), ..whole() };
+    for (way, parameter) in [(denied, "`deny`"), (unknown, "`prefix`"), (broken, "`deny`")] {
+        let of = |is_of_parameters| {
+            let way = Way { node: node.clone(), is_of_parameters, ..way.clone() };
+            judge(&way).finding.unwrap()
+        };
+        let (file, parameters) = (of(false), of(true));
+        assert!(!file.remedy.contains("config_file"), "{file:?}");
+        assert!(parameters.remedy.contains(parameter), "{parameters:?}");
+        assert!(parameters.remedy.contains("config_file"), "{parameters:?}");
+        assert_eq!(parameters.who, "whoever starts /ros1_bridge");
+    }
+}

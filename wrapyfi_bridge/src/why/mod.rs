@@ -78,6 +78,8 @@ pub struct Way {
     pub foreign: BTreeMap<String, ServiceMapping>,
     /// The finding that the bridge of the file is stopped, where none that answers has the route.
     pub stopped: Option<Finding>,
+    /// True where the parameters of the bridge's node made its routes, which stand in no file.
+    pub is_of_parameters: bool,
     /// File of which no route means the endpoint that was asked for.
     pub without_route: Option<String>,
     /// Parts that are known to be in place before the walk.
