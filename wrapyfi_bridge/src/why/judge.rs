@@ -170,7 +170,7 @@ impl Walk<'_> {
                     .to_owned()
             }
             Some(knock) => format!(
-                "look what runs on port {} of {}; it has to be a {}",
+                "look what runs on port {} of {}; it has to be a {}, which goes on with kill -CONT PID where it is stopped",
                 knock.door.port,
                 knock.door.host,
                 knock.door.server
