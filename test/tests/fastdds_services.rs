@@ -229,3 +229,27 @@ fn a_service_of_a_bridge_that_is_deactivated_goes_at_once() -> Result {
         Ok(())
     })
 }
+
+/// Who calls the bridge's own services in the other mapping hears nothing; the bridge's log and `why` say it.
+#[test]
+fn a_request_to_the_bridge_itself_in_the_other_mapping_is_named() -> Result {
+    run("a_request_to_the_bridge_itself_in_the_other_mapping_is_named", NEEDS, |env| {
+        let service = "/wrapyfi_bridge/reload";
+        let route = Route::new(&zeromq("/in"), &ros2(&env.topic("out")), "Text");
+        let bridge = env.bridge(&env.embedded().route(route))?;
+        let words = format!("client --topic {service} --type std_srvs/srv/Trigger");
+        let mut client = env.fast_peer(&words)?;
+        let is_told = |output: &Output| {
+            let mut lines = output.err.iter();
+            lines.any(|line| line.contains("reload\" came from rmw_fastrtps_cpp")).then_some(())
+        };
+        told_until(&mut client, &Cdr::new().bytes(&[0]), Some(&bridge), is_told)?;
+        let mut why = env.wrapyfi_as(CYCLONE, ["why", &ros2(service), "--json"])?;
+        why.exits_with(1)?;
+        let told: Value = serde_json::from_str(why.stdout().trim())?;
+        assert_eq!(told["cause"], "service_mapping", "{told}");
+        let remedy = "export RMW_IMPLEMENTATION=rmw_fastrtps_cpp where the server starts";
+        assert!(told["remedy"].to_string().contains(remedy), "{told}");
+        Ok(())
+    })
+}

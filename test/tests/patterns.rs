@@ -3,7 +3,9 @@
 use std::time::Instant;
 
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, Process, Result, Route, TIMEOUT, TestEnv, ros2, run, until_route, zeromq};
+use wrapyfi_e2e::{
+    Need, Output, Process, Result, Route, TIMEOUT, TestEnv, ros2, run, until_route, zeromq,
+};
 
 const ROS1: &[Need] = &[Need::Program, Need::Ros1, Need::Executable("ros1_bridge")];
 const ROS1_AND_DDS: &[Need] =
@@ -434,6 +436,34 @@ fn a_route_without_a_type_learns_it() -> Result {
         let mut check = env.wrapyfi(["check", &file])?;
         check.exits_with(0)?;
         assert!(check.stdout().contains("type learned"), "{}", check.stdout());
+        Ok(())
+    })
+}
+
+/// What a bridge tells others of its publishers is a parameter, which somebody else may have deleted.
+#[test]
+fn marks_that_are_gone_are_no_fault_at_the_end() -> Result {
+    run("marks_that_are_gone_are_no_fault_at_the_end", ROS1_AND_DDS, |env| {
+        let _roscore = env.roscore()?;
+        let topic = env.topic("words");
+        let mut bridge = bridge(env, &[])?;
+        let _talker = env.dds_publisher(&topic, "std_msgs/msg/String", "--text hello --rate 5")?;
+        let _ear = env.rospy(&format!("subscribe --topic {topic}"), None)?;
+        let mut marks = env.rospy("params --topic /wrapyfi_bridges --node marks", None)?;
+        let last = |output: &Output| {
+            let told = output.events("message").pop()?;
+            told["value"].as_object().map(|all| all.keys().cloned().collect::<Vec<_>>())
+        };
+        let names =
+            marks.wait_until("a mark", |output| last(output).filter(|it| !it.is_empty()))?;
+        for name in names {
+            marks.tell(&json!({ name: null }).to_string())?;
+        }
+        marks.wait_until("none", |output| last(output).filter(Vec::is_empty))?;
+        bridge.terminate()?;
+        bridge.exits_with(0)?;
+        let log = bridge.stderr() + &bridge.stdout();
+        assert!(!log.contains("deleteParam"), "{log}");
         Ok(())
     })
 }

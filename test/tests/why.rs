@@ -425,6 +425,10 @@ fn a_subscriber_of_another_type_on_ros_1_is_named() -> Result {
         let answer = of_running(env, "talk", "state")?;
         let what = answer["what"].as_str().unwrap_or_default();
         assert!(what.contains("/ear wants geometry_msgs/Point"), "{answer}");
+        // Who only looks whether somebody is there is no refused subscriber.
+        answered(env, [&ros1(&topic)])?;
+        let log = bridge.stderr();
+        assert!(!log.contains("refused a connection"), "{log}");
         Ok(())
     })
 }

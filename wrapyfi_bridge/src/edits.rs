@@ -11,10 +11,11 @@ use wrapyfi_core::endpoint::EndpointAddress;
 use wrapyfi_core::engine::{Config, Plan, Route, RouteConfig, Spanned};
 
 use crate::exit::Failure;
+use crate::files::in_no_file;
 use crate::middlewares::{Endpoints, Loaded};
 
 /// Name of the text of an added route in errors.
-const SOURCE: &str = "the added route";
+pub(crate) const SOURCE: &str = "the added route";
 
 /// Changes to the routes of a file, as long as a bridge runs.
 #[derive(Debug, Clone, Default)]
@@ -53,7 +54,7 @@ impl Edits {
                 let before = self.removed.len();
                 self.removed.retain(|_, it| it.as_ref().map(Route::ends).as_ref() != Some(&ends));
                 if self.removed.len() == before {
-                    self.added.push(entry);
+                    self.added.push(in_no_file(entry.value));
                 }
             }
             _ => {

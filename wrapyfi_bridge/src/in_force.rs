@@ -41,6 +41,8 @@ pub struct Options {
 pub struct InForce {
     /// Name of the configuration.
     pub file: String,
+    /// True where the parameters of the node are the configuration.
+    pub is_of_parameters: bool,
     /// Settings of the middlewares, with what parameters and arguments changed.
     pub endpoints: Endpoints,
     /// Folders of definitions.
@@ -104,15 +106,14 @@ pub(crate) fn warn_of_unheard(routes: &RouteIndex<'_>, lines: &[u64]) {
     }
 }
 
-/// Lines of routes by their places in the plan, as `lines 3, 4 and 7`.
+/// Lines of routes by their places in the plan, as `lines 3, 4 and 7`; those that were added stand in none.
 pub(crate) fn in_lines(places: &[usize], lines: &[u64]) -> String {
-    let mut each: Vec<_> =
-        places.iter().filter_map(|place| lines.get(*place)).map(u64::to_string).collect();
-    let last = each.pop().unwrap_or_default();
-    if each.is_empty() {
-        format!("line {last}")
-    } else {
-        format!("lines {} and {last}", each.join(", "))
+    let lines = places.iter().filter_map(|place| lines.get(*place)).filter(|line| **line > 0);
+    let mut each: Vec<_> = lines.map(u64::to_string).collect();
+    match (each.pop(), each.is_empty()) {
+        (None, _) => "routes that were added".to_owned(),
+        (Some(only), true) => format!("line {only}"),
+        (Some(last), false) => format!("lines {} and {last}", each.join(", ")),
     }
 }
 
@@ -131,4 +132,17 @@ pub(crate) fn ros2_types(plan: &Plan) -> BTreeSet<&'static str> {
             .collect::<Vec<_>>()
     };
     plan.routes.iter().filter(|route| route.is_whole()).flat_map(ends).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_are_those_of_the_file_alone() {
+        let of = |places: &[usize]| in_lines(places, &[3, 4, 7, 0]);
+        assert_eq!(of(&[0, 1, 2]), "lines 3, 4 and 7");
+        assert_eq!(of(&[1, 3]), "line 4");
+        assert_eq!(of(&[3]), "routes that were added");
+    }
 }

@@ -6,6 +6,7 @@
 
 use std::fmt::Write as _;
 
+use wrapyfi_core::endpoint::pattern::{NamePattern, bare};
 use wrapyfi_core::node::NodeName;
 
 /// The time of a simulator. Its name is the same for every node, wherever that is.
@@ -87,13 +88,19 @@ impl MiddlewareBridge {
     /// The routes, as a configuration has them.
     ///
     /// # Errors
-    /// When the prefix cannot begin a name of ROS 2.
+    /// When the prefix cannot begin a name of ROS 2, or an entry of `allow` or `deny` is no pattern.
     pub fn yaml(self, selection: &Selection) -> Result<String, String> {
         let Selection { allow, deny, prefix, default_deny, service_timeout_ms, clock } = selection;
         let prefix = prefix.trim_matches('/');
         if !prefix.is_empty() {
             NodeName::check_topic(&format!("/{prefix}"))
                 .map_err(|fault| format!("parameter prefix is {prefix:?}: {fault}"))?;
+        }
+        for (key, names) in [("allow", allow), ("deny", deny)] {
+            for name in names {
+                NamePattern::new(name)
+                    .map_err(|fault| format!("parameter {key}: {name:?} {fault}"))?;
+            }
         }
         let before = if prefix.is_empty() { String::new() } else { format!("{prefix}/") };
         let into = |from: &str, to: &str| (from.to_owned(), format!("ros2:/{before}{to}"));
@@ -105,8 +112,9 @@ impl MiddlewareBridge {
                 // Names on the ROS 2 side have the prefix.
                 let before = if comes_back { before.as_str() } else { "" };
                 let list = |names: &[String]| {
-                    let names = names.iter().map(|name| {
-                        quoted(&format!("{before}(?:{})", name.strip_prefix('/').unwrap_or(name)))
+                    let names = names.iter().map(|name| match before {
+                        "" => quoted(name),
+                        _ => quoted(&format!("{before}(?:{})", bare(name))),
                     });
                     names.collect::<Vec<_>>().join(", ")
                 };
@@ -228,5 +236,8 @@ mod tests {
         assert!(targets(MiddlewareBridge::ZeroMq, &selection, "/other").is_empty());
         let wrong = Selection { prefix: "a b".into(), ..Selection::default() };
         assert!(MiddlewareBridge::Ros1.yaml(&wrong).unwrap_err().contains("parameter prefix"));
+        let wrong = Selection { deny: vec!["*".into()], ..Selection::default() };
+        let told = MiddlewareBridge::Ros1.yaml(&wrong).unwrap_err();
+        assert!(told.starts_with("parameter deny: \"*\"") && told.lines().count() == 1, "{told}");
     }
 }

@@ -25,7 +25,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use signal_hook::consts::SIGHUP;
 use signal_hook::iterator::{Handle, Signals};
-use wrapyfi_core::endpoint::{Context, Server, WAITING};
+use wrapyfi_core::endpoint::{Context, WAITING};
 use wrapyfi_core::engine::{Plan, PlanDiff, RouteConfig, Spanned};
 use wrapyfi_core::middleware::ros2::NodeHandle;
 use wrapyfi_core::node::parameters::ParameterStore;
@@ -46,8 +46,8 @@ use crate::lifecycle::{Lifecycle, Outcome, State};
 use crate::middlewares::{
     self, Endpoints, Loaded, Middlewares, Settings, describe, show_endpoints,
 };
-use crate::on_graph::Advertise;
 use crate::on_graph::lifecycle::Managed;
+use crate::on_graph::{Advertise, Offered};
 use crate::shutdown::Shutdown;
 
 /// Time between two looks at the file. It is read once it has been the same for so long.
@@ -179,7 +179,9 @@ impl Reload {
             tracing::warn!("{name}: page.port is another: start the program anew for that");
         }
         let told = endpoints.clone();
-        *in_force.lock() = InForce { file: name, endpoints: told, definitions, removed };
+        let mut in_force = in_force.lock();
+        *in_force = InForce { file: name, endpoints: told, definitions, removed, ..*in_force };
+        drop(in_force);
         if let Some(handle) = &self.handle {
             handle.parameters(|store| {
                 declare_new(&parameters, store);
@@ -409,8 +411,8 @@ impl Watch {
                     }
                     reload.start_ended_anew(&mut ends);
                     for (service, offered) in &mut services {
-                        if let Some((server, _)) = offered {
-                            answer(*service, server.as_mut(), &mut reload, &mut looked.text);
+                        if let Some(offered) = offered {
+                            answer(*service, offered, &mut reload, &mut looked.text);
                         }
                     }
                     managed.answer(|state| reload.work(state, &mut looked.text));
@@ -451,22 +453,20 @@ enum Asked {
 }
 
 /// Answers those who asked by a service.
-fn answer(service: Asked, server: &mut dyn Server, reload: &mut Reload, known: &mut String) {
+fn answer(service: Asked, offered: &mut Offered, reload: &mut Reload, known: &mut String) {
     let field = match service {
         Asked::Reload => "",
         Asked::AddRoute => "route",
         Asked::RemoveRoute => "name",
     };
-    while let Ok(Some(asked)) = server.take() {
+    while let Some(asked) = offered.next() {
         let call = asked.request.into_call().unwrap_or_default();
         let text = call.kwargs.get(field).and_then(Value::as_str).unwrap_or_default();
         let told = reload.serve(service, text, known);
         let success = told.is_ok();
         let message = told.map_or_else(|why| why.to_string(), |diff| diff.to_string());
         let fields: Map = [("success", Value::from(success)), ("message", message.into())].into();
-        if let Err(error) = server.reply(asked.id, Ok(Payload::from(Value::Map(fields)))) {
-            tracing::warn!("{service:?} was not answered: {error}");
-        }
+        offered.answer(asked.id, Payload::from(Value::Map(fields)));
     }
 }
 

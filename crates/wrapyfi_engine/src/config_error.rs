@@ -37,10 +37,11 @@ fn lines(file: &str, problems: &[Problem]) -> String {
 }
 
 impl Problem {
-    /// A fault at a place that a [`Spanned`](super::Spanned) value remembers.
+    /// A fault at a place that a [`Spanned`](super::Spanned) value remembers; one that stands in no file has none.
     #[must_use]
     pub fn at(location: serde_saphyr::Location, message: String) -> Self {
-        Self { position: Some((location.line(), location.column())), message }
+        let position = Some((location.line(), location.column())).filter(|(line, _)| *line > 0);
+        Self { position, message }
     }
 
     /// Fault of a configuration that is longer than [`MAX_CONFIG_BYTES`].

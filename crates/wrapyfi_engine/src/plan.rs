@@ -98,14 +98,15 @@ impl Plan {
             let taken = into.get(&place).filter(|(_, others)| !(*others && merges));
             let fault = match (seen.insert(key, line), taken) {
                 (Some(first), _) => {
-                    Some(format!("route {} stands already in line {first}", route.ends()))
+                    Some(format!("route {} stands already in {}", route.ends(), at(first)))
                 }
                 (None, Some((first, _))) if !route.is_many() => Some(match route.kind {
                     Kind::Service(_) => {
-                        format!("line {first} already offers a service as {}", route.to)
+                        format!("{} already offers a service as {}", at(*first), route.to)
                     }
                     Kind::Topic(_) => format!(
-                        "line {first} already routes to {}; write merge: true on both to mix them",
+                        "{} already routes to {}; write merge: true on both to mix them",
+                        at(*first),
                         route.to
                     ),
                 }),
@@ -113,7 +114,7 @@ impl Plan {
             };
             let named = entry.value.name.as_ref().and_then(|name| names.insert(name, line));
             let named = named.map(|first| {
-                format!("line {first} already has the name {}; give each its own", route.name)
+                format!("{} already has the name {}; give each its own", at(first), route.name)
             });
             let faults = fault.into_iter().chain(named);
             reader.problems.extend(faults.map(|text| Problem::at(entry.referenced, text)));
@@ -124,6 +125,11 @@ impl Plan {
         }
         (Self { routes }, reader.problems)
     }
+}
+
+/// Place of an entry in words, by its line; one that a running bridge was told to add has none.
+fn at(line: u64) -> String {
+    if line == 0 { "an entry that was added".to_owned() } else { format!("line {line}") }
 }
 
 #[cfg(test)]

@@ -20,7 +20,7 @@ use wrapyfi_endpoint::network::{
 pub const NAME: &str = "ros";
 
 /// Port of a master whose address names none.
-const MASTER_PORT: u16 = 11311;
+pub const MASTER_PORT: u16 = 11311;
 
 /// Settings of [`Ros1`](super::Ros1).
 #[derive(Debug, Clone, PartialEq, Eq)]

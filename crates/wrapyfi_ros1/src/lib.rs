@@ -74,7 +74,7 @@ use wrapyfi_interfaces::parser::TypeName;
 use wrapyfi_interfaces::ros1::PairError;
 use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
 
-pub use config::{ConfigError, NAME, Ros1Config};
+pub use config::{ConfigError, MASTER_PORT, NAME, Ros1Config};
 pub use master::MasterError;
 pub use names::{NameError, NodeName, check_name};
 

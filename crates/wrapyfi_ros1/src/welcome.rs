@@ -6,6 +6,7 @@
 //!                     └ neither      ─▶ error=…, closed
 //! ```
 
+use std::io::ErrorKind;
 use std::net::SocketAddr;
 use std::sync::{Arc, Weak};
 use std::time::Instant;
@@ -15,7 +16,9 @@ use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::timeout;
 
 use super::node::Node;
-use super::tcpros::{Accepted, CONNECT, Port, accepted, accepting, hear, prepare, refuse};
+use super::tcpros::{
+    Accepted, CONNECT, GreetingError, Port, accepted, accepting, hear, prepare, refuse,
+};
 use wrapyfi_endpoint::{Mutex, Throttle};
 
 /// Lines of the log about connections that are refused: a flood of them is one line in [`Throttle::EVERY`] of each kind.
@@ -70,6 +73,8 @@ async fn welcome(
     }
     let header = match hear(&mut stream).await {
         Ok(header) => header,
+        // It asked only whether somebody is here, as `wrapyfi why` does.
+        Err(GreetingError::Io(left)) if left.kind() == ErrorKind::UnexpectedEof => return,
         Err(error) => {
             let text = error.to_string();
             tell(&refusals.connections, peer, "connection", &text);

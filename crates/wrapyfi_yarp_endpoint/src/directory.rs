@@ -162,14 +162,15 @@ impl Directory {
         if inner.reached.is_some() {
             return None;
         }
-        let why = inner.failure.as_ref().map(|why| format!(" ({why})")).unwrap_or_default();
+        // It was not heard yet, and may be there.
+        let Some(why) = &inner.failure else { return Some(format!("name server {}", self.server)) };
         let remedy = if self.is_afar {
             "it has to run there; YARP's own listens on all addresses, `wrapyfi yarpserver` on 127.0.0.1 \
              unless --ip and --insecure are given there; a firewall may be between"
         } else {
             "start one with `wrapyfi yarpserver`"
         };
-        Some(format!("name server {}{why}: {remedy}", self.server))
+        Some(format!("name server {} ({why}): {remedy}", self.server))
     }
 
     /// Awaits `asked`, a question to the name server. Calls `say` with the reason where the answer

@@ -57,7 +57,9 @@ pub fn run(
     warn_of_unheard(&plan.index(|address| node.resolve(address)), &lines);
     let middlewares = Middlewares::of_bridge(&endpoints, &plan, node, options.no_autostart)?;
     let removed = Plan::default();
-    let in_force = InForce { file: name.clone(), endpoints, definitions, removed };
+    let is_of_parameters = matches!(source, Source::Text(..));
+    let in_force =
+        InForce { file: name.clone(), is_of_parameters, endpoints, definitions, removed };
     let types = ros2_types(&plan);
     // Dropped last: what the routes say at their end is logged too.
     let bridge_node = node;

@@ -12,6 +12,7 @@ use wrapyfi_core::network::Place;
 
 use crate::cli::BrokerArgs;
 use crate::exit::Failure;
+use crate::middlewares::ZeroMqSection;
 use crate::shutdown::Shutdown;
 
 /// Runs until the process is asked to end.
@@ -37,6 +38,8 @@ pub fn run(args: &BrokerArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         }
         let clients = args.curve_client.iter().map(|key| CurveClient::of_all(key));
         curve.clients = Some(clients.collect()).filter(|clients: &Vec<_>| !clients.is_empty());
+    } else {
+        config = ZeroMqSection::default().checked(config)?;
     }
     let services = match ServiceBroker::start(&config) {
         Ok(services) => Some(services),

@@ -10,6 +10,7 @@ use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMqConfig};
 use wrapyfi_core::start::Ros2Settings;
 
 use super::start::start;
+use super::zeromq::ZeroMqSection;
 use crate::exit::Failure;
 use crate::node::Node;
 
@@ -42,6 +43,7 @@ impl DemoMiddlewares {
     pub fn start() -> Result<Self, Failure> {
         let mut config = ZeroMqConfig::from_env().map_err(Failure::usage)?;
         config.broker = BrokerMode::Embedded;
+        let mut config = ZeroMqSection::default().checked(config)?;
         let bridge_side = match start("zeromq", &config) {
             Ok(started) => started,
             Err(error) => {

@@ -19,6 +19,7 @@ use super::ros2::Ros2Section;
 use super::yarp::YarpSection;
 use super::zeromq::ZeroMqSection;
 use crate::command::definitions;
+use crate::edits::SOURCE;
 use crate::exit::Failure;
 use crate::files::read_file;
 use crate::own_address::OwnAddress;
@@ -222,7 +223,17 @@ fn read(
     if is_readable {
         learn(&mut config, &mut types)?;
     }
-    let (plan, own) = Plan::read(&config, &super::available::available(), &mut types);
+    let available = super::available::available();
+    let (plan, mut own) = Plan::read(&config, &available, &mut types);
+    if !added.is_empty() && !own.is_empty() {
+        // What the file by itself does not have is told without a line of it.
+        config.routes.truncate(config.routes.len().saturating_sub(added.len()));
+        let (_, of_file) = Plan::read(&config, &available, &mut types);
+        for problem in own.iter_mut().filter(|it| !of_file.contains(it)) {
+            let message = format!("{SOURCE}: {}", problem.message);
+            *problem = Problem { position: None, message };
+        }
+    }
     // Routes that could not be read are left out: that none remains is no fault of its own.
     problems.extend(own.into_iter().filter(|it| is_readable || it.position.is_some()));
     // Where every entry is a route, they stand in one order.
@@ -336,6 +347,7 @@ fn check_services(plan: &Plan) -> Result<(), (usize, String)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::edits::Edits;
 
     fn written(folder: &Path, name: &str, text: &str) -> std::path::PathBuf {
         let path = folder.join(name);
@@ -443,6 +455,24 @@ mod tests {
         }
         let told = load([&call, &route("zeromq:/(.*)", "ros2:/$1")]).unwrap_err().to_string();
         assert!(told.contains("file:3:") && told.contains("have no names"), "{told}");
+    }
+
+    #[test]
+    fn a_fault_of_an_added_route_is_told_without_a_line_of_the_file() {
+        let text = "routes:\n  - {name: a, from: 'zeromq:/a', to: 'ros2:/a', type: Text}\n";
+        for (entry, wanted) in [
+            ("{from: 'zeromq:/b', to: 'ros2:/b', type: Txt}", "\"Txt\" is no message type"),
+            (
+                "{from: 'zeromq:/a', to: 'ros2:/a', type: Text}",
+                "route zeromq:/a -> ros2:/a stands already in line 2",
+            ),
+        ] {
+            let mut edits = Edits::default();
+            edits.add(entry).unwrap();
+            let read = read(text.to_owned(), "p.yaml", Path::new(""), edits.added(), |_, _| Ok(()));
+            let told = read.unwrap_err().to_string();
+            assert!(told.starts_with(&format!("p.yaml: the added route: {wanted}")), "{told}");
+        }
     }
 
     #[test]

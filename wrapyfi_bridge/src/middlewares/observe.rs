@@ -6,17 +6,19 @@
 //!             └ observer ─▶ a middleware that only looks
 //! ```
 
+use std::net::IpAddr;
 use std::sync::Arc;
 
 use wrapyfi_core::Limits;
 use wrapyfi_core::endpoint::Middleware;
-use wrapyfi_core::middleware::ros1::{self, Ros1};
+use wrapyfi_core::middleware::ros1::{self, MASTER_PORT, Ros1};
 use wrapyfi_core::middleware::ros2::Ros2;
 use wrapyfi_core::middleware::ros2::environment::DiscoveryRange;
 use wrapyfi_core::middleware::yarp;
-use wrapyfi_core::middleware::zeromq::BrokerMode;
+use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMqConfig};
 use wrapyfi_interfaces::named;
 use wrapyfi_yarp::name::conf::locate;
+use wrapyfi_yarp::name::environment::DEFAULT_PORT;
 use wrapyfi_yarp::name::{Environment, NameServerConf};
 
 use super::available::unknown;
@@ -55,6 +57,18 @@ pub struct Door {
     pub port: u16,
     /// True where the bridge runs the server itself.
     pub is_own: bool,
+    /// Command that starts it there, and what may be done instead.
+    pub start: String,
+}
+
+/// Command that has a server listen at a host and on ports, each with its option; what is usual is left out.
+fn start_at(program: &str, host: &str, ports: &[(&str, u16, u16)]) -> String {
+    let is_here = |ip: IpAddr| ip.is_loopback() || ip.is_unspecified();
+    let is_usual = matches!(host, "*" | "localhost") || host.parse().is_ok_and(is_here);
+    let at = if is_usual { String::new() } else { format!(" --ip {host} --insecure") };
+    let others = ports.iter().filter(|(_, port, usual)| port != usual);
+    let options: String = others.map(|(option, port, _)| format!(" {option} {port}")).collect();
+    format!("{program}{at}{options}")
 }
 
 /// A middleware that only looks, and the same once more where it is ROS 1.
@@ -80,9 +94,18 @@ pub fn doors(
                     (Server::ServiceBroker, config.service_broker, ports)
                 }
             };
-            let is_own = mode == BrokerMode::Embedded;
-            let at = |port| Door { server, host: config.ip.clone(), port, is_own };
-            Ok(ports.map(at).into())
+            let (is_own, host) = (mode == BrokerMode::Embedded, config.ip);
+            let usual = ZeroMqConfig::default();
+            let options = [
+                ("--pub-port", config.pub_port, usual.pub_port),
+                ("--sub-port", config.sub_port, usual.sub_port),
+                ("--rep-port", config.rep_port, usual.rep_port),
+                ("--req-port", config.req_port, usual.req_port),
+            ];
+            let start = start_at("wrapyfi broker", &host, &options);
+            let door =
+                |port| Door { server, host: host.clone(), port, is_own, start: start.clone() };
+            Ok(ports.map(door).into())
         }
         yarp::NAME => {
             let config = endpoints.yarp.config(largest, &endpoints.hosts)?;
@@ -91,19 +114,28 @@ pub fn doors(
                 None => match locate(&Environment::from_process()) {
                     Ok(located) => located.conf,
                     Err(_) if config.embedded => {
-                        let port = wrapyfi_yarp::name::environment::DEFAULT_PORT;
-                        NameServerConf { host: "127.0.0.1".to_owned(), port }
+                        NameServerConf { host: "127.0.0.1".to_owned(), port: DEFAULT_PORT }
                     }
                     Err(error) => return Err(Failure::Absent(error.to_string())),
                 },
             };
             let (host, port, is_own) = (found.host, found.port, config.embedded);
-            Ok(vec![Door { server: Server::NameServer, host, port, is_own }])
+            let on = |option| [(option, port, DEFAULT_PORT)];
+            let ours = start_at("wrapyfi yarpserver", &host, &on("--port"));
+            let start = format!("{ours} (or {})", start_at("yarpserver", "*", &on("--socket")));
+            Ok(vec![Door { server: Server::NameServer, host, port, is_own, start }])
         }
         ros1::NAME => {
             let config = endpoints.ros.config(&endpoints.hosts)?;
             let (host, port) = config.master().map_err(Failure::usage)?;
-            Ok(vec![Door { server: Server::Master, host, port, is_own: false }])
+            // What the file says goes before the environment.
+            let place = match &endpoints.ros.master_uri {
+                Some(_) => "have `master_uri` say",
+                None => "set ROS_MASTER_URI to",
+            };
+            let roscore = start_at("roscore", "*", &[("-p", port, MASTER_PORT)]);
+            let start = format!("{roscore}    # or {place} where it runs");
+            Ok(vec![Door { server: Server::Master, host, port, is_own: false, start }])
         }
         _ => Ok(Vec::new()),
     }
@@ -152,4 +184,48 @@ pub fn ros2_elsewhere(section: &Ros2Section, domain_id: u32, wide: bool) -> Resu
         settings.cyclone.discovery.range = DiscoveryRange::Subnet;
     }
     start("ros2", &settings)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::middlewares::load_text;
+
+    /// Command that starts the server of a middleware where a configuration says.
+    fn start(middleware: &str, settings: &str) -> String {
+        let route = "routes:\n  - { from: 'zeromq:/a', to: 'ros2:/a', type: Text }\n";
+        let text = format!("endpoints: {{ {settings} }}\n{route}");
+        let endpoints = load_text(&text, "x.yaml").unwrap().endpoints;
+        let doors = doors(&endpoints, middleware, false).unwrap();
+        doors.first().unwrap().start.clone()
+    }
+
+    #[test]
+    fn what_starts_a_server_does_so_where_the_configuration_says() {
+        for (middleware, settings, wanted) in [
+            ("zeromq", "", "wrapyfi broker"),
+            (
+                "zeromq",
+                "zeromq: { ip: 10.0.0.2, broker: foreign, pub_port: 6555, req_port: 6559 }",
+                "wrapyfi broker --ip 10.0.0.2 --insecure --pub-port 6555 --req-port 6559",
+            ),
+            (
+                "yarp",
+                "yarp: { name_server: '127.0.0.1:10000' }",
+                "wrapyfi yarpserver (or yarpserver)",
+            ),
+            (
+                "yarp",
+                "yarp: { name_server: '10.0.0.2:10050' }",
+                "wrapyfi yarpserver --ip 10.0.0.2 --insecure --port 10050 (or yarpserver --socket 10050)",
+            ),
+            (
+                "ros",
+                "ros: { master_uri: 'http://localhost:11411' }",
+                "roscore -p 11411    # or have `master_uri` say where it runs",
+            ),
+        ] {
+            assert_eq!(start(middleware, settings), wanted);
+        }
+    }
 }

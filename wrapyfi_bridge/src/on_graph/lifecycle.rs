@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use wrapyfi_core::endpoint::{Qos, Server};
+use wrapyfi_core::endpoint::Qos;
 use wrapyfi_core::types::{Map, Value};
 use wrapyfi_interfaces::lifecycle_msgs::msg::{
     State as StateMessage, Transition as TransitionMessage, TransitionDescription, TransitionEvent,
@@ -13,7 +13,7 @@ use wrapyfi_interfaces::lifecycle_msgs::srv::{
     GetState_Response,
 };
 
-use super::{Advertise, Offered, Topic, next, tell};
+use super::{Advertise, Offered, Topic};
 use crate::lifecycle::{Lifecycle, Outcome, State, TRANSITIONS, Transition};
 
 /// Longest time that an event waits for a subscription. Where services and topics are found by different participants,
@@ -93,8 +93,8 @@ impl Managed {
     pub(crate) fn answer(&mut self, mut work: impl FnMut(State) -> Outcome) {
         // Apart while the transition is under way.
         let mut change = self.change.take();
-        if let Some((server, response)) = &mut change {
-            while let Some(asked) = next(server.as_mut()) {
+        if let Some(change) = &mut change {
+            while let Some(asked) = change.next() {
                 let call = asked.request.into_call().unwrap_or_default();
                 let success = match self.wanted(&call.kwargs) {
                     Ok(transition) => self.steps(transition, &mut work),
@@ -103,7 +103,7 @@ impl Managed {
                         false
                     }
                 };
-                tell(server.as_mut(), asked.id, *response, &ChangeState_Response { success });
+                change.tell(asked.id, &ChangeState_Response { success });
             }
         }
         self.change = change;
@@ -142,10 +142,9 @@ impl Managed {
 
 /// Gives all who asked the same reply.
 fn each<R: wrapyfi_interfaces::Message>(offered: &mut Option<Offered>, reply: impl Fn() -> R) {
-    let Some((server, response)) = offered else { return };
-    let server: &mut dyn Server = server.as_mut();
-    while let Some(asked) = next(server) {
-        tell(server, asked.id, *response, &reply());
+    let Some(offered) = offered else { return };
+    while let Some(asked) = offered.next() {
+        offered.tell(asked.id, &reply());
     }
 }
 

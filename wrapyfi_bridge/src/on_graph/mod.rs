@@ -30,7 +30,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use wrapyfi_core::endpoint::{
     BridgeMark, Context, Durability, History, IncomingRequest, Publisher, Qos, Registry, RequestId,
-    Server, ServiceSpec, TopicSpec, Wake,
+    Server, ServiceSpec, Throttle, TopicSpec, Wake,
 };
 use wrapyfi_core::engine::RouteStatus;
 use wrapyfi_core::middleware::ros2::NodeHandle;
@@ -168,8 +168,42 @@ impl Drop for OnGraph {
     }
 }
 
-/// A server, and the type of its replies.
-pub(crate) type Offered = (Box<dyn Server>, RosType);
+/// A service that the node offers.
+pub(crate) struct Offered {
+    server: Box<dyn Server>,
+    /// Type of the replies.
+    response: RosType,
+    refusals: Throttle,
+}
+
+impl Offered {
+    /// The next request; of those that are refused, as those of another RMW's mapping are, the log tells. A server that
+    /// fails each time is left until the thread wakes again.
+    pub(crate) fn next(&mut self) -> Option<IncomingRequest> {
+        for _ in 0..MAX_WAITING {
+            match self.server.take() {
+                Ok(next) => return next,
+                Err(error) => {
+                    if let Some(unlogged_before) = self.refusals.pass(Instant::now()) {
+                        tracing::warn!(unlogged_before, "refused a request: {error}");
+                    }
+                }
+            }
+        }
+        None
+    }
+
+    fn tell(&mut self, id: RequestId, reply: &impl Message) {
+        self.answer(id, message(self.response, reply));
+    }
+
+    /// Answers a request.
+    pub(crate) fn answer(&mut self, id: RequestId, reply: Payload) {
+        if let Err(error) = self.server.reply(id, Ok(reply)) {
+            tracing::warn!("a request was not answered: {error}");
+        }
+    }
+}
 
 /// Topic that the node publishes, and the type of its messages.
 struct Topic {
@@ -220,15 +254,14 @@ impl Work {
     }
 
     fn answer(&mut self) {
-        if let Some((server, response)) = &mut self.list {
-            while let Some(asked) = next(server.as_mut()) {
+        if let Some(list) = &mut self.list {
+            while let Some(asked) = list.next() {
                 let routes = self.parts.bridge.routes.status().iter().map(info::of).collect();
-                let reply = ListRoutes_Response { routes };
-                tell(server.as_mut(), asked.id, *response, &reply);
+                list.tell(asked.id, &ListRoutes_Response { routes });
             }
         }
-        let Some((server, response)) = &mut self.explain else { return };
-        while let Some(IncomingRequest { id, request, .. }) = next(server.as_mut()) {
+        let Some(explain) = &mut self.explain else { return };
+        while let Some(IncomingRequest { id, request, .. }) = explain.next() {
             let call = request.into_call().unwrap_or_default();
             let name = call.kwargs.get("name").and_then(Value::as_str).unwrap_or_default();
             let name = name.to_owned();
@@ -237,11 +270,11 @@ impl Work {
             {
                 let what = format!("{MAX_WAITING} questions wait already: ask again for {name}");
                 let busy = Explain_Response { what, ..Explain_Response::default() };
-                tell(server.as_mut(), id, *response, &busy);
+                explain.tell(id, &busy);
             }
         }
         for (id, reply) in self.told.try_iter() {
-            tell(server.as_mut(), id, *response, &reply);
+            explain.tell(id, &reply);
         }
     }
 }
@@ -283,24 +316,6 @@ fn meant(title: &str, name: &str, all: &[RouteStatus]) -> Vec<RouteStatus> {
             || [&one.name, &one.from, &one.to].contains(&&name.to_owned())
     };
     all.iter().filter(is_meant).cloned().collect()
-}
-
-/// The next request; unusable ones are passed over. A server that fails each time is left until the thread
-/// wakes again.
-fn next(server: &mut dyn Server) -> Option<IncomingRequest> {
-    for _ in 0..MAX_WAITING {
-        match server.take() {
-            Ok(next) => return next,
-            Err(error) => tracing::debug!(%error, "a request was passed over"),
-        }
-    }
-    None
-}
-
-fn tell(server: &mut dyn Server, id: RequestId, response: RosType, reply: &impl Message) {
-    if let Err(error) = server.reply(id, Ok(message(response, reply))) {
-        tracing::debug!(%error, "a reply was not sent");
-    }
 }
 
 fn message(ros_type: RosType, message: &impl Message) -> Payload {
@@ -352,7 +367,8 @@ impl Advertise<'_> {
             let spec = ServiceSpec::new(name, ServiceKind::Ros(known));
             let spec = ServiceSpec { mark: mark(self.number), ..spec };
             let server = ros2.open_server(&spec, self.context);
-            Ok((server.map_err(|error| error.to_string())?, known.response()))
+            let server = server.map_err(|error| error.to_string())?;
+            Ok(Offered { server, response: known.response(), refusals: Throttle::default() })
         };
         opened().inspect_err(|why| tracing::warn!("~/{service} is not offered: {why}")).ok()
     }
@@ -360,16 +376,18 @@ impl Advertise<'_> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::AtomicUsize;
+
     use wrapyfi_core::endpoint::{Link, Refusal, ServeError};
 
     use super::*;
 
     /// A server that takes no request any more, and the number of tries.
-    struct Failing(usize);
+    struct Failing(Arc<AtomicUsize>);
 
     impl Server for Failing {
         fn take(&mut self) -> Result<Option<IncomingRequest>, ServeError> {
-            self.0 += 1;
+            self.0.fetch_add(1, Relaxed);
             Err(ServeError::Overloaded { service: "/explain".to_owned(), limit: 1 })
         }
 
@@ -392,8 +410,11 @@ mod tests {
 
     #[test]
     fn a_server_that_fails_each_time_does_not_keep_the_thread() {
-        let mut server = Failing(0);
-        assert!(next(&mut server).is_none());
-        assert_eq!(server.0, MAX_WAITING);
+        let tries = Arc::<AtomicUsize>::default();
+        let response = client::ros_type::<Explain_Response>().unwrap();
+        let server = Box::new(Failing(Arc::clone(&tries)));
+        let mut offered = Offered { server, response, refusals: Throttle::default() };
+        assert!(offered.next().is_none());
+        assert_eq!(tries.load(Relaxed), MAX_WAITING);
     }
 }

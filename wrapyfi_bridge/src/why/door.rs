@@ -135,7 +135,8 @@ mod tests {
         let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
         let port = listener.local_addr().unwrap().port();
         let host = "127.0.0.1".to_owned();
-        let door = Door { server: Server::Broker, host, port, is_own: false };
+        let (server, start) = (Server::Broker, String::new());
+        let door = Door { server, host, port, is_own: false, start };
         for (said, is_greeting) in [
             (&b"\xff\0\0\0\0\0\0\0\x01\x7f\x03"[..], true),
             (b"HTTP/1.1 400", false),

@@ -35,6 +35,10 @@ struct Walk<'w> {
 pub fn judge(way: &Way) -> Verdict {
     let mut walk = Walk { way, passed: way.known.clone() };
     let finding = inactive(way).or_else(|| walk.walk().err());
+    let finding = finding.map(|finding| match way.is_of_parameters {
+        true => by_parameters(finding, way),
+        false => finding,
+    });
     Verdict { way: way.title.clone(), passed: walk.passed, finding }
 }
 
@@ -92,6 +96,7 @@ impl Walk<'_> {
                 ));
             }
             None => {
+                self.callers(source)?;
                 self.among_themselves(source, provider, taker)?;
                 if !way.is_service {
                     self.somebody(source, taker)?;
@@ -165,7 +170,7 @@ impl Walk<'_> {
                     .to_owned()
             }
             Some(knock) => format!(
-                "look what runs on port {} of {}; it has to be a {}",
+                "look what runs on port {} of {}; it has to be a {}, which goes on with kill -CONT PID where it is stopped",
                 knock.door.port,
                 knock.door.host,
                 knock.door.server
@@ -374,10 +379,10 @@ impl Walk<'_> {
         Err(Finding::new(Cause::ServiceMapping, what, "either end", remedy))
     }
 
-    /// Mapping of services to DDS of those who call where the route serves.
+    /// Mapping of services to DDS of those who call.
     fn callers(&mut self, end: &End) -> Step {
         let address = &end.address;
-        let Some(clients) = end.clients else {
+        let Some((theirs, servers)) = end.clients else {
             let served = end.foreign.map(|(server, _)| server.rmw());
             let needs = |rmw| {
                 format!("who calls {address} needs RMW_IMPLEMENTATION={rmw}, unlike this shell")
@@ -385,14 +390,19 @@ impl Walk<'_> {
             self.passed.extend(served.map(needs));
             return Ok(());
         };
-        let client = end.of(Role::Client).next();
-        let (who, rmw) = (client.map_or_else(|| "its client".to_owned(), owner), clients.rmw());
+        let mut clients = end.of(Role::Client);
+        let who = match (clients.next(), clients.next()) {
+            (Some(only), None) => owner(only),
+            _ => "one of its clients".to_owned(),
+        };
+        let server = if self.way.route.is_some() { "bridge" } else { "server" };
+        let (theirs, servers) = (theirs.rmw(), servers.rmw());
         let what = format!(
-            "{who} speaks {rmw}, and {address} is served in another mapping of services: requests of one are not \
+            "{who} speaks {theirs}, and {address} is served in the way of {servers}: requests of one are not \
              understood by the other"
         );
         let remedy = format!(
-            "export RMW_IMPLEMENTATION={rmw} where the bridge starts, or that of the bridge where {who} does"
+            "export RMW_IMPLEMENTATION={theirs} where the {server} starts, or {servers} where {who} does"
         );
         Err(Finding::new(Cause::ServiceMapping, what, "either end", remedy))
     }
@@ -541,6 +551,23 @@ fn of_file(route: &RouteFacts) -> Step {
         }
         _ => Ok(()),
     }
+}
+
+/// A finding about the routes that parameters of the bridge's node made: these mend it, or a file instead of them.
+fn by_parameters(finding: Finding, way: &Way) -> Finding {
+    let parameter = match finding.cause {
+        Cause::LeftOut => "change `allow`, `deny` or `default_deny` of its parameters",
+        Cause::NoRoute => {
+            "correct the name, or change `prefix`, `allow` or `deny` of its parameters"
+        }
+        Cause::State if broken(way).is_err() => "take the name into `deny` of its parameters",
+        Cause::Limit => "take fewer names by `allow` of its parameters",
+        _ => return finding,
+    };
+    let remedy = format!(
+        "{parameter} (--ros-args -p 'deny:=[\"raw/.*\"]'), or name a file of routes (-p config_file:=FILE)"
+    );
+    Finding { who: format!("whoever starts {}", way.node), remedy, ..finding }
 }
 
 /// Definition of a type: the one that is missing, and why.

@@ -15,6 +15,9 @@ use super::*;
 use crate::middlewares::{Door, Server};
 use crate::why::Knock;
 
+#[path = "judge_bridge_tests.rs"]
+mod bridges;
+
 fn address(text: &str) -> EndpointAddress {
     text.parse().unwrap()
 }
@@ -65,7 +68,8 @@ fn whole() -> Way {
 }
 
 fn knock(server: Server, host: &str, answer: Answer, is_here: bool, is_own: bool) -> Knock {
-    let door = Door { server, host: host.to_owned(), port: 5555, is_own };
+    let (host, start) = (host.to_owned(), format!("start {server}"));
+    let door = Door { server, host, port: 5555, is_own, start };
     Knock { door, answer, is_here, greeting: None }
 }
 
@@ -208,13 +212,13 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
             }),
             Cause::LoopbackElsewhere,
             "listens on 127.0.0.1 of that machine alone",
-            "wrapyfi broker --ip 10.0.0.2 --insecure",
+            "on 10.0.0.2: start ZeroMQ broker",
         ),
         (
             of_destination(|it| it.doors = vec![master("127.0.0.1", Answer::Refused, true)]),
             Cause::ServerAway,
             "ROS 1 master 127.0.0.1:5555 does not answer",
-            "roscore",
+            "start ROS 1 master",
         ),
         (
             Way {
@@ -608,76 +612,6 @@ fn running(state: &str, reason: &str, received: u64, sent: u64) -> Option<RouteI
 }
 
 #[test]
-fn the_bridges_that_are_heard_say_whether_one_runs_the_route() {
-    let beside = |others: &[(&str, &str)]| {
-        let name = |(node, state): &(&str, &str)| {
-            let status = BridgeStatus { state: (*state).to_owned(), ..BridgeStatus::default() };
-            ((*node).to_owned(), status)
-        };
-        // Whoever else listens is no bridge.
-        Way { others: Some(others.iter().map(name).collect()), ..whole() }
-    };
-    let found = |way: &Way| judge(way).finding.unwrap();
-    for (others, what, remedy) in [
-        (&[][..], "none is on the graph of ROS 2 (domain 3)", "wrapyfi bridge --config b.yaml"),
-        (
-            &[("/a", "active"), ("/b", "inactive")],
-            "/a, /b (domain 3) has others",
-            "--config b.yaml",
-        ),
-        (&[("/a", "unconfigured")], "/a", "; or ros2 lifecycle set /a configure, then activate"),
-    ] {
-        let found = found(&beside(others));
-        assert_eq!(found.cause, Cause::NoBridge, "{found:?}");
-        assert!(found.what.contains(what) && found.remedy.contains(remedy), "{found:?}");
-    }
-    // The one of the file's own node is not to be started once more, whatever is not there while it is unconfigured.
-    let mut own = Way { node: "/a".to_owned(), ..beside(&[("/a", "unconfigured")]) };
-    own.source.as_mut().unwrap().doors =
-        vec![knock(Server::Broker, "127.0.0.1", Answer::Refused, true, true)];
-    assert_eq!(found(&own).cause, Cause::State);
-    assert_eq!(found(&own).remedy, "ros2 lifecycle set /a configure, then activate");
-    let mut foreign = beside(&[("/a", "unconfigured")]);
-    foreign.foreign.insert("/a".to_owned(), ServiceMapping::FastDds);
-    let wanted = "; or RMW_IMPLEMENTATION=rmw_fastrtps_cpp ros2 lifecycle set /a configure";
-    assert!(found(&foreign).remedy.contains(wanted), "{}", found(&foreign).remedy);
-    let mut taken = beside(&[("/a", "active")]);
-    let entry = "{from: \"ros2:/in\", to: \"ros:/out\"}".to_owned();
-    taken.route.as_mut().unwrap().taken_from = Some(("/a".to_owned(), entry));
-    let found = found(&taken);
-    assert!(found.what.contains("it was taken out of /a"), "{found:?}");
-    let wanted = "wrapyfi call ros2:/a/add_route --value '{\"route\":\"{from: \\\"ros2:/in\\\",";
-    assert!(found.remedy.starts_with(wanted), "{found:?}");
-}
-
-#[test]
-fn bridges_that_carry_the_same_route_are_named_before_their_names() {
-    let of = |also: &[&str]| {
-        let status = || Discovered::new("/one/status", Role::Publisher);
-        let mut way = of_source(|it| it.found.extend([status(), status()]));
-        (way.node, way.running) = ("/one".to_owned(), running("active", "", 40, 40));
-        way.also = also.iter().map(|node| (*node).to_owned()).collect();
-        judge(&way).finding.unwrap()
-    };
-    assert_eq!(of(&[]).cause, Cause::SameNode);
-    let found = of(&["/one", "/two"]);
-    assert_eq!(found.cause, Cause::SeveralBridges);
-    let wanted = "3 bridges run the route, /one, /one, /two: each message comes 3 times";
-    assert_eq!(found.what, wanted);
-}
-
-#[test]
-fn a_bridge_that_runs_the_route_is_not_to_be_started_for_its_broker() {
-    let of = |running| {
-        let own = || knock(Server::Broker, "127.0.0.1", Answer::Refused, true, true);
-        let way = of_source(|it| it.doors = vec![own()]);
-        judge(&Way { running, ..way }).finding.unwrap().remedy
-    };
-    assert!(of(None).starts_with("wrapyfi bridge --config b.yaml"));
-    assert_eq!(of(running("waiting", "the broker", 0, 0)), "wrapyfi broker");
-}
-
-#[test]
 fn a_server_that_accepts_and_does_not_answer_is_not_said_to() {
     let way = of_destination(|it| it.away = Some("no answer from master".to_owned()));
     let passed = judge(&way).passed.join("\n");
@@ -697,235 +631,4 @@ fn who_sees_this_machine_alone_is_told_the_variable_that_counts() {
     });
     let found = judge(&way).finding.unwrap();
     assert!(found.remedy.ends_with("; or unset ROS_LOCALHOST_ONLY at both ends"), "{found:?}");
-}
-
-#[test]
-fn a_broker_that_is_silent_in_a_stopped_bridge_is_not_to_be_looked_at() {
-    let broker = || knock(Server::Broker, "127.0.0.1", Answer::Open, true, true);
-    let way = of_source(|it| {
-        (it.doors, it.away) = (vec![broker()], Some("no answer from the broker".to_owned()));
-    });
-    assert!(judge(&way).finding.unwrap().remedy.contains("look what runs on port 5555"));
-    let what = "`wrapyfi bridge --config b.yaml` is stopped".to_owned();
-    let stopped = Finding::new(Cause::NoBridge, what, "whoever stopped it", "kill -CONT 7");
-    for route in [way.route.clone(), None] {
-        let way = Way { route, stopped: Some(stopped.clone()), ..way.clone() };
-        assert_eq!(judge(&way).finding, Some(stopped.clone()));
-    }
-}
-
-#[test]
-fn a_bridge_that_would_offer_a_name_says_why_it_does_not() {
-    let of = |state: &str, reason: &str| {
-        let way = of_source(|it| it.found.clear());
-        let (node, running) = ("/eye".to_owned(), running(state, reason, 0, 0));
-        judge(&Way { route: None, destination: None, node, running, ..way }).finding.unwrap()
-    };
-    let found = of("waiting", TO_BE_ACTIVATED);
-    assert!(found.what.contains("the bridge /eye is inactive"), "{found:?}");
-    assert_eq!(found.remedy, "ros2 lifecycle set /eye activate");
-    let way = Way { node: "/eye".to_owned(), ..whole() };
-    let running = running("waiting", TO_BE_ACTIVATED, 0, 0);
-    let foreign = [("/eye".to_owned(), ServiceMapping::FastDds)].into();
-    let found = judge(&Way { running, foreign, ..way }).finding.unwrap();
-    let wanted = "RMW_IMPLEMENTATION=rmw_fastrtps_cpp ros2 lifecycle set /eye activate";
-    assert_eq!(found.remedy, wanted);
-    let found = of("waiting", "the broker at tcp://x");
-    assert!(found.what.contains("the route lamp of /eye waits for the broker"), "{found:?}");
-    assert_eq!(of("active", "").cause, Cause::NobodyPublishes);
-}
-
-#[test]
-fn what_passes_is_believed_before_the_list_of_a_master_that_was_restarted() {
-    let of = |state: &str, sent: u64, change: &dyn Fn(&mut End)| {
-        let mut way = of_destination(change);
-        (way.node, way.running) = ("/eye".to_owned(), running(state, "", 40, sent));
-        judge(&way)
-    };
-    let forgotten = |it: &mut End| it.found.retain(|one| one.role != Role::Listener);
-    let passes = of("active", 40, &forgotten);
-    assert_eq!(passes.finding, None, "{passes}");
-    let said = passes.passed.join("\n");
-    for words in ["40 in, 40 out", "nobody listens to ros:/out that the ROS 1 master knows"] {
-        assert!(said.contains(words), "{words:?} is not in {said}");
-    }
-    let found = of("waiting", 40, &forgotten).finding.unwrap();
-    assert_eq!(found.cause, Cause::NobodyListens, "{found:?}");
-    let quiet = of("active", 0, &forgotten);
-    assert_eq!(quiet.finding, None, "{quiet}");
-    assert!(quiet.to_string().contains("the bridge /eye has it, but nobody listens"), "{quiet}");
-    let slow = |it: &mut End| {
-        forgotten(it);
-        (it.away, it.slow) = (Some("no answer from broker".into()), Some(Duration::from_secs(2)));
-    };
-    assert_eq!(of("active", 40, &slow).finding, None);
-    assert_eq!(of("active", 0, &slow).finding.unwrap().cause, Cause::Slow);
-    let gone = |it: &mut End| {
-        it.registered = vec![registered(Role::Listener, "127.0.0.1", false, Answer::Refused)];
-    };
-    assert_eq!(of("active", 40, &gone).finding, None);
-    assert_eq!(of("active", 0, &gone).finding.unwrap().cause, Cause::PeerUnreachable);
-}
-
-/// A server, and a publisher while nobody listens, that the bridge has and a new list has not.
-#[test]
-fn what_a_bridge_has_is_believed_also_where_nothing_passes() {
-    let of = |kind: &str, state: &str, has_source: bool| {
-        let mut way = whole();
-        let (source, destination) = (way.source.as_mut(), way.destination.as_mut());
-        let (source, destination) = (source.unwrap(), destination.unwrap());
-        std::mem::swap(source, destination);
-        source.found.clear();
-        destination.found.retain(|one| one.role == Role::Publisher);
-        let info = running(state, "a subscriber of /in", 0, 0).unwrap();
-        way.running = Some(RouteInfo { kind: kind.to_owned(), has_source, ..info });
-        way.is_service = kind == "service";
-        judge(&way)
-    };
-    let lamp = of("service", "active", true);
-    assert_eq!(lamp.finding, None, "{lamp}");
-    assert!(lamp.to_string().contains("has it, but nobody offers ros:/out that the"), "{lamp}");
-    let unheard = of("topic", "waiting", true);
-    assert!(unheard.to_string().contains("has it, but nobody publishes ros:/out"), "{unheard}");
-    assert_eq!(unheard.finding.unwrap().cause, Cause::NobodyListens);
-    let gone = of("service", "waiting", false);
-    assert_eq!(gone.finding.unwrap().cause, Cause::NobodyOffers);
-}
-
-#[test]
-fn a_mere_name_that_a_bridge_takes_is_there() {
-    let of = |address: &str, has_source| {
-        let mut way = of_destination(|it| it.found.clear());
-        way.source = way.destination.take();
-        let [source, destination, kind] = ["ros2:/x", "ros:/out", "service"].map(str::to_owned);
-        let state = running("active", "", 0, 0).unwrap();
-        way.running = Some(RouteInfo { source, destination, kind, has_source, ..state });
-        (way.node, way.route, way.is_service) = ("/eye".to_owned(), None, true);
-        way.source.as_mut().unwrap().address = self::address(address);
-        judge(&way)
-    };
-    let lamp = of("ros:/out", true);
-    assert_eq!(lamp.finding, None, "{lamp}");
-    assert!(lamp.to_string().contains("the bridge /eye has it, but nobody offers"), "{lamp}");
-    for (address, has_source) in [("ros:/out", false), ("ros:/other", true)] {
-        assert_eq!(of(address, has_source).finding.unwrap().cause, Cause::NobodyOffers);
-    }
-}
-
-#[test]
-fn a_publisher_that_the_bridge_alone_remembers_is_told_so() {
-    let way = |is_forgotten| {
-        let mut way = of_source(|it| {
-            it.doors = vec![knock(Server::NameServer, "127.0.0.1", Answer::Open, true, false)];
-            it.is_forgotten = is_forgotten;
-        });
-        way.running = running("active", "", 4, 4);
-        judge(&way).to_string()
-    };
-    let said =
-        "ros2:/in has 1 publisher (/publisher_node), but nobody publishes ros2:/in that the YARP";
-    assert!(way(true).contains(said), "{}", way(true));
-    assert!(!way(false).contains("but nobody"), "{}", way(false));
-}
-
-#[test]
-fn a_client_of_another_mapping_than_the_bridge_is_named() {
-    let of = |foreign, clients| {
-        let mut way = of_destination(|it| {
-            it.found = vec![endpoint("/out", Role::Client, TEXT, QosPreset::Default)];
-            (it.foreign, it.clients) = (foreign, clients);
-        });
-        way.source.as_mut().unwrap().found =
-            vec![endpoint("/in", Role::Server, TEXT, QosPreset::Default)];
-        (way.is_service, way.running) = (true, running("active", "", 0, 0));
-        judge(&way)
-    };
-    assert_eq!(of(None, None).finding, None);
-    let foreign = Some((ServiceMapping::FastDds, ServiceMapping::Cyclone));
-    let ours = of(foreign, None);
-    assert_eq!(ours.finding, None);
-    assert!(ours.to_string().contains("needs RMW_IMPLEMENTATION=rmw_fastrtps_cpp"), "{ours}");
-    let found = of(foreign, Some(ServiceMapping::Cyclone)).finding.unwrap();
-    assert_eq!(found.cause, Cause::ServiceMapping);
-    assert!(found.what.contains("/client_node speaks rmw_cyclonedds_cpp"), "{found:?}");
-}
-
-/// A shell may have another mapping than the bridge that runs the route.
-#[test]
-fn a_server_is_judged_by_the_mapping_of_the_bridge_that_runs_the_route() {
-    const CYCLONE: &str = "export RMW_IMPLEMENTATION=rmw_cyclonedds_cpp where the bridge starts";
-    let mappings = [ServiceMapping::Cyclone, ServiceMapping::FastDds];
-    let of = |foreign: Option<ServiceMapping>, running| {
-        let mut way = of_source(|it| {
-            it.found = vec![endpoint("/in", Role::Server, TEXT, QosPreset::Default)];
-            it.foreign = Some((mappings[0], mappings[1]));
-        });
-        (way.is_service, way.running, way.node) = (true, running, "/eye".to_owned());
-        way.foreign = foreign.map(|it| ("/eye".to_owned(), it)).into_iter().collect();
-        way
-    };
-    let well = || running("active", "", 1, 1);
-    assert_eq!(judge(&of(Some(mappings[0]), well())).finding, None);
-    for way in [of(None, well()), of(Some(mappings[0]), None)] {
-        let found = judge(&way).finding.unwrap();
-        assert_eq!(found.cause, Cause::ServiceMapping);
-        assert!(found.remedy.starts_with(CYCLONE), "{found:?}");
-    }
-    // The shell and the server have the same one, and the bridge has not.
-    let reason = format!("a server of /in{SPEAKS_NOT}rmw_cyclonedds_cpp");
-    let mut way = of(Some(mappings[1]), running("waiting", &reason, 0, 0));
-    way.source.as_mut().unwrap().foreign = None;
-    let [kind, to] = ["service", "ros2:/in"].map(str::to_owned);
-    let status = way.running.take().unwrap();
-    way.running = Some(RouteInfo { kind, destination: to, ..status });
-    let bare = Way { route: None, destination: None, ..way.clone() };
-    for way in [way, bare] {
-        let found = judge(&way).finding.unwrap();
-        assert_eq!(found.cause, Cause::ServiceMapping);
-        assert!(found.remedy.starts_with(CYCLONE), "{found:?}");
-        assert!(found.what.contains("in the way of rmw_fastrtps_cpp in the bridge"), "{found:?}");
-    }
-}
-
-/// Whoever listens in its place has the port itself.
-#[test]
-fn an_input_port_that_nobody_has_opened_is_opened_by_what_is_to_be_tried() {
-    let of = |found: Vec<Discovered>| {
-        let mut way = of_destination(|it| {
-            (it.address, it.type_name) = (address("yarp:/robot/in"), Some("Text".to_owned()));
-            (it.doors, it.found) = (Vec::new(), found);
-        });
-        let status = running("waiting", &format!("port /robot/in{UNOPENED}"), 0, 0).unwrap();
-        let [source, destination] = ["ros2:/in", "yarp:/robot/in"].map(str::to_owned);
-        way.running = Some(RouteInfo { source, destination, ..status });
-        judge(&way).finding.unwrap()
-    };
-    let told = Discovered::new("/robot/in", Role::Listener);
-    for (found, cause) in [(of(Vec::new()), Cause::NobodyListens), (of(vec![told]), Cause::State)] {
-        assert_eq!(found.cause, cause, "{found:?}");
-        let wanted = "wrapyfi echo yarp:/robot/in --type Text --option port=/robot/in";
-        assert!(found.remedy.ends_with(wanted), "{found:?}");
-    }
-}
-
-#[test]
-fn two_bridges_of_one_node_name_are_named() {
-    let with = |bridges: usize, running: bool, is_own: bool| {
-        let status = || Discovered::new("/wrapyfi_bridge/status", Role::Publisher);
-        let mut way = of_source(|it| it.found.extend((0..bridges).map(|_| status())));
-        way.running = running.then(RouteInfo::default);
-        way.node = "/wrapyfi_bridge".to_owned();
-        way.route.as_mut().unwrap().is_own = is_own;
-        judge(&way).finding
-    };
-    for running in [false, true] {
-        let of_command = |bridges| with(bridges, running, false);
-        let one = [of_command(0), of_command(1)];
-        assert_eq!(one, [None, None], "a command sees the one bridge that there is");
-        assert!(of_command(2).is_some());
-    }
-    assert_eq!(with(0, true, true), None);
-    let found = with(1, true, true).unwrap();
-    assert_eq!(found.cause, Cause::SameNode);
-    assert!(found.what.contains("/wrapyfi_bridge") && found.remedy.contains("__node:="));
 }

@@ -34,8 +34,8 @@ pub(super) const LOOK: Duration = Duration::from_millis(20);
 /// Time after which a name that nobody has in the own domain of ROS 2 is looked for in others, too: some nodes answer a
 /// new one after a second.
 const HERE_AT_FIRST: Duration = Duration::from_millis(200);
-/// Time for which the names of nodes are waited for: some tell theirs a second after their endpoints. What is left
-/// of two seconds is for listening.
+/// Time for which the names of nodes, and clients, are waited for: some tell theirs a second after their endpoints. What
+/// is left of two seconds is for listening.
 const NAMED_WITHIN: Duration = Duration::from_millis(1300);
 /// Time for which it goes on, after [`PATIENCE`], where endpoints still come: nodes tell of themselves slowly on a busy
 /// machine.
@@ -78,9 +78,12 @@ impl Wanted {
         end.found.iter().any(|one| self.is_met(one))
     }
 
-    /// True where a node has the name in the role, and its own name has not come.
-    fn is_unnamed(&self, end: &End) -> bool {
-        end.found.iter().any(|one| self.is_met(one) && one.node.is_none())
+    /// True where somebody has the name in the role, and more is to be told of it: the name of a node, or the client
+    /// of a server that is asked about by its mere name.
+    fn is_half_told(&self, end: &End) -> bool {
+        let is_there = |role| end.of(role).next().is_some();
+        let is_alone = self.is_open && is_there(Role::Server) && !is_there(Role::Client);
+        is_alone || end.found.iter().any(|one| self.is_met(one) && one.node.is_none())
     }
 
     /// True for an endpoint that has the name in the role.
@@ -187,7 +190,7 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
     let is_sought = middleware == "ros2" && wanted.role != Role::Client;
     let mut seen = watch(&mut end, &mut side, |end, told| {
         let is_late = is_sought && begin.elapsed() >= HERE_AT_FIRST && !wanted.is_there(end);
-        let is_named = !is_sought || begin.elapsed() >= NAMED_WITHIN || !wanted.is_unnamed(end);
+        let is_named = !is_sought || begin.elapsed() >= NAMED_WITHIN || !wanted.is_half_told(end);
         (told && is_named) || is_late || is_over()
     });
     if let (Some(graph), Ok(())) = (end.graph.clone(), &seen)
@@ -203,7 +206,7 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
             seen = watch(&mut end, &mut side, |end, told| {
                 let is_met = wanted.is_there(end);
                 is_there.fetch_or(is_met, Relaxed);
-                let is_named = begin.elapsed() >= NAMED_WITHIN || !wanted.is_unnamed(end);
+                let is_named = begin.elapsed() >= NAMED_WITHIN || !wanted.is_half_told(end);
                 // While others still tell of themselves, it may be among them.
                 let late = Instant::now().checked_duration_since(deadline);
                 let is_late = late.is_some_and(|late| told || graph.is_narrow() || late >= NEWS);
@@ -403,16 +406,15 @@ fn port(name: &str, end: &End, endpoints: &Endpoints) -> Result<Option<(String, 
     Ok(found.map(|found| (found.host, found.port)))
 }
 
-/// Mapping of the servers and of the clients, where all of them have another than this node, and than the servers.
+/// Mapping of the servers, where all of them have another than this node, and that of a client whom no server
+/// understands.
 fn mapping(end: &mut End, ros2: &dyn graph::Graph) {
-    let of = |is_client: bool, but: ServiceMapping| {
-        let told = mappings(ros2, &end.address.name, is_client);
-        told.first().copied().filter(|_| !told.contains(&but))
-    };
-    let ours = ros2.service_mapping();
-    let servers = of(false, ours);
-    let clients = of(true, servers.unwrap_or(ours));
-    (end.foreign, end.clients) = (servers.map(|theirs| (theirs, ours)), clients);
+    let of = |is_client| mappings(ros2, &end.address.name, is_client);
+    let (ours, servers) = (ros2.service_mapping(), of(false));
+    let first = servers.first().copied();
+    let client = of(true).into_iter().find(|one| !servers.contains(one));
+    end.foreign = first.filter(|_| !servers.contains(&ours)).map(|theirs| (theirs, ours));
+    end.clients = client.zip(first);
 }
 
 /// Mappings of those who serve a name on ROS 2, or of those who call it.

@@ -78,6 +78,8 @@ pub struct Way {
     pub foreign: BTreeMap<String, ServiceMapping>,
     /// The finding that the bridge of the file is stopped, where none that answers has the route.
     pub stopped: Option<Finding>,
+    /// True where the parameters of the bridge's node made its routes, which stand in no file.
+    pub is_of_parameters: bool,
     /// File of which no route means the endpoint that was asked for.
     pub without_route: Option<String>,
     /// Parts that are known to be in place before the walk.
@@ -152,8 +154,8 @@ pub struct End {
     pub found: Vec<Discovered>,
     /// Mapping of services that servers of the name speak, and ours.
     pub foreign: Option<(ServiceMapping, ServiceMapping)>,
-    /// Mapping of services that clients of the name speak, where its servers have another.
-    pub clients: Option<ServiceMapping>,
+    /// Mapping of services that a client of the name speaks, and that of its servers, which is another.
+    pub clients: Option<(ServiceMapping, ServiceMapping)>,
     /// True where the bridge that looks knows who has the name, and the server of names does not.
     pub is_forgotten: bool,
     /// Addresses of those who have the name.

@@ -451,7 +451,7 @@ impl Running {
     pub(crate) fn explain(&self, name: &str) -> Result<Way, Failure> {
         let (registry, plan) = (self.routes.registry(), self.routes.plan());
         let in_force = self.in_force.lock().clone();
-        let InForce { file, endpoints, definitions, removed } = &in_force;
+        let InForce { file, is_of_parameters, endpoints, definitions, removed } = &in_force;
         let configured = Configured {
             file,
             plan: &plan,
@@ -460,7 +460,9 @@ impl Running {
             removed,
             status: Some(&|| self.routes.status().iter().map(info::of).collect()),
         };
-        configured.way(name, definitions::of_command(definitions)?)
+        let way = configured.way(name, definitions::of_command(definitions)?)?;
+        let (node, is_of_parameters) = (self.node.name().fqn(), *is_of_parameters);
+        Ok(Way { node, is_of_parameters, ..way })
     }
 }
 

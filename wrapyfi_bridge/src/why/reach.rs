@@ -4,20 +4,15 @@ use wrapyfi_core::endpoint::EndpointAddress;
 
 use super::door::{Answer, Knock};
 use super::{Cause, End, Finding, Registered, Step, Way};
-use crate::middlewares::Server;
+use crate::middlewares::{Door, Server};
 
 /// A server that answered, or the finding that it did not.
 pub(super) fn opened(knock: &Knock, address: &EndpointAddress, way: &Way) -> Step {
     let server = knock.door.server;
-    let (words, host, port) = (knock.words(), &knock.door.host, knock.door.port);
+    let (words, Door { host, port, start, .. }) = (knock.words(), &knock.door);
     // One that runs the route would run the server, if it were to.
     let route = way.route.as_ref().filter(|_| way.running.is_none());
     let bridge = route.map(|route| format!("wrapyfi bridge --config {}", route.file));
-    let here = match server {
-        Server::Broker | Server::ServiceBroker => "wrapyfi broker",
-        Server::NameServer => "wrapyfi yarpserver (or yarpserver)",
-        Server::Master => "roscore",
-    };
     let (cause, what, who, remedy) = match &knock.answer {
         Answer::Open => return Ok(()),
         Answer::Unresolved(reason) => (
@@ -29,18 +24,14 @@ pub(super) fn opened(knock: &Knock, address: &EndpointAddress, way: &Way) -> Ste
         Answer::Refused if knock.is_here => {
             let more = match (&bridge, server) {
                 (Some(bridge), _) if knock.door.is_own => {
-                    format!("{bridge}    # it runs the server itself; or {here}")
+                    format!("{bridge}    # it runs the server itself; or {start}")
                 }
                 // Who asks about a mere name may not have meant ROS 1.
                 (None, Server::Master) if way.route.is_none() => format!(
-                    "{here}    # or set ROS_MASTER_URI to where it runs; `ros:` is ROS 1, a name of ROS 2 is written \
-                     ros2:{}",
+                    "{start}; `ros:` is ROS 1, a name of ROS 2 is written ros2:{}",
                     address.name
                 ),
-                (_, Server::Master) => {
-                    format!("{here}    # or set ROS_MASTER_URI to where it runs")
-                }
-                _ => here.to_owned(),
+                _ => start.clone(),
             };
             let what =
                 format!("{words} does not answer: nothing listens on port {port} of this machine");
@@ -55,13 +46,10 @@ pub(super) fn opened(knock: &Knock, address: &EndpointAddress, way: &Way) -> Ste
             format!("a program on {host}"),
             match server {
                 Server::Broker | Server::ServiceBroker => format!(
-                    "on {host}: wrapyfi broker --ip {host} --insecure    # Wrapyfi's own: \
-                     WRAPYFI_ZEROMQ_SOCKET_IP={host}"
+                    "on {host}: {start}    # Wrapyfi's own: WRAPYFI_ZEROMQ_SOCKET_IP={host}"
                 ),
-                Server::NameServer => {
-                    format!("on {host}: wrapyfi yarpserver --ip {host} --insecure (or yarpserver)")
-                }
-                Server::Master => format!("on {host}: ROS_IP={host} roscore"),
+                Server::NameServer => format!("on {host}: {start}"),
+                Server::Master => format!("on {host}: ROS_IP={host} {start}"),
             },
         ),
         Answer::Silent | Answer::NoWay(_) => {

@@ -56,7 +56,7 @@ pub fn run(args: &DemoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         // The middlewares are the demo's own: nothing is asked by these settings.
         let (file, endpoints) = ("wrapyfi demo".to_owned(), Endpoints::default());
         let (definitions, removed) = (Vec::new(), Plan::default());
-        let in_force = InForce { file, endpoints, definitions, removed };
+        let in_force = InForce { file, is_of_parameters: false, endpoints, definitions, removed };
         let (routes, in_force) = (running.applier(), Arc::new(Mutex::new(in_force)));
         Page::start(port, Running { node, routes, in_force })
     });
