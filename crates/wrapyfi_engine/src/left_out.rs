@@ -39,6 +39,14 @@ impl Route {
         default_deny.filter(|usual| self.is_usual(usual, name)).map(|_| LeftOut::ByDefault)
     }
 
+    /// As [`Route::left_out`], for a name at the destination: with the name at the source that leads there.
+    #[must_use]
+    pub fn left_out_to(&self, name: &str) -> Option<(String, LeftOut)> {
+        let source = self.inverse()?.source(name)?;
+        let why = self.left_out(&source)?;
+        Some((format!("{}:{source}", self.from.middleware), why))
+    }
+
     /// True for hidden names, of which a part begins with `_`, and for those that every program has about itself.
     fn is_usual(&self, usual: &Conventions, name: &str) -> bool {
         let bare = bare(name);
@@ -81,6 +89,8 @@ mod tests {
         ] {
             assert_eq!(pattern.left_out(name), reason, "{name}");
             assert_eq!(pattern.target(name).is_none(), reason.is_some(), "{name}");
+            let told = reason.map(|reason| (format!("a:{name}"), reason));
+            assert_eq!(pattern.left_out_to(name), told, "{name}");
         }
     }
 

@@ -289,8 +289,9 @@ async fn stay_connected(shared: &Shared, state: &ClientState, port: &RpcClient) 
         state.link_state.connected(1);
         loop {
             let rung = tokio::select! {
-                // It said goodbye.
+                // It said goodbye, or was killed.
                 _ = changes.wait_for(|now| now.outputs == 0) => false,
+                () = port.ended() => false,
                 () = state.failed.notified() => false,
                 () = bell.notified() => true,
             };

@@ -122,7 +122,7 @@ pub fn doors(
             let (host, port, is_own) = (found.host, found.port, config.embedded);
             let on = |option| [(option, port, DEFAULT_PORT)];
             let ours = start_at("wrapyfi yarpserver", &host, &on("--port"));
-            let start = format!("{ours} (or {})", start_at("yarpserver", "*", &on("--socket")));
+            let start = format!("{ours}    # or {}", start_at("yarpserver", "*", &on("--socket")));
             Ok(vec![Door { server: Server::NameServer, host, port, is_own, start }])
         }
         ros1::NAME => {
@@ -212,12 +212,12 @@ mod tests {
             (
                 "yarp",
                 "yarp: { name_server: '127.0.0.1:10000' }",
-                "wrapyfi yarpserver (or yarpserver)",
+                "wrapyfi yarpserver    # or yarpserver",
             ),
             (
                 "yarp",
                 "yarp: { name_server: '10.0.0.2:10050' }",
-                "wrapyfi yarpserver --ip 10.0.0.2 --insecure --port 10050 (or yarpserver --socket 10050)",
+                "wrapyfi yarpserver --ip 10.0.0.2 --insecure --port 10050    # or yarpserver --socket 10050",
             ),
             (
                 "ros",

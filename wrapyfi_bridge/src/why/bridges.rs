@@ -32,9 +32,12 @@ fn is_unconfigured(status: &BridgeStatus) -> bool {
 /// has another.
 pub(crate) fn not_active(state: State, node: &str, foreign: Option<ServiceMapping>) -> Finding {
     let asker = foreign.map(|it| format!("RMW_IMPLEMENTATION={} ", it.rmw())).unwrap_or_default();
-    let step = if state == State::Inactive { "activate" } else { "configure, then activate" };
     let what = format!("the bridge {node} is {}: its routes are closed", state.label());
-    let remedy = format!("{asker}ros2 lifecycle set {node} {step}");
+    let set = |step: &str| format!("{asker}ros2 lifecycle set {node} {step}");
+    let remedy = match state {
+        State::Inactive => set("activate"),
+        _ => format!("{} && {}", set("configure"), set("activate")),
+    };
     Finding::new(Cause::State, what, "whoever manages the node", remedy)
 }
 

@@ -44,7 +44,7 @@ pub fn judge(way: &Way) -> Verdict {
 
 /// True for a publisher that the bridge with the ROS 2 node `own` may be itself. Only ROS names the nodes of
 /// publishers; a node of the bridge on ROS 1 is `wrapyfi_` and a number.
-fn may_be_bridge(one: &Discovered, middleware: &str, own: &str) -> bool {
+pub(super) fn may_be_bridge(one: &Discovered, middleware: &str, own: &str) -> bool {
     match (&one.node, middleware) {
         (Some(node), "ros2") => node == own,
         (Some(node), "ros") => {
@@ -75,6 +75,8 @@ impl Walk<'_> {
             state(way)?;
         }
         self.somebody(source, provider)?;
+        // Of a name that nobody has, the limit is no reason.
+        way.route.as_ref().map_or(Ok(()), limit)?;
         self.reached(source, provider)?;
         self.types(source, provider)?;
         self.mapping(source)?;
@@ -186,6 +188,10 @@ impl Walk<'_> {
         let address = &end.address;
         match end.names {
             None => {}
+            Some(0) if self.way.running.as_ref().is_some_and(|it| it.state == "active") => {
+                self.pass(format!("the bridge {} has routes of {address}", self.way.node));
+                return Ok(());
+            }
             Some(0) => {
                 let what = format!("no name matches {address}");
                 let who = provider(end, role);
@@ -305,17 +311,20 @@ impl Walk<'_> {
     /// Addresses of those who are there.
     fn reached(&mut self, end: &End, role: Role) -> Step {
         let registered: Vec<_> = end.registered.iter().filter(|one| one.role == role).collect();
-        for one in &registered {
-            match reachable(end, one) {
+        let (there, gone): (Vec<_>, Vec<_>) =
+            registered.iter().map(|one| (one, reachable(end, one))).partition(|(_, it)| it.is_ok());
+        for (_, reason) in gone {
+            match reason {
                 // What it was registered for is known to pass: another one of its name does that.
                 Err(gone) if is_carried(self.way) => {
                     self.pass(format!("messages pass all the same, but {}", gone.what));
                     return Ok(());
                 }
+                Err(gone) if !there.is_empty() => self.pass(gone.what),
                 outcome => outcome?,
             }
         }
-        if let Some(Registered { host, port, .. }) = registered.first() {
+        if let Some((Registered { host, port, .. }, _)) = there.first() {
             self.pass(format!("{host}:{port} answers"));
         }
         Ok(())
@@ -503,9 +512,13 @@ impl Walk<'_> {
             ));
         }
         let publisher = source.of(Role::Publisher).next();
+        // A broker tells what came on a topic, not whether who sent it is there still.
+        let idle = match source.address.middleware.as_str() {
+            "zeromq" => "its publisher is idle, or has ended: a broker does not tell which",
+            _ => "the connection is open and idle",
+        };
         let what = format!(
-            "everything is in place, and no message came on {} within {} ms: the connection is open and \
-             idle",
+            "everything is in place, and no message came on {} within {} ms: {idle}",
             source.address,
             time.as_millis()
         );
@@ -543,6 +556,12 @@ fn of_file(route: &RouteFacts) -> Step {
         };
         return Err(Finding::new(Cause::LeftOut, what, "the pattern", remedy));
     }
+    Ok(())
+}
+
+/// Limit of a pattern, where it leaves out the name that is asked for.
+fn limit(route: &RouteFacts) -> Step {
+    let (name, file) = (&route.name, &route.file);
     match route.limit {
         Some((limit, names)) if names > limit => {
             let what = format!("{names} names match {name}, and {limit} routes are its limit");

@@ -18,6 +18,7 @@ use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
 use super::drops::count;
 use super::ends::{entry, listens_on, qos_at, shown, type_at};
+use super::judge::may_be_bridge;
 use super::look::{Sight, Wanted, graph, look, patience, widen};
 use super::state::{came, takes};
 use super::{End, Finding, Limited, RouteFacts, Unheard, Way, bridges, roles, running, stopped};
@@ -120,7 +121,7 @@ impl Configured<'_> {
     ///
     /// # Errors
     /// Exit code 2 where the name means nothing.
-    pub fn way(&self, name: &str, types: TypeStore) -> Result<Way, Failure> {
+    pub fn way(&self, name: &str, mut types: TypeStore) -> Result<Way, Failure> {
         let Self { file, plan, node, sight, removed, .. } = *self;
         let running = self.status.map(|status| status()).unwrap_or_default();
         let found = [plan, removed].into_iter().find_map(|plan| {
@@ -139,7 +140,18 @@ impl Configured<'_> {
                 let title = format!("{name} in {}", facts.name);
                 Ok(Way { title, route: Some(facts), ..Way::default() })
             }
-            Some((route, facts)) => Ok(self.of_route(&route, facts, types)),
+            Some((route, facts)) => {
+                let way = self.of_route(&route, facts, &mut types);
+                // Of a pattern for topics and one for services with the same ends, that which runs is meant.
+                let other = || of_other_kind(plan, &route).filter(|_| way.running.is_none());
+                let other = other().map(|other| {
+                    let (name, file) = (other.name.clone(), file.to_owned());
+                    let is_own = self.status.is_some();
+                    let facts = RouteFacts { name, file, is_own, ..RouteFacts::default() };
+                    self.of_route(&other, facts, &mut types)
+                });
+                Ok(other.filter(|other| other.running.is_some()).unwrap_or(way))
+            }
             None => match address(name) {
                 Ok(address) => {
                     let without_route = Some(file.to_owned());
@@ -159,7 +171,7 @@ impl Configured<'_> {
     }
 
     /// Facts about a route: both ends, side by side.
-    fn of_route(&self, route: &Route, mut facts: RouteFacts, mut types: TypeStore) -> Way {
+    fn of_route(&self, route: &Route, mut facts: RouteFacts, types: &mut TypeStore) -> Way {
         let Self { node, sight, .. } = *self;
         let status = || running::of(route, self.status?());
         let (before, begin) = (status(), Instant::now());
@@ -185,7 +197,7 @@ impl Configured<'_> {
                 std::thread::scope(|scope| {
                     let source = scope.spawn(|| {
                         let own = Sight { is_answered: &AtomicBool::new(false), ..sight };
-                        let end = look(own, &at_source, &mut types);
+                        let end = look(own, &at_source, types);
                         sight.is_answered.store(!end.is_open(), Relaxed);
                         end
                     });
@@ -226,7 +238,9 @@ impl Configured<'_> {
         let mut came_hz = None;
         if let (Some(before), Some(now)) = (before, &running) {
             let came = came(now).saturating_sub(came(&before));
-            (source.heard, source.silent) = (came, Some(begin.elapsed()));
+            source.heard = came;
+            // Elsewhere nobody else would call it idle, for nobody can listen.
+            source.silent = listens_on(&route.from.middleware).then(|| begin.elapsed());
             came_hz = Some(came as f64 / begin.elapsed().as_secs_f64());
         }
         facts.limited = running.as_ref().and_then(|running| limited(route, running, came_hz));
@@ -313,8 +327,11 @@ fn route(
     }
     let mut many = plan.routes.iter().filter(|one| one.from.middleware == address.middleware);
     let left_out = |pattern: &Route| Some((pattern.clone(), pattern.left_out(&address.name)?));
-    let (pattern, why) = many.find_map(left_out)?;
-    Some((pattern, Some((text, why))))
+    if let Some((pattern, why)) = many.find_map(left_out) {
+        return Some((pattern, Some((text, why))));
+    }
+    let mut many = plan.routes.iter().filter(|one| one.to.middleware == address.middleware);
+    many.find_map(|pattern| Some((pattern.clone(), Some(pattern.left_out_to(&address.name)?))))
 }
 
 /// Route that a pattern makes, by its name: its ends. Topics and services may have the same ones: it is of the kind of
@@ -330,6 +347,16 @@ fn made_between(plan: &Plan, name: &str, running: Option<&RouteInfo>) -> Option<
             Kind::Service(_) => (&second, &first),
         };
         pattern.made_from(from).filter(|made| made.to == *to)
+    })
+}
+
+/// Route of the other kind with the ends of one that a pattern makes.
+fn of_other_kind(plan: &Plan, made: &Route) -> Option<Route> {
+    let is_written = plan.routes.iter().any(|one| one.name == made.name);
+    let is_other = |one: &&Route| one.role() != made.role() && !is_written;
+    plan.routes.iter().filter(is_other).find_map(|pattern| {
+        let other = pattern.made_from(&made.from)?;
+        (other.to == made.to).then_some(other)
     })
 }
 
@@ -429,11 +456,19 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, mut types: TypeStore)
     if sight.bridge.is_none() {
         widen(sight.endpoints, &wanted, &mut end);
     }
-    let is_missing = end.found.iter().all(|one| !wanted.is_met(one));
-    let told = heard.running.filter(|(_, running)| is_missing || takes(running, &text));
+    let there: Vec<_> = end.found.iter().filter(|one| wanted.is_met(one)).collect();
+    let is_missing = there.is_empty();
+    let told = heard.running.filter(|(node, running)| {
+        // Who is there may be that bridge alone, whose route waits.
+        let is_bridge = || {
+            let is_one = there.iter().map(|one| one.count.max(1)).sum::<u64>() <= 1;
+            is_one && there.iter().all(|one| may_be_bridge(one, &address.middleware, node))
+        };
+        is_missing || takes(running, &text) || (running.state != "active" && is_bridge())
+    });
     let (node, running) = told.map(|(node, running)| (node, Some(running))).unwrap_or_default();
     let is_service = match &running {
-        Some(running) if is_missing => running.kind == "service",
+        Some(running) if is_missing || !takes(running, &text) => running.kind == "service",
         _ => end.is_service,
     };
     // Its broker may be in the bridge that is stopped.
@@ -508,16 +543,22 @@ mod tests {
             assert_eq!(found(&plan, name), cam, "{name}");
         }
         assert_eq!(found(&plan, "ros1:/x"), Some(("ros:/x -> ros2:/one/x".to_owned(), false)));
-        let plan = self::plan(&[
+        for left_out in ["ros:/raw", "ros2:/one/raw"] {
+            assert!(found(&plan, left_out).is_some_and(|(_, is_left_out)| is_left_out));
+        }
+        assert_eq!(found(&plan, "yarp:/x"), None);
+    }
+
+    #[test]
+    fn what_a_written_route_takes_from_a_pattern_is_told() {
+        let plan = plan(&[
             "name: chat, from: 'ros:/chat', to: 'ros2:/words'",
             "from: 'ros:/(.*)', to: 'ros2:/one/$1'",
         ]);
         let (_, left_out) = route(&plan, &index(&plan), &[], "ros2:/one/chat").unwrap();
-        let (ends, chat) =
-            ("ros:/chat -> ros2:/one/chat".to_owned(), LeftOut::Written("chat".to_owned()));
-        assert_eq!(left_out, Some((ends, chat)));
-        assert!(found(&plan, "ros:/raw").is_some_and(|(_, is_left_out)| is_left_out));
-        assert_eq!(found(&plan, "yarp:/x"), None);
+        let ends = "ros:/chat -> ros2:/one/chat".to_owned();
+        assert_eq!(left_out, Some((ends, LeftOut::Written("chat".to_owned()))));
+        assert_eq!(found(&plan, "ros:/chat"), Some(("ros:/chat -> ros2:/words".to_owned(), false)));
     }
 
     #[test]

@@ -34,7 +34,7 @@ pub(super) fn is_carried(way: &Way) -> bool {
 pub(super) fn is_met(way: &Way, at: &EndpointAddress, role: Role) -> bool {
     let Some(running) = &way.running else { return false };
     if way.route.is_none() {
-        return takes(running, &at.to_string());
+        return takes(running, &at.to_string()) || offers(running, &at.to_string());
     }
     let is_found = is_provider(role) && running.has_source;
     is_found || matches!(running.state.as_str(), "active" | "degraded")
@@ -64,6 +64,13 @@ pub(super) fn takes(running: &RouteInfo, address: &str) -> bool {
     let is_service = running.kind == "service";
     let from = if is_service { &running.destination } else { &running.source };
     from == address && (running.has_source || other_mapping(running).is_some())
+}
+
+/// True for a route that works and brings to an address what it carries, or answers there.
+fn offers(running: &RouteInfo, address: &str) -> bool {
+    let is_service = running.kind == "service";
+    let to = if is_service { &running.source } else { &running.destination };
+    to == address && running.state == "active"
 }
 
 /// Route that a bridge runs, in words.
@@ -174,7 +181,13 @@ pub(super) fn state(way: &Way) -> Passed {
         DropReason::ServiceMapping => Cause::ServiceMapping,
         _ => Cause::Drops,
     };
-    Err(Finding::new(cause, what, who, mends(*most)))
+    let remedy = match most {
+        DropReason::SendFailed if way.is_service => {
+            "a server that answers requests: what the last reason names"
+        }
+        most => mends(*most),
+    };
+    Err(Finding::new(cause, what, who, remedy))
 }
 
 /// Limit of the rate, where it leaves out most of the messages.

@@ -134,6 +134,15 @@ impl RpcClient {
         }
     }
 
+    /// Waits until the server of a client that makes no calls closes the connection or is gone; for ever where none is
+    /// connected. A call waits until this is dropped.
+    pub async fn ended(&self) {
+        match self.server() {
+            Some((_, link)) => link.ended().await,
+            None => std::future::pending().await,
+        }
+    }
+
     fn server(&self) -> Option<(String, Arc<RpcLink>)> {
         let connections = self.owner.core.connections.lock();
         connections.outputs.iter().find_map(|output| match &output.kind {

@@ -59,6 +59,15 @@ impl RpcLink {
         Ok(reply)
     }
 
+    /// Waits until the server closes the connection or is gone; for ever while a call has it.
+    pub(super) async fn ended(&self) {
+        let mut place = self.link.lock().await;
+        match place.as_mut() {
+            Some(link) => _ = link.ended().await,
+            None => std::future::pending().await,
+        }
+    }
+
     pub(super) async fn close(&self) {
         // A request on its way keeps the lock: it ends by its own time limit.
         let Ok(mut place) = self.link.try_lock() else { return };
