@@ -25,8 +25,18 @@ impl Node {
     /// # Errors
     /// When the name breaks the rules of the graph.
     pub fn named(name: &str) -> Result<Self, NameError> {
+        Self::at(name)
+    }
+
+    /// A node with this full name, `/namespace/name`, without remap rules.
+    ///
+    /// # Errors
+    /// As [`Node::named`].
+    pub(crate) fn at(full_name: &str) -> Result<Self, NameError> {
+        let (namespace, name) = full_name.rsplit_once('/').unwrap_or(("", full_name));
+        let namespace = if namespace.is_empty() { "/" } else { namespace };
         let (args, overrides) = (Arc::default(), BTreeMap::new());
-        Ok(Self { name: NodeName::new(name, "/")?, args, overrides })
+        Ok(Self { name: NodeName::new(name, namespace)?, args, overrides })
     }
 
     /// A node of a command: hidden from `ros2 node list`, with a name no other process has.

@@ -1,5 +1,7 @@
 //! Findings about the bridges on the graph: one is not activated, none has the route, several have it.
 
+use std::collections::BTreeMap;
+
 use wrapyfi_core::endpoint::Role;
 use wrapyfi_core::engine::TO_BE_ACTIVATED;
 use wrapyfi_core::middleware::ros2::graph::ServiceMapping;
@@ -26,6 +28,12 @@ pub(super) fn inactive(way: &Way) -> Option<Finding> {
 
 fn is_unconfigured(status: &BridgeStatus) -> bool {
     status.state == State::Unconfigured.label()
+}
+
+/// The first of the bridges that is not configured, which has no routes.
+pub(super) fn unconfigured(others: &BTreeMap<String, BridgeStatus>) -> Option<Finding> {
+    let (node, _) = others.iter().find(|(_, status)| is_unconfigured(status))?;
+    Some(not_active(State::Unconfigured, node, None))
 }
 
 /// What keeps any way through a bridge whose routes are closed. `foreign` is the mapping of its services, where who asks

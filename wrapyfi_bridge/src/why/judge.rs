@@ -8,6 +8,7 @@
 use wrapyfi_core::endpoint::{AnnouncedQos, Discovered, Role, mismatches};
 use wrapyfi_core::engine::LeftOut;
 use wrapyfi_core::middleware::ros2::remedy;
+use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
 use crate::middlewares::Server;
 
@@ -16,8 +17,8 @@ use super::ends::is_told;
 use super::names::nearest;
 use super::reach::{opened, reachable};
 use super::state::{
-    broken, hears_others, is_carried, is_met, is_provider, is_used, other_mapping, rate, refused,
-    refused_alone, runs, state, unopened,
+    brings, broken, hears_others, is_carried, is_met, is_provider, is_used, other_mapping, rate,
+    refused, refused_alone, runs, state, unopened,
 };
 use super::words::{between, example, is_same_type, nobody, owner, people, provider, types_differ};
 use super::{
@@ -70,7 +71,9 @@ impl Walk<'_> {
         let Some(source) = &way.source else { return Ok(()) };
         let (provider, taker) = roles(way.is_service);
         self.side(source)?;
-        if way.route.is_none() && !is_met(way, &source.address, provider) {
+        let brought = |it: &RouteInfo| brings(it, &source.address.to_string());
+        let is_brought = way.running.as_ref().is_some_and(brought);
+        if way.route.is_none() && !is_brought && !is_met(way, &source.address, provider) {
             // The bridge that would be there says why it is not.
             state(way)?;
         }
@@ -254,6 +257,12 @@ impl Walk<'_> {
             return Ok(());
         }
         let is_bare = self.way.route.is_none();
+        let brought =
+            self.way.running.as_ref().filter(|it| is_bare && brings(it, &address.to_string()));
+        if let Some(RouteInfo { key, .. }) = brought {
+            self.pass(format!("the route {key} of {} brings it", self.way.node));
+            return Ok(());
+        }
         if (is_bare || registry(end).is_some()) && is_met(self.way, address, role) {
             let has = match is_carried(self.way) && !is_bare {
                 true => "messages pass".to_owned(),

@@ -20,7 +20,11 @@ fn the_bridges_that_are_heard_say_whether_one_runs_the_route() {
             "/a, /b (domain 3) has others",
             "--config b.yaml",
         ),
-        (&[("/a", "unconfigured")], "/a", "; or ros2 lifecycle set /a configure, then activate"),
+        (
+            &[("/a", "unconfigured")],
+            "/a",
+            "; or ros2 lifecycle set /a configure && ros2 lifecycle set /a activate",
+        ),
     ] {
         let found = found(&beside(others));
         assert_eq!(found.cause, Cause::NoBridge, "{found:?}");
@@ -31,7 +35,10 @@ fn the_bridges_that_are_heard_say_whether_one_runs_the_route() {
     own.source.as_mut().unwrap().doors =
         vec![knock(Server::Broker, "127.0.0.1", Answer::Refused, true, true)];
     assert_eq!(found(&own).cause, Cause::State);
-    assert_eq!(found(&own).remedy, "ros2 lifecycle set /a configure, then activate");
+    assert_eq!(
+        found(&own).remedy,
+        "ros2 lifecycle set /a configure && ros2 lifecycle set /a activate"
+    );
     let mut foreign = beside(&[("/a", "unconfigured")]);
     foreign.foreign.insert("/a".to_owned(), ServiceMapping::FastDds);
     let wanted = "; or RMW_IMPLEMENTATION=rmw_fastrtps_cpp ros2 lifecycle set /a configure";
@@ -183,6 +190,60 @@ fn a_mere_name_that_a_bridge_takes_is_there() {
     for (address, has_source) in [("ros:/out", false), ("ros:/other", true)] {
         assert_eq!(of(address, has_source).finding.unwrap().cause, Cause::NobodyOffers);
     }
+}
+
+/// Who would publish there, as a remedy says, would speak into a robot's port.
+#[test]
+fn a_mere_name_to_which_a_bridge_brings_messages_lacks_no_publisher() {
+    let of = |state: &str, reason: &str| {
+        let mut way = of_destination(|it| it.found.clear());
+        way.source = way.destination.take();
+        let [source, destination, kind] = ["ros2:/x", "ros:/out", "topic"].map(str::to_owned);
+        let state = running(state, reason, 9, 9).unwrap();
+        way.running = Some(RouteInfo { source, destination, kind, ..state });
+        (way.node, way.route) = ("/eye".to_owned(), None);
+        judge(&way)
+    };
+    let brought = of("active", "").to_string();
+    assert!(brought.contains("the route lamp of /eye brings it"), "{brought}");
+    let found = of("waiting", "a publisher of ros2:/x").finding.unwrap();
+    assert!(found.what.contains("the route lamp of /eye waits for a publisher"), "{found:?}");
+}
+
+#[test]
+fn what_keeps_a_route_that_runs_names_the_nearest_cause() {
+    // A publisher of two is gone: messages of the other come.
+    let both = [Answer::Refused, Answer::Open]
+        .map(|answer| registered(Role::Listener, "127.0.0.1", false, answer));
+    let way = of_destination(|it| it.registered = both.to_vec());
+    let verdict = judge(&way);
+    assert_eq!(verdict.finding, None, "{verdict}");
+    assert!(verdict.to_string().contains("it was killed, and its name remains"), "{verdict}");
+    // A limit is no reason for a name that nobody has.
+    let mut nobody = of_source(|it| it.found.clear());
+    nobody.route.as_mut().unwrap().limit = Some((2, 9));
+    assert_eq!(judge(&nobody).finding.unwrap().cause, Cause::NobodyPublishes);
+    // The routes of a pattern are there, whatever a new list says.
+    let mut pattern = of_source(|it| it.names = Some(0));
+    (pattern.destination, pattern.node) = (None, "/eye".to_owned());
+    assert!(judge(&pattern).finding.unwrap().what.contains("no name matches"));
+    pattern.running = running("active", "", 9, 9);
+    let verdict = judge(&pattern);
+    assert_eq!(verdict.finding, None, "{verdict}");
+    // Nobody has connected to our own broker, and a client speaks another mapping.
+    let mut light = whole();
+    light.is_service = true;
+    light.source = Some(End { found: Vec::new(), ..End::new(address("zeromq:/light")) });
+    let waiting = || running("waiting", "a server of zeromq:/light", 0, 0).unwrap();
+    light.running = Some(RouteInfo { kind: "service".to_owned(), ..waiting() });
+    let found = judge(&light).finding.unwrap();
+    assert_eq!(found.cause, Cause::NobodyOffers, "{found:?}");
+    assert!(found.remedy.contains("wrapyfi serve zeromq:/light"), "{found:?}");
+    let drop_reasons = vec![wrapyfi_core::endpoint::DropReason::ServiceMapping.to_string()];
+    let mapped =
+        RouteInfo { received: 3, dropped: 3, drop_reasons, drop_counts: vec![3], ..waiting() };
+    light.running = Some(RouteInfo { kind: "service".to_owned(), ..mapped });
+    assert_eq!(judge(&light).finding.unwrap().cause, Cause::ServiceMapping);
 }
 
 #[test]

@@ -117,7 +117,12 @@ impl<'s> Sight<'s> {
     fn open(&self, middleware: &str) -> Result<Observer, Failure> {
         let of_bridge = self.bridge.and_then(|registry| registry.get(middleware).ok());
         match (of_bridge, self.ros2.filter(|_| middleware == "ros2")) {
-            (Some(middleware), _) => Ok((Arc::clone(middleware), None)),
+            // Who is registered at a master is what a node of its own asks.
+            (Some(of_bridge), _) => {
+                let ros1 =
+                    (middleware == "ros").then(|| middlewares::observer(self.endpoints, "ros"));
+                Ok((Arc::clone(of_bridge), ros1.and_then(|observer| observer.ok()?.1)))
+            }
             (None, Some(ros2)) => Ok((Arc::clone(ros2) as Arc<dyn Middleware>, None)),
             (None, None) => middlewares::observer(self.endpoints, middleware),
         }
@@ -358,7 +363,7 @@ fn addresses(end: &mut End, endpoints: &Endpoints, ros1: Option<&Ros1>) {
             Err(_) => Vec::new(),
         },
         (None, "yarp") => {
-            let roles = [Role::Publisher, Role::Listener, Role::Server];
+            let roles = [Role::Publisher, Role::Server, Role::Listener];
             let there = roles.iter().find_map(|role| end.of(*role).next());
             let role = there.map_or(Role::Publisher, |one| one.role);
             // A calibration has no port of its own.

@@ -141,7 +141,13 @@ impl Configured<'_> {
                 Ok(Way { title, route: Some(facts), ..Way::default() })
             }
             Some((route, facts)) => {
-                let way = self.of_route(&route, facts, &mut types);
+                let way = self.of_route(&route, facts.clone(), &mut types);
+                // Relative names are other ones in the namespace of the bridge.
+                if let Some(there) = self.of_namespace(&route, &way) {
+                    return Ok(
+                        Configured { node: &there, ..*self }.of_route(&route, facts, &mut types)
+                    );
+                }
                 // Of a pattern for topics and one for services with the same ends, that which runs is meant.
                 let other = || of_other_kind(plan, &route).filter(|_| way.running.is_none());
                 let other = other().map(|other| {
@@ -168,6 +174,14 @@ impl Configured<'_> {
                 }
             },
         }
+    }
+
+    /// Node of the bridge on the graph that runs the route, where an end has another name for it than here.
+    fn of_namespace(&self, route: &Route, way: &Way) -> Option<Node> {
+        way.running.as_ref().filter(|_| self.status.is_none())?;
+        let there = Node::at(&way.node).ok()?;
+        let differs = |end: &EndpointAddress| there.resolve(end) != self.node.resolve(end);
+        (differs(&route.from) || differs(&route.to)).then_some(there)
     }
 
     /// Facts about a route: both ends, side by side.
@@ -446,7 +460,9 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, mut types: TypeStore)
             false => one.destination == text,
         };
         let refuses = |one: &RouteInfo| one.source == text && !one.refused.is_empty();
-        all.into_iter().find(|one| offers(one) || refuses(one) || takes(one, &text))
+        // No broker of ZeroMQ tells who serves.
+        let calls = |one: &RouteInfo| one.kind == "service" && one.destination == text;
+        all.into_iter().find(|one| offers(one) || refuses(one) || calls(one) || takes(one, &text))
     };
     let (mut end, heard) = beside_bridges(sight, true, &find, |sight| {
         let end = look(sight, &wanted, &mut types);
@@ -474,8 +490,15 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, mut types: TypeStore)
     // Its broker may be in the bridge that is stopped.
     let is_silent = end.away.is_some() && end.address.middleware == "zeromq";
     let stopped = is_silent.then(|| stopped::bridge(None)).flatten();
+    let mut known = Vec::new();
+    if running.is_none() && is_missing {
+        let begins = heard.others.iter().find_map(|others| bridges::unconfigured(others));
+        known.extend(begins.map(|it| format!("{}; {}", it.what, it.remedy)));
+    }
     let (source, foreign) = (Some(end), heard.foreign);
-    Way { title: text, is_service, node, running, source, foreign, stopped, ..Way::default() }
+    let way =
+        Way { title: text, is_service, node, running, source, foreign, stopped, ..Way::default() };
+    Way { known, ..way }
 }
 
 impl Running {

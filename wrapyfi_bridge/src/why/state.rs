@@ -34,7 +34,7 @@ pub(super) fn is_carried(way: &Way) -> bool {
 pub(super) fn is_met(way: &Way, at: &EndpointAddress, role: Role) -> bool {
     let Some(running) = &way.running else { return false };
     if way.route.is_none() {
-        return takes(running, &at.to_string()) || offers(running, &at.to_string());
+        return takes(running, &at.to_string());
     }
     let is_found = is_provider(role) && running.has_source;
     is_found || matches!(running.state.as_str(), "active" | "degraded")
@@ -67,7 +67,7 @@ pub(super) fn takes(running: &RouteInfo, address: &str) -> bool {
 }
 
 /// True for a route that works and brings to an address what it carries, or answers there.
-fn offers(running: &RouteInfo, address: &str) -> bool {
+pub(super) fn brings(running: &RouteInfo, address: &str) -> bool {
     let is_service = running.kind == "service";
     let to = if is_service { &running.source } else { &running.destination };
     to == address && running.state == "active"
