@@ -214,7 +214,9 @@ fn a_service_of_zeromq_that_nobody_offers_is_told() -> Result {
         assert!(what.contains("waits for a server of zeromq:/light"), "{told}");
         let remedy = told["remedy"].as_str().unwrap_or_default();
         let (_, command) = remedy.split_once("wrapyfi ").ok_or(anyhow::anyhow!("{told}"))?;
-        let _server = env.wrapyfi(command.split(' '))?;
+        let ports = [env.rep_port(), env.req_port()].map(|port| port.to_string());
+        let ports = ["--rep-port", &ports[0], "--req-port", &ports[1]];
+        let _server = env.wrapyfi(command.split(' ').chain(ports))?;
         until_route(&bridge, "light", |route| route.is_some_and(|it| it["state"] == "active"))?;
         let mut call = env.wrapyfi(["call", &ros2(&light)])?;
         call.exits_with(0)
