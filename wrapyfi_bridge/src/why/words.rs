@@ -47,6 +47,11 @@ pub(super) fn example(end: &End, role: Role, port: Option<&str>) -> String {
             let known = known.unwrap_or("Text");
             format!("pub {address} --type {known} {}", sample(known))
         }
+        // On ZeroMQ there are functions of Wrapyfi alone, which services of ROS are called as.
+        Role::Server if address.middleware == "zeromq" => {
+            let function = known.filter(|known| known.starts_with("wrapyfi_"));
+            format!("serve {address} --type {} --echo", function.unwrap_or("NativeObject"))
+        }
         Role::Server => {
             format!("serve {address} --type {} --echo", known.unwrap_or("std_srvs/srv/Trigger"))
         }
