@@ -9,7 +9,7 @@ use crate::{LIMITS, bounded};
 /// Memory for each byte of an announcement: a node without a name is four texts and lists.
 const NODES: usize = 64;
 
-/// What a node of ROS 2 announces. The first byte chooses: USER_DATA of an endpoint, or its nodes as
+/// Announcement of a node of ROS 2. The first byte chooses: USER_DATA of an endpoint, or its nodes as
 /// `ros_discovery_info`.
 pub fn ros2_discovery(data: &[u8]) {
     let [choice, bytes @ ..] = data else { return };

@@ -230,7 +230,7 @@ fn a_service_of_a_bridge_that_is_deactivated_goes_at_once() -> Result {
     })
 }
 
-/// Who calls the bridge's own services in the other mapping hears nothing; the bridge's log and `why` say it.
+/// A client that calls the bridge's own services in the other mapping hears nothing; the bridge's log and `why` say it.
 #[test]
 fn a_request_to_the_bridge_itself_in_the_other_mapping_is_named() -> Result {
     run("a_request_to_the_bridge_itself_in_the_other_mapping_is_named", NEEDS, |env| {

@@ -164,7 +164,7 @@ fn there_and_back_in_one_file_is_quiet() -> Result {
     })
 }
 
-/// What two bridges double, and a publisher that says one thing quickly, is no loop.
+/// Messages that two bridges double, and a publisher that says one thing quickly, are no loop.
 #[test]
 fn a_quick_publisher_and_two_bridges_beside_each_other_are_no_loop() -> Result {
     run("a_quick_publisher_and_two_bridges_beside_each_other_are_no_loop", NEEDS, |env| {

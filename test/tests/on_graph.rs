@@ -1,4 +1,4 @@
-//! What a running bridge says of itself on the graph: `/diagnostics`, `~/list_routes` and `~/explain`.
+//! Topics and services by which a running bridge tells of itself on the graph: `/diagnostics`, `~/list_routes` and `~/explain`.
 
 use serde_json::Value;
 use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros2, run, until_route, zeromq};

@@ -440,7 +440,7 @@ fn a_route_without_a_type_learns_it() -> Result {
     })
 }
 
-/// What a bridge tells others of its publishers is a parameter, which somebody else may have deleted.
+/// The marks that a bridge gives its publishers are a parameter, which somebody else may have deleted.
 #[test]
 fn marks_that_are_gone_are_no_fault_at_the_end() -> Result {
     run("marks_that_are_gone_are_no_fault_at_the_end", ROS1_AND_DDS, |env| {

@@ -489,7 +489,7 @@ fn a_server_that_vanishes_is_called_again() {
     }
 }
 
-/// What a server is called by goes on without a name server, also on connections that are new then.
+/// The connection by which a server is called goes on without a name server, also on connections that are new then.
 #[test]
 fn a_server_is_called_while_the_name_server_is_away_and_after() {
     let mut net = YarpNetwork::new();

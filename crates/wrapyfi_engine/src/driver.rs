@@ -24,7 +24,7 @@ use super::tap::Tap;
 use wrapyfi_endpoint::{Mutex, Registry, UnknownMiddleware, Wake};
 use wrapyfi_retry::contained;
 
-/// What the routes of a bridge wait for that is not active.
+/// Reason that the routes of a bridge wait that is not active.
 pub const TO_BE_ACTIVATED: &str = "the bridge to be activated";
 
 /// Pause between two looks whether all routes are closed.

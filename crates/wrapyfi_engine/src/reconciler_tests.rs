@@ -342,7 +342,7 @@ impl Middleware for Asked {
     }
 }
 
-/// What listeners want holds only until the source has shown a type that cannot be read so.
+/// The type that listeners want holds only until the source has shown a type that cannot be read so.
 #[test]
 fn what_a_source_shows_goes_before_what_listeners_want() {
     const OBJECT: &str = "wrapyfi_msgs/msg/NativeObject";

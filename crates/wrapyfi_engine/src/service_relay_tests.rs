@@ -78,7 +78,7 @@ fn an_error_reaches_the_caller_in_words_and_is_counted() {
     assert_eq!(status.counters.dropped_for(DropReason::Refused), 1);
 }
 
-/// What failed while a server was gone is no fault of the one that has come.
+/// A call that failed while a server was gone is no fault of the one that has come.
 #[test]
 fn a_server_that_comes_back_ends_the_complaint_about_the_one_before() {
     let mut bench = Bench::new();

@@ -133,7 +133,7 @@ impl fmt::Display for NodeName {
     }
 }
 
-/// What messages call the name of a topic or service.
+/// Word that messages have for the name of a topic or service.
 const TOPIC: &str = "topic name";
 
 /// Error of a name that is not valid, in the words of ROS 2.

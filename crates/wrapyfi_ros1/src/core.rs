@@ -1,4 +1,4 @@
-//! What every connection of the node needs: its names, the master, the threads, and what is known of types.
+//! State that every connection of the node needs: its names, the master, the threads, and what is known of types.
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, MutexGuard, OnceLock};

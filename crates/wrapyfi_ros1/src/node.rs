@@ -24,7 +24,7 @@ use wrapyfi_endpoint::{BridgeMark, Mutex, Role, Wake};
 
 /// The endpoints of a node.
 pub(super) struct Node {
-    /// What their connections need.
+    /// State that their connections need.
     pub(super) core: Arc<Core>,
     /// Signal that there is something to register.
     pub(super) work: Notify,

@@ -8,7 +8,7 @@ use super::announcement::{self, Announcement};
 use super::vendor::EndKey;
 use super::{dds_terms, owners};
 
-/// What USER_DATA of an endpoint says.
+/// Content of USER_DATA of an endpoint.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Announced {
     /// Type hash.

@@ -292,7 +292,7 @@ impl YarpOptions {
 /// Checks the value of an option.
 ///
 /// # Errors
-/// What it must be, where it is not.
+/// The values that the option must have, where it has another.
 pub fn check_option(option: &str, value: &Value) -> Result<(), String> {
     let wanted = |wanted| format!("option {option} is {}, it must be {wanted}", shown(value));
     YarpOptions::default().set(option, value).map_err(wanted)
@@ -312,7 +312,7 @@ fn format(value: &Value) -> Option<BottleFormat> {
     }
 }
 
-/// What a word means.
+/// Meaning of a word.
 fn meant<T: FromStr>(word: &Value) -> Option<T> {
     word.as_str()?.parse().ok()
 }

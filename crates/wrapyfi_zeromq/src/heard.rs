@@ -1,4 +1,4 @@
-//! What comes of a connection: words of the peer, and its end.
+//! Events of a connection: words of the peer, and its end.
 
 use bytes::Bytes;
 

@@ -117,7 +117,7 @@ impl BrokerLink {
         }
     }
 
-    /// What a broker does not let our key do with the topic, and the change of its `list` that does.
+    /// Use of the topic that a broker does not let our key have, and the change of its `list` that does.
     pub(super) fn denied(&self, what: &str, list: &str) -> String {
         let name = &self.name;
         let grant =

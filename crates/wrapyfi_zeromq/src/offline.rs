@@ -23,7 +23,7 @@ pub fn probe(bytes: &[u8]) -> Answer {
     )
 }
 
-/// What a connection to a port of the broker has said.
+/// Words of a connection to a port of the broker.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Conversation {
     /// Messages, by their frames.

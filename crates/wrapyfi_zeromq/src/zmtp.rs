@@ -22,7 +22,7 @@ const FLAG_COMMAND: u8 = 0x04;
 /// Largest frame that is copied behind its header instead of being sent from where it lies.
 const COPIED: usize = 4096;
 
-/// What stands before the body of a frame.
+/// Header of a frame, which stands before its body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Header {
     pub(super) is_command: bool,

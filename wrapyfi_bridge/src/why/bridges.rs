@@ -12,7 +12,7 @@ use super::state::Passed;
 use super::{Cause, End, Finding, OTHER_NODE, RouteFacts, Step, Way, roles, same_node};
 use crate::lifecycle::State;
 
-/// What is known of a route where no bridge can be heard.
+/// Words for a route where no bridge can be heard.
 const MAY_RUN: &str = "the route may run: no bridge tells its state (`--node NODE` asks one)";
 
 /// A bridge that is not activated, whatever is there.
@@ -36,7 +36,7 @@ pub(super) fn unconfigured(others: &BTreeMap<String, BridgeStatus>) -> Option<Fi
     Some(not_active(State::Unconfigured, node, None))
 }
 
-/// What keeps any way through a bridge whose routes are closed. `foreign` is the mapping of its services, where who asks
+/// Finding about any way through a bridge whose routes are closed. `foreign` is the mapping of its services, where who asks
 /// has another.
 pub(crate) fn not_active(state: State, node: &str, foreign: Option<ServiceMapping>) -> Finding {
     let asker = foreign.map(|it| format!("RMW_IMPLEMENTATION={} ", it.rmw())).unwrap_or_default();

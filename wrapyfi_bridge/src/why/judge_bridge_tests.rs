@@ -192,7 +192,7 @@ fn a_mere_name_that_a_bridge_takes_is_there() {
     }
 }
 
-/// Who would publish there, as a remedy says, would speak into a robot's port.
+/// A publisher there, as a remedy would have it, would speak into a robot's port.
 #[test]
 fn a_mere_name_to_which_a_bridge_brings_messages_lacks_no_publisher() {
     let of = |state: &str, reason: &str| {

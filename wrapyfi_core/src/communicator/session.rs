@@ -220,7 +220,7 @@ impl Session {
         })
     }
 
-    /// What keeps the time of a task; a thread that blocks needs nothing.
+    /// Timer of a task; a thread that blocks needs nothing.
     pub(super) fn live(&self, in_task: bool) -> Option<Arc<Live>> {
         if in_task { self.live.upgrade() } else { None }
     }

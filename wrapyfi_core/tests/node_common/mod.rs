@@ -92,7 +92,7 @@ impl Asking {
         self.ask("set_parameters", "rcl_interfaces/srv/SetParameters", &request)["results"].take()
     }
 
-    /// What opens an end of a topic of a ROS type.
+    /// Opens an end of a topic of a ROS type.
     pub fn topic(&mut self, topic: &str, type_name: &str, qos: Qos) -> TopicSpec {
         let ros_type = RosType::new(&self.resolved(type_name)).unwrap();
         TopicSpec { qos, ..TopicSpec::new(topic, MessageType::Ros(ros_type)) }

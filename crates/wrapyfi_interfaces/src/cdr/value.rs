@@ -1,4 +1,4 @@
-//! What a member of a message may be.
+//! Values that a member of a message may have.
 
 use bytes::Bytes;
 

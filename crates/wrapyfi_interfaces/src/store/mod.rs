@@ -174,7 +174,7 @@ impl TypeStore {
         self
     }
 
-    /// What is found nowhere, also a type inside another, is what `make` makes of its name. It is asked each time, so
+    /// Makes a type that is found nowhere, also one inside another, from its name with `make`. It is asked each time, so
     /// that what is found later counts.
     #[must_use]
     pub fn or_made(

@@ -1,4 +1,4 @@
-//! What callbacks may do: panic, and drop the endpoint they were called for.
+//! Callbacks that do what they may: panic, and drop the endpoint they were called for.
 #![allow(unsafe_code)]
 
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};

@@ -25,7 +25,7 @@ use wrapyfi_endpoint::Mutex;
 /// Requests whose clients are remembered; the oldest were given up long ago.
 const MAX_SENT: usize = 4096;
 
-/// Who is told of news, by the number of the client.
+/// Clients that are told of news, by their numbers.
 type Bells = Mutex<BTreeMap<u64, Notify>>;
 
 /// Endpoints that the clients of one service have in common.

@@ -40,7 +40,7 @@ pub(super) struct Participant {
     _goodbye: Goodbye,
 }
 
-/// What the services of one node share: its settings, its participant while there is one, and who hears of changes.
+/// State that the services of one node share: its settings, its participant while there is one, and who hears of changes.
 pub(super) struct Shared {
     pub(super) settings: Settings,
     pub(super) participant: Mutex<Weak<Participant>>,

@@ -62,7 +62,7 @@ pub enum ConfError {
     Faulty {
         /// File.
         file: PathBuf,
-        /// What is wrong with the file, in words.
+        /// Fault of the file, in words.
         reason: String,
     },
     /// A variable means nothing.

@@ -20,7 +20,7 @@ pub enum SigError {
     Other {
         /// Object.
         what: &'static str,
-        /// What stands there, or why another number may.
+        /// Value that stands there, or the reason that another number may.
         part: &'static str,
         /// Place of the first difference.
         at: usize,

@@ -17,7 +17,7 @@ const EVERY: Duration = Duration::from_secs(1);
 pub(super) struct Caller {
     pub(super) service: &'static str,
     pub(super) kind: ServiceKind,
-    /// What was answered, and how long it took.
+    /// Answer, and the time that it took.
     pub(super) tally: Tally,
     client: Box<dyn Client>,
     under_way: Option<(Ticket, Instant)>,

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use wrapyfi_core::endpoint::Latency;
 
-/// What came of one topic, or of the replies of one service.
+/// Messages that came of one topic, or of the replies of one service.
 #[derive(Default)]
 pub(super) struct Tally {
     pub(super) count: u64,

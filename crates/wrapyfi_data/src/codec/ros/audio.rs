@@ -17,7 +17,7 @@ pub(super) fn message(sound: &AudioChunk) -> EncodeResult<msg::AudioChunk> {
     Ok(labelled(sound, sound.format))
 }
 
-/// What Python Wrapyfi accepts: floats under the label of integers.
+/// Form that Python Wrapyfi accepts: floats under the label of integers.
 pub(in crate::codec) fn upstream_message(sound: &AudioChunk) -> EncodeResult<msg::AudioChunk> {
     check(sound)?;
     let sound = sound.to_format(SampleFormat::F32Le);
