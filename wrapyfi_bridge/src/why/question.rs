@@ -492,7 +492,7 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, mut types: TypeStore)
     let stopped = is_silent.then(|| stopped::bridge(None)).flatten();
     let mut known = Vec::new();
     if running.is_none() && is_missing {
-        let begins = heard.others.iter().find_map(|others| bridges::unconfigured(others));
+        let begins = heard.others.iter().find_map(bridges::unconfigured);
         known.extend(begins.map(|it| format!("{}; {}", it.what, it.remedy)));
     }
     let (source, foreign) = (Some(end), heard.foreign);
