@@ -25,7 +25,7 @@ impl Node {
     /// # Errors
     /// When the name breaks the rules of the graph.
     pub fn named(name: &str) -> Result<Self, NameError> {
-        Self::at(name)
+        Self::of_namespace(name, "/")
     }
 
     /// A node with this full name, `/namespace/name`, without remap rules.
@@ -34,7 +34,10 @@ impl Node {
     /// As [`Node::named`].
     pub(crate) fn at(full_name: &str) -> Result<Self, NameError> {
         let (namespace, name) = full_name.rsplit_once('/').unwrap_or(("", full_name));
-        let namespace = if namespace.is_empty() { "/" } else { namespace };
+        Self::of_namespace(name, if namespace.is_empty() { "/" } else { namespace })
+    }
+
+    fn of_namespace(name: &str, namespace: &str) -> Result<Self, NameError> {
         let (args, overrides) = (Arc::default(), BTreeMap::new());
         Ok(Self { name: NodeName::new(name, namespace)?, args, overrides })
     }

@@ -17,7 +17,7 @@ use super::ends::is_told;
 use super::names::nearest;
 use super::reach::{opened, reachable};
 use super::state::{
-    brings, broken, hears_others, is_carried, is_met, is_provider, is_used, other_mapping, rate,
+    broken, brought, hears_others, is_carried, is_met, is_provider, is_used, other_mapping, rate,
     refused, refused_alone, runs, state, unopened,
 };
 use super::words::{between, example, is_same_type, nobody, owner, people, provider, types_differ};
@@ -71,8 +71,7 @@ impl Walk<'_> {
         let Some(source) = &way.source else { return Ok(()) };
         let (provider, taker) = roles(way.is_service);
         self.side(source)?;
-        let brought = |it: &RouteInfo| brings(it, &source.address.to_string());
-        let is_brought = way.running.as_ref().is_some_and(brought);
+        let is_brought = brought(way, &source.address).is_some();
         if way.route.is_none() && !is_brought && !is_met(way, &source.address, provider) {
             // The bridge that would be there says why it is not.
             state(way)?;
@@ -257,9 +256,7 @@ impl Walk<'_> {
             return Ok(());
         }
         let is_bare = self.way.route.is_none();
-        let brought =
-            self.way.running.as_ref().filter(|it| is_bare && brings(it, &address.to_string()));
-        if let Some(RouteInfo { key, .. }) = brought {
+        if let Some(RouteInfo { key, .. }) = brought(self.way, address) {
             self.pass(format!("the route {key} of {} brings it", self.way.node));
             return Ok(());
         }
@@ -320,20 +317,19 @@ impl Walk<'_> {
     /// Addresses of those who are there.
     fn reached(&mut self, end: &End, role: Role) -> Step {
         let registered: Vec<_> = end.registered.iter().filter(|one| one.role == role).collect();
-        let (there, gone): (Vec<_>, Vec<_>) =
-            registered.iter().map(|one| (one, reachable(end, one))).partition(|(_, it)| it.is_ok());
-        for (_, reason) in gone {
-            match reason {
-                // What it was registered for is known to pass: another one of its name does that.
-                Err(gone) if is_carried(self.way) => {
-                    self.pass(format!("messages pass all the same, but {}", gone.what));
-                    return Ok(());
-                }
-                Err(gone) if !there.is_empty() => self.pass(gone.what),
-                outcome => outcome?,
+        let there = registered.iter().find(|one| reachable(end, one).is_ok());
+        for gone in registered.iter().filter_map(|one| reachable(end, one).err()) {
+            // What it was registered for is known to pass: another one of its name does that.
+            if is_carried(self.way) {
+                self.pass(format!("messages pass all the same, but {}", gone.what));
+                return Ok(());
             }
+            if there.is_none() {
+                return Err(gone);
+            }
+            self.pass(gone.what);
         }
-        if let Some((Registered { host, port, .. }, _)) = there.first() {
+        if let Some(Registered { host, port, .. }) = there {
             self.pass(format!("{host}:{port} answers"));
         }
         Ok(())

@@ -20,7 +20,7 @@ use super::drops::count;
 use super::ends::{entry, listens_on, qos_at, shown, type_at};
 use super::judge::may_be_bridge;
 use super::look::{Sight, Wanted, graph, look, patience, widen};
-use super::state::{came, takes};
+use super::state::{came, leads_to, takes};
 use super::{End, Finding, Limited, RouteFacts, Unheard, Way, bridges, roles, running, stopped};
 use crate::cli::WhyArgs;
 use crate::command::definitions;
@@ -455,14 +455,11 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, mut types: TypeStore)
     };
     let text = address.to_string();
     let find = |all: Vec<RouteInfo>| {
-        let offers = |one: &RouteInfo| match one.kind == "service" {
-            true => one.source == text,
-            false => one.destination == text,
-        };
         let refuses = |one: &RouteInfo| one.source == text && !one.refused.is_empty();
         // No broker of ZeroMQ tells who serves.
         let calls = |one: &RouteInfo| one.kind == "service" && one.destination == text;
-        all.into_iter().find(|one| offers(one) || refuses(one) || calls(one) || takes(one, &text))
+        all.into_iter()
+            .find(|one| leads_to(one, &text) || refuses(one) || calls(one) || takes(one, &text))
     };
     let (mut end, heard) = beside_bridges(sight, true, &find, |sight| {
         let end = look(sight, &wanted, &mut types);
@@ -496,9 +493,8 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, mut types: TypeStore)
         known.extend(begins.map(|it| format!("{}; {}", it.what, it.remedy)));
     }
     let (source, foreign) = (Some(end), heard.foreign);
-    let way =
-        Way { title: text, is_service, node, running, source, foreign, stopped, ..Way::default() };
-    Way { known, ..way }
+    let (title, rest) = (text, Way::default());
+    Way { title, is_service, node, running, source, foreign, stopped, known, ..rest }
 }
 
 impl Running {

@@ -66,11 +66,17 @@ pub(super) fn takes(running: &RouteInfo, address: &str) -> bool {
     from == address && (running.has_source || other_mapping(running).is_some())
 }
 
-/// True for a route that works and brings to an address what it carries, or answers there.
-pub(super) fn brings(running: &RouteInfo, address: &str) -> bool {
+/// True for a route that brings to an address what it carries, or answers there, once it is active.
+pub(super) fn leads_to(running: &RouteInfo, address: &str) -> bool {
     let is_service = running.kind == "service";
     let to = if is_service { &running.source } else { &running.destination };
-    to == address && running.state == "active"
+    to == address
+}
+
+/// Route of a bridge that brings to a mere name what it carries, or answers there.
+pub(super) fn brought<'w>(way: &'w Way, at: &EndpointAddress) -> Option<&'w RouteInfo> {
+    let running = way.running.as_ref().filter(|running| running.state == "active")?;
+    (way.route.is_none() && leads_to(running, &at.to_string())).then_some(running)
 }
 
 /// Route that a bridge runs, in words.
