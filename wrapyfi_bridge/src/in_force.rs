@@ -10,11 +10,13 @@ use wrapyfi_core::engine::{Applier, Kind, Plan, Route, RouteIndex};
 use wrapyfi_core::middleware::ros1;
 use wrapyfi_core::node::parameters::ParameterStore;
 use wrapyfi_core::types::MessageType;
+use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
 use crate::exit::Failure;
 use crate::files::in_no_file;
 use crate::middlewares::{Endpoints, Loaded, show_endpoints, take_parameters};
 use crate::node::Node;
+use crate::on_graph::info;
 use crate::overrides;
 use crate::own_address::OwnAddress;
 
@@ -60,6 +62,14 @@ pub struct Running {
     pub routes: Applier,
     /// Settings beside the routes.
     pub in_force: Arc<Mutex<InForce>>,
+}
+
+impl Running {
+    /// Present statuses of the routes as messages, with the names that the node has for their ends.
+    #[must_use]
+    pub fn infos(&self) -> Vec<RouteInfo> {
+        self.routes.status().iter().map(|status| info::of(status, &self.node)).collect()
+    }
 }
 
 /// Changes a configuration by what the parameters and arguments of the bridge's `node` say.

@@ -5,7 +5,7 @@ use super::reconciler::{Pattern, Reconciler};
 use super::route_status::{PatternCounts, RouteState, RouteStatus};
 
 /// Words between the limit of a pattern and the number of names beyond it.
-pub const OVER_LIMIT: &str = " routes are the limit (max_routes), ";
+pub const OVER_LIMIT: &str = " is the limit of routes (max_routes), ";
 
 impl Reconciler {
     /// Statuses of the patterns, and of the names that wait.

@@ -388,7 +388,7 @@ fn the_number_of_routes_is_limited_and_the_rest_counted() {
     let counts = bench.counts();
     assert_eq!((counts.routes, counts.over_limit), (3, 2));
     let state = bench.state("a:/(.*) -> b:/$1").unwrap();
-    assert!(state.contains("3 routes are the limit (max_routes), 2 more"), "{state}");
+    assert!(state.contains("3 is the limit of routes (max_routes), 2 more"), "{state}");
 }
 
 #[test]

@@ -237,6 +237,18 @@ impl Ros1 {
         })
     }
 
+    /// False where the node whose API is at this address says nothing for as long as `patience`: it hangs, or is stopped.
+    /// Blocks until then.
+    #[must_use]
+    pub fn answers_within(&self, patience: Duration, host: &str, port: u16) -> bool {
+        let uri = NodeUri { host: host.to_owned(), port };
+        let caller = vec![xmlrpc::text(self.node.name.full())];
+        let asked =
+            async { tokio::time::timeout(patience, http::call(&uri, "getPid", caller)).await };
+        // A refusal is an answer, too.
+        self.node.handle.block_on(asked).is_ok()
+    }
+
     /// The ROS 2 type `name`: as installed, else made from what a publisher that was asked has shown, a
     /// folder of ROS 1 packages has, or is standard.
     ///

@@ -59,6 +59,17 @@ pub struct Door {
     pub is_own: bool,
     /// Command that starts it there, and what may be done instead.
     pub start: String,
+    /// Settings that lead a command of this shell there, where the shell has others.
+    pub reach: Reach,
+}
+
+/// Settings of a command of `wrapyfi`, each with a space.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Reach {
+    /// Variables, to stand before the command.
+    pub variables: String,
+    /// Options, to stand behind it.
+    pub options: String,
 }
 
 /// Command that has a server listen at a host and on ports, each with its option; what is usual is left out.
@@ -103,9 +114,29 @@ pub fn doors(
                 ("--req-port", config.req_port, usual.req_port),
             ];
             let start = start_at("wrapyfi broker", &host, &options);
-            let door =
-                |port| Door { server, host: host.clone(), port, is_own, start: start.clone() };
-            Ok(ports.map(door).into())
+            let shell = ZeroMqConfig::from_env().unwrap_or(usual);
+            let mut reach = Reach::default();
+            // A broker on all interfaces is reached at the usual address.
+            if host != shell.ip && host != "*" {
+                reach.variables = format!("WRAPYFI_ZEROMQ_SOCKET_IP={host} ");
+            }
+            for (kind, port, of_shell) in
+                [("PUB", config.pub_port, shell.pub_port), ("SUB", config.sub_port, shell.sub_port)]
+            {
+                if !is_service && port != of_shell {
+                    reach.variables += &format!("WRAPYFI_ZEROMQ_SOCKET_{kind}_PORT={port} ");
+                }
+            }
+            for (option, port, of_shell) in [
+                ("--rep-port", config.rep_port, shell.rep_port),
+                ("--req-port", config.req_port, shell.req_port),
+            ] {
+                if is_service && port != of_shell {
+                    reach.options += &format!(" {option} {port}");
+                }
+            }
+            let at = Door { server, host, port: 0, is_own, start, reach };
+            Ok(ports.map(|port| Door { port, ..at.clone() }).into())
         }
         yarp::NAME => {
             let config = endpoints.yarp.config(largest, &endpoints.hosts)?;
@@ -123,7 +154,8 @@ pub fn doors(
             let on = |option| [(option, port, DEFAULT_PORT)];
             let ours = start_at("wrapyfi yarpserver", &host, &on("--port"));
             let start = format!("{ours}    # or {}", start_at("yarpserver", "*", &on("--socket")));
-            Ok(vec![Door { server: Server::NameServer, host, port, is_own, start }])
+            let reach = Reach::default();
+            Ok(vec![Door { server: Server::NameServer, host, port, is_own, start, reach }])
         }
         ros1::NAME => {
             let config = endpoints.ros.config(&endpoints.hosts)?;
@@ -135,7 +167,12 @@ pub fn doors(
             };
             let roscore = start_at("roscore", "*", &[("-p", port, MASTER_PORT)]);
             let start = format!("{roscore}    # or {place} where it runs");
-            Ok(vec![Door { server: Server::Master, host, port, is_own: false, start }])
+            let variables = match &endpoints.ros.master_uri {
+                Some(uri) => format!("ROS_MASTER_URI={} ", uri.value),
+                None => String::new(),
+            };
+            let reach = Reach { variables, options: String::new() };
+            Ok(vec![Door { server: Server::Master, host, port, is_own: false, start, reach }])
         }
         _ => Ok(Vec::new()),
     }
@@ -191,13 +228,39 @@ mod tests {
     use super::*;
     use crate::middlewares::load_text;
 
-    /// Command that starts the server of a middleware where a configuration says.
-    fn start(middleware: &str, settings: &str) -> String {
+    /// First server of a middleware where a configuration says.
+    fn door(middleware: &str, settings: &str, is_service: bool) -> Door {
         let route = "routes:\n  - { from: 'zeromq:/a', to: 'ros2:/a', type: Text }\n";
         let text = format!("endpoints: {{ {settings} }}\n{route}");
         let endpoints = load_text(&text, "x.yaml").unwrap().endpoints;
-        let doors = doors(&endpoints, middleware, false).unwrap();
-        doors.first().unwrap().start.clone()
+        doors(&endpoints, middleware, is_service).unwrap().remove(0)
+    }
+
+    #[test]
+    fn a_command_of_the_shell_is_led_to_where_the_configuration_says() {
+        let ports = "zeromq: { ip: 127.0.0.2, pub_port: 6555, rep_port: 6558, broker: foreign }";
+        for (middleware, settings, is_service, variables, options) in [
+            ("zeromq", "", false, "", ""),
+            (
+                "zeromq",
+                ports,
+                false,
+                "WRAPYFI_ZEROMQ_SOCKET_IP=127.0.0.2 WRAPYFI_ZEROMQ_SOCKET_PUB_PORT=6555 ",
+                "",
+            ),
+            ("zeromq", ports, true, "WRAPYFI_ZEROMQ_SOCKET_IP=127.0.0.2 ", " --rep-port 6558"),
+            (
+                "ros",
+                "ros: { master_uri: 'http://localhost:11411' }",
+                false,
+                "ROS_MASTER_URI=http://localhost:11411 ",
+                "",
+            ),
+        ] {
+            let Reach { variables: led, options: given } =
+                door(middleware, settings, is_service).reach;
+            assert_eq!((led.as_str(), given.as_str()), (variables, options), "{settings}");
+        }
     }
 
     #[test]
@@ -225,7 +288,7 @@ mod tests {
                 "roscore -p 11411    # or have `master_uri` say where it runs",
             ),
         ] {
-            assert_eq!(start(middleware, settings), wanted);
+            assert_eq!(door(middleware, settings, false).start, wanted);
         }
     }
 }

@@ -6,20 +6,27 @@ use wrapyfi_core::types::MessageType;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 use wrapyfi_interfaces::wrapyfi_msgs::srv::Explain_Response;
 
+use crate::node::Node;
 use crate::why::Verdict;
 
-/// State and counters of a route as a message.
+/// State and counters of a route of the bridge with this `node` as a message.
 #[must_use]
-pub fn of(status: &RouteStatus) -> RouteInfo {
+pub fn of(status: &RouteStatus, node: &Node) -> RouteInfo {
     let CountersSnapshot { received, sent, sent_bytes, drops, latency, refused, .. } =
         &status.counters;
     // What was lost before it arrived never arrived.
     let arrived = drops.iter().filter(|(reason, _)| *reason != DropReason::LostUpstream);
     let gone = arrived.map(|(_, count)| count).sum::<u64>().saturating_add(*sent);
+    let resolved = |end: &String| match end.parse() {
+        Ok(address) => node.resolve(&address).to_string(),
+        Err(_) => end.clone(),
+    };
     RouteInfo {
         key: status.name.clone(),
         source: status.from.clone(),
         destination: status.to.clone(),
+        resolved_source: resolved(&status.from),
+        resolved_destination: resolved(&status.to),
         kind: status.kind.to_owned(),
         type_name: match status.message_type.parse::<MessageType>() {
             Ok(known) => known.ros_type().to_owned(),
@@ -44,14 +51,24 @@ pub fn of(status: &RouteStatus) -> RouteInfo {
     }
 }
 
+/// True where an address is the one at which messages come in, or calls, as the file or as the bridge's node has it.
+pub(crate) fn is_source(running: &RouteInfo, address: &str) -> bool {
+    running.source == address || running.resolved_source == address
+}
+
+/// True where an address is the one at which messages go out, or calls, as the file or as the bridge's node has it.
+pub(crate) fn is_destination(running: &RouteInfo, address: &str) -> bool {
+    running.destination == address || running.resolved_destination == address
+}
+
 /// A verdict as the reply of `~/explain`, with the routes that it is about.
 #[must_use]
-pub fn explained(verdict: &Verdict, routes: &[RouteStatus]) -> Explain_Response {
+pub fn explained(verdict: &Verdict, routes: Vec<RouteInfo>) -> Explain_Response {
     let mut reply = Explain_Response {
         known: true,
         way: verdict.way.clone(),
         passed: verdict.passed.clone(),
-        routes: routes.iter().map(of).collect(),
+        routes,
         ..Explain_Response::default()
     };
     if let Some(finding) = &verdict.finding {
@@ -96,7 +113,7 @@ mod tests {
 
     #[test]
     fn what_is_neither_sent_nor_dropped_is_queued() {
-        let info = of(&status());
+        let info = of(&status(), &Node::bridge().unwrap());
         assert_eq!((info.dropped, info.queued), (10, 3));
         assert_eq!((info.messages_per_s, info.bytes_per_s), (2.5, 25));
         assert_eq!(info.type_name, "std_msgs/msg/String");

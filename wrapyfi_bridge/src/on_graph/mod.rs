@@ -32,7 +32,6 @@ use wrapyfi_core::endpoint::{
     BridgeMark, Context, Durability, History, IncomingRequest, Publisher, Qos, Registry, RequestId,
     Server, ServiceSpec, Throttle, TopicSpec, Wake,
 };
-use wrapyfi_core::engine::RouteStatus;
 use wrapyfi_core::middleware::ros2::NodeHandle;
 use wrapyfi_core::types::{MessageType, Payload, RosMessage, RosType, ServiceKind, Value};
 use wrapyfi_interfaces::Message;
@@ -245,7 +244,7 @@ impl Work {
             status.publish(&BridgeStatus {
                 header: Header { stamp, frame_id: String::new() },
                 state: lifecycle.state().label().to_owned(),
-                routes: routes.iter().map(info::of).collect(),
+                routes: bridge.infos(),
             });
         }
         let Some((topic, diagnostics)) = &mut self.diagnostics else { return };
@@ -256,7 +255,7 @@ impl Work {
     fn answer(&mut self) {
         if let Some(list) = &mut self.list {
             while let Some(asked) = list.next() {
-                let routes = self.parts.bridge.routes.status().iter().map(info::of).collect();
+                let routes = self.parts.bridge.infos();
                 list.tell(asked.id, &ListRoutes_Response { routes });
             }
         }
@@ -288,15 +287,15 @@ fn answer_all(
 ) {
     while let Ok((id, name)) = asked.recv() {
         let answer = contained(|| {
-            let Parts { bridge: bridge @ Running { node, routes, .. }, lifecycle, .. } = parts;
+            let Parts { bridge, lifecycle, .. } = parts;
             let state = lifecycle.state();
             if state != State::Active {
-                let finding = Some(not_active(state, &node.name().fqn(), None));
+                let finding = Some(not_active(state, &bridge.node.name().fqn(), None));
                 let verdict = Verdict { way: name.clone(), passed: Vec::new(), finding };
-                return Ok(info::explained(&verdict, &meant(&name, &name, &routes.status())));
+                return Ok(info::explained(&verdict, meant(&name, &name, bridge.infos())));
             }
             let way = bridge.explain(&name).map_err(|failure| failure.to_string())?;
-            Ok(info::explained(&judge(&way), &meant(&way.title, &name, &routes.status())))
+            Ok(info::explained(&judge(&way), meant(&way.title, &name, bridge.infos())))
         });
         let reply = answer
             .flatten()
@@ -309,13 +308,15 @@ fn answer_all(
 }
 
 /// Routes that a name means, for their counters.
-fn meant(title: &str, name: &str, all: &[RouteStatus]) -> Vec<RouteStatus> {
-    let is_meant = |one: &&RouteStatus| {
-        one.name == title
-            || title.starts_with(&format!("{}: ", one.name))
-            || [&one.name, &one.from, &one.to].contains(&&name.to_owned())
-    };
-    all.iter().filter(is_meant).cloned().collect()
+fn meant(title: &str, name: &str, mut all: Vec<RouteInfo>) -> Vec<RouteInfo> {
+    all.retain(|one| {
+        one.key == title
+            || title.starts_with(&format!("{}: ", one.key))
+            || one.key == name
+            || is_source(one, name)
+            || is_destination(one, name)
+    });
+    all
 }
 
 fn message(ros_type: RosType, message: &impl Message) -> Payload {

@@ -9,7 +9,9 @@ use wrapyfi_interfaces::wrapyfi_msgs::msg::BridgeStatus;
 
 use super::door::Answer;
 use super::state::Passed;
-use super::{Cause, End, Finding, OTHER_NODE, RouteFacts, Step, Way, roles, same_node};
+use super::{
+    Cause, Elsewhere, End, Finding, OTHER_NODE, RouteFacts, Step, Way, roles, running, same_node,
+};
 use crate::lifecycle::State;
 
 /// Words for a route where no bridge can be heard.
@@ -64,6 +66,21 @@ pub(super) fn lacking(way: &Way, source: &End, destination: Option<&End>) -> Pas
         );
         return Err(Finding::new(Cause::NoBridge, what, "whoever took it out", remedy));
     }
+    if let Some(Elsewhere { place, endpoint, .. }) = &way.afar {
+        let graphs =
+            std::iter::once(source).chain(destination).filter_map(|end| end.graph.as_ref());
+        let own = graphs.map(|it| format!("domain {}", it.domain_id)).next();
+        let own = own.unwrap_or_else(|| "this domain".to_owned());
+        let bridge = running::bridge_of(endpoint).unwrap_or_default();
+        let what =
+            format!("no bridge runs the route: none is in {own} of ROS 2; {bridge} is in {place}");
+        let number = place.trim_start_matches("domain ");
+        let remedy = format!(
+            "export ROS_DOMAIN_ID={number} in this shell, where that is the domain of the robot; else start {bridge} in {own}"
+        );
+        let who = "this shell, or whoever starts the bridge";
+        return Err(Finding::new(Cause::OtherDomain, what, who, remedy));
+    }
     let remedy = format!("wrapyfi bridge --config {}", route.file);
     if let Some(others) = others {
         let names = others.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
@@ -101,17 +118,20 @@ pub(super) fn lacking(way: &Way, source: &End, destination: Option<&End>) -> Pas
 }
 
 /// Other bridges that run the route, or whose node has the same name.
-pub(super) fn several(way: &Way, ends: [&End; 2]) -> Step {
-    let Way { node, also, route: Some(RouteFacts { is_own, .. }), .. } = way else { return Ok(()) };
+pub(super) fn several(way: &Way, ends: &[&End]) -> Step {
+    let Way { node, also, route, .. } = way;
     let who = "whoever starts the bridges";
     if !also.is_empty() {
         let count = also.len() + 1;
         let names = [std::slice::from_ref(node), also].concat().join(", ");
         let each = if way.is_service { "a call may be made" } else { "each message comes" };
-        let what = format!("{count} bridges run the route, {names}: {each} {count} times");
+        let key = way.running.as_ref().filter(|_| route.is_none()).map(|it| format!(" {}", it.key));
+        let key = key.unwrap_or_default();
+        let what = format!("{count} bridges run the route{key}, {names}: {each} {count} times");
         let remedy = "end all of them but one, or take the route out of their files";
         return Err(Finding::new(Cause::SeveralBridges, what, who, remedy));
     }
+    let Some(RouteFacts { is_own, .. }) = route else { return Ok(()) };
     // Each bridge publishes its status once; one that looks does not see its own.
     let status = format!("{node}/status");
     let is_status = |end: &&End| end.address.middleware == "ros2";
@@ -119,7 +139,7 @@ pub(super) fn several(way: &Way, ends: [&End; 2]) -> Step {
         let of_name = end.found.iter().filter(|one| one.name == status);
         of_name.filter(|one| one.role == Role::Publisher).count()
     };
-    let bridges = ends.into_iter().filter(is_status).map(named).max().unwrap_or(0);
+    let bridges = ends.iter().copied().filter(is_status).map(named).max().unwrap_or(0);
     if bridges <= usize::from(!is_own) {
         return Ok(());
     }

@@ -26,6 +26,8 @@ pub enum Answer {
     Refused,
     /// Nothing came back.
     Silent,
+    /// Somebody accepted the connection, and did not answer on it.
+    Mute,
     /// No way leads there, in the system's words.
     NoWay(String),
 }
@@ -117,6 +119,7 @@ fn resolve(host: &str, hosts: &Hosts) -> Result<IpAddr, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::middlewares::Reach;
 
     #[test]
     fn doors_are_open_closed_or_nowhere() {
@@ -136,7 +139,8 @@ mod tests {
         let port = listener.local_addr().unwrap().port();
         let host = "127.0.0.1".to_owned();
         let (server, start) = (Server::Broker, String::new());
-        let door = Door { server, host, port, is_own: false, start };
+        let reach = Reach::default();
+        let door = Door { server, host, port, is_own: false, start, reach };
         for (said, is_greeting) in [
             (&b"\xff\0\0\0\0\0\0\0\x01\x7f\x03"[..], true),
             (b"HTTP/1.1 400", false),

@@ -1,4 +1,4 @@
-//! The same name on ROS 2 where this program does not look: neighbouring domains, and other machines.
+//! A name, or a bridge, on ROS 2 where this program does not look: neighbouring domains, and other machines.
 
 use std::time::Duration;
 
@@ -6,7 +6,6 @@ use tracing_subscriber::util::SubscriberInitExt as _;
 use wrapyfi_core::endpoint::{Discovered, Middleware as _, Wake};
 use wrapyfi_core::middleware::ros2::environment::MAX_DOMAIN_ID;
 
-use super::look::Wanted;
 use super::{Elsewhere, Graph};
 use crate::middlewares::{Ros2Section, ros2_elsewhere};
 
@@ -22,7 +21,7 @@ const NEAR: u32 = 2;
 pub(super) fn look(
     section: &Ros2Section,
     graph: &Graph,
-    wanted: &Wanted,
+    is_met: &(dyn Fn(&Discovered) -> bool + Sync),
     wide: bool,
     is_over: &(dyn Fn() -> bool + Sync),
 ) -> Vec<Elsewhere> {
@@ -41,7 +40,7 @@ pub(super) fn look(
                 scope.spawn(move || {
                     // Where a bridge looks, its log is no place for nodes that live for a moment.
                     let _silent = tracing_subscriber::registry().set_default();
-                    let found = one(section, domain, wide, wanted, is_over);
+                    let found = one(section, domain, wide, is_met, is_over);
                     found.map(|one| (domain, one))
                 })
             })
@@ -68,12 +67,12 @@ pub(super) fn look(
     found.into_iter().map(told).collect()
 }
 
-/// Endpoint of the name in a domain.
+/// Endpoint that is looked for in a domain.
 fn one(
     section: &Ros2Section,
     domain: u32,
     wide: bool,
-    wanted: &Wanted,
+    is_met: &dyn Fn(&Discovered) -> bool,
     is_over: &dyn Fn() -> bool,
 ) -> Option<Discovered> {
     let ros2 = ros2_elsewhere(section, domain, wide).ok()?;
@@ -81,7 +80,7 @@ fn one(
     let wake = Wake::new();
     loop {
         let found = discovery.endpoints().ok()?;
-        let first = found.into_iter().find(|one| wanted.is_met(one));
+        let first = found.into_iter().find(is_met);
         if is_over() || first.as_ref().is_some_and(|one| one.node.is_some()) {
             return first;
         }

@@ -6,13 +6,14 @@
 //! ```
 
 use wrapyfi_core::endpoint::{AnnouncedQos, Discovered, Role, mismatches};
-use wrapyfi_core::engine::LeftOut;
 use wrapyfi_core::middleware::ros2::remedy;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
 use crate::middlewares::Server;
 
 use super::bridges::{inactive, lacking, several};
+use super::configured::{by_parameters, defined, limit, of_file};
+use super::door::Answer;
 use super::ends::is_told;
 use super::names::nearest;
 use super::reach::{opened, reachable};
@@ -21,9 +22,7 @@ use super::state::{
     refused, refused_alone, runs, state, unopened,
 };
 use super::words::{between, example, is_same_type, nobody, owner, people, provider, types_differ};
-use super::{
-    Cause, Elsewhere, End, Finding, Graph, Registered, RouteFacts, Step, Verdict, Way, roles,
-};
+use super::{Cause, Elsewhere, End, Finding, Graph, Registered, Step, Verdict, Way, roles};
 
 /// Steps of a walk: what is in place, until something is not.
 struct Walk<'w> {
@@ -104,8 +103,10 @@ impl Walk<'_> {
                 self.among_themselves(source, provider, taker)?;
                 if !way.is_service {
                     self.somebody(source, taker)?;
+                    self.reached(source, taker)?;
                     self.messages(source)?;
                 }
+                several(way, &[source])?;
             }
             Some(destination) => {
                 self.passed.extend(lacking(way, source, Some(destination))?);
@@ -123,7 +124,7 @@ impl Walk<'_> {
                 } else {
                     self.passed.extend(state(way)?);
                 }
-                several(way, [source, destination])?;
+                several(way, &[source, destination])?;
                 self.passed.extend(refused.map(|it| format!("{}; {}", it.what, it.remedy)));
             }
         }
@@ -318,9 +319,12 @@ impl Walk<'_> {
     fn reached(&mut self, end: &End, role: Role) -> Step {
         let registered: Vec<_> = end.registered.iter().filter(|one| one.role == role).collect();
         let there = registered.iter().find(|one| reachable(end, one).is_ok());
-        for gone in registered.iter().filter_map(|one| reachable(end, one).err()) {
-            // What it was registered for is known to pass: another one of its name does that.
-            if is_carried(self.way) {
+        let passes = self.way.running.as_ref().is_some_and(|running| running.messages_per_s > 0.0);
+        for one in &registered {
+            let Err(gone) = reachable(end, one) else { continue };
+            // What it was registered for is known to pass: another one of its name does that. One that hangs keeps its
+            // connections, and only what comes tells.
+            if is_carried(self.way) && (passes || one.answer != Answer::Mute) {
                 self.pass(format!("messages pass all the same, but {}", gone.what));
                 return Ok(());
             }
@@ -532,79 +536,6 @@ impl Walk<'_> {
             format!("look at that program; `wrapyfi echo {}` shows what comes", source.address);
         Err(Finding::new(Cause::Idle, what, who, remedy))
     }
-}
-
-/// Causes that the file alone tells.
-fn of_file(route: &RouteFacts) -> Step {
-    defined(&route.undefined)?;
-    let (name, file) = (&route.name, &route.file);
-    if let Some((topic, why)) = &route.left_out {
-        let (what, remedy) = match why {
-            LeftOut::Denied(entry) => (
-                format!("{topic} is left out by deny: {entry:?} of {name}"),
-                format!("take {entry:?} out of `deny` in {file}, or write a route for {topic}"),
-            ),
-            LeftOut::NotAllowed => (
-                format!("{topic} is left out of {name}: no entry of allow matches it"),
-                format!("add it to `allow` in {file}"),
-            ),
-            LeftOut::Written(written) => (
-                format!("no pattern makes {topic}: the route {written} has one of its ends"),
-                format!("wrapyfi why {written:?} --config {file}; or take that route out of it"),
-            ),
-            LeftOut::ByDefault => (
-                format!("{topic} is left out of {name} by default: hidden, or of every node"),
-                format!(
-                    "write `default_deny: false` on the pattern in {file}, or a route for {topic}"
-                ),
-            ),
-        };
-        return Err(Finding::new(Cause::LeftOut, what, "the pattern", remedy));
-    }
-    Ok(())
-}
-
-/// Limit of a pattern, where it leaves out the name that is asked for.
-fn limit(route: &RouteFacts) -> Step {
-    let (name, file) = (&route.name, &route.file);
-    match route.limit {
-        Some((limit, names)) if names > limit => {
-            let what = format!("{names} names match {name}, and {limit} routes are its limit");
-            let remedy = format!("write `max_routes: {names}` or more on the pattern in {file}");
-            Err(Finding::new(Cause::Limit, what, "the pattern", remedy))
-        }
-        _ => Ok(()),
-    }
-}
-
-/// A finding about the routes that parameters of the bridge's node made: these mend it, or a file instead of them.
-fn by_parameters(finding: Finding, way: &Way) -> Finding {
-    let parameter = match finding.cause {
-        Cause::LeftOut => "change `allow`, `deny` or `default_deny` of its parameters",
-        Cause::NoRoute => {
-            "correct the name, or change `prefix`, `allow` or `deny` of its parameters"
-        }
-        Cause::State if broken(way).is_err() => "take the name into `deny` of its parameters",
-        Cause::Limit => "take fewer names by `allow` of its parameters",
-        _ => return finding,
-    };
-    let remedy = format!(
-        "{parameter} (--ros-args -p 'deny:=[\"raw/.*\"]'), or name a file of routes (-p config_file:=FILE)"
-    );
-    Finding { who: format!("whoever starts {}", way.node), remedy, ..finding }
-}
-
-/// Definition of a type: the one that is missing, and why.
-fn defined(undefined: &Option<(String, String)>) -> Step {
-    let Some((type_name, reason)) = undefined else { return Ok(()) };
-    let package = type_name.split('/').next().unwrap_or(type_name);
-    let what = format!("nobody here has a definition of {type_name}: {reason}");
-    let who = format!("the package {package}; a ROS 1 publisher shows its own");
-    let remedy = format!(
-        "source the ROS 2 workspace that has {package} before you start (AMENT_PREFIX_PATH), or name its \
-         folder: `definitions: [DIR]` in the configuration, `--definitions DIR` of a command"
-    );
-    Err(Finding::new(Cause::Definition, what, who, remedy))
 }
 
 /// Name of the server at which those who have the name of an end are registered, where there is one.

@@ -12,7 +12,7 @@ use wrapyfi_core::middleware::yarp::UNOPENED;
 use super::super::door::Answer;
 use super::super::{Limited, Unheard};
 use super::*;
-use crate::middlewares::{Door, Server};
+use crate::middlewares::{Door, Reach, Server};
 use crate::why::Knock;
 
 #[path = "judge_bridge_tests.rs"]
@@ -69,7 +69,7 @@ fn whole() -> Way {
 
 fn knock(server: Server, host: &str, answer: Answer, is_here: bool, is_own: bool) -> Knock {
     let (host, start) = (host.to_owned(), format!("start {server}"));
-    let door = Door { server, host, port: 5555, is_own, start };
+    let door = Door { server, host, port: 5555, is_own, start, reach: Reach::default() };
     Knock { door, answer, is_here, greeting: None }
 }
 

@@ -21,8 +21,10 @@ use wrapyfi_core::middleware::ros2::environment::{self, DiscoveryRange};
 use wrapyfi_core::middleware::ros2::graph::{self, ServiceMapping};
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
+use wrapyfi_yarp::port::names::Registration;
+use wrapyfi_yarp::port::{Network, NetworkOptions};
 
-use super::door::{Knock, connect};
+use super::door::{Answer, Knock, connect};
 use super::names::kinship;
 use super::{End, Graph, PATIENCE, Registered, elsewhere};
 use crate::discovery_watch::DiscoveryWatch;
@@ -205,9 +207,10 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
         // Some nodes answer after a second; meanwhile it is looked for elsewhere, until this is over.
         let is_there = AtomicBool::new(false);
         let is_over = || is_there.load(Relaxed) || is_over();
+        let is_met = &|one: &Discovered| wanted.is_met(one);
         std::thread::scope(|scope| {
             let far =
-                scope.spawn(|| elsewhere::look(&endpoints.ros2, &graph, wanted, false, &is_over));
+                scope.spawn(|| elsewhere::look(&endpoints.ros2, &graph, is_met, false, &is_over));
             seen = watch(&mut end, &mut side, |end, told| {
                 let is_met = wanted.is_there(end);
                 is_there.fetch_or(is_met, Relaxed);
@@ -262,7 +265,8 @@ pub(super) fn widen(endpoints: &Endpoints, wanted: &Wanted, end: &mut End) -> bo
     };
     let until = Instant::now() + elsewhere::WIDE;
     let is_over = || Instant::now() >= until;
-    end.elsewhere.extend(elsewhere::look(&endpoints.ros2, graph, wanted, true, &is_over));
+    let is_met = |one: &Discovered| wanted.is_met(one);
+    end.elsewhere.extend(elsewhere::look(&endpoints.ros2, graph, &is_met, true, &is_over));
     true
 }
 
@@ -389,13 +393,36 @@ fn addresses(end: &mut End, endpoints: &Endpoints, ros1: Option<&Ros1>) {
             .into_iter()
             .map(|(role, who, host, port)| {
                 scope.spawn(move || {
-                    let answer = connect(&host, port, &endpoints.hosts);
+                    let answer = match connect(&host, port, &endpoints.hosts) {
+                        Answer::Open if !answers(ros1, role, &host, port, endpoints) => {
+                            Answer::Mute
+                        }
+                        answer => answer,
+                    };
                     Registered { role, who, host, port, is_told_afar: is_afar, answer }
                 })
             })
             .collect();
         knocks.into_iter().filter_map(|knock| knock.join().ok()).collect()
     });
+}
+
+/// True where whoever accepts connections at a registered address answers there: on ROS 1 the API of a node, else a port
+/// of YARP. Servers of ROS 1 have an API of their own, which tells nothing.
+fn answers(ros1: Option<&Ros1>, role: Role, host: &str, port: u16, endpoints: &Endpoints) -> bool {
+    match ros1 {
+        Some(_) if role == Role::Server => true,
+        Some(ros1) => ros1.answers_within(LISTEN, host, port),
+        None => {
+            let host = endpoints.hosts.resolve(host).map_or(host.to_owned(), |ip| ip.to_string());
+            let at = Registration { name: String::new(), host, port, carrier: "tcp".to_owned() };
+            let known = Arc::new(move |_name: &str| Some(at.clone()));
+            let network = Network::new(NetworkOptions { known, ..NetworkOptions::default() });
+            let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+            let asked = async { tokio::time::timeout(LISTEN, network.exists("")).await };
+            runtime.is_ok_and(|runtime| runtime.block_on(asked) == Ok(true))
+        }
+    }
 }
 
 /// Address under which YARP's name server has a port; an error where it says nothing in time.

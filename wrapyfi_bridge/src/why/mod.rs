@@ -10,10 +10,12 @@
 //!   names    names that are nearly the same
 //!   judge    facts -> verdict; reach: servers and addresses; state: a route that runs; words: ends and remedies;
 //!            bridges: who runs the route; stopped: a bridge whose process is
+//!   configured  what the configuration alone tells
 //!   door     a server that has to answer first
 //!   look     facts about one end
 //!   elsewhere  the same name on ROS 2 in other domains
 //!   ends     what a route lays down at an end
+//!   meaning  the route that a name means
 //!   question what is asked about
 //!   running  what a bridge that runs tells of its routes
 //! ```
@@ -22,12 +24,14 @@
 //! 1.4 s.
 
 pub(crate) mod bridges;
+mod configured;
 pub mod door;
 mod drops;
 mod elsewhere;
 mod ends;
 pub mod judge;
 pub mod look;
+mod meaning;
 pub mod names;
 pub mod question;
 mod reach;
@@ -78,6 +82,8 @@ pub struct Way {
     pub foreign: BTreeMap<String, ServiceMapping>,
     /// The finding that the bridge of the file is stopped, where none that answers has the route.
     pub stopped: Option<Finding>,
+    /// Bridge in another domain of ROS 2, where none is in the own.
+    pub afar: Option<Elsewhere>,
     /// True where the parameters of the bridge's node made its routes, which stand in no file.
     pub is_of_parameters: bool,
     /// File of which no route means the endpoint that was asked for.

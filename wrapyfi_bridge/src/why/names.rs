@@ -43,6 +43,13 @@ pub fn kinship(one: &str, other: &str) -> Option<Kinship> {
     if !a.is_empty() && !b.is_empty() && (a.ends_with(&b) || b.ends_with(&a)) {
         return Some(Kinship::Namespace);
     }
+    // One letter instead of another in a name of one or two is another name.
+    let same = a.iter().zip(&b).take_while(|(one, other)| one == other).count();
+    let rest =
+        |name: &[&str]| name.iter().skip(same).map(|part| part.chars().count()).sum::<usize>();
+    if rest(&a).min(rest(&b)) < 3 {
+        return None;
+    }
     let digits =
         |name: &str| name.matches(|letter: char| letter.is_ascii_digit()).collect::<String>();
     let (a, b) = (one.chars().count(), other.chars().count());
@@ -86,6 +93,7 @@ mod tests {
             ("/chat", "/chat1", None),
             ("/chatter", "/camera", None),
             ("/", "/chatter", None),
+            ("/robot/a", "/robot/b", None),
         ] {
             assert_eq!(kinship(one, other), wanted, "{one} {other}");
             assert_eq!(kinship(other, one), wanted, "{other} {one}");

@@ -6,13 +6,15 @@
 //!   package/msg/Name                                         ┘
 //! ```
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-use wrapyfi_core::endpoint::{DropReason, EndpointAddress, Role};
-use wrapyfi_core::engine::{Kind, LeftOut, Plan, Route, RouteIndex, TO_BE_ACTIVATED, Typing};
+use wrapyfi_core::endpoint::{Discovered, DropReason, EndpointAddress, Role};
+use wrapyfi_core::engine::{Kind, Plan, Route, RouteIndex, TO_BE_ACTIVATED, Typing};
+use wrapyfi_core::middleware::ros2::Ros2;
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
@@ -20,8 +22,12 @@ use super::drops::count;
 use super::ends::{entry, listens_on, qos_at, shown, type_at};
 use super::judge::may_be_bridge;
 use super::look::{Sight, Wanted, graph, look, patience, widen};
+use super::meaning::{address, of_other_kind, route};
 use super::state::{came, leads_to, takes};
-use super::{End, Finding, Limited, RouteFacts, Unheard, Way, bridges, roles, running, stopped};
+use super::{
+    Elsewhere, End, Finding, Limited, RouteFacts, Unheard, Way, bridges, elsewhere, roles, running,
+    stopped,
+};
 use crate::cli::WhyArgs;
 use crate::command::definitions;
 use crate::exit::Failure;
@@ -29,7 +35,7 @@ use crate::in_force::{InForce, Running};
 use crate::lifecycle::State;
 use crate::middlewares::{self, Endpoints, Loaded, Undefined, is_ros};
 use crate::node::Node;
-use crate::on_graph::info;
+use crate::on_graph::info::{is_destination, is_source};
 
 /// Time within which most bridges have told their routes: they are heard for as long even where the answer is known.
 const AT_ONCE: Duration = Duration::from_millis(300);
@@ -50,7 +56,7 @@ pub fn ask(asked: &WhyArgs) -> Result<Way, Failure> {
             let mut endpoints = Endpoints::default();
             endpoints.reached_at(asked.own);
             let sight = Sight::of_command(&endpoints);
-            Ok(of_address(&address, sight, definitions::of_command(&asked.definitions)?))
+            Ok(of_address(&address, sight, &mut definitions::of_command(&asked.definitions)?))
         }
     }
 }
@@ -140,28 +146,20 @@ impl Configured<'_> {
                 let title = format!("{name} in {}", facts.name);
                 Ok(Way { title, route: Some(facts), ..Way::default() })
             }
-            Some((route, facts)) => {
-                let way = self.of_route(&route, facts.clone(), &mut types);
-                // Relative names are other ones in the namespace of the bridge.
-                if let Some(there) = self.of_namespace(&route, &way) {
-                    return Ok(
-                        Configured { node: &there, ..*self }.of_route(&route, facts, &mut types)
-                    );
-                }
-                // Of a pattern for topics and one for services with the same ends, that which runs is meant.
-                let other = || of_other_kind(plan, &route).filter(|_| way.running.is_none());
-                let other = other().map(|other| {
-                    let (name, file) = (other.name.clone(), file.to_owned());
-                    let is_own = self.status.is_some();
-                    let facts = RouteFacts { name, file, is_own, ..RouteFacts::default() };
-                    self.of_route(&other, facts, &mut types)
-                });
-                Ok(other.filter(|other| other.running.is_some()).unwrap_or(way))
-            }
+            Some((route, facts)) => Ok(self.of_route(&route, facts, &mut types)),
             None => match address(name) {
                 Ok(address) => {
-                    let without_route = Some(file.to_owned());
-                    Ok(Way { without_route, ..of_address(&address, sight, types) })
+                    let way = of_address(&address, sight, &mut types);
+                    // A bridge may have another name for an end than the file.
+                    let key = way.running.as_ref().map(|running| running.key.as_str());
+                    if let Some(route) =
+                        plan.routes.iter().find(|one| Some(one.name.as_str()) == key)
+                    {
+                        let (name, file) = (route.name.clone(), file.to_owned());
+                        let facts = RouteFacts { name, file, ..RouteFacts::default() };
+                        return Ok(self.of_route(route, facts, &mut types));
+                    }
+                    Ok(Way { without_route: Some(file.to_owned()), ..way })
                 }
                 Err(_) => {
                     let known: Vec<_> =
@@ -176,55 +174,59 @@ impl Configured<'_> {
         }
     }
 
-    /// Node of the bridge on the graph that runs the route, where an end has another name for it than here.
-    fn of_namespace(&self, route: &Route, way: &Way) -> Option<Node> {
-        way.running.as_ref().filter(|_| self.status.is_none())?;
-        let there = Node::at(&way.node).ok()?;
-        let differs = |end: &EndpointAddress| there.resolve(end) != self.node.resolve(end);
-        (differs(&route.from) || differs(&route.to)).then_some(there)
-    }
-
-    /// Facts about a route: both ends, side by side.
+    /// Facts about a route: both ends, side by side, by the names that the bridge which runs it has for them.
     fn of_route(&self, route: &Route, mut facts: RouteFacts, types: &mut TypeStore) -> Way {
-        let Self { node, sight, .. } = *self;
-        let status = || running::of(route, self.status?());
+        let Self { plan, node, sight, .. } = *self;
+        // Of a pattern for topics and one for services with the same ends, that which runs is meant.
+        let other = of_other_kind(plan, route);
+        let ends = [&route.from, &route.to].map(|end| node.resolve(end));
+        let differs = |told: &RouteInfo| {
+            let is_renamed = || running::resolved(told).is_some_and(|resolved| resolved != ends);
+            !running::is_kind(route, told) || (!route.is_many() && is_renamed())
+        };
+        let (is_answered, is_left) = (AtomicBool::new(false), AtomicBool::new(false));
+        let find = |all: Vec<RouteInfo>| {
+            let of_other = other.as_ref().and_then(|other| running::of(other, all.clone()));
+            let told = running::of(route, all).or(of_other)?;
+            // What a bridge has by other names, or as the other kind, is looked at instead.
+            for flag in [&is_left, &is_answered] {
+                flag.fetch_or(differs(&told), Relaxed);
+            }
+            Some(told)
+        };
+        let as_told = |told: &RouteInfo| {
+            let other = other.as_ref().filter(|other| running::is_kind(other, told));
+            (other.unwrap_or(route), running::resolved(told).unwrap_or_else(|| ends.clone()))
+        };
+        let status = || find(self.status?());
         let (before, begin) = (status(), Instant::now());
+        let (mut route, mut ends) = match before.as_ref().filter(|told| differs(told)) {
+            Some(told) => as_told(told),
+            None => (route, ends.clone()),
+        };
+        let begin_look = || [&is_left, &is_answered].map(|flag| flag.store(false, Relaxed));
+        begin_look();
+        let ros2 = observed(sight, plan.uses("ros2"));
+        let sight = Sight { ros2: ros2.as_ref(), is_answered: &is_answered, ..sight };
+        let (mut looked, heard) =
+            beside_bridges(sight, &find, || self.look(route, &ends, sight, &is_left, types));
+        if let Some((_, told)) = heard.running.as_ref().filter(|(_, told)| differs(told)) {
+            (route, ends) = as_told(told);
+            begin_look();
+            looked = self.look(route, &ends, sight, &is_left, types);
+        }
+        drop(ros2);
+        facts.name.clone_from(&route.name);
         let is_service = matches!(route.kind, Kind::Service(_));
         let (provider, taker) = roles(is_service);
         let is_learned = route.typing == Typing::Learned && !route.is_many();
-        let wanted = |end: &EndpointAddress, role| Wanted {
-            role,
-            is_learned: is_learned && role == provider,
-            listens: role == Role::Publisher
-                && !route.is_many()
-                && self.status.is_none()
-                && listens_on(&end.middleware),
-            ..Wanted::new(node.resolve(end), is_service)
-        };
-        let (at_source, at_destination) = (wanted(&route.from, provider), wanted(&route.to, taker));
-        // Nothing is learned at the destination.
-        let mut none = TypeStore::empty();
-        let find = |all| running::of(route, all);
-        let uses_ros2 = self.plan.uses("ros2");
-        let ((mut source, mut destination), heard) =
-            beside_bridges(sight, uses_ros2, &find, |sight| {
-                std::thread::scope(|scope| {
-                    let source = scope.spawn(|| {
-                        let own = Sight { is_answered: &AtomicBool::new(false), ..sight };
-                        let end = look(own, &at_source, types);
-                        sight.is_answered.store(!end.is_open(), Relaxed);
-                        end
-                    });
-                    let destination = look(sight, &at_destination, &mut none);
-                    let failed = |_panicked| {
-                        let away = Some("looking at it failed: see the log".to_owned());
-                        End { away, ..End::new(at_source.address.clone()) }
-                    };
-                    (source.join().unwrap_or_else(failed), destination)
-                })
-            });
-        if self.status.is_none() && !widen(sight.endpoints, &at_source, &mut source) {
-            widen(sight.endpoints, &at_destination, &mut destination);
+        let [mut source, mut destination] = looked;
+        if self.status.is_none() {
+            let [from, to] = ends;
+            let wanted = |role, end| Wanted { role, ..Wanted::new(end, is_service) };
+            if !widen(sight.endpoints, &wanted(provider, from), &mut source) {
+                widen(sight.endpoints, &wanted(taker, to), &mut destination);
+            }
         }
         if let Some(names) = &route.names {
             let of_role = source.found.iter().filter(|one| one.role == provider);
@@ -278,100 +280,53 @@ impl Configured<'_> {
             false => format!("{}: {}", route.name, route.ends()),
         };
         let stopped = running.is_none().then(|| stopped::bridge(Some(&facts.file))).flatten();
+        // A bridge in another domain is no reason to start one here.
+        let is_alone = running.is_none() && heard.others.as_ref().is_some_and(BTreeMap::is_empty);
+        let afar = (is_alone && stopped.is_none()).then(|| bridge_afar(sight.endpoints)).flatten();
         let (route, source) = (Some(facts), Some(source));
         let running::Heard { others, also, foreign, .. } = heard;
         let way = Way { title, is_service, route, source, destination, ..Way::default() };
-        Way { node, running, others, also, foreign, stopped, ..way }
+        Way { node, running, others, also, foreign, stopped, afar, ..way }
     }
-}
 
-/// Reads an address; ROS 1 is `ros`, and `ros1` as well.
-fn address(text: &str) -> Result<EndpointAddress, String> {
-    let mut address: EndpointAddress = text
-        .parse()
-        .map_err(|error: wrapyfi_core::endpoint::ParseAddressError| error.to_string())?;
-    if address.middleware == "ros1" {
-        address.middleware = "ros".to_owned();
-    }
-    let known = middlewares::names();
-    if !known.contains(&address.middleware.as_str()) {
-        return Err(middlewares::unknown(&address.middleware).to_string());
-    }
-    // Elsewhere a name is what is written.
-    if is_ros(&address) && !address.name.starts_with('/') {
-        address.name.insert(0, '/');
-    }
-    Ok(address)
-}
-
-type LeftOutName = Option<(String, LeftOut)>;
-
-/// Route that a name means: by its name, its ends, or one of them; of a pattern the route that it makes for
-/// the name, or the reason that it makes none. Of two routes with the same end it is the one that is `running`.
-fn route(
-    plan: &Plan,
-    index: &RouteIndex<'_>,
-    running: &[RouteInfo],
-    name: &str,
-) -> Option<(Route, LeftOutName)> {
-    let named = plan.routes.iter().find(|route| route.name == name || route.ends() == name);
-    let between = || made_between(plan, name, running.iter().find(|one| one.key == name));
-    let with_written = |route: Route| {
-        let one = index.instead_of(&route).filter(|_| !route.is_many());
-        let left_out = one.map(|one| (route.ends(), LeftOut::Written(one.name.clone())));
-        Some((route, left_out))
-    };
-    if let Some(route) = named.cloned().or_else(between) {
-        return with_written(route);
-    }
-    let address = address(name).ok()?;
-    let text = address.to_string();
-    let runs = || {
-        let from = running.iter().find(|one| one.source == text);
-        let one = from.or_else(|| running.iter().find(|one| one.destination == text))?;
-        made_between(plan, &one.key, Some(one))
-    };
-    let make = |made: fn(&Route, &EndpointAddress) -> Option<Route>| {
-        plan.routes.iter().find_map(|pattern| made(pattern, &address))
-    };
-    let written = index.written_at(&address).cloned();
-    let any = || make(Route::made_from).or_else(|| make(Route::made_to));
-    if let Some(route) = written.or_else(runs).or_else(any) {
-        return with_written(route);
-    }
-    let mut many = plan.routes.iter().filter(|one| one.from.middleware == address.middleware);
-    let left_out = |pattern: &Route| Some((pattern.clone(), pattern.left_out(&address.name)?));
-    if let Some((pattern, why)) = many.find_map(left_out) {
-        return Some((pattern, Some((text, why))));
-    }
-    let mut many = plan.routes.iter().filter(|one| one.to.middleware == address.middleware);
-    many.find_map(|pattern| Some((pattern.clone(), Some(pattern.left_out_to(&address.name)?))))
-}
-
-/// Route that a pattern makes, by its name: its ends. Topics and services may have the same ones: it is of the kind of
-/// the route that is `running`.
-fn made_between(plan: &Plan, name: &str, running: Option<&RouteInfo>) -> Option<Route> {
-    let (first, second) = name.split_once(" -> ")?;
-    let (first, second) = (address(first).ok()?, address(second).ok()?);
-    let is_meant =
-        |pattern: &&Route| running.is_none_or(|running| running::is_kind(pattern, running));
-    plan.routes.iter().filter(is_meant).find_map(|pattern| {
-        let (from, to) = match pattern.kind {
-            Kind::Topic(_) => (&first, &second),
-            Kind::Service(_) => (&second, &first),
+    /// Looks at the two ends of a route, which have these names, until it is known that they have others.
+    fn look(
+        &self,
+        route: &Route,
+        [from, to]: &[EndpointAddress; 2],
+        sight: Sight<'_>,
+        is_left: &AtomicBool,
+        types: &mut TypeStore,
+    ) -> [End; 2] {
+        let is_service = matches!(route.kind, Kind::Service(_));
+        let (provider, taker) = roles(is_service);
+        let at_source = Wanted {
+            is_learned: route.typing == Typing::Learned && !route.is_many(),
+            listens: provider == Role::Publisher
+                && !route.is_many()
+                && self.status.is_none()
+                && listens_on(&from.middleware),
+            ..Wanted::new(from.clone(), is_service)
         };
-        pattern.made_from(from).filter(|made| made.to == *to)
-    })
-}
-
-/// Route of the other kind with the ends of one that a pattern makes.
-fn of_other_kind(plan: &Plan, made: &Route) -> Option<Route> {
-    let is_written = plan.routes.iter().any(|one| one.name == made.name);
-    let is_other = |one: &&Route| one.role() != made.role() && !is_written;
-    plan.routes.iter().filter(is_other).find_map(|pattern| {
-        let other = pattern.made_from(&made.from)?;
-        (other.to == made.to).then_some(other)
-    })
+        let at_destination = Wanted { role: taker, ..Wanted::new(to.clone(), is_service) };
+        // Nothing is learned at the destination.
+        let mut none = TypeStore::empty();
+        std::thread::scope(|scope| {
+            let source = scope.spawn(|| {
+                // What is missing at the destination does not end a look at the source, which comes before it.
+                let own = Sight { is_answered: is_left, ..sight };
+                let end = look(own, &at_source, types);
+                sight.is_answered.fetch_or(!end.is_open(), Relaxed);
+                end
+            });
+            let destination = look(sight, &at_destination, &mut none);
+            let failed = |_panicked| {
+                let away = Some("looking at it failed: see the log".to_owned());
+                End { away, ..End::new(from.clone()) }
+            };
+            [source.join().unwrap_or_else(failed), destination]
+        })
+    }
 }
 
 /// Route of the same file that publishes where this one listens.
@@ -402,32 +357,41 @@ fn limited(route: &Route, running: &RouteInfo, came_hz: Option<f64>) -> Option<L
     Some(Limited { max_rate_hz, came_hz, dropped })
 }
 
+/// ROS 2 of a command that looks and hears the bridges; a bridge has its own.
+fn observed(sight: Sight<'_>, uses_ros2: bool) -> Option<Arc<Ros2>> {
+    let is_asked = uses_ros2 && sight.bridge.is_none();
+    is_asked.then(|| sight.endpoints.ros2.hidden().map(Arc::new).ok()).flatten()
+}
+
 /// Result of a look, with what the bridges on the graph of ROS 2 tell meanwhile where a command looks: their own word
 /// for a route goes before what others tell of it.
 fn beside_bridges<R>(
     sight: Sight<'_>,
-    uses_ros2: bool,
     find: running::Find<'_>,
-    look: impl FnOnce(Sight<'_>) -> R,
+    look: impl FnOnce() -> R,
 ) -> (R, running::Heard) {
-    let is_asked = uses_ros2 && sight.bridge.is_none();
-    let ros2 = is_asked.then(|| sight.endpoints.ros2.hidden().map(Arc::new).ok()).flatten();
     let (begin, patience) = (Instant::now(), patience(&graph(sight.endpoints)));
-    let is_answered = &AtomicBool::new(false);
-    let sight = Sight { ros2: ros2.as_ref(), is_answered, ..sight };
     let has_looked = &AtomicBool::new(false);
     let is_over = &|is_found: bool| {
         // Another bridge may have the route, too.
-        let is_enough = is_answered.load(Relaxed) || (is_found && has_looked.load(Relaxed));
+        let is_enough = sight.is_answered.load(Relaxed) || (is_found && has_looked.load(Relaxed));
         begin.elapsed() >= if is_enough { AT_ONCE } else { patience }
     };
     std::thread::scope(|scope| {
         let hear = |ros2| scope.spawn(move || running::heard(ros2, find, is_over));
-        let heard = ros2.as_deref().map(hear);
-        let seen = look(sight);
+        let heard = sight.ros2.map(|ros2| hear(ros2.as_ref()));
+        let seen = look();
         has_looked.store(true, Relaxed);
         (seen, heard.and_then(|heard| heard.join().ok()).unwrap_or_default())
     })
+}
+
+/// Bridge in another domain of ROS 2, where none is in the own.
+fn bridge_afar(endpoints: &Endpoints) -> Option<Elsewhere> {
+    let (graph, until) = (graph(endpoints), Instant::now() + elsewhere::WIDE);
+    let (is_bridge, is_over) =
+        (|one: &Discovered| running::bridge_of(one).is_some(), || Instant::now() >= until);
+    elsewhere::look(&endpoints.ros2, &graph, &is_bridge, false, &is_over).into_iter().next()
 }
 
 /// A bridge that would offer a service, were it activated.
@@ -445,7 +409,7 @@ pub(crate) fn inactive_at(service: &EndpointAddress) -> Option<Finding> {
 }
 
 /// Facts about an endpoint that no route of a file has; where nobody is there, with the route of a bridge that would be.
-fn of_address(address: &EndpointAddress, sight: Sight<'_>, mut types: TypeStore) -> Way {
+fn of_address(address: &EndpointAddress, sight: Sight<'_>, types: &mut TypeStore) -> Way {
     let wanted = Wanted {
         role: Role::Publisher,
         is_learned: true,
@@ -455,17 +419,20 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, mut types: TypeStore)
     };
     let text = address.to_string();
     let find = |all: Vec<RouteInfo>| {
-        let refuses = |one: &RouteInfo| one.source == text && !one.refused.is_empty();
+        let refuses = |one: &RouteInfo| is_source(one, &text) && !one.refused.is_empty();
         // No broker of ZeroMQ tells who serves.
-        let calls = |one: &RouteInfo| one.kind == "service" && one.destination == text;
+        let calls = |one: &RouteInfo| one.kind == "service" && is_destination(one, &text);
         all.into_iter()
             .find(|one| leads_to(one, &text) || refuses(one) || calls(one) || takes(one, &text))
     };
-    let (mut end, heard) = beside_bridges(sight, true, &find, |sight| {
-        let end = look(sight, &wanted, &mut types);
-        sight.is_answered.store(true, Relaxed);
+    let (ros2, is_answered) = (observed(sight, true), AtomicBool::new(false));
+    let sight = Sight { ros2: ros2.as_ref(), is_answered: &is_answered, ..sight };
+    let (mut end, heard) = beside_bridges(sight, &find, || {
+        let end = look(sight, &wanted, types);
+        is_answered.store(true, Relaxed);
         end
     });
+    drop(ros2);
     if sight.bridge.is_none() {
         widen(sight.endpoints, &wanted, &mut end);
     }
@@ -479,6 +446,7 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, mut types: TypeStore)
         };
         is_missing || takes(running, &text) || (running.state != "active" && is_bridge())
     });
+    let also = if told.is_some() { heard.also } else { Vec::new() };
     let (node, running) = told.map(|(node, running)| (node, Some(running))).unwrap_or_default();
     let is_service = match &running {
         Some(running) if is_missing || !takes(running, &text) => running.kind == "service",
@@ -494,7 +462,7 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, mut types: TypeStore)
     }
     let (source, foreign) = (Some(end), heard.foreign);
     let (title, rest) = (text, Way::default());
-    Way { title, is_service, node, running, source, foreign, stopped, known, ..rest }
+    Way { title, is_service, node, running, also, source, foreign, stopped, known, ..rest }
 }
 
 impl Running {
@@ -512,7 +480,7 @@ impl Running {
             node: &self.node,
             sight: Sight { bridge: Some(&registry), ..Sight::of_command(endpoints) },
             removed,
-            status: Some(&|| self.routes.status().iter().map(info::of).collect()),
+            status: Some(&|| self.infos()),
         };
         let way = configured.way(name, definitions::of_command(definitions)?)?;
         let (node, is_of_parameters) = (self.node.name().fqn(), *is_of_parameters);
@@ -533,83 +501,6 @@ mod tests {
     fn index(plan: &Plan) -> RouteIndex<'_> {
         let node = Node::bridge().unwrap();
         plan.index(|address| node.resolve(address))
-    }
-
-    fn found(plan: &Plan, name: &str) -> Option<(String, bool)> {
-        found_beside(plan, &[], name)
-    }
-
-    /// As [`found`], where routes run.
-    fn found_beside(plan: &Plan, keys: &[&str], name: &str) -> Option<(String, bool)> {
-        let info = |key: &&str| {
-            let [source, destination] =
-                key.split(" -> ").map(str::to_owned).collect::<Vec<_>>().try_into().unwrap();
-            RouteInfo { key: (*key).to_owned(), source, destination, ..RouteInfo::default() }
-        };
-        let running: Vec<_> = keys.iter().map(info).collect();
-        let found = route(plan, &index(plan), &running, name);
-        found.map(|(route, left_out)| (route.ends(), left_out.is_some()))
-    }
-
-    #[test]
-    fn a_route_is_found_by_name_and_by_either_end() {
-        let plan = plan(&[
-            "name: cam, from: 'zeromq:/cam', to: 'ros2:cam', type: Image",
-            "from: 'ros:/(.*)', to: 'ros2:/one/$1', deny: ['raw']",
-        ]);
-        let cam = Some(("zeromq:/cam -> ros2:cam".to_owned(), false));
-        for name in ["cam", "zeromq:/cam -> ros2:cam", "zeromq:/cam", "ros2:/cam"] {
-            assert_eq!(found(&plan, name), cam, "{name}");
-        }
-        assert_eq!(found(&plan, "ros1:/x"), Some(("ros:/x -> ros2:/one/x".to_owned(), false)));
-        for left_out in ["ros:/raw", "ros2:/one/raw"] {
-            assert!(found(&plan, left_out).is_some_and(|(_, is_left_out)| is_left_out));
-        }
-        assert_eq!(found(&plan, "yarp:/x"), None);
-    }
-
-    #[test]
-    fn what_a_written_route_takes_from_a_pattern_is_told() {
-        let plan = plan(&[
-            "name: chat, from: 'ros:/chat', to: 'ros2:/words'",
-            "from: 'ros:/(.*)', to: 'ros2:/one/$1'",
-        ]);
-        let (_, left_out) = route(&plan, &index(&plan), &[], "ros2:/one/chat").unwrap();
-        let ends = "ros:/chat -> ros2:/one/chat".to_owned();
-        assert_eq!(left_out, Some((ends, LeftOut::Written("chat".to_owned()))));
-        assert_eq!(found(&plan, "ros:/chat"), Some(("ros:/chat -> ros2:/words".to_owned(), false)));
-    }
-
-    #[test]
-    fn a_route_of_a_pattern_is_found_by_its_name_and_in_the_direction_that_runs() {
-        let both = plan(&[
-            "from: 'ros2:/(.*)', to: 'ros:/$1'",
-            "from: 'ros:/(.*)', to: 'ros2:/$1'",
-            "service: 'ros2:/(.*)', as: 'ros:/$1'",
-            "from: 'yarp:/(.*)', to: 'ros2:/of_yarp/$1', type: Text",
-        ]);
-        let (there, back) = ("ros2:/x -> ros:/x", "ros:/x -> ros2:/x");
-        let only = |ends: &str| Some((ends.to_owned(), false));
-        for name in [there, back, "ros:/ask -> ros2:/ask"] {
-            assert_eq!(found(&both, name), only(name));
-        }
-        for (runs, name, meant) in
-            [(back, "ros2:/x", back), (there, "ros2:/x", there), (there, "ros:/x", there)]
-        {
-            assert_eq!(found_beside(&both, &[runs], name), only(meant), "{name} beside {runs}");
-        }
-        let [key, source, destination, kind] =
-            [back, "ros:/x", "ros2:/x", "service"].map(str::to_owned);
-        let service = RouteInfo { key, source, destination, kind, ..RouteInfo::default() };
-        for name in ["ros2:/x", "ros:/x", back] {
-            let found = route(&both, &index(&both), std::slice::from_ref(&service), name);
-            assert!(matches!(found.unwrap().0.kind, Kind::Service(_)), "{name}");
-        }
-        // Of one of two ways nothing runs.
-        assert_eq!(found(&both, "ros2:/x"), only(there));
-        let of_yarp = plan(&["from: 'yarp:/(.*)', to: 'ros2:/of_yarp/$1', type: Text"]);
-        let wanted = only("yarp:/x -> ros2:/of_yarp/x");
-        assert_eq!(found(&of_yarp, "ros2:/of_yarp/x"), wanted);
     }
 
     #[test]

@@ -52,7 +52,7 @@ pub(super) fn opened(knock: &Knock, address: &EndpointAddress, way: &Way) -> Ste
                 Server::Master => format!("on {host}: ROS_IP={host} {start}"),
             },
         ),
-        Answer::Silent | Answer::NoWay(_) => {
+        Answer::Silent | Answer::Mute | Answer::NoWay(_) => {
             let why = match &knock.answer {
                 Answer::NoWay(why) => why,
                 _ => "nothing comes back: the machine is off, or a firewall is between",
@@ -99,6 +99,14 @@ pub(super) fn reachable(end: &End, one: &Registered) -> Step {
                 format!("start {who} again; `{clean}` takes the name away"),
             )
         }
+        Answer::Mute => (
+            Cause::PeerUnreachable,
+            format!(
+                "{registered}, where connections are accepted and nobody answers: it hangs or is stopped, or another \
+                 program has the port now"
+            ),
+            format!("kill -CONT PID where {who} runs, if it is stopped; else start it again"),
+        ),
         Answer::Silent | Answer::NoWay(_) => (
             Cause::PeerUnreachable,
             format!(

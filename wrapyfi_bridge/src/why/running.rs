@@ -6,7 +6,8 @@
 use std::collections::BTreeMap;
 
 use wrapyfi_core::endpoint::{
-    Context, History, Listener, Middleware as _, Qos, QosPreset, Role, TopicSpec,
+    Context, Discovered, EndpointAddress, History, Listener, Middleware as _, Qos, QosPreset, Role,
+    TopicSpec,
 };
 use wrapyfi_core::engine::{Kind, OVER_LIMIT, Route, TO_BE_ACTIVATED};
 use wrapyfi_core::middleware::ros2::Ros2;
@@ -58,9 +59,7 @@ pub(super) fn heard(ros2: &Ros2, find: Find<'_>, is_over: &dyn Fn(bool) -> bool)
     loop {
         let Ok(found) = discovery.endpoints() else { return Heard::default() };
         for one in found {
-            let is_status = one.role == Role::Publisher
-                && one.type_name.as_deref() == Some(BridgeStatus::ROS_TYPE);
-            let Some(node) = one.name.strip_suffix(STATUS).filter(|_| is_status) else { continue };
+            let Some(node) = bridge_of(&one) else { continue };
             if !bridges.contains_key(node) {
                 let spec =
                     TopicSpec { qos, ..TopicSpec::new(&one.name, MessageType::Ros(ros_type)) };
@@ -95,16 +94,37 @@ pub(super) fn heard(ros2: &Ros2, find: Find<'_>, is_over: &dyn Fn(bool) -> bool)
             having.into_iter().partition(|(_, route)| route.state == "active");
         let mut all = active.into_iter().chain(rest).map(|((node, _), route)| (node, route));
         let running = all.next();
-        let also = all.filter(|(_, route)| route.state == "active").map(|(node, _)| node);
+        let first = running.as_ref().map(|(_, route)| route.clone());
+        let is_same = |one: &RouteInfo| {
+            let ends = |it: &RouteInfo| {
+                (it.kind.clone(), it.resolved_source.clone(), it.resolved_destination.clone())
+            };
+            one.state == "active" && first.as_ref().is_some_and(|first| ends(first) == ends(one))
+        };
+        let also = all.filter(|(_, route)| is_same(route)).map(|(node, _)| node);
         let others = bridges.into_iter().map(|(node, (_, status))| Some((node, status?)));
         let others = others.collect::<Option<_>>().filter(|_| running.is_none());
         return Heard { also: also.collect(), others, running, foreign };
     }
 }
 
+/// Node of the bridge that publishes its status here.
+pub(super) fn bridge_of(one: &Discovered) -> Option<&str> {
+    let is_status =
+        one.role == Role::Publisher && one.type_name.as_deref() == Some(BridgeStatus::ROS_TYPE);
+    one.name.strip_suffix(STATUS).filter(|_| is_status)
+}
+
 /// True where a bridge runs something of the kind of a route: topics and services may have the same ends.
 pub(super) fn is_kind(route: &Route, one: &RouteInfo) -> bool {
     matches!(route.kind, Kind::Service(_)) == (one.kind == "service")
+}
+
+/// Ends of a route by the names that the bridge has for them: where it takes, and where it brings to.
+pub(super) fn resolved(one: &RouteInfo) -> Option<[EndpointAddress; 2]> {
+    let ends = [one.resolved_source.parse().ok()?, one.resolved_destination.parse().ok()?];
+    let [source, destination] = ends;
+    Some(if one.kind == "service" { [destination, source] } else { [source, destination] })
 }
 
 /// Status of a route among those of a bridge: the one between the same ends. Of a pattern that is well it is that of
@@ -164,7 +184,7 @@ mod tests {
     fn the_limit_of_a_pattern_is_told_with_the_names_that_match() {
         let of =
             |reason: &str| over(&RouteInfo { reason: reason.to_owned(), ..RouteInfo::default() });
-        assert_eq!(of("1 routes are the limit (max_routes), 2 more names match"), Some((1, 3)));
+        assert_eq!(of("1 is the limit of routes (max_routes), 2 more names match"), Some((1, 3)));
         assert_eq!(of("a name that matches"), None);
     }
 

@@ -9,6 +9,7 @@ use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 use super::drops::{count, drops, meaning, mends};
 use super::words::example;
 use super::{Cause, End, Finding, Limited, Step, Way};
+use crate::on_graph::info::{is_destination, is_source};
 
 /// A step that may be in place.
 pub(super) type Passed = Result<Option<String>, Finding>;
@@ -62,15 +63,14 @@ pub(super) fn unopened(running: &RouteInfo) -> Option<&str> {
 /// True for a route that gets what an address has, messages or replies, or would, if it understood the servers there.
 pub(super) fn takes(running: &RouteInfo, address: &str) -> bool {
     let is_service = running.kind == "service";
-    let from = if is_service { &running.destination } else { &running.source };
-    from == address && (running.has_source || other_mapping(running).is_some())
+    let is_from = if is_service { is_destination } else { is_source };
+    is_from(running, address) && (running.has_source || other_mapping(running).is_some())
 }
 
 /// True for a route that brings to an address what it carries, or answers there, once it is active.
 pub(super) fn leads_to(running: &RouteInfo, address: &str) -> bool {
-    let is_service = running.kind == "service";
-    let to = if is_service { &running.source } else { &running.destination };
-    to == address
+    let is_to = if running.kind == "service" { is_source } else { is_destination };
+    is_to(running, address)
 }
 
 /// Route of a bridge that brings to a mere name what it carries, or answers there.

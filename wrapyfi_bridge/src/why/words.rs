@@ -62,7 +62,8 @@ pub(super) fn example(end: &End, role: Role, port: Option<&str>) -> String {
         }
         Role::Client => format!("call {address}"),
     };
-    format!("start it; to try: wrapyfi {command}")
+    let reach = end.doors.first().map(|knock| knock.door.reach.clone()).unwrap_or_default();
+    format!("start it; to try: {}wrapyfi {command}{}", reach.variables, reach.options)
 }
 
 /// Argument of `wrapyfi pub` with a message of a type.

@@ -58,7 +58,7 @@ pub fn run(args: &DemoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         let (definitions, removed) = (Vec::new(), Plan::default());
         let in_force = InForce { file, is_of_parameters: false, endpoints, definitions, removed };
         let (routes, in_force) = (running.applier(), Arc::new(Mutex::new(in_force)));
-        Page::start(port, Running { node, routes, in_force })
+        Page::start(port, Running { node: node.clone(), routes, in_force })
     });
 
     let start = Instant::now();
@@ -72,7 +72,7 @@ pub fn run(args: &DemoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         let ended = viewer.watch(until, shutdown);
         let elapsed = tick.elapsed();
         tick = Instant::now();
-        routes.update(running.status().iter().map(info::of).collect());
+        routes.update(running.status().iter().map(|status| info::of(status, &node)).collect());
         screen.show(&format!(
             "{:.0} s: ZeroMQ broker on {}, YARP name server on {}, ROS 2 {}\n\n{}\n{}",
             start.elapsed().as_secs_f64(),

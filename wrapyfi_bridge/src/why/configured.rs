@@ -1,0 +1,81 @@
+//! Findings that the configuration alone tells: a definition that nobody has, names that a pattern leaves out, its limit.
+
+use wrapyfi_core::engine::LeftOut;
+
+use super::state::broken;
+use super::{Cause, Finding, RouteFacts, Step, Way};
+
+/// Causes that the file alone tells.
+pub(super) fn of_file(route: &RouteFacts) -> Step {
+    defined(&route.undefined)?;
+    let (name, file) = (&route.name, &route.file);
+    if let Some((topic, why)) = &route.left_out {
+        let (what, remedy) = match why {
+            LeftOut::Denied(entry) => (
+                format!("{topic} is left out by deny: {entry:?} of {name}"),
+                format!("take {entry:?} out of `deny` in {file}, or write a route for {topic}"),
+            ),
+            LeftOut::NotAllowed => (
+                format!("{topic} is left out of {name}: no entry of allow matches it"),
+                format!("add it to `allow` in {file}"),
+            ),
+            LeftOut::Written(written) => (
+                format!("no pattern makes {topic}: the route {written} has one of its ends"),
+                format!("wrapyfi why {written:?} --config {file}; or take that route out of it"),
+            ),
+            LeftOut::ByDefault => (
+                format!("{topic} is left out of {name} by default: hidden, or of every node"),
+                format!(
+                    "write `default_deny: false` on the pattern in {file}, or a route for {topic}"
+                ),
+            ),
+        };
+        return Err(Finding::new(Cause::LeftOut, what, "the pattern", remedy));
+    }
+    Ok(())
+}
+
+/// Limit of a pattern, where it leaves out the name that is asked for.
+pub(super) fn limit(route: &RouteFacts) -> Step {
+    let (name, file) = (&route.name, &route.file);
+    match route.limit {
+        Some((limit, names)) if names > limit => {
+            let routes =
+                if limit == 1 { "1 route is".to_owned() } else { format!("{limit} routes are") };
+            let what = format!("{names} names match {name}, and {routes} its limit");
+            let remedy = format!("write `max_routes: {names}` or more on the pattern in {file}");
+            Err(Finding::new(Cause::Limit, what, "the pattern", remedy))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// A finding about the routes that parameters of the bridge's node made: these mend it, or a file instead of them.
+pub(super) fn by_parameters(finding: Finding, way: &Way) -> Finding {
+    let parameter = match finding.cause {
+        Cause::LeftOut => "change `allow`, `deny` or `default_deny` of its parameters",
+        Cause::NoRoute => {
+            "correct the name, or change `prefix`, `allow` or `deny` of its parameters"
+        }
+        Cause::State if broken(way).is_err() => "take the name into `deny` of its parameters",
+        Cause::Limit => "take fewer names by `allow` of its parameters",
+        _ => return finding,
+    };
+    let remedy = format!(
+        "{parameter} (--ros-args -p 'deny:=[\"raw/.*\"]'), or name a file of routes (-p config_file:=FILE)"
+    );
+    Finding { who: format!("whoever starts {}", way.node), remedy, ..finding }
+}
+
+/// Definition of a type: the one that is missing, and why.
+pub(super) fn defined(undefined: &Option<(String, String)>) -> Step {
+    let Some((type_name, reason)) = undefined else { return Ok(()) };
+    let package = type_name.split('/').next().unwrap_or(type_name);
+    let what = format!("nobody here has a definition of {type_name}: {reason}");
+    let who = format!("the package {package}; a ROS 1 publisher shows its own");
+    let remedy = format!(
+        "source the ROS 2 workspace that has {package} before you start (AMENT_PREFIX_PATH), or name its \
+         folder: `definitions: [DIR]` in the configuration, `--definitions DIR` of a command"
+    );
+    Err(Finding::new(Cause::Definition, what, who, remedy))
+}
