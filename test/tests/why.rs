@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 use wrapyfi_e2e::{
-    Need, Process, Result, Route, TIMEOUT, TestEnv, ros1, ros2, run, until_route, zeromq,
+    Need, Process, Result, Route, TIMEOUT, TestEnv, ros1, ros2, run, until_route, yarp, zeromq,
 };
 
 /// Longest time that an answer may take.
@@ -123,7 +123,7 @@ fn silent_publisher() -> Result {
     is_named("silent_publisher", NEEDS, "idle", &what, "wrapyfi echo ros2:/chatter")
 }
 
-/// Answer about a route of the test's `bridge.yaml`, which a bridge runs, once it has `cause`.
+/// Answer about a route of the test's `bridge.yaml`, which a bridge runs, once it has `cause`; none where that is empty.
 fn of_running(env: &TestEnv, name: &str, cause: &str) -> Result<Value> {
     let file = env.path("bridge.yaml").display().to_string();
     let deadline = std::time::Instant::now() + TIMEOUT;
@@ -131,7 +131,7 @@ fn of_running(env: &TestEnv, name: &str, cause: &str) -> Result<Value> {
         let mut why = env.wrapyfi(["why", name, "--config", &file, "--json"])?;
         why.exit_code()?;
         let answer: Value = serde_json::from_str(why.stdout().trim())?;
-        if answer["cause"] == cause {
+        if answer["cause"].as_str().unwrap_or_default() == cause {
             return Ok(answer);
         }
         let is_late = std::time::Instant::now() >= deadline;
@@ -214,9 +214,7 @@ fn a_service_of_zeromq_that_nobody_offers_is_told() -> Result {
         assert!(what.contains("waits for a server of zeromq:/light"), "{told}");
         let remedy = told["remedy"].as_str().unwrap_or_default();
         let (_, command) = remedy.split_once("wrapyfi ").ok_or(anyhow::anyhow!("{told}"))?;
-        let ports = [env.rep_port(), env.req_port()].map(|port| port.to_string());
-        let ports = ["--rep-port", &ports[0], "--req-port", &ports[1]];
-        let _server = env.wrapyfi(command.split(' ').chain(ports))?;
+        let _server = env.wrapyfi(command.split(' '))?;
         until_route(&bridge, "light", |route| route.is_some_and(|it| it["state"] == "active"))?;
         Ok(())
     })
@@ -278,6 +276,70 @@ fn what_a_bridge_has_outlives_the_list_of_a_master() -> Result {
         let told = answered(env, ["chat", "--config", &file])?;
         assert_eq!(told["cause"], "nobody_listens", "{told}");
         assert!(told["passed"].to_string().contains(&format!("{said} publishes")), "{told}");
+        Ok(())
+    })
+}
+
+/// A bridge has names of its own for the ends of its routes, where it is started with remap rules or in a namespace.
+#[test]
+fn a_bridge_that_has_other_names_is_found_by_all_of_them() -> Result {
+    run("a_bridge_that_has_other_names_is_found_by_all_of_them", &[Need::Program], |env| {
+        let (words, lab) = (env.topic("words"), env.topic("lab"));
+        let route = |from: &str, name: &str| {
+            Route::new(&ros2(from), &zeromq(&words), "Text").with("name", name)
+        };
+        let config = env.embedded().route(route("/chatter", "chat"));
+        let file = env.write("bridge.yaml", config.yaml())?.display().to_string();
+        let (rule, space) = (format!("/chatter:={lab}/news"), format!("__ns:={lab}"));
+        let started =
+            ["bridge", "--config", &file, "--json", "--ros-args", "-r", &rule, "-r", &space];
+        let bridge = env.wrapyfi(started)?;
+        let news = format!("{lab}/news");
+        let talk = ["pub", &ros2(&news), "--type", "Text", "--value", "\"x\"", "--rate", "20"];
+        let _talker = env.wrapyfi(talk)?;
+        let _ear = env.wrapyfi(["echo", &zeromq(&words), "--type", "Text"])?;
+        until_route(&bridge, "chat", |route| {
+            route.is_some_and(|it| it["counters"]["sent"].as_u64() > Some(10))
+        })?;
+        for name in ["chat", "ros2:/chatter", &ros2(&news), &zeromq(&words)] {
+            let told = answered(env, [name, "--config", &file])?;
+            let passed = told["passed"].to_string();
+            assert!(told["cause"].is_null(), "{name}: {told}");
+            assert!(passed.contains(&format!("{} has 1 publisher", ros2(&news))), "{name}: {told}");
+        }
+        Ok(())
+    })
+}
+
+/// A program that is stopped keeps its connections: whoever asks it learns that it does not answer.
+#[test]
+fn a_publisher_that_hangs_is_named() -> Result {
+    run("a_publisher_that_hangs_is_named", WITH_ROS, |env| {
+        let (_roscore, _names) = (env.roscore()?, env.yarpserver()?);
+        let [chat, cam] = ["chat", "cam"].map(|name| env.topic(name));
+        let chats = Route::new(&ros1(&chat), &ros2(&chat), "std_msgs/msg/String");
+        let cams = Route::new(&yarp(&cam), &ros2(&cam), "NativeObject");
+        let config =
+            env.embedded().route(chats.with("name", "chat")).route(cams.with("name", "cam"));
+        let bridge = env.bridge(&config)?;
+        let talk = format!("publish --topic {chat} --node talker --rate 20");
+        let of_ros = env.rospy(&talk, Some("{\"data\": \"hello\"}"))?;
+        let shown = ["pub", &yarp(&cam), "--type", "NativeObject", "--value", "1", "--rate", "20"];
+        let of_yarp = env.wrapyfi(shown)?;
+        let _text = env.wrapyfi(["echo", &ros2(&chat), "--type", "Text", "--timeout", "200"])?;
+        let _object =
+            env.wrapyfi(["echo", &ros2(&cam), "--type", "NativeObject", "--timeout", "200"])?;
+        for (name, publisher) in [("chat", &of_ros), ("cam", &of_yarp)] {
+            until_route(&bridge, name, |route| {
+                route.is_some_and(|it| it["counters"]["sent"].as_u64() > Some(10))
+            })?;
+            publisher.pause()?;
+            let told = of_running(env, name, "peer_unreachable");
+            publisher.resume()?;
+            let what = told?["what"].to_string();
+            assert!(what.contains("connections are accepted and nobody answers"), "{what}");
+            assert_eq!(of_running(env, name, "")?["cause"], Value::Null);
+        }
         Ok(())
     })
 }

@@ -25,21 +25,8 @@ impl Node {
     /// # Errors
     /// When the name breaks the rules of the graph.
     pub fn named(name: &str) -> Result<Self, NameError> {
-        Self::of_namespace(name, "/")
-    }
-
-    /// A node with this full name, `/namespace/name`, without remap rules.
-    ///
-    /// # Errors
-    /// As [`Node::named`].
-    pub(crate) fn at(full_name: &str) -> Result<Self, NameError> {
-        let (namespace, name) = full_name.rsplit_once('/').unwrap_or(("", full_name));
-        Self::of_namespace(name, if namespace.is_empty() { "/" } else { namespace })
-    }
-
-    fn of_namespace(name: &str, namespace: &str) -> Result<Self, NameError> {
         let (args, overrides) = (Arc::default(), BTreeMap::new());
-        Ok(Self { name: NodeName::new(name, namespace)?, args, overrides })
+        Ok(Self { name: NodeName::new(name, "/")?, args, overrides })
     }
 
     /// A node of a command: hidden from `ros2 node list`, with a name no other process has.

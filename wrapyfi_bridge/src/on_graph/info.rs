@@ -82,7 +82,12 @@ pub fn explained(verdict: &Verdict, routes: Vec<RouteInfo>) -> Explain_Response 
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+    use std::sync::Arc;
+
     use wrapyfi_core::engine::{Rate, RouteState};
+    use wrapyfi_core::node::NodeName;
+    use wrapyfi_core::node::args::RosArgs;
 
     use super::*;
     use crate::why::{Cause, Finding};
@@ -123,6 +128,18 @@ mod tests {
     }
 
     #[test]
+    fn ends_are_told_by_the_names_that_the_node_has_for_them() {
+        let words = ["bridge", "--ros-args", "-r", "/a:=/b"].map(str::to_owned);
+        let args = RosArgs::parse(words, |_path| Err(std::io::ErrorKind::NotFound.into())).unwrap();
+        let name = NodeName::new("bridge", "/lab").unwrap();
+        let node = Node { name, args: Arc::new(args), overrides: BTreeMap::new() };
+        let info = of(&RouteStatus { to: "ros2:words".to_owned(), ..status() }, &node);
+        assert_eq!((info.source.as_str(), info.resolved_source.as_str()), ("ros2:/a", "ros2:/b"));
+        assert_eq!(info.resolved_destination, "ros2:/lab/words");
+        assert!(is_source(&info, "ros2:/b") && !is_source(&info, "ros2:/lab/words"));
+    }
+
+    #[test]
     fn a_verdict_is_told_in_full() {
         let finding = Finding {
             cause: Cause::NobodyPublishes,
@@ -135,7 +152,7 @@ mod tests {
             passed: vec!["x".to_owned()],
             finding: Some(finding),
         };
-        let reply = explained(&verdict, &[status()]);
+        let reply = explained(&verdict, vec![of(&status(), &Node::bridge().unwrap())]);
         assert!(reply.known);
         assert_eq!(reply.cause, "nobody_publishes");
         assert_eq!(reply.remedy, "start it");

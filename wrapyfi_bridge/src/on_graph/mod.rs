@@ -39,12 +39,13 @@ use wrapyfi_interfaces::builtin_interfaces::msg::Time;
 use wrapyfi_interfaces::diagnostic_msgs::msg::DiagnosticArray;
 use wrapyfi_interfaces::std_msgs::msg::Header;
 use wrapyfi_interfaces::store::TypeStore;
-use wrapyfi_interfaces::wrapyfi_msgs::msg::BridgeStatus;
+use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
 use wrapyfi_interfaces::wrapyfi_msgs::srv::{Explain_Response, ListRoutes_Response};
 use wrapyfi_retry::contained;
 use wrapyfi_retry::thread::restarted;
 
 use self::diagnostics::Diagnostics;
+use self::info::{is_destination, is_source};
 use self::namesakes::Namesakes;
 use crate::exit::Failure;
 use crate::in_force::Running;

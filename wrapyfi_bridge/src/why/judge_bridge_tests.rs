@@ -1,5 +1,7 @@
 //! Findings about the bridges that run a route or would, by what they tell of it.
 
+use std::collections::BTreeMap;
+
 use super::*;
 
 #[test]
@@ -394,4 +396,70 @@ fn routes_of_parameters_are_mended_by_parameters() {
         assert!(parameters.remedy.contains("config_file"), "{parameters:?}");
         assert_eq!(parameters.who, "whoever starts /ros1_bridge");
     }
+}
+
+#[test]
+fn a_program_that_hangs_is_named_once_nothing_comes_of_it() {
+    let of = |messages_per_s| {
+        let mut way = of_source(|it| {
+            it.registered = vec![registered(Role::Publisher, "10.0.0.2", false, Answer::Mute)];
+        });
+        let running = running("active", "", 40, 40).unwrap();
+        way.running = Some(RouteInfo { messages_per_s, ..running });
+        judge(&way)
+    };
+    let found = of(0.0).finding.unwrap();
+    assert_eq!(found.cause, Cause::PeerUnreachable);
+    assert!(found.what.contains("/ear has registered ros2:/in at 10.0.0.2:4711"), "{found:?}");
+    assert!(
+        found.what.contains("nobody answers") && found.remedy.contains("kill -CONT"),
+        "{found:?}"
+    );
+    assert!(of(10.0).passed.iter().any(|step| step.contains("messages pass all the same")));
+}
+
+/// A mere name, of which nobody knows a route.
+fn bare() -> Way {
+    Way { route: None, destination: None, ..whole() }
+}
+
+#[test]
+fn a_killed_listener_of_a_mere_name_is_none() {
+    let mut way = bare();
+    let dead = registered(Role::Listener, "10.0.0.2", false, Answer::Refused);
+    way.source.as_mut().unwrap().registered = vec![dead];
+    let found = judge(&way).finding.unwrap();
+    assert_eq!(found.cause, Cause::PeerUnreachable);
+    assert!(found.what.contains("it was killed, and its name remains"), "{found:?}");
+    let there = registered(Role::Listener, "10.0.0.2", false, Answer::Open);
+    way.source.as_mut().unwrap().registered.push(there);
+    assert_eq!(judge(&way).finding, None);
+}
+
+#[test]
+fn bridges_that_carry_a_mere_name_twice_are_named() {
+    let (also, node) = (vec!["/two".to_owned()], "/one".to_owned());
+    let way = Way { running: running("active", "", 40, 40), also, node, ..bare() };
+    let found = judge(&way).finding.unwrap();
+    assert_eq!(found.cause, Cause::SeveralBridges);
+    assert!(found.what.starts_with("2 bridges run the route lamp, /one, /two"), "{found:?}");
+}
+
+#[test]
+fn a_bridge_of_another_domain_is_not_to_be_started_once_more() {
+    let afar = Elsewhere {
+        endpoint: Discovered {
+            type_name: Some("wrapyfi_msgs/msg/BridgeStatus".to_owned()),
+            ..Discovered::new("/lab/bridge/status", Role::Publisher)
+        },
+        ..elsewhere("domain 7")
+    };
+    let way = Way { afar: Some(afar), others: Some(BTreeMap::new()), ..whole() };
+    let found = judge(&way).finding.unwrap();
+    assert_eq!(found.cause, Cause::OtherDomain);
+    assert!(
+        found.what.contains("none is in domain 3 of ROS 2; /lab/bridge is in domain 7"),
+        "{found:?}"
+    );
+    assert!(found.remedy.starts_with("export ROS_DOMAIN_ID=7 in this shell"), "{found:?}");
 }

@@ -5,12 +5,12 @@ use wrapyfi_core::middleware::ros2::graph::ServiceMapping;
 
 use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
 
-use wrapyfi_core::engine::TO_BE_ACTIVATED;
+use wrapyfi_core::engine::{LeftOut, TO_BE_ACTIVATED};
 use wrapyfi_core::middleware::ros2::SPEAKS_NOT;
 use wrapyfi_core::middleware::yarp::UNOPENED;
 
 use super::super::door::Answer;
-use super::super::{Limited, Unheard};
+use super::super::{Limited, RouteFacts, Unheard};
 use super::*;
 use crate::middlewares::{Door, Reach, Server};
 use crate::why::Knock;

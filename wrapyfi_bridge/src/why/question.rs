@@ -207,13 +207,13 @@ impl Configured<'_> {
         let begin_look = || [&is_left, &is_answered].map(|flag| flag.store(false, Relaxed));
         begin_look();
         let ros2 = observed(sight, plan.uses("ros2"));
-        let sight = Sight { ros2: ros2.as_ref(), is_answered: &is_answered, ..sight };
+        let from = Sight { ros2: ros2.as_ref(), is_answered: &is_answered, ..sight };
         let (mut looked, heard) =
-            beside_bridges(sight, &find, || self.look(route, &ends, sight, &is_left, types));
+            beside_bridges(from, &find, || self.look(route, &ends, from, &is_left, types));
         if let Some((_, told)) = heard.running.as_ref().filter(|(_, told)| differs(told)) {
             (route, ends) = as_told(told);
             begin_look();
-            looked = self.look(route, &ends, sight, &is_left, types);
+            looked = self.look(route, &ends, from, &is_left, types);
         }
         drop(ros2);
         facts.name.clone_from(&route.name);
@@ -426,9 +426,9 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, types: &mut TypeStore
             .find(|one| leads_to(one, &text) || refuses(one) || calls(one) || takes(one, &text))
     };
     let (ros2, is_answered) = (observed(sight, true), AtomicBool::new(false));
-    let sight = Sight { ros2: ros2.as_ref(), is_answered: &is_answered, ..sight };
-    let (mut end, heard) = beside_bridges(sight, &find, || {
-        let end = look(sight, &wanted, types);
+    let from = Sight { ros2: ros2.as_ref(), is_answered: &is_answered, ..sight };
+    let (mut end, heard) = beside_bridges(from, &find, || {
+        let end = look(from, &wanted, types);
         is_answered.store(true, Relaxed);
         end
     });
