@@ -118,6 +118,12 @@ fn no_bridge() -> Result {
 }
 
 #[test]
+fn bridge_elsewhere() -> Result {
+    let what = ["no bridge runs the route here (domain 10): /wrapyfi_bridge does in domain 12"];
+    is_named("bridge_elsewhere", NEEDS, "other_domain", &what, "export ROS_DOMAIN_ID=12")
+}
+
+#[test]
 fn silent_publisher() -> Result {
     let what = ["no message came on ros2:/chatter", "open and idle"];
     is_named("silent_publisher", NEEDS, "idle", &what, "wrapyfi echo ros2:/chatter")

@@ -9,9 +9,7 @@ use wrapyfi_interfaces::wrapyfi_msgs::msg::BridgeStatus;
 
 use super::door::Answer;
 use super::state::Passed;
-use super::{
-    Cause, Elsewhere, End, Finding, OTHER_NODE, RouteFacts, Step, Way, roles, running, same_node,
-};
+use super::{Cause, End, Finding, OTHER_NODE, RouteFacts, Step, Way, roles, same_node};
 use crate::lifecycle::State;
 
 /// Words for a route where no bridge can be heard.
@@ -66,17 +64,16 @@ pub(super) fn lacking(way: &Way, source: &End, destination: Option<&End>) -> Pas
         );
         return Err(Finding::new(Cause::NoBridge, what, "whoever took it out", remedy));
     }
-    if let Some(Elsewhere { place, endpoint, .. }) = &way.afar {
-        let graphs =
+    if let Some((domain, bridge)) = &way.afar {
+        let mut graphs =
             std::iter::once(source).chain(destination).filter_map(|end| end.graph.as_ref());
-        let own = graphs.map(|it| format!("domain {}", it.domain_id)).next();
-        let own = own.unwrap_or_else(|| "this domain".to_owned());
-        let bridge = running::bridge_of(endpoint).unwrap_or_default();
-        let what =
-            format!("no bridge runs the route: none is in {own} of ROS 2; {bridge} is in {place}");
-        let number = place.trim_start_matches("domain ");
+        let own = graphs.next().map_or(String::new(), |it| format!(" (domain {})", it.domain_id));
+        let what = format!(
+            "no bridge runs the route here{own}: {bridge} does in domain {domain} of ROS 2"
+        );
         let remedy = format!(
-            "export ROS_DOMAIN_ID={number} in this shell, where that is the domain of the robot; else start {bridge} in {own}"
+            "export ROS_DOMAIN_ID={domain} in this shell, where that is the robot's; else end {bridge}, and start it in the \
+             domain of its peers"
         );
         let who = "this shell, or whoever starts the bridge";
         return Err(Finding::new(Cause::OtherDomain, what, who, remedy));

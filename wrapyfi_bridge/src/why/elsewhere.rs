@@ -1,12 +1,15 @@
-//! A name, or a bridge, on ROS 2 where this program does not look: neighbouring domains, and other machines.
+//! The same name on ROS 2, or a bridge with the route, where this program does not look: neighbouring domains, and other
+//! machines.
 
 use std::time::Duration;
 
 use tracing_subscriber::util::SubscriberInitExt as _;
 use wrapyfi_core::endpoint::{Discovered, Middleware as _, Wake};
+use wrapyfi_core::middleware::ros2::Ros2;
 use wrapyfi_core::middleware::ros2::environment::MAX_DOMAIN_ID;
 
-use super::{Elsewhere, Graph};
+use super::look::Wanted;
+use super::{Elsewhere, Graph, running};
 use crate::middlewares::{Ros2Section, ros2_elsewhere};
 
 /// Time for which the own domain is looked at again, as far as multicast reaches.
@@ -21,33 +24,12 @@ const NEAR: u32 = 2;
 pub(super) fn look(
     section: &Ros2Section,
     graph: &Graph,
-    is_met: &(dyn Fn(&Discovered) -> bool + Sync),
+    wanted: &Wanted,
     wide: bool,
     is_over: &(dyn Fn() -> bool + Sync),
 ) -> Vec<Elsewhere> {
     let own = graph.domain_id;
-    let near = own.saturating_sub(NEAR)..=own.saturating_add(NEAR).min(MAX_DOMAIN_ID);
-    let mut domains: Vec<u32> = match wide {
-        true => vec![own],
-        false => near.chain([0]).filter(|domain| *domain != own).collect(),
-    };
-    domains.sort_by_key(|domain| (domain.abs_diff(own), *domain));
-    domains.dedup();
-    let mut found: Vec<(u32, Discovered)> = std::thread::scope(|scope| {
-        let looks: Vec<_> = domains
-            .into_iter()
-            .map(|domain| {
-                scope.spawn(move || {
-                    // Where a bridge looks, its log is no place for nodes that live for a moment.
-                    let _silent = tracing_subscriber::registry().set_default();
-                    let found = one(section, domain, wide, is_met, is_over);
-                    found.map(|one| (domain, one))
-                })
-            })
-            .collect();
-        looks.into_iter().filter_map(|look| look.join().ok().flatten()).collect()
-    });
-    found.sort_by_key(|(domain, _)| domain.abs_diff(own));
+    let found = in_each(section, graph, wide, &|ros2| one(ros2, wanted, is_over));
     let told = |(domain, endpoint): (u32, Discovered)| {
         let (place, remedy) = match wide {
             true => (
@@ -67,20 +49,57 @@ pub(super) fn look(
     found.into_iter().map(told).collect()
 }
 
-/// Endpoint that is looked for in a domain.
-fn one(
+/// Domain in which a bridge has the route, and its node.
+pub(super) fn bridge(
     section: &Ros2Section,
-    domain: u32,
+    graph: &Graph,
+    find: running::Find<'_>,
+    is_over: &(dyn Fn() -> bool + Sync),
+) -> Option<(u32, String)> {
+    let hear = |ros2: &Ros2| {
+        let (node, _) =
+            running::heard(ros2, find, &|_bridges, is_found| is_found || is_over()).running?;
+        Some(node)
+    };
+    in_each(section, graph, false, &hear).into_iter().next()
+}
+
+/// Result of a look into each of a handful of domains, the nearest first; if `wide`, into the own as far as multicast
+/// reaches.
+fn in_each<R: Send>(
+    section: &Ros2Section,
+    graph: &Graph,
     wide: bool,
-    is_met: &dyn Fn(&Discovered) -> bool,
-    is_over: &dyn Fn() -> bool,
-) -> Option<Discovered> {
-    let ros2 = ros2_elsewhere(section, domain, wide).ok()?;
+    look: &(dyn Fn(&Ros2) -> Option<R> + Sync),
+) -> Vec<(u32, R)> {
+    let own = graph.domain_id;
+    let near = own.saturating_sub(NEAR)..=own.saturating_add(NEAR).min(MAX_DOMAIN_ID);
+    let mut domains: Vec<u32> = match wide {
+        true => vec![own],
+        false => near.chain([0]).filter(|domain| *domain != own).collect(),
+    };
+    domains.sort_by_key(|domain| (domain.abs_diff(own), *domain));
+    domains.dedup();
+    std::thread::scope(|scope| {
+        let start = |domain| {
+            scope.spawn(move || {
+                // Where a bridge looks, its log is no place for nodes that live for a moment.
+                let _silent = tracing_subscriber::registry().set_default();
+                Some((domain, look(&ros2_elsewhere(section, domain, wide).ok()?)?))
+            })
+        };
+        let looks: Vec<_> = domains.into_iter().map(start).collect();
+        looks.into_iter().filter_map(|look| look.join().ok().flatten()).collect()
+    })
+}
+
+/// Endpoint of the name in a domain.
+fn one(ros2: &Ros2, wanted: &Wanted, is_over: &dyn Fn() -> bool) -> Option<Discovered> {
     let mut discovery = ros2.discover().ok()?;
     let wake = Wake::new();
     loop {
         let found = discovery.endpoints().ok()?;
-        let first = found.into_iter().find(is_met);
+        let first = found.into_iter().find(|one| wanted.is_met(one));
         if is_over() || first.as_ref().is_some_and(|one| one.node.is_some()) {
             return first;
         }

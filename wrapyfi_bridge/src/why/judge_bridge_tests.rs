@@ -447,19 +447,11 @@ fn bridges_that_carry_a_mere_name_twice_are_named() {
 
 #[test]
 fn a_bridge_of_another_domain_is_not_to_be_started_once_more() {
-    let afar = Elsewhere {
-        endpoint: Discovered {
-            type_name: Some("wrapyfi_msgs/msg/BridgeStatus".to_owned()),
-            ..Discovered::new("/lab/bridge/status", Role::Publisher)
-        },
-        ..elsewhere("domain 7")
-    };
-    let way = Way { afar: Some(afar), others: Some(BTreeMap::new()), ..whole() };
+    let afar = Some((7, "/lab/bridge".to_owned()));
+    let way = Way { afar, others: Some(BTreeMap::new()), ..whole() };
     let found = judge(&way).finding.unwrap();
     assert_eq!(found.cause, Cause::OtherDomain);
-    assert!(
-        found.what.contains("none is in domain 3 of ROS 2; /lab/bridge is in domain 7"),
-        "{found:?}"
-    );
+    let wanted = "no bridge runs the route here (domain 3): /lab/bridge does in domain 7 of ROS 2";
+    assert_eq!(found.what, wanted);
     assert!(found.remedy.starts_with("export ROS_DOMAIN_ID=7 in this shell"), "{found:?}");
 }

@@ -207,10 +207,9 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
         // Some nodes answer after a second; meanwhile it is looked for elsewhere, until this is over.
         let is_there = AtomicBool::new(false);
         let is_over = || is_there.load(Relaxed) || is_over();
-        let is_met = &|one: &Discovered| wanted.is_met(one);
         std::thread::scope(|scope| {
             let far =
-                scope.spawn(|| elsewhere::look(&endpoints.ros2, &graph, is_met, false, &is_over));
+                scope.spawn(|| elsewhere::look(&endpoints.ros2, &graph, wanted, false, &is_over));
             seen = watch(&mut end, &mut side, |end, told| {
                 let is_met = wanted.is_there(end);
                 is_there.fetch_or(is_met, Relaxed);
@@ -265,8 +264,7 @@ pub(super) fn widen(endpoints: &Endpoints, wanted: &Wanted, end: &mut End) -> bo
     };
     let until = Instant::now() + elsewhere::WIDE;
     let is_over = || Instant::now() >= until;
-    let is_met = |one: &Discovered| wanted.is_met(one);
-    end.elsewhere.extend(elsewhere::look(&endpoints.ros2, graph, &is_met, true, &is_over));
+    end.elsewhere.extend(elsewhere::look(&endpoints.ros2, graph, wanted, true, &is_over));
     true
 }
 

@@ -82,8 +82,8 @@ pub struct Way {
     pub foreign: BTreeMap<String, ServiceMapping>,
     /// The finding that the bridge of the file is stopped, where none that answers has the route.
     pub stopped: Option<Finding>,
-    /// Bridge in another domain of ROS 2, where none is in the own.
-    pub afar: Option<Elsewhere>,
+    /// Domain of ROS 2 in which a bridge has the route, and its node, where there is no bridge in the own.
+    pub afar: Option<(u32, String)>,
     /// True where the parameters of the bridge's node made its routes, which stand in no file.
     pub is_of_parameters: bool,
     /// File of which no route means the endpoint that was asked for.

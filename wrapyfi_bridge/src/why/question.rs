@@ -6,13 +6,12 @@
 //!   package/msg/Name                                         ┘
 //! ```
 
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-use wrapyfi_core::endpoint::{Discovered, DropReason, EndpointAddress, Role};
+use wrapyfi_core::endpoint::{DropReason, EndpointAddress, Role};
 use wrapyfi_core::engine::{Kind, Plan, Route, RouteIndex, TO_BE_ACTIVATED, Typing};
 use wrapyfi_core::middleware::ros2::Ros2;
 use wrapyfi_interfaces::store::TypeStore;
@@ -21,12 +20,11 @@ use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 use super::drops::count;
 use super::ends::{entry, listens_on, qos_at, shown, type_at};
 use super::judge::may_be_bridge;
-use super::look::{Sight, Wanted, graph, look, patience, widen};
+use super::look::{LOOK, Sight, Wanted, graph, look, patience, widen};
 use super::meaning::{address, of_other_kind, route};
 use super::state::{came, leads_to, takes};
 use super::{
-    Elsewhere, End, Finding, Limited, RouteFacts, Unheard, Way, bridges, elsewhere, roles, running,
-    stopped,
+    End, Finding, Limited, RouteFacts, Unheard, Way, bridges, elsewhere, roles, running, stopped,
 };
 use crate::cli::WhyArgs;
 use crate::command::definitions;
@@ -209,7 +207,9 @@ impl Configured<'_> {
         let ros2 = observed(sight, plan.uses("ros2"));
         let from = Sight { ros2: ros2.as_ref(), is_answered: &is_answered, ..sight };
         let (mut looked, heard) =
-            beside_bridges(from, &find, || self.look(route, &ends, from, &is_left, types));
+            beside_bridges(from, &find, Some(&|all| running::of(route, all)), || {
+                self.look(route, &ends, from, &is_left, types)
+            });
         if let Some((_, told)) = heard.running.as_ref().filter(|(_, told)| differs(told)) {
             (route, ends) = as_told(told);
             begin_look();
@@ -280,11 +280,8 @@ impl Configured<'_> {
             false => format!("{}: {}", route.name, route.ends()),
         };
         let stopped = running.is_none().then(|| stopped::bridge(Some(&facts.file))).flatten();
-        // A bridge in another domain is no reason to start one here.
-        let is_alone = running.is_none() && heard.others.as_ref().is_some_and(BTreeMap::is_empty);
-        let afar = (is_alone && stopped.is_none()).then(|| bridge_afar(sight.endpoints)).flatten();
         let (route, source) = (Some(facts), Some(source));
-        let running::Heard { others, also, foreign, .. } = heard;
+        let running::Heard { others, also, foreign, afar, .. } = heard;
         let way = Way { title, is_service, route, source, destination, ..Way::default() };
         Way { node, running, others, also, foreign, stopped, afar, ..way }
     }
@@ -364,34 +361,42 @@ fn observed(sight: Sight<'_>, uses_ros2: bool) -> Option<Arc<Ros2>> {
 }
 
 /// Result of a look, with what the bridges on the graph of ROS 2 tell meanwhile where a command looks: their own word
-/// for a route goes before what others tell of it.
+/// for a route goes before what others tell of it. Where there is no bridge, those of other domains are heard, too.
 fn beside_bridges<R>(
     sight: Sight<'_>,
     find: running::Find<'_>,
+    find_afar: Option<running::Find<'_>>,
     look: impl FnOnce() -> R,
 ) -> (R, running::Heard) {
-    let (begin, patience) = (Instant::now(), patience(&graph(sight.endpoints)));
-    let has_looked = &AtomicBool::new(false);
-    let is_over = &|is_found: bool| {
+    let graph = graph(sight.endpoints);
+    let (begin, patience) = (Instant::now(), patience(&graph));
+    let (has_looked, is_alone) = (&AtomicBool::new(false), &AtomicBool::new(true));
+    let is_late = || begin.elapsed() >= patience;
+    let is_over = &|bridges: usize, is_found: bool| {
+        is_alone.store(bridges == 0, Relaxed);
         // Another bridge may have the route, too.
         let is_enough = sight.is_answered.load(Relaxed) || (is_found && has_looked.load(Relaxed));
-        begin.elapsed() >= if is_enough { AT_ONCE } else { patience }
+        is_late() || (is_enough && begin.elapsed() >= AT_ONCE)
+    };
+    // Only where it is likely that none is here: each domain that is looked at takes a participant.
+    let look_afar = || {
+        let is_over = || is_late() || !is_alone.load(Relaxed) || sight.is_answered.load(Relaxed);
+        while !is_over() && begin.elapsed() < 2 * AT_ONCE {
+            std::thread::sleep(LOOK);
+        }
+        let find = find_afar.filter(|_| !is_over())?;
+        elsewhere::bridge(&sight.endpoints.ros2, &graph, find, &is_over)
     };
     std::thread::scope(|scope| {
         let hear = |ros2| scope.spawn(move || running::heard(ros2, find, is_over));
         let heard = sight.ros2.map(|ros2| hear(ros2.as_ref()));
+        let afar = heard.as_ref().map(|_| scope.spawn(look_afar));
         let seen = look();
         has_looked.store(true, Relaxed);
-        (seen, heard.and_then(|heard| heard.join().ok()).unwrap_or_default())
+        let heard = heard.and_then(|heard| heard.join().ok()).unwrap_or_default();
+        let afar = afar.and_then(|afar| afar.join().ok()).flatten();
+        (seen, running::Heard { afar, ..heard })
     })
-}
-
-/// Bridge in another domain of ROS 2, where none is in the own.
-fn bridge_afar(endpoints: &Endpoints) -> Option<Elsewhere> {
-    let (graph, until) = (graph(endpoints), Instant::now() + elsewhere::WIDE);
-    let (is_bridge, is_over) =
-        (|one: &Discovered| running::bridge_of(one).is_some(), || Instant::now() >= until);
-    elsewhere::look(&endpoints.ros2, &graph, &is_bridge, false, &is_over).into_iter().next()
 }
 
 /// A bridge that would offer a service, were it activated.
@@ -402,7 +407,8 @@ pub(crate) fn inactive_at(service: &EndpointAddress) -> Option<Finding> {
     let (text, begin) = (service.to_string(), Instant::now());
     let is_it = |one: &RouteInfo| one.source == text && one.reason == TO_BE_ACTIVATED;
     let find = |all: Vec<RouteInfo>| all.into_iter().find(is_it);
-    let heard = running::heard(&ros2, &find, &|found| found || begin.elapsed() >= TELLS_WITHIN);
+    let heard =
+        running::heard(&ros2, &find, &|_bridges, found| found || begin.elapsed() >= TELLS_WITHIN);
     let (node, running) = heard.running?;
     let (running, foreign) = (Some(running), heard.foreign);
     bridges::inactive(&Way { node, running, foreign, ..Way::default() })
@@ -427,7 +433,7 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, types: &mut TypeStore
     };
     let (ros2, is_answered) = (observed(sight, true), AtomicBool::new(false));
     let from = Sight { ros2: ros2.as_ref(), is_answered: &is_answered, ..sight };
-    let (mut end, heard) = beside_bridges(from, &find, || {
+    let (mut end, heard) = beside_bridges(from, &find, None, || {
         let end = look(from, &wanted, types);
         is_answered.store(true, Relaxed);
         end

@@ -6,8 +6,7 @@
 use std::collections::BTreeMap;
 
 use wrapyfi_core::endpoint::{
-    Context, Discovered, EndpointAddress, History, Listener, Middleware as _, Qos, QosPreset, Role,
-    TopicSpec,
+    Context, EndpointAddress, History, Listener, Middleware as _, Qos, QosPreset, Role, TopicSpec,
 };
 use wrapyfi_core::engine::{Kind, OVER_LIMIT, Route, TO_BE_ACTIVATED};
 use wrapyfi_core::middleware::ros2::Ros2;
@@ -40,10 +39,12 @@ pub(super) struct Heard {
     pub(super) others: Option<BTreeMap<String, BridgeStatus>>,
     /// Mapping of services of the bridges that have another than ours, by node.
     pub(super) foreign: BTreeMap<String, ServiceMapping>,
+    /// Domain in which a bridge has it, and its node, where there is no bridge in the own.
+    pub(super) afar: Option<(u32, String)>,
 }
 
-/// Hears the bridges on the graph until it `is_over`, which is told whether one has the route.
-pub(super) fn heard(ros2: &Ros2, find: Find<'_>, is_over: &dyn Fn(bool) -> bool) -> Heard {
+/// Hears the bridges on the graph until it `is_over`, which is told their number and whether one has the route.
+pub(super) fn heard(ros2: &Ros2, find: Find<'_>, is_over: &dyn Fn(usize, bool) -> bool) -> Heard {
     let (Ok(mut discovery), Ok(ros_type)) = (ros2.discover(), ros_type::<BridgeStatus>()) else {
         return Heard::default();
     };
@@ -59,7 +60,9 @@ pub(super) fn heard(ros2: &Ros2, find: Find<'_>, is_over: &dyn Fn(bool) -> bool)
     loop {
         let Ok(found) = discovery.endpoints() else { return Heard::default() };
         for one in found {
-            let Some(node) = bridge_of(&one) else { continue };
+            let is_status = one.role == Role::Publisher
+                && one.type_name.as_deref() == Some(BridgeStatus::ROS_TYPE);
+            let Some(node) = one.name.strip_suffix(STATUS).filter(|_| is_status) else { continue };
             if !bridges.contains_key(node) {
                 let spec =
                     TopicSpec { qos, ..TopicSpec::new(&one.name, MessageType::Ros(ros_type)) };
@@ -83,7 +86,7 @@ pub(super) fn heard(ros2: &Ros2, find: Find<'_>, is_over: &dyn Fn(bool) -> bool)
         let is_told = |((node, _), route): (&(String, _), &RouteInfo)| {
             (route.kind != "service" && route.reason != TO_BE_ACTIVATED) || served(node).is_some()
         };
-        if !is_over(having.iter().any(is_told)) {
+        if !is_over(bridges.len(), having.iter().any(is_told)) {
             context.wake.wait(LOOK);
             continue;
         }
@@ -104,15 +107,8 @@ pub(super) fn heard(ros2: &Ros2, find: Find<'_>, is_over: &dyn Fn(bool) -> bool)
         let also = all.filter(|(_, route)| is_same(route)).map(|(node, _)| node);
         let others = bridges.into_iter().map(|(node, (_, status))| Some((node, status?)));
         let others = others.collect::<Option<_>>().filter(|_| running.is_none());
-        return Heard { also: also.collect(), others, running, foreign };
+        return Heard { also: also.collect(), others, running, foreign, afar: None };
     }
-}
-
-/// Node of the bridge that publishes its status here.
-pub(super) fn bridge_of(one: &Discovered) -> Option<&str> {
-    let is_status =
-        one.role == Role::Publisher && one.type_name.as_deref() == Some(BridgeStatus::ROS_TYPE);
-    one.name.strip_suffix(STATUS).filter(|_| is_status)
 }
 
 /// True where a bridge runs something of the kind of a route: topics and services may have the same ends.
