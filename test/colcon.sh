@@ -18,7 +18,7 @@ fail() {
     exit 1
 }
 # What colcon said is of interest only when it went wrong.
-trap '[ $? -eq 0 ] || { tail -n 60 "$log" >&2; echo "colcon: failed while: $step (everything: $log)" >&2; }' EXIT
+trap '[ $? -eq 0 ] || { grep -E "^error|No space left" "$log" | head -n 20 >&2; tail -n 40 "$log" >&2; echo "colcon: failed while: $step (everything: $log)" >&2; }' EXIT
 
 # Not by AMENT_PREFIX_PATH alone: a sourced workspace of Debian's colcon sets it too.
 ros_is_sourced() {
