@@ -5,6 +5,8 @@
 //!   bytes ──▶ codec ──▶ types ──▶ codec ──▶ bytes
 //!               │
 //!            plugin    what stands behind Wrapyfi's plug-in keys
+//!
+//!   imports: plugin, returned ─▶ codec ─▶ plugin_api ─▶ types
 //! ```
 //!
 //! * [`types`]: the data model.
@@ -23,9 +25,12 @@
 //! # Ok::<(), wrapyfi_data::codec::DecodeError>(())
 //! ```
 
+mod base64;
 pub mod codec;
+mod json_text;
 mod limits;
 pub mod plugin;
+mod plugin_api;
 pub mod returned;
 pub mod types;
 

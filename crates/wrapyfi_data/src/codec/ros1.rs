@@ -21,7 +21,7 @@ use wrapyfi_interfaces::wrapyfi_msgs::msg::AudioChunk;
 use super::ros::{audio, countable, describe, image, plain};
 use super::{DecodeError, DecodeResult, EncodeError, EncodeResult, json};
 use crate::Limits;
-use crate::plugin::Plugins;
+use crate::plugin_api::Plugins;
 use crate::types::{MessageType, Payload, Value};
 
 /// Name of the format in errors.

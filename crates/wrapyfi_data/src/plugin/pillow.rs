@@ -10,11 +10,11 @@
 
 use bytes::Bytes;
 
-use super::error::malformed;
 use super::{Body, Part, Plugin, PluginError, Unpacking};
 use crate::codec::image_file::{self, unpack_bits};
 use crate::codec::picture::INKS;
 use crate::codec::{DecodeError, EncodeError};
+use crate::plugin_api::malformed;
 use crate::types::{
     CompressedFormat, Encoding, Image, Picture, Pixels, RawPixels, Stamp, Value, swap_byte_order,
 };

@@ -4,9 +4,9 @@
 //!   ["PintData", base64 of {"magnitude": 1.5, "units": "meter"}, "Quantity"]  ◀─▶  Quantity
 //! ```
 
-use super::error::malformed;
 use super::{Body, Part, Plugin, PluginError, Plugins, Unpacking};
 use crate::codec::json;
+use crate::plugin_api::malformed;
 use crate::types::Value;
 
 /// pint's `Quantity` with a single number.

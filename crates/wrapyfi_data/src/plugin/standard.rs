@@ -3,6 +3,7 @@
 use std::sync::{Arc, LazyLock};
 
 use super::Plugin;
+use super::Plugins;
 use super::dask::Dask;
 use super::npy_tensor::NpyTensor;
 use super::paddle::Paddle;
@@ -13,7 +14,6 @@ use super::pillow::Pillow;
 use super::pint::Pint;
 #[cfg(feature = "tables")]
 use super::pyarrow::PyArrow;
-use super::set::Plugins;
 #[cfg(feature = "torch")]
 use super::torch::Torch;
 use super::trax::Trax;

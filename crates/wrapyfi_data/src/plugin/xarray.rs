@@ -11,9 +11,9 @@
 //!
 //! A `DataArray` is a data set of one array, whose name stands behind it.
 
-use super::error::malformed;
 use super::{Body, Part, Plugin, PluginError, Plugins, Unpacking};
 use crate::codec::{DecodeError, json};
+use crate::plugin_api::malformed;
 use crate::types::{
     DateTime, Labelled, LabelledContent, Map, Value, Variable, nested_list, rectangular,
 };

@@ -6,9 +6,9 @@ use bytes::Bytes;
 
 use super::super::{DecodeError, Path};
 use super::number;
-use super::text::{self, RawString, TAG, Text};
 use crate::Limits;
-use crate::plugin::Plugins;
+use crate::json_text::{self as text, RawString, TAG, Text};
+use crate::plugin_api::Plugins;
 use crate::types::{Map, Tensor, Value};
 
 pub(super) type Result<T> = std::result::Result<T, DecodeError>;

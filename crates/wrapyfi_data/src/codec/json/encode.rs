@@ -3,11 +3,12 @@
 use std::borrow::Cow;
 
 use super::super::{EncodeError, Path};
+use super::neutral;
 use super::number::{MAX_DIGITS, big_integer, write_float};
-use super::text::TAG;
-use super::{base64, neutral, text};
+use crate::base64;
 use crate::codec::npy;
-use crate::plugin::{Part, Plugins};
+use crate::json_text::{self as text, TAG};
+use crate::plugin_api::{Part, Plugins};
 use crate::types::{Map, Tensor, Value};
 
 type Result<T> = std::result::Result<T, EncodeError>;

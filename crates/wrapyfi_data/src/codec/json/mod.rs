@@ -14,24 +14,25 @@
 //! any size (up to 4300 digits); strings with lone surrogates; repeated members, where the last one
 //! counts. Tagged values and their rules: `docs/reference/wire/native-object.md`.
 
-pub mod base64;
+/// Base64 as Python reads and writes it.
+pub mod base64 {
+    pub use crate::base64::{append, decode_leniently, decode_strictly};
+}
 mod decode;
 mod encode;
 mod neutral;
 mod number;
 mod tags;
-mod text;
 
 pub(crate) use neutral::{extents, extents_body, quantity, quantity_body};
 pub use number::write_float;
-pub(crate) use text::{RawString, Text};
 
 use bytes::Bytes;
 
-use self::text::TAG;
 use super::{DecodeError, DecodeResult, EncodeResult};
 use crate::Limits;
-use crate::plugin::Plugins;
+use crate::json_text::TAG;
+use crate::plugin_api::Plugins;
 use crate::types::{Tensor, Value};
 
 /// Reads a native object. Arrays share no bytes with `text`; objects of unknown plug-ins do.

@@ -14,10 +14,11 @@ use memchr::memchr;
 
 use super::super::Path;
 use super::decode::{Decoder, Result, Tagged};
-use super::text::{TAG, Text};
-use super::{base64, neutral};
+use super::neutral;
+use crate::base64;
 use crate::codec::npy::{self, NpyArray};
-use crate::plugin::{Body, Element, Unpacking};
+use crate::json_text::{TAG, Text};
+use crate::plugin_api::{Body, Element, Unpacking};
 use crate::types::{Value, unique_members};
 
 impl Decoder<'_> {

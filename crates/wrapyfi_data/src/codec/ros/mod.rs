@@ -32,7 +32,7 @@ use self::part::describe_pixels;
 pub use self::part::fault;
 use super::{DecodeError, DecodeResult, EncodeError, EncodeResult};
 use crate::Limits;
-use crate::plugin::Plugins;
+use crate::plugin_api::Plugins;
 use crate::types::{MessageType, Payload, RosMessage, Value};
 
 /// Writes `payload` as a message of type `message_type`.

@@ -9,7 +9,7 @@ use wrapyfi_interfaces::wrapyfi_msgs::msg;
 use super::part::{FORMAT, countable, fault, header, malformed, quote, stamp};
 use crate::Limits;
 use crate::codec::{DecodeError, DecodeResult, EncodeError, EncodeResult, json};
-use crate::plugin::Plugins;
+use crate::plugin_api::Plugins;
 use crate::types::{Dtype, NativeObject, Tensor, Value};
 
 pub(super) fn encode(object: &NativeObject, plugins: &Plugins) -> Result<CdrParts, EncodeError> {

@@ -23,10 +23,10 @@ use arrow_array::{Array as _, ArrayRef};
 use arrow_schema::{Field, Schema};
 
 use super::super::PluginError;
-use super::super::error::malformed;
 use super::super::pyarrow::batch;
 use crate::Limits;
 use crate::codec::json;
+use crate::plugin_api::malformed;
 use crate::types::{Origin, Table, Value};
 
 /// Name of pandas's type in a field's metadata.

@@ -13,11 +13,11 @@ use std::sync::Arc;
 
 use arrow_array::{ArrayRef, BooleanArray, Float64Array, Int64Array, StringArray};
 
-use super::super::error::malformed;
 use super::super::{Body, Part, PluginError, Unpacking};
 use super::frame::{Column, Frame, Index, Kind, range_labels};
 use super::labels;
 use crate::codec::json;
+use crate::plugin_api::malformed;
 use crate::types::{Map, Value};
 
 type Result<T> = std::result::Result<T, PluginError>;

@@ -2,7 +2,6 @@
 
 use bytes::Bytes;
 
-use super::super::error::malformed;
 use super::super::pickled::in_member;
 use super::super::{PluginError, Unpacking};
 use super::{NAMED, STORAGES};
@@ -10,6 +9,7 @@ use crate::codec::archive::{Archive, Member};
 use crate::codec::npy::gather;
 use crate::codec::pickle::{self, Allowed, Node, PickleError};
 use crate::plugin::Framework;
+use crate::plugin_api::malformed;
 use crate::types::{Dtype, Origin, Tensor, element_count, swap_byte_order};
 
 /// Most dimensions of a tensor: torch's own limit.

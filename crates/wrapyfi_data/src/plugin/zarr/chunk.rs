@@ -6,7 +6,7 @@ use bytes::Bytes;
 
 use super::blosc;
 use crate::plugin::PluginError;
-use crate::plugin::error::malformed;
+use crate::plugin_api::malformed;
 use crate::types::Value;
 
 /// The compressor that `.zarray` names.

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use super::store::Store;
 use super::{Files, KEY, array};
 use crate::plugin::PluginError;
-use crate::plugin::error::malformed;
+use crate::plugin_api::malformed;
 use crate::types::{PluginObject, Value};
 
 /// A zarr group with everything in it. It is the only object of [`crate::plugin`] that is a

@@ -3,13 +3,13 @@
 use memchr::{memchr, memchr2};
 
 /// The member that makes an object a tagged value.
-pub(super) const TAG: &str = "__wrapyfi__";
+pub(crate) const TAG: &str = "__wrapyfi__";
 
 /// A string as it stands between its quotes, valid as far as finding its end told.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct RawString<'a> {
-    pub(super) inner: &'a [u8],
-    pub(super) escaped: bool,
+    pub(crate) inner: &'a [u8],
+    pub(crate) escaped: bool,
 }
 
 /// Content of a string.
@@ -22,7 +22,7 @@ pub(crate) enum Text {
 
 /// Finds the end of the string whose opening quote stands before `rest`; `None` when it does not
 /// end.
-pub(super) fn find_end(rest: &[u8]) -> Option<RawString<'_>> {
+pub(crate) fn find_end(rest: &[u8]) -> Option<RawString<'_>> {
     let mut at = 0;
     let mut escaped = false;
     loop {
@@ -100,7 +100,7 @@ impl<'a> RawString<'a> {
     }
 
     /// Checks the string as [`RawString::decode`] does, without keeping its content.
-    pub(super) fn check(self) -> Result<(), String> {
+    pub(crate) fn check(self) -> Result<(), String> {
         self.pieces().try_for_each(|piece| piece.map(drop))
     }
 
@@ -170,7 +170,7 @@ fn plain(part: &[u8]) -> Result<&str, String> {
 }
 
 /// Appends `text` in quotes, everything but printable ASCII escaped.
-pub(super) fn write(text: &str, out: &mut Vec<u8>) {
+pub(crate) fn write(text: &str, out: &mut Vec<u8>) {
     out.push(b'"');
     let mut rest = text;
     while let Some(at) = rest.find(|c: char| !matches!(c, ' '..='~') || c == '"' || c == '\\') {
@@ -187,7 +187,7 @@ pub(super) fn write(text: &str, out: &mut Vec<u8>) {
 }
 
 /// Appends UTF-16 code units in quotes, surrogates included. Bytes become one character each.
-pub(super) fn write_units<T: Copy + Into<u16>>(units: &[T], out: &mut Vec<u8>) {
+pub(crate) fn write_units<T: Copy + Into<u16>>(units: &[T], out: &mut Vec<u8>) {
     out.push(b'"');
     units.iter().for_each(|&unit| write_unit(unit.into(), out));
     out.push(b'"');

@@ -17,7 +17,7 @@ pub struct Plugins {
 
 impl Plugins {
     /// The set of `plugins`.
-    pub(super) fn of(plugins: Vec<Arc<dyn Plugin>>) -> Self {
+    pub(crate) fn of(plugins: Vec<Arc<dyn Plugin>>) -> Self {
         let by_key = plugins.into_iter().map(|it| (it.key().to_owned(), it)).collect();
         Self { by_key: Arc::new(by_key), devices: None }
     }

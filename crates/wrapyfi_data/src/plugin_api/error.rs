@@ -71,6 +71,6 @@ impl PluginError {
 }
 
 /// Error for a first part, most often the only one, that does not follow the format.
-pub(super) fn malformed(reason: impl std::fmt::Display) -> PluginError {
+pub(crate) fn malformed(reason: impl std::fmt::Display) -> PluginError {
     PluginError::malformed(0, reason.to_string())
 }

@@ -49,7 +49,7 @@ pub fn decode_leniently(text: &[u8]) -> Result<Vec<u8>, String> {
 }
 
 /// Length of `bytes` bytes in base64.
-pub(super) fn encoded_length(bytes: usize) -> usize {
+pub(crate) fn encoded_length(bytes: usize) -> usize {
     bytes.div_ceil(3).saturating_mul(4)
 }
 

@@ -5,7 +5,8 @@ use std::borrow::Cow;
 use bytes::Bytes;
 
 use super::PluginError;
-use crate::codec::json::{RawString, Text, base64};
+use crate::base64;
+use crate::json_text::{RawString, Text};
 use crate::types::Value;
 
 /// The parts behind the key of a received object. Parts are counted from 0, the key left out.

@@ -63,7 +63,7 @@ impl Framework {
     }
 
     /// Label of a tensor on `device`, as this library's wire has it; `default` where it has none.
-    pub(super) fn label(self, device: &str, default: &str) -> String {
+    pub(crate) fn label(self, device: &str, default: &str) -> String {
         self.spell(if device.is_empty() { default } else { device })
     }
 
