@@ -20,18 +20,28 @@ use wrapyfi_interfaces::store::TypeStore;
 /// The data types of `#[register]` as types.
 pub mod kind {
     /// Values of any type that serde knows.
+    ///
+    /// See [`Returned`](super::Returned).
     #[derive(Debug, Clone, Copy)]
     pub struct NativeObject;
     /// A camera frame.
+    ///
+    /// See [`Returned`](super::Returned).
     #[derive(Debug, Clone, Copy)]
     pub struct Image;
     /// A chunk of sound.
+    ///
+    /// See [`Returned`](super::Returned).
     #[derive(Debug, Clone, Copy)]
     pub struct AudioChunk;
     /// Parameters of a node.
+    ///
+    /// See [`Returned`](super::Returned).
     #[derive(Debug, Clone, Copy)]
     pub struct Properties;
     /// A message of a ROS type.
+    ///
+    /// See [`Returned`](super::Returned).
     #[derive(Debug, Clone, Copy)]
     pub struct RosMessage;
 }
@@ -45,6 +55,22 @@ pub mod kind {
 /// | `AudioChunk` | [`types::AudioChunk`]; `Option` of it, whose `None` is not sent |
 /// | `Properties` | [`types::Properties`]; `Option` of it, whose `None` is not sent |
 /// | `RosMessage` | every generated message ([`Message`]); [`types::RosMessage`], whose type the option `message_type` names |
+///
+/// ```
+/// use wrapyfi_data::returned::{PayloadError, Returned, kind};
+/// use wrapyfi_data::types::{DataType, Payload};
+///
+/// fn send<K>(value: &impl Returned<K>) -> Result<Option<Payload>, PayloadError> {
+///     value.to_payload()
+/// }
+///
+/// let payload = send::<kind::NativeObject>(&(7, "left".to_owned()))?.unwrap();
+/// assert_eq!(payload.data_type(), DataType::NativeObject);
+/// let back = <(i64, String) as Returned<kind::NativeObject>>::from_payload(payload)?;
+/// assert_eq!(back, (7, "left".to_owned()));
+/// assert!(send::<kind::Image>(&None)?.is_none());
+/// # Ok::<(), PayloadError>(())
+/// ```
 #[diagnostic::on_unimplemented(
     message = "`{Self}` cannot be returned by a method registered under this data type",
     label = "not carried under this data type",
@@ -70,6 +96,14 @@ pub trait Returned<K>: Sized {
 }
 
 /// Error of converting between a returned value and a message.
+///
+/// ```
+/// use wrapyfi_data::returned::{Returned, kind};
+/// use wrapyfi_data::types::{AudioChunk, Value};
+/// let text = Value::from("no sound").into();
+/// let error = <AudioChunk as Returned<kind::AudioChunk>>::from_payload(text).unwrap_err();
+/// assert_eq!(error.to_string(), "NativeObject where AudioChunk should be");
+/// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PayloadError {

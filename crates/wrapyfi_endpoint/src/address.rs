@@ -20,6 +20,12 @@ pub struct EndpointAddress {
 }
 
 /// Error of reading an endpoint address.
+///
+/// ```
+/// use wrapyfi_endpoint::EndpointAddress;
+/// let error = "camera".parse::<EndpointAddress>().unwrap_err();
+/// assert!(error.to_string().starts_with("endpoint \"camera\" names no middleware: write the name"));
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ParseAddressError {

@@ -18,6 +18,16 @@ use wrapyfi_data::Limits;
 pub const PROGRESS: Duration = Duration::from_secs(30);
 
 /// Number of bytes that wait, and the limit on it.
+///
+/// ```
+/// use wrapyfi_endpoint::{Budget, Share};
+/// static BUDGET: Budget = Budget::new(100);
+/// let (camera, microphone) = (Share::of(&BUDGET), Share::of(&BUDGET));
+/// assert!(camera.take(60) && microphone.take(30));
+/// assert_eq!(BUDGET.used(), 90);
+/// drop(camera);
+/// assert_eq!(BUDGET.used(), 30);
+/// ```
 #[derive(Debug)]
 pub struct Budget {
     limit: AtomicUsize,
@@ -53,6 +63,16 @@ impl Budget {
 }
 
 /// Bytes of the budget that wait for one peer, or in one queue. Dropping the share gives them back.
+///
+/// ```
+/// use wrapyfi_endpoint::{Budget, Share};
+/// static BUDGET: Budget = Budget::new(100);
+/// let queue = Share::of(&BUDGET);
+/// assert!(queue.take(200)); // a message that waits alone has room
+/// assert!(!queue.take(1));
+/// queue.give(200);
+/// assert_eq!(queue.used(), 0);
+/// ```
 #[derive(Debug)]
 pub struct Share {
     budget: &'static Budget,

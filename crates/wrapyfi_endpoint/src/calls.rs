@@ -15,6 +15,8 @@ use super::{CallError, Clock, Context, DropReason, Reply, Share, Wake};
 use wrapyfi_data::types::Payload;
 
 /// Number of a call of one client.
+///
+/// See [`Client::send`](crate::Client::send), which gives one to each call.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Ticket(u64);
 

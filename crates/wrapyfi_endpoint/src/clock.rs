@@ -11,6 +11,15 @@ use std::time::{Duration, Instant};
 use wrapyfi_data::types::Stamp;
 
 /// The time of a node at one moment.
+///
+/// ```
+/// use wrapyfi_endpoint::{Clock, RosNow};
+/// use wrapyfi_data::types::Stamp;
+/// let stamp = Stamp { sec: 12, nanosec: 0 };
+/// let clock = Clock::default().with_ros_time(move || RosNow { stamp, simulated: true });
+/// assert_eq!(clock.ros_now(), RosNow { stamp, simulated: true });
+/// assert!(!Clock::default().ros_now().simulated);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RosNow {
     /// The time.

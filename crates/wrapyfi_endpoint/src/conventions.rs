@@ -28,6 +28,12 @@ const NODE_SERVICES: [&str; 21] = [
 ];
 
 /// Conventions of a middleware for types and for names that programs have about themselves.
+///
+/// ```
+/// use wrapyfi_endpoint::Conventions;
+/// let ours = Conventions { has_text_type: true, program_topics: Some("rosout"), ..Conventions::NONE };
+/// assert!(ours.node_services.contains(&"get_parameters"));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Conventions {
     /// True where a text has a message type of its own, so that it crosses to another such

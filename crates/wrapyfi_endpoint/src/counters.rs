@@ -26,6 +26,14 @@ serialized_by_name!(DropReason, QosEvent);
 
 named! {
     /// Reason that a message was not delivered. Every lost message is counted under one of these.
+    ///
+    /// ```
+    /// use wrapyfi_endpoint::DropReason;
+    /// use wrapyfi_data::{Limits, codec::json};
+    /// let error = json::decode(&"{".into(), &Limits::default()).unwrap_err();
+    /// assert_eq!(DropReason::from(&error), DropReason::Malformed);
+    /// assert_eq!(DropReason::NoConsumer.to_string(), "no_consumer");
+    /// ```
     #[non_exhaustive]
     pub enum DropReason {
         /// The route's queue was full: its policy chose this message.
@@ -111,6 +119,13 @@ impl From<&ConvertError> for DropReason {
 
 named! {
     /// Event of an endpoint's quality of service, such as a missed deadline. No message is lost by it.
+    ///
+    /// ```
+    /// use wrapyfi_endpoint::{Counters, QosEvent};
+    /// let counters = Counters::default();
+    /// counters.qos_event(QosEvent::DeadlineMissed, 2);
+    /// assert_eq!(counters.snapshot().qos_events, [(QosEvent::DeadlineMissed, 2)]);
+    /// ```
     pub enum QosEvent {
         /// A publisher let its deadline pass: the next message did not come in time.
         DeadlineMissed => "deadline_missed",
@@ -129,6 +144,14 @@ named! {
 }
 
 /// A program that was refused at an endpoint.
+///
+/// ```
+/// use wrapyfi_endpoint::{Counters, Refused};
+/// let counters = Counters::default();
+/// let (who, allow) = ("192.168.1.7".to_owned(), "from_peers: [192.168.1.7]".to_owned());
+/// counters.refused_peer(Refused { who, allow });
+/// assert_eq!(counters.snapshot().refused.unwrap().allow, "from_peers: [192.168.1.7]");
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Refused {
     /// The program, and the reason, in words.
@@ -150,6 +173,18 @@ impl Refused {
 }
 
 /// Live counters of one route or endpoint, shared with the I/O threads that feed it.
+///
+/// ```
+/// use std::time::Duration;
+/// use wrapyfi_endpoint::{Counters, DropReason};
+/// let counters = Counters::default();
+/// counters.received(100);
+/// counters.received(100);
+/// counters.sent(90, Duration::from_millis(1));
+/// counters.dropped(DropReason::Malformed);
+/// let now = counters.snapshot();
+/// assert_eq!((now.received_bytes, now.sent, now.dropped()), (200, 1, 1));
+/// ```
 #[derive(Debug, Default)]
 pub struct Counters {
     received: AtomicU64,
@@ -267,6 +302,15 @@ impl Counters {
 }
 
 /// [`Counters`] at one moment, printable and serialisable.
+///
+/// ```
+/// use wrapyfi_endpoint::{Counters, DropReason};
+/// let counters = Counters::default();
+/// counters.dropped_many(DropReason::Oversize, 3);
+/// let snapshot = counters.snapshot();
+/// assert_eq!(snapshot.dropped_for(DropReason::Oversize), 3);
+/// assert_eq!(snapshot.drops, [(DropReason::Oversize, 3)]);
+/// ```
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct CountersSnapshot {
     /// Number of messages that arrived.

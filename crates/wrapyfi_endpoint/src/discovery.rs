@@ -17,9 +17,28 @@ use serde::Serialize;
 use super::{BridgeMark, History, Liveliness, QosPolicy, Reliability};
 
 /// Predicate that is true for the names of endpoints that the owner of a [`Discovery`] asks for.
+///
+/// ```
+/// use wrapyfi_endpoint::NameFilter;
+/// let cameras: NameFilter = Box::new(|name| name.starts_with("/camera/"));
+/// assert!(cameras("/camera/left") && !cameras("/arm"));
+/// ```
 pub type NameFilter = Box<dyn Fn(&str) -> bool + Send + Sync>;
 
 /// A look for endpoints that goes on until it is dropped, and sees more the longer it goes on.
+///
+/// ```
+/// use wrapyfi_endpoint::{Context, Discovery, Middleware, Role, TopicSpec, memory::Memory};
+/// use wrapyfi_data::types::MessageType;
+/// let bus = Memory::new("memory");
+/// let spec = TopicSpec::new("/camera", MessageType::Image);
+/// let _publisher = bus.open_publisher(&spec, &Context::default())?;
+/// let mut discovery = bus.discover()?;
+/// let found = discovery.endpoints()?;
+/// assert_eq!((found[0].name.as_str(), found[0].role), ("/camera", Role::Publisher));
+/// assert_eq!(discovery.is_complete(), Some(true));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub trait Discovery: Send {
     /// Restricts discovery to the names that `wanted` accepts; call it before the first look. Where
     /// endpoints have to be asked one by one, the others are not asked, and may be left out.
@@ -53,6 +72,15 @@ pub trait Discovery: Send {
 }
 
 /// An endpoint, or several that are alike and that the transport lists as one.
+///
+/// ```
+/// use wrapyfi_endpoint::{Discovered, Role};
+/// let camera = Discovered {
+///     type_name: Some("sensor_msgs/msg/Image".into()),
+///     ..Discovered::new("/camera", Role::Publisher)
+/// };
+/// assert_eq!((camera.count, camera.node), (1, None));
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Discovered {
     /// Topic or service, as the middleware's addresses name it.
@@ -97,6 +125,12 @@ impl Discovered {
 }
 
 /// Role of an endpoint.
+///
+/// ```
+/// use wrapyfi_endpoint::Role;
+/// assert_eq!(Role::Publisher.to_string(), "publisher");
+/// assert!(Role::Publisher < Role::Server); // the order of lists
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 #[allow(missing_docs)]
@@ -120,6 +154,8 @@ macro_rules! shown_as_in_json {
 shown_as_in_json!(Role, Reliability, AnnouncedDurability, Liveliness, QosPolicy);
 
 /// Messages of a topic that passed through the broker since it started.
+///
+/// See [`Discovered::traffic`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Traffic {
     /// Number of messages.
@@ -129,6 +165,12 @@ pub struct Traffic {
 }
 
 /// Quality of service as another program announces it. Times are `None` where they are infinite.
+///
+/// ```
+/// use wrapyfi_endpoint::{AnnouncedQos, Qos, QosPreset};
+/// let latched = AnnouncedQos::from(Qos::from(QosPreset::Latched));
+/// assert_eq!(latched.to_string(), "reliable transient_local keep_last(1)");
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[allow(missing_docs)]
 pub struct AnnouncedQos {
@@ -143,6 +185,13 @@ pub struct AnnouncedQos {
 }
 
 /// Durability as DDS defines it; ROS nodes use the first two kinds.
+///
+/// ```
+/// use wrapyfi_endpoint::AnnouncedDurability;
+/// let durability = AnnouncedDurability::Transient;
+/// assert!(durability > AnnouncedDurability::TransientLocal); // keeps more
+/// assert_eq!(durability.to_string(), "transient");
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 #[allow(missing_docs)]
@@ -178,6 +227,12 @@ impl fmt::Display for AnnouncedQos {
 }
 
 /// Error of listing endpoints.
+///
+/// ```
+/// use wrapyfi_endpoint::DiscoverError;
+/// let error = DiscoverError::Unsupported("zeromq".into());
+/// assert_eq!(error.to_string(), "zeromq cannot tell which endpoints exist");
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DiscoverError {

@@ -25,6 +25,8 @@ use super::counters::{Counters, DropReason};
 use crate::Mutex;
 
 /// Policy by which a full queue treats the next message.
+///
+/// See [`QueueSpec`], which it is a part of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Overflow {
     /// Drops the message that waited longest: right for streams, where the newest counts.
@@ -37,6 +39,23 @@ pub enum Overflow {
 }
 
 /// Length and policy of a route's queue.
+///
+/// ```
+/// use wrapyfi_endpoint::{Context, Middleware, Overflow, QueueSpec, TopicSpec};
+/// use wrapyfi_endpoint::memory::Memory;
+/// use wrapyfi_data::types::{MessageType, Value};
+/// let bus = Memory::new("memory");
+/// let queue = QueueSpec { depth: 1, overflow: Overflow::DropOldest };
+/// let spec = TopicSpec { queue, ..TopicSpec::new("/x", MessageType::NativeObject) };
+/// let context = Context::default();
+/// let mut listener = bus.open_listener(&spec, &context)?;
+/// let mut publisher = bus.open_publisher(&spec, &Context::default())?;
+/// publisher.publish(&Value::from(1).into())?;
+/// publisher.publish(&Value::from(2).into())?;
+/// assert_eq!(listener.take()?.unwrap().payload, Value::from(2).into());
+/// assert_eq!(context.counters.snapshot().dropped(), 1);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct QueueSpec {
     /// Largest number of messages held; at least 1.
@@ -52,6 +71,19 @@ impl Default for QueueSpec {
 }
 
 /// A message that a queue can hold, with its size.
+///
+/// ```
+/// use wrapyfi_endpoint::{Context, QueueSpec, Waits, inbox};
+///
+/// struct Frame(Vec<u8>);
+/// impl Waits for Frame {
+///     fn bytes(&self) -> usize { self.0.len() }
+/// }
+///
+/// let (sender, receiver) = inbox(QueueSpec::default(), &Context::default());
+/// assert!(sender.push(Frame(vec![0; 8])).is_ok());
+/// assert_eq!(receiver.pop().map(|frame| frame.bytes()), Some(8));
+/// ```
 pub trait Waits {
     /// Size of the message in bytes.
     fn bytes(&self) -> usize;
@@ -100,10 +132,14 @@ impl<T: Waits> Shared<T> {
 }
 
 /// Sending end of an inbox.
+///
+/// See [`Waits`].
 #[derive(Debug)]
 pub struct Sender<T>(Arc<Shared<T>>);
 
 /// Receiving end of an inbox.
+///
+/// See [`Waits`].
 #[derive(Debug)]
 pub struct Receiver<T: Waits>(Arc<Shared<T>>);
 

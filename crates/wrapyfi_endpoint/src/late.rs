@@ -21,6 +21,8 @@ use wrapyfi_data::types::ServiceKind;
 use wrapyfi_retry::contained;
 
 /// Fault of a try to start a middleware.
+///
+/// See [`Late::new`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum StartFault {
     /// The program or network that the middleware needs is not there; it may come.
@@ -30,6 +32,20 @@ pub enum StartFault {
 }
 
 /// Stand-in for a middleware until that can be started.
+///
+/// ```
+/// use std::sync::Arc;
+/// use wrapyfi_endpoint::{Late, Middleware, StartFault, memory::Memory};
+/// # let is_there = |_: &str| false;
+/// let fault = "nobody answers at 192.168.1.7";
+/// let late = Late::new("memory", fault.into(), move || match is_there("192.168.1.7") {
+///     true => Ok(Arc::new(Memory::new("memory")) as _),
+///     false => Err(StartFault::Absent(fault.into())),
+/// })?;
+/// let error = late.discover().err().unwrap();
+/// assert_eq!(error.to_string(), "memory to start: nobody answers at 192.168.1.7");
+/// # Ok::<(), std::io::Error>(())
+/// ```
 pub struct Late {
     name: &'static str,
     shared: Arc<Shared>,

@@ -12,6 +12,16 @@ const DOUBLINGS: u64 = 30;
 const BUCKETS: usize = ((DOUBLINGS + 1) * STEPS) as usize;
 
 /// A histogram of durations with logarithmic buckets from 1 µs, safe to share between threads.
+///
+/// ```
+/// use std::time::Duration;
+/// use wrapyfi_endpoint::Latency;
+/// let latency = Latency::default();
+/// (1..=100).for_each(|ms| latency.record(Duration::from_millis(ms)));
+/// let summary = latency.summary();
+/// assert!((44_000..57_000).contains(&summary.p50_us), "{summary:?}");
+/// assert!(summary.p99_us > summary.p50_us);
+/// ```
 #[derive(Debug)]
 pub struct Latency {
     buckets: [AtomicU64; BUCKETS],
@@ -24,6 +34,8 @@ impl Default for Latency {
 }
 
 /// Quantiles of a [`Latency`], in microseconds; zero when nothing was recorded.
+///
+/// See [`Latency`].
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct LatencySummary {
     /// Median: half of the messages were faster.

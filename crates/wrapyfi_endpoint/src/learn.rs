@@ -10,6 +10,16 @@ use super::Discovered;
 use wrapyfi_data::types::{MessageType, ParseTypeError, RosType, ServiceKind};
 
 /// The type of a topic.
+///
+/// ```
+/// use wrapyfi_endpoint::Learned;
+/// use wrapyfi_data::types::{MessageType, RosType};
+/// use wrapyfi_interfaces::store::TypeStore;
+/// let image = RosType::new(&TypeStore::generated().resolve_name("sensor_msgs/msg/Image")?)?;
+/// assert_eq!(Learned::Ros(image).message_type(false), MessageType::Image);
+/// assert_eq!(Learned::Ros(image).message_type(true), MessageType::Ros(image));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Learned {
     /// A type of ROS 2, or the one that a type of ROS 1 becomes.
@@ -37,6 +47,15 @@ impl Learned {
 }
 
 /// Error of learning the type of an endpoint.
+///
+/// ```
+/// use wrapyfi_endpoint::{Discovered, LearnError, Role, topic_of_name};
+/// use wrapyfi_interfaces::store::TypeStore;
+/// let untyped = Discovered::new("/camera", Role::Publisher);
+/// let error = topic_of_name("zeromq", &untyped, &mut TypeStore::generated()).unwrap_err();
+/// assert_eq!(error, LearnError::Untold("zeromq".into()));
+/// assert_eq!(error.to_string(), "the type, which zeromq does not tell: give `type`");
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum LearnError {
@@ -65,6 +84,8 @@ pub enum LearnError {
 }
 
 /// Result of learning a type.
+///
+/// See [`Middleware::learn_topic`](crate::Middleware::learn_topic).
 pub type LearnResult<T> = Result<T, LearnError>;
 
 /// Looks up the message type that an endpoint announces by a name of ROS 2 or of Wrapyfi.

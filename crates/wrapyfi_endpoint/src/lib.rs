@@ -96,6 +96,26 @@ use wrapyfi_data::plugin::Plugins;
 use wrapyfi_data::types::{Encoding, Map, MessageType, Payload, ServiceKind};
 
 /// A transport that carries topics: ZeroMQ, ROS 2, …
+///
+/// ```
+/// use std::error::Error;
+/// use wrapyfi_endpoint::{Context, Middleware, TopicSpec, memory::Memory};
+/// use wrapyfi_data::types::{MessageType, Value};
+///
+/// /// Works on any middleware.
+/// fn greet(middleware: &dyn Middleware, spec: &TopicSpec) -> Result<(), Box<dyn Error>> {
+///     let mut publisher = middleware.open_publisher(spec, &Context::default())?;
+///     publisher.publish(&Value::from("hello").into())?;
+///     Ok(())
+/// }
+///
+/// let bus = Memory::new("memory");
+/// let spec = TopicSpec::new("/greeting", MessageType::Text);
+/// let mut listener = bus.open_listener(&spec, &Context::default())?;
+/// greet(&bus, &spec)?;
+/// assert_eq!(listener.take()?.unwrap().payload, Value::from("hello").into());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub trait Middleware: Send + Sync {
     /// Name in addresses, for instance `zeromq` in `zeromq:/camera`.
     fn name(&self) -> &str;
@@ -216,6 +236,13 @@ pub trait Middleware: Send + Sync {
 }
 
 /// Properties of a middleware on which routes by pattern depend.
+///
+/// ```
+/// use wrapyfi_endpoint::{Middleware, Traits, memory::Memory};
+/// let bus = Memory::new("memory");
+/// assert_eq!(bus.traits(), Traits::default());
+/// assert!(!bus.traits().any_ros_type);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Traits {
     /// True where the middleware carries every ROS type as it is.
@@ -239,6 +266,22 @@ pub struct Traits {
 }
 
 /// The receiving end of a topic.
+///
+/// ```
+/// use std::time::Duration;
+/// use wrapyfi_endpoint::{Context, Listener, Middleware, TopicSpec, memory::Memory};
+/// use wrapyfi_data::types::{MessageType, Payload, Value};
+///
+/// let bus = Memory::new("memory");
+/// let spec = TopicSpec::new("/x", MessageType::NativeObject);
+/// let context = Context::default();
+/// let mut listener = bus.open_listener(&spec, &context)?;
+/// assert_eq!(listener.take()?, None);
+/// bus.open_publisher(&spec, &Context::default())?.publish(&Value::from(5).into())?;
+/// context.wake.wait(Duration::from_secs(1)); // rung when a message arrives
+/// assert_eq!(listener.take()?.unwrap().payload, Payload::from(Value::from(5)));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub trait Listener: Send {
     /// Takes the next message, if one waits. Never blocks: [`Context::wake`] rings when one
     /// arrives.
@@ -269,6 +312,21 @@ pub trait Listener: Send {
 }
 
 /// The sending end of a topic.
+///
+/// ```
+/// use wrapyfi_endpoint::{Context, Middleware, Publisher, TopicSpec, memory::Memory};
+/// use wrapyfi_data::types::{MessageType, Value};
+///
+/// let bus = Memory::new("memory");
+/// let spec = TopicSpec::new("/x", MessageType::NativeObject);
+/// let mut publisher = bus.open_publisher(&spec, &Context::default())?;
+/// assert_eq!(publisher.link().peers, Some(0)); // nobody listens yet
+/// let mut listener = bus.open_listener(&spec, &Context::default())?;
+/// assert_eq!(publisher.link().peers, Some(1));
+/// publisher.publish(&Value::from(5).into())?;
+/// assert!(listener.take()?.is_some());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub trait Publisher: Send {
     /// Hands `payload` to the transport; number of bytes that go on its wire.
     ///
@@ -293,6 +351,17 @@ pub trait Publisher: Send {
 }
 
 /// Result of a look at an endpoint's peers.
+///
+/// ```
+/// use std::time::Instant;
+/// use wrapyfi_endpoint::{Context, Middleware, Review, TopicSpec, memory::Memory};
+/// use wrapyfi_data::types::MessageType;
+/// let spec = TopicSpec::new("/x", MessageType::Image);
+/// let mut listener = Memory::new("memory").open_listener(&spec, &Context::default())?;
+/// let Review { qos, warnings, .. } = listener.review(Instant::now());
+/// assert!(qos.is_none() && warnings.is_empty()); // this middleware has no quality of service
+/// # Ok::<(), wrapyfi_endpoint::OpenError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Review {
     /// Quality of service in use; `None` where the middleware has none.
@@ -308,6 +377,8 @@ pub struct Review {
 }
 
 /// Change of an endpoint that was opened again with another quality of service.
+///
+/// See [`Review::changed`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct QosChange {
     /// Quality of service before the change.
@@ -319,6 +390,19 @@ pub struct QosChange {
 }
 
 /// A received message.
+///
+/// ```
+/// use wrapyfi_endpoint::{Context, Middleware, Sample, TopicSpec, memory::Memory};
+/// use wrapyfi_data::types::{MessageType, Payload, Value};
+/// let bus = Memory::new("memory");
+/// let spec = TopicSpec::new("/x", MessageType::NativeObject);
+/// let mut listener = bus.open_listener(&spec, &Context::default())?;
+/// bus.open_publisher(&spec, &Context::default())?.publish(&Value::from("hi").into())?;
+/// let Some(Sample { payload, received_at, .. }) = listener.take()? else { panic!("no message") };
+/// assert!(matches!(payload, Payload::NativeObject(object) if object.as_str() == Some("hi")));
+/// assert!(received_at.elapsed().as_secs() < 60);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sample {
     /// Content of the message.
@@ -338,6 +422,16 @@ impl Waits for Sample {
 }
 
 /// State of an endpoint's connection, for status tables and for waiting.
+///
+/// ```
+/// use wrapyfi_endpoint::{Context, Link, Middleware, TopicSpec, memory::Memory};
+/// use wrapyfi_data::types::MessageType;
+/// let spec = TopicSpec::new("/x", MessageType::Image);
+/// let listener = Memory::new("memory").open_listener(&spec, &Context::default())?;
+/// let Link { peers, waiting_for, .. } = listener.link();
+/// assert_eq!((peers, waiting_for), (Some(0), None)); // no publisher, and nothing is in its way
+/// # Ok::<(), wrapyfi_endpoint::OpenError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Link {
     /// Number of matched peers: listeners of a publisher, publishers of a listener. `None` where
@@ -351,6 +445,17 @@ pub struct Link {
 }
 
 /// A topic to open, with its type and the settings of the endpoint.
+///
+/// ```
+/// use wrapyfi_endpoint::{Overflow, QosPreset, QueueSpec, TopicSpec};
+/// use wrapyfi_data::types::MessageType;
+/// let spec = TopicSpec {
+///     qos: QosPreset::SensorData.into(),
+///     queue: QueueSpec { depth: 1, overflow: Overflow::DropOldest },
+///     ..TopicSpec::new("/camera/image_raw", MessageType::Image)
+/// };
+/// assert_eq!(spec.message_type.ros_type(), "sensor_msgs/msg/Image");
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct TopicSpec {
     /// Name of the topic in that middleware, for instance `/camera/image_raw`.
@@ -406,6 +511,18 @@ impl TopicSpec {
 }
 
 /// Bell and counters that an endpoint shares with its owner.
+///
+/// ```
+/// use wrapyfi_endpoint::{Context, Middleware, TopicSpec, memory::Memory};
+/// use wrapyfi_data::types::{MessageType, Value};
+/// let bus = Memory::new("memory");
+/// let spec = TopicSpec::new("/x", MessageType::NativeObject);
+/// let context = Context::default();
+/// let _listener = bus.open_listener(&spec, &context)?;
+/// bus.open_publisher(&spec, &Context::default())?.publish(&Value::from(1).into())?;
+/// assert_eq!(context.counters.received_so_far(), 1); // the listener shares the counters
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Default)]
 pub struct Context {
     /// Bell that rings when a message arrives or the link changes.

@@ -41,6 +41,12 @@ pub struct BridgeMark {
 }
 
 /// Error of reading a mark.
+///
+/// ```
+/// use wrapyfi_endpoint::BridgeMark;
+/// let error = "ros,yarp".parse::<BridgeMark>().unwrap_err();
+/// assert!(error.to_string().starts_with("\"ros,yarp\" is no mark of a bridge: it is 16 "));
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
     "{text:?} is no mark of a bridge: it is 16 hexadecimal digits, a colon and up to {MAX_HOPS} names"

@@ -6,6 +6,20 @@
 //! ```
 
 /// The publisher that a message comes from, as far as its listener can tell publishers apart.
+///
+/// ```
+/// use wrapyfi_endpoint::{Origin, Sample};
+/// /// True where the message comes from a publisher that keeps it for later listeners.
+/// fn is_latched(sample: &Sample) -> bool {
+///     sample.origin.is_some_and(|origin| origin.keeps > 0)
+/// }
+/// # use std::time::Instant;
+/// # let mut sample = Sample { payload: wrapyfi_data::types::Value::Null.into(), wire_bytes: 4,
+/// #     received_at: Instant::now(), origin: None };
+/// assert!(!is_latched(&sample));
+/// sample.origin = Some(Origin { publisher: 1, keeps: Origin::UNTOLD });
+/// assert!(is_latched(&sample));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Origin {
     /// Number of the publisher for as long as its listener exists. Numbers of two listeners have
@@ -23,6 +37,12 @@ impl Origin {
 }
 
 /// Extent to which a source's publishers keep their last message for listeners that come later.
+///
+/// ```
+/// use wrapyfi_endpoint::SourceDurability;
+/// assert_eq!(SourceDurability::of([true, false]), SourceDurability::NotAll);
+/// assert_eq!(SourceDurability::of([]), SourceDurability::NoPublisher);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum SourceDurability {
     /// The listener cannot tell.

@@ -31,6 +31,15 @@ pub fn bare(name: &str) -> &str {
 }
 
 /// A regular expression for whole names, without their leading slash.
+///
+/// ```
+/// use wrapyfi_endpoint::pattern::NamePattern;
+/// let cameras = NamePattern::new("/camera/(.+)")?;
+/// assert!(cameras.matches("/camera/left") && !cameras.matches("/arm"));
+/// assert_eq!(cameras.expand("/camera/left", "/robot/$1/image").as_deref(), Some("/robot/left/image"));
+/// assert!(NamePattern::new("/camera/*").is_err()); // a glob
+/// # Ok::<(), String>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct NamePattern {
     written: String,
@@ -165,6 +174,14 @@ fn is_glob(pattern: &str) -> bool {
 
 /// Way from the name at the destination back to the one at the source, where the pattern is text
 /// and groups.
+///
+/// ```
+/// use wrapyfi_endpoint::pattern::{Inverse, NamePattern};
+/// let cameras = NamePattern::new("/camera/(.+)")?;
+/// let inverse = Inverse::new(&cameras, "/robot/$1/image").unwrap();
+/// assert_eq!(inverse.source("/robot/left/image").as_deref(), Some("/camera/left"));
+/// # Ok::<(), String>(())
+/// ```
 #[derive(Debug)]
 pub struct Inverse {
     pattern: NamePattern,

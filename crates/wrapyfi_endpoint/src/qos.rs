@@ -8,6 +8,8 @@ use serde::{Deserialize, Serialize, Serializer};
 use super::discovery::{AnnouncedDurability, AnnouncedQos};
 
 /// Effort of delivery: reliable sends lost messages again.
+///
+/// See [`Qos`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 #[allow(missing_docs)]
@@ -17,6 +19,8 @@ pub enum Reliability {
 }
 
 /// Treatment of a listener that comes late: transient local sends it the last messages.
+///
+/// See [`Qos`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 #[allow(missing_docs)]
@@ -26,6 +30,8 @@ pub enum Durability {
 }
 
 /// Number of messages that an endpoint keeps until they are delivered.
+///
+/// See [`Qos`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum History {
@@ -36,6 +42,8 @@ pub enum History {
 }
 
 /// Way in which a publisher asserts that it is alive.
+///
+/// See [`Qos`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Liveliness {
@@ -53,6 +61,21 @@ pub enum Liveliness {
 ///
 /// Wrapyfi's own ROS 2 endpoints are reliable, volatile, keep-last 5; the default here is ROS 2's
 /// default profile, keep-last 10.
+///
+/// ```
+/// use std::time::Duration;
+/// use wrapyfi_endpoint::{Durability, History, Liveliness, Qos, Reliability};
+/// let qos = Qos {
+///     reliability: Reliability::BestEffort,
+///     durability: Durability::Volatile,
+///     history: History::KeepLast(1),
+///     deadline: Some(Duration::from_millis(100)),
+///     liveliness: Liveliness::Automatic,
+///     ..Qos::default()
+/// };
+/// assert_eq!(qos.to_string(), "best_effort volatile keep_last(1) deadline 100ms");
+/// assert_eq!(Qos::default().history, History::KeepLast(10));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Qos {
     /// Effort of delivery.
@@ -107,6 +130,13 @@ impl fmt::Display for Qos {
 }
 
 /// A named profile, as `rmw_qos_profiles` names them.
+///
+/// ```
+/// use wrapyfi_endpoint::{Qos, QosPreset};
+/// let latched = Qos::from(QosPreset::Latched);
+/// assert_eq!(latched.to_string(), "reliable transient_local keep_last(1)");
+/// assert_eq!(Qos::from(QosPreset::Default), Qos::default());
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]

@@ -20,6 +20,13 @@ use super::{AnnouncedDurability, AnnouncedQos, Durability, Liveliness, Qos, Reli
 const SHORTEST: Duration = Duration::from_millis(1);
 
 /// A policy that a publisher and a listener must agree on to be matched.
+///
+/// ```
+/// use wrapyfi_endpoint::{Qos, QosPolicy, QosPreset, mismatches};
+/// let (offered, asked) = (Qos::from(QosPreset::SensorData).into(), Qos::default().into());
+/// assert_eq!(mismatches(&offered, &asked), [QosPolicy::Reliability]);
+/// assert_eq!(QosPolicy::Reliability.value(&offered), "best effort");
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 #[allow(missing_docs)]
@@ -84,6 +91,14 @@ pub fn mismatches(offered: &AnnouncedQos, asked: &AnnouncedQos) -> Vec<QosPolicy
 }
 
 /// Quality of service that fits the peers, and warnings of peers that it does not fit.
+///
+/// ```
+/// use wrapyfi_endpoint::{Qos, QosPreset, Reliability, listener_qos};
+/// let publishers = [Qos::from(QosPreset::SensorData).into(), Qos::default().into()];
+/// let matched = listener_qos(&publishers, &Qos::default());
+/// assert_eq!(matched.qos.reliability, Reliability::BestEffort); // heard by both
+/// assert_eq!(matched.warnings[0].count, 1);
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct MatchedQos {
     /// The quality of service to use.
@@ -93,6 +108,8 @@ pub struct MatchedQos {
 }
 
 /// Peers that do not agree with the others, or with us.
+///
+/// See [`MatchedQos`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct QosWarning {
     /// Policy in which they do not agree.

@@ -7,6 +7,15 @@ use super::{Clock, Middleware};
 
 /// The middlewares of this process, by name, and the clock of its routes. A crate of its own adds one with
 /// [`Registry::register`] just as the built-in ones are added.
+///
+/// ```
+/// use std::sync::Arc;
+/// use wrapyfi_endpoint::{Registry, memory::Memory};
+/// let mut registry = Registry::new();
+/// registry.register(Arc::new(Memory::new("memory")));
+/// assert_eq!(registry.get("memory")?.name(), "memory");
+/// # Ok::<(), wrapyfi_endpoint::UnknownMiddleware>(())
+/// ```
 #[derive(Clone, Default)]
 pub struct Registry {
     middlewares: BTreeMap<String, Arc<dyn Middleware>>,
@@ -14,6 +23,15 @@ pub struct Registry {
 }
 
 /// An address names a middleware that is not in the registry.
+///
+/// ```
+/// use std::sync::Arc;
+/// use wrapyfi_endpoint::{Registry, memory::Memory};
+/// let mut registry = Registry::new();
+/// registry.register(Arc::new(Memory::new("memory")));
+/// let Err(error) = registry.get("zeromq") else { panic!("it is there") };
+/// assert_eq!(error.to_string(), "middleware \"zeromq\" is not available here; available: memory");
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("middleware {name:?} is not available here; available: {}", available.join(", "))]
 pub struct UnknownMiddleware {

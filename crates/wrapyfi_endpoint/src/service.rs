@@ -48,6 +48,14 @@ pub enum Request {
 }
 
 /// A call of a function with the arguments of Wrapyfi's `request(*args, **kwargs)`.
+///
+/// ```
+/// use wrapyfi_endpoint::{Call, Request};
+/// use wrapyfi_data::types::Map;
+/// let call = Call { args: vec![2.into(), 3.into()], kwargs: Map::from([("scale", 0.5)]) };
+/// assert_eq!(Request::from(call.clone()).into_call()?, call);
+/// # Ok::<(), wrapyfi_data::DecodeError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Call {
     /// Positional arguments.
@@ -125,6 +133,8 @@ impl From<Call> for Request {
 }
 
 /// The reply to a call.
+///
+/// See [`Client`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reply {
     /// Value that the function returned.
@@ -136,10 +146,14 @@ pub struct Reply {
 }
 
 /// Number of a request among those that one server has taken.
+///
+/// See [`Server`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct RequestId(pub u64);
 
 /// A request as its server takes it.
+///
+/// See [`Server`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct IncomingRequest {
     /// Number by which [`Server::reply`] answers the request.
@@ -153,6 +167,15 @@ pub struct IncomingRequest {
 }
 
 /// A service to call or to offer, with its type and the settings of the endpoint.
+///
+/// ```
+/// use std::time::Duration;
+/// use wrapyfi_endpoint::ServiceSpec;
+/// use wrapyfi_data::types::ServiceKind;
+/// let timeout = Duration::from_secs(30);
+/// let spec = ServiceSpec { timeout, ..ServiceSpec::new("/plan", ServiceKind::NativeObject) };
+/// assert_eq!((spec.service.as_str(), spec.pending), ("/plan", ServiceSpec::PENDING));
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct ServiceSpec {
     /// Name of the service in that middleware, for instance `/light`; on ZeroMQ for log lines only.
@@ -201,6 +224,23 @@ impl ServiceSpec {
 }
 
 /// The calling end of a service.
+///
+/// ```
+/// use std::time::Duration;
+/// use wrapyfi_endpoint::{Context, Middleware, Request, ServiceSpec, memory::Memory};
+/// use wrapyfi_data::types::{ServiceKind, Value};
+///
+/// let bus = Memory::new("memory");
+/// let spec = ServiceSpec::new("/double", ServiceKind::NativeObject);
+/// let mut server = bus.open_server(&spec, &Context::default())?;
+/// let mut client = bus.open_client(&spec, &Context::default())?;
+/// let ticket = client.send(&Request::new([21.into()]), Duration::from_secs(5))?;
+/// let asked = server.take()?.unwrap();
+/// server.reply(asked.id, Ok(Value::from(42).into()))?;
+/// let (answered, reply) = client.take().unwrap();
+/// assert_eq!((answered, reply?.payload), (ticket, Value::from(42).into()));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub trait Client: Send {
     /// Begins a call. Within `timeout`, [`Client::take`] returns its reply, or an error that says
     /// why there is none. A call made before there is a server waits for one.
@@ -252,6 +292,12 @@ pub trait Client: Send {
 }
 
 /// Answer of a server to a request that has no reply.
+///
+/// ```
+/// use wrapyfi_endpoint::{DropReason, Refusal};
+/// let refusal = Refusal::from("the arm is switched off");
+/// assert_eq!(refusal.reason, DropReason::Refused);
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Refusal {
     /// Text that the client is told, where the wire has room for it.
@@ -271,6 +317,25 @@ impl<T: Into<String>> From<T> for Refusal {
 ///
 /// Every request ends once, as sent or as dropped under a reason. A server counts each request that it drops in
 /// [`Context::counters`](super::Context::counters), also those that [`Server::take`] returns as an error.
+///
+/// ```
+/// use std::time::Duration;
+/// use wrapyfi_endpoint::{CallError, Context, IncomingRequest, Middleware, Request, ServiceSpec};
+/// use wrapyfi_endpoint::memory::Memory;
+/// use wrapyfi_data::types::ServiceKind;
+///
+/// let bus = Memory::new("memory");
+/// let spec = ServiceSpec::new("/move", ServiceKind::NativeObject);
+/// let mut server = bus.open_server(&spec, &Context::default())?;
+/// let mut client = bus.open_client(&spec, &Context::default())?;
+/// client.send(&Request::new(["left".into()]), Duration::from_secs(5))?;
+/// let Some(IncomingRequest { id, request, .. }) = server.take()? else { panic!("no request") };
+/// assert_eq!(request.call()?.args[0].as_str(), Some("left"));
+/// server.reply(id, Err("the arm is switched off".into()))?;
+/// let (_, answer) = client.take().unwrap();
+/// assert!(matches!(answer, Err(CallError::Refused { reason, .. }) if reason.contains("arm")));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub trait Server: Send {
     /// Takes the next request, if one waits. It also ends requests that took too long, so call it
     /// whenever the bell has rung, and at [`Server::deadline`].

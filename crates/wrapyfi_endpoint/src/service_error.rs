@@ -20,6 +20,17 @@ impl CallError {
 }
 
 /// Error of a call that has no reply.
+///
+/// ```
+/// use std::time::Duration;
+/// use wrapyfi_endpoint::{Context, Middleware, Request, ServiceSpec, memory::Memory};
+/// use wrapyfi_data::types::ServiceKind;
+/// let spec = ServiceSpec::new("/plan", ServiceKind::NativeObject);
+/// let mut client = Memory::new("memory").open_client(&spec, &Context::default())?;
+/// let error = client.call(&Request::default(), Duration::from_millis(10)).unwrap_err();
+/// assert!(error.to_string().starts_with("\"/plan\" was not answered within 10 ms: "), "{error}");
+/// # Ok::<(), wrapyfi_endpoint::OpenError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CallError {
@@ -87,6 +98,16 @@ pub enum CallError {
 }
 
 /// Error of a server: a request was not served, or an answer not sent.
+///
+/// ```
+/// use wrapyfi_endpoint::{Context, Middleware, RequestId, ServiceSpec, memory::Memory};
+/// use wrapyfi_data::types::{ServiceKind, Value};
+/// let spec = ServiceSpec::new("/plan", ServiceKind::NativeObject);
+/// let mut server = Memory::new("memory").open_server(&spec, &Context::default())?;
+/// let error = server.reply(RequestId(7), Ok(Value::Null.into())).unwrap_err();
+/// assert!(error.to_string().starts_with("no such request to \"/plan\" waits: "), "{error}");
+/// # Ok::<(), wrapyfi_endpoint::OpenError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ServeError {
@@ -152,4 +173,6 @@ pub enum ServeError {
 }
 
 /// Result of serving a request.
+///
+/// See [`Server`](crate::Server).
 pub type ServeResult<T> = Result<T, ServeError>;

@@ -65,6 +65,15 @@ impl Throttle {
 
 /// Throttles of complaints by their subject, so that one who complains all the time hides nobody else. Beyond
 /// [`Self::MOST`] at a time, the others have one together.
+///
+/// ```
+/// use std::time::Instant;
+/// use wrapyfi_endpoint::Throttles;
+/// let (mut complaints, now) = (Throttles::default(), Instant::now());
+/// assert_eq!(complaints.pass(&"/camera", now), Some(0));
+/// assert_eq!(complaints.pass(&"/camera", now), None);
+/// assert_eq!(complaints.pass(&"/arm", now), Some(0)); // another subject
+/// ```
 #[derive(Debug, Default)]
 pub struct Throttles(BTreeMap<u64, Throttle>, RandomState);
 

@@ -7,6 +7,13 @@ use wrapyfi_data::EncodeError;
 use wrapyfi_data::types::MessageType;
 
 /// Error of opening an endpoint.
+///
+/// ```
+/// use wrapyfi_endpoint::OpenError;
+/// let error = OpenError::transport("zeromq", "/camera", "no sockets are left".into());
+/// assert_eq!(error.to_string(), "zeromq could not open \"/camera\": no sockets are left");
+/// assert!(error.is_transient()); // a later try may succeed
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum OpenError {
@@ -87,9 +94,13 @@ pub enum OpenError {
 }
 
 /// Result of opening an endpoint.
+///
+/// See [`OpenError`].
 pub type OpenResult<T> = Result<T, OpenError>;
 
 /// Result of opening an endpoint whose type only its middleware knows.
+///
+/// See [`Middleware::open_listener`](crate::Middleware::open_listener).
 pub type Opened<T> = OpenResult<Box<T>>;
 
 impl OpenError {
@@ -111,9 +122,18 @@ impl OpenError {
 }
 
 /// Error of a listener whose next message could not be used: the bytes are no message of its type.
+///
+/// See [`DecodeError`].
 pub type TakeError = DecodeError;
 
 /// Error of a message that was not sent.
+///
+/// ```
+/// use wrapyfi_endpoint::{DropReason, PublishError};
+/// let error = PublishError::NoConsumer("/camera".into());
+/// assert_eq!(error.to_string(), "nobody listens to \"/camera\"");
+/// assert_eq!(error.drop_reason(), DropReason::NoConsumer);
+/// ```
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PublishError {
@@ -158,6 +178,8 @@ pub enum PublishError {
 }
 
 /// Result of publishing: number of bytes that go on the wire.
+///
+/// See [`Publisher::publish`](crate::Publisher::publish).
 pub type Published = Result<usize, PublishError>;
 
 impl PublishError {

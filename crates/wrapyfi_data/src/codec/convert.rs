@@ -17,6 +17,17 @@ use crate::types::{
 };
 
 /// Error of converting a payload to another kind.
+///
+/// ```
+/// use wrapyfi_data::Limits;
+/// use wrapyfi_data::codec::{ConvertError, convert_payload};
+/// use wrapyfi_data::types::{Encoding, MessageType, Stamp, Value};
+/// let text = Value::from("no picture").into();
+/// let (to, order) = (MessageType::Image, Encoding::Bgr8);
+/// let error = convert_payload(text, to, order, &Limits::default(), Stamp::now).unwrap_err();
+/// assert!(matches!(error, ConvertError::From(_)));
+/// assert_eq!(error.to_string(), "expected an image: an array or a Pillow image, received str");
+/// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ConvertError {
     /// A native object is no image, no sound, no set of properties or no message.

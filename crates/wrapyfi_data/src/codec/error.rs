@@ -4,6 +4,14 @@
 ///
 /// `path` is the place of the fault inside the object, for instance `$.frames[3]`; `$` is the
 /// whole.
+///
+/// ```
+/// use wrapyfi_data::{DecodeError, Limits, codec::json};
+/// let error = json::decode(&"[1, 2, maybe]".into(), &Limits::default()).unwrap_err();
+/// assert!(matches!(&error, DecodeError::Malformed { format: "JSON", path, .. } if path == "$[2]"), "{error}");
+/// let error = DecodeError::too_large(200, 100);
+/// assert_eq!(error.to_string(), "message at $ is 200, the limit is 100 (raise max_message_mib)");
+/// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum DecodeError {
     /// The bytes do not follow the format.
@@ -88,6 +96,15 @@ impl DecodeError {
 }
 
 /// Result of decoding.
+///
+/// ```
+/// use wrapyfi_data::{DecodeResult, Limits, codec::json, types::Value};
+/// fn speed(text: &str) -> DecodeResult<Option<f64>> {
+///     let value = json::decode(&text.to_owned().into(), &Limits::default())?;
+///     Ok(value.get("speed").and_then(Value::as_f64))
+/// }
+/// assert_eq!(speed(r#"{"speed": 1.5}"#), Ok(Some(1.5)));
+/// ```
 pub type DecodeResult<T> = Result<T, DecodeError>;
 
 fn remedy(what: &str) -> &'static str {
@@ -95,6 +112,13 @@ fn remedy(what: &str) -> &'static str {
 }
 
 /// Error of encoding a payload.
+///
+/// ```
+/// use wrapyfi_data::{EncodeError, codec::json, types::Value};
+/// let error = json::encode(&vec![Value::Bytes("raw".into())].into()).unwrap_err();
+/// assert!(matches!(&error, EncodeError::Unrepresentable { path, .. } if path == "$[0]"));
+/// assert!(error.to_string().starts_with("JSON cannot hold 3 raw bytes at $[0]; "));
+/// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum EncodeError {
@@ -160,4 +184,15 @@ impl EncodeError {
 }
 
 /// Result of encoding.
+///
+/// ```
+/// use wrapyfi_data::{EncodeError, EncodeResult, codec::json, types::Value};
+/// fn small(value: &Value) -> EncodeResult<Vec<u8>> {
+///     let text = json::encode(value)?;
+///     EncodeError::check_size(text.len(), 8)?;
+///     Ok(text)
+/// }
+/// assert_eq!(small(&Value::from(1.5)), Ok(b"1.5".to_vec()));
+/// assert!(small(&Value::from("a long text")).is_err());
+/// ```
 pub type EncodeResult<T> = Result<T, EncodeError>;

@@ -28,6 +28,14 @@ use crate::types::{MessageType, Payload, Value};
 const FORMAT: &str = "ROS 1";
 
 /// A type as ROS 1 nodes name it.
+///
+/// ```
+/// use wrapyfi_data::codec::ros1::Ros1Type;
+/// use wrapyfi_data::types::MessageType;
+/// let image = Ros1Type::of(MessageType::Image).unwrap();
+/// assert_eq!(image.name, "sensor_msgs/Image");
+/// assert!(image.fits("*") && !image.fits("992ce8a1687cec8c8bd883ec73ca41d1"));
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Ros1Type {
     /// Name, for instance `sensor_msgs/Image`.

@@ -13,6 +13,31 @@ use crate::types::Value;
 ///
 /// Text parts stay undecoded in the message until they are asked for, because most of them are
 /// files in base64: they are decoded once, and never copied as text.
+///
+/// ```
+/// use wrapyfi_data::plugin::{Body, Part, Plugin, PluginError, Plugins, Unpacking};
+/// use wrapyfi_data::{Limits, codec::json, types::Value};
+///
+/// /// `["Celsius", 21.5]`, read as the number.
+/// struct Celsius;
+/// impl Plugin for Celsius {
+///     fn key(&self) -> &str { "Celsius" }
+///     fn decode(&self, body: &Body<'_>, _: &Unpacking<'_>) -> Result<Value, PluginError> {
+///         match body.len() {
+///             1 => body.value(0).cloned(),
+///             _ => Err(body.expected(1, "absent")),
+///         }
+///     }
+///     fn encode(&self, value: &Value) -> Result<Vec<Part>, PluginError> {
+///         Err(PluginError::not_mine("temperature", value))
+///     }
+/// }
+///
+/// let text = r#"{"__wrapyfi__": ["Celsius", 21.5]}"#.into();
+/// let value = json::decode_with(&text, &Limits::default(), &Plugins::none().with(Celsius))?;
+/// assert_eq!(value, Value::Float(21.5));
+/// # Ok::<(), wrapyfi_data::DecodeError>(())
+/// ```
 #[derive(Debug)]
 pub struct Body<'a> {
     pub(crate) elements: Vec<Element<'a>>,
@@ -135,6 +160,16 @@ impl Body<'_> {
 }
 
 /// A part to be written behind a plug-in key.
+///
+/// ```
+/// use wrapyfi_data::plugin::{Part, Plugins};
+/// use wrapyfi_data::types::{Quantity, Value};
+/// let mass = Quantity { magnitude: 3.into(), units: "gram".into() };
+/// let pint = Plugins::standard();
+/// let parts = pint.get("PintData").unwrap().encode(&Value::Quantity(Box::new(mass)))?;
+/// assert!(matches!(&parts[..], [Part::Base64(..), Part::Text(kind)] if kind == "Quantity"));
+/// # Ok::<(), wrapyfi_data::plugin::PluginError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Part {

@@ -95,6 +95,8 @@ impl DeviceMap {
 }
 
 /// An option about devices, as a script passes it to Wrapyfi's `register`.
+///
+/// See [`DeviceMaps`], which is made of options.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum DeviceOption {
     /// Value of `load_<library>_device`.

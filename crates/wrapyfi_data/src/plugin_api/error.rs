@@ -4,6 +4,14 @@ use crate::types::Value;
 
 /// Error of a plug-in that could not read or write an object. The caller adds the key and the place
 /// of the object in the message.
+///
+/// ```
+/// use wrapyfi_data::plugin::{PluginError, Plugins};
+/// let plugins = Plugins::standard();
+/// let error = plugins.get("PintData").unwrap().encode(&"five".into()).unwrap_err();
+/// assert!(matches!(&error, PluginError::Unsupported { .. }));
+/// assert!(error.to_string().starts_with("a str where a quantity should be is not supported; "));
+/// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PluginError {

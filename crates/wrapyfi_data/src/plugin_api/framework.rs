@@ -4,6 +4,13 @@ use wrapyfi_interfaces::named;
 
 named! {
     /// A library whose tensors have a device on the wire.
+    ///
+    /// ```
+    /// use wrapyfi_data::plugin::Framework;
+    /// assert_eq!(Framework::Torch.key(), "PytorchTensor");
+    /// assert_eq!(Framework::Paddle.map_option(), "map_paddle_devices");
+    /// assert_eq!(Framework::Paddle.spell("cuda:0"), "gpu:0");
+    /// ```
     #[derive(PartialOrd, Ord)]
     pub enum Framework {
         /// PyTorch: `cpu`, `cuda:0`.
@@ -99,6 +106,12 @@ fn is_number(text: &str) -> bool {
 }
 
 /// Error of options about devices.
+///
+/// ```
+/// use wrapyfi_data::plugin::{DeviceMap, Framework};
+/// let error = DeviceMap::new(Framework::CuPy, Some("cpu"), []).unwrap_err();
+/// assert!(error.to_string().starts_with("load_cupy_device: CuPy has no CPU arrays; "), "{error}");
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DeviceError {

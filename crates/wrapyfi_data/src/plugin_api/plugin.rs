@@ -10,6 +10,8 @@ use crate::types::Value;
 ///
 /// Both directions work on bytes of strangers and values of users: they never panic, allocate only
 /// in proportion to received bytes, and never run an object that they read.
+///
+/// See the example of [`crate::plugin`], which implements it; [`Plugins::with`] adds it.
 pub trait Plugin: Send + Sync {
     /// Key on the wire: in Python, the name of the plug-in's class.
     fn key(&self) -> &str;
@@ -29,6 +31,17 @@ pub trait Plugin: Send + Sync {
 }
 
 /// Limits and plug-ins for a plug-in that decodes.
+///
+/// ```
+/// use std::cell::Cell;
+/// use wrapyfi_data::{Limits, plugin::{Plugins, Unpacking}};
+/// let (limits, plugins, unpacked) = (Limits::default(), Plugins::none(), Cell::new(0));
+/// let context = Unpacking::new(&limits, &plugins, &unpacked);
+/// // A small file that claims to hold 40 MiB, twice in one message of at most 64 MiB.
+/// assert!(context.unpack("pixels", 40 << 20).is_ok());
+/// assert_eq!(context.left().message_bytes, 24 << 20);
+/// assert!(context.unpack("pixels", 40 << 20).is_err());
+/// ```
 #[derive(Debug, Clone, Copy)]
 pub struct Unpacking<'a> {
     /// Limits: an unpacked object may not exceed `message_bytes`, nor nest deeper than `depth`.

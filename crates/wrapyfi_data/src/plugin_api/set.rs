@@ -9,6 +9,18 @@ use crate::types::Tensor;
 
 /// The plug-ins that decode and encode native objects, and the devices of decoded tensors. Cheap to
 /// clone.
+///
+/// ```
+/// use wrapyfi_data::{Limits, codec::json, plugin::Plugins, types::Value};
+/// let standard = Plugins::standard();
+/// assert!(standard.keys().any(|key| key == "JAXTensor"));
+/// assert!(standard.get("MyPose").is_none());
+/// // Without plug-ins every object is carried as it came.
+/// let quantity = r#"{"__wrapyfi__": ["PintData", 3, "gram"]}"#.into();
+/// let value = json::decode_with(&quantity, &Limits::default(), &Plugins::none())?;
+/// assert!(matches!(value, Value::Tagged(tagged) if tagged.json == quantity));
+/// # Ok::<(), wrapyfi_data::DecodeError>(())
+/// ```
 #[derive(Clone)]
 pub struct Plugins {
     by_key: Arc<BTreeMap<String, Arc<dyn Plugin>>>,

@@ -94,6 +94,12 @@ fn f32_to_s16(samples: &[u8]) -> Vec<u8> {
 
 named! {
     /// Type of one audio sample.
+    ///
+    /// ```
+    /// use wrapyfi_data::types::SampleFormat;
+    /// assert_eq!(SampleFormat::from_name("S16LE"), Some(SampleFormat::S16Le));
+    /// assert_eq!(SampleFormat::F32Le.bytes_per_sample(), 4);
+    /// ```
     pub enum SampleFormat {
         /// 32-bit float, little-endian, -1.0 to 1.0, as Wrapyfi sends.
         F32Le => "FLOAT32LE",

@@ -22,6 +22,12 @@ pub struct DateTime {
 }
 
 /// Error of reading an ISO 8601 date and time.
+///
+/// ```
+/// use wrapyfi_data::types::DateTime;
+/// let error = "yesterday".parse::<DateTime>().unwrap_err();
+/// assert!(error.to_string().starts_with("\"yesterday\" is no date and time such as 2024-01-02"));
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{text:?} is no date and time such as 2024-01-02T03:04:05.678901+00:00")]
 pub struct ParseDateTimeError {

@@ -4,6 +4,12 @@ use wrapyfi_interfaces::named;
 
 named! {
     /// Element type of a [`super::Tensor`].
+    ///
+    /// ```
+    /// use wrapyfi_data::types::Dtype;
+    /// let dtype = Dtype::from_name("float32").unwrap();
+    /// assert_eq!((dtype, dtype.size(), dtype.npy_descr()), (Dtype::F32, 4, Some("<f4")));
+    /// ```
     #[non_exhaustive]
     #[allow(missing_docs)] // the names are the documentation
     pub enum Dtype {

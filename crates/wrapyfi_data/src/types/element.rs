@@ -10,6 +10,18 @@ use super::dtype::Dtype;
 /// `half::bf16`, and `[f32; 2]`, `[f64; 2]` (real, imaginary) for complex numbers.
 ///
 /// Sealed: the list of [`Dtype`]s is closed.
+///
+/// ```
+/// use wrapyfi_data::types::{Dtype, Element, ShapeError, Tensor};
+///
+/// fn row<T: Element>(elements: Vec<T>) -> Result<Tensor, ShapeError> {
+///     Tensor::from_elements(&[1, elements.len()], elements)
+/// }
+///
+/// assert_eq!(row(vec![0.5_f64, 1.5])?.dtype(), Dtype::F64);
+/// assert_eq!(<u8 as Element>::DTYPE, Dtype::U8);
+/// # Ok::<(), ShapeError>(())
+/// ```
 pub trait Element: sealed::Sealed + Copy + Send + Sync + 'static {
     /// Element type of the Rust type.
     const DTYPE: Dtype;

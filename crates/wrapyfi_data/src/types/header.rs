@@ -3,6 +3,13 @@
 use super::{Map, NativeObject, Payload, RosMessage, RosType, RosValueError, Stamp, Value};
 
 /// Time and coordinate frame of a message.
+///
+/// ```
+/// use wrapyfi_data::types::{Header, Map, Stamp, Value};
+/// let header = Header { stamp: Stamp { sec: 5, nanosec: 0 }, frame_id: "map".into() };
+/// let pose = Value::from(Map::from([("header", header.to_fields())]));
+/// assert_eq!(Header::of_fields(&pose), Some(header));
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Header {
     /// Time at which the message was made; zero where the sender does not say.
@@ -37,6 +44,15 @@ impl Header {
 }
 
 /// Changes to a header.
+///
+/// ```
+/// use wrapyfi_data::types::{HeaderChange, Payload, Value};
+/// let mut payload = Payload::from(Value::from(1.5));
+/// let change = HeaderChange { frame_id: Some("map"), ..HeaderChange::default() };
+/// payload.change_header(&change, 1 << 20)?;
+/// assert!(matches!(payload, Payload::NativeObject(object) if object.frame_id == "map"));
+/// # Ok::<(), wrapyfi_data::types::RosValueError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct HeaderChange<'a> {
     /// New time; `None` leaves it.

@@ -32,6 +32,18 @@ impl Image {
 }
 
 /// The picture of an [`Image`], which stays compressed until a consumer needs pixels.
+///
+/// ```
+/// use wrapyfi_data::types::{Encoding, Image, Pixels, RawPixels, Stamp};
+/// let grey = RawPixels::dense(2, 1, Encoding::Mono8, vec![0_u8, 255])?;
+/// let image = Image::new(Stamp::now(), grey);
+/// let text = match &image.pixels {
+///     Pixels::Raw(raw) => format!("{} of {}x{}", raw.encoding, raw.width, raw.height),
+///     Pixels::Compressed { format, data } => format!("{format} of {} bytes", data.len()),
+/// };
+/// assert_eq!(text, "mono8 of 2x1");
+/// # Ok::<(), wrapyfi_data::types::ShapeError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Pixels {
     /// Uncompressed rows.
@@ -53,6 +65,12 @@ impl From<RawPixels> for Pixels {
 
 named! {
     /// Format of a compressed [`Image`].
+    ///
+    /// ```
+    /// use wrapyfi_data::types::CompressedFormat;
+    /// assert_eq!(CompressedFormat::sniff(b"\x89PNG\r\n\x1a\n"), Some(CompressedFormat::Png));
+    /// assert_eq!(CompressedFormat::sniff(b"P6 2 1 255"), None);
+    /// ```
     #[non_exhaustive]
     #[allow(missing_docs)]
     pub enum CompressedFormat {
@@ -80,6 +98,16 @@ impl CompressedFormat {
 /// Uncompressed rows of pixels.
 ///
 /// `data.len()` is always `height * step` when made by [`RawPixels::new`].
+///
+/// ```
+/// use wrapyfi_data::types::{Encoding, RawPixels};
+/// // Two rows of one grey pixel, each padded to four bytes.
+/// let rows = vec![7_u8, 0, 0, 0, 8, 0, 0, 0];
+/// let padded = RawPixels::new(1, 2, Encoding::Mono8, 4, rows)?;
+/// assert_eq!(padded.rows().collect::<Vec<_>>(), [[7], [8]]);
+/// assert_eq!(*padded.to_dense().data, [7, 8]);
+/// # Ok::<(), wrapyfi_data::types::ShapeError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RawPixels {
     /// Number of columns.
@@ -208,6 +236,12 @@ fn row_bytes(width: u32, encoding: Encoding) -> Option<usize> {
 
 named! {
     /// Pixel encodings, by their names in `sensor_msgs/image_encodings.hpp`.
+    ///
+    /// ```
+    /// use wrapyfi_data::types::Encoding;
+    /// assert_eq!(Encoding::from_name("8UC3"), Some(Encoding::Bgr8));
+    /// assert_eq!((Encoding::Bgr8.channels(), Encoding::Bgr8.swapped()), (3, Encoding::Rgb8));
+    /// ```
     #[non_exhaustive]
     #[allow(missing_docs)]
     pub enum Encoding {

@@ -3,6 +3,14 @@
 use super::{Image, Map, Value};
 
 /// A number with its unit: pint's `Quantity`.
+///
+/// ```
+/// use wrapyfi_data::types::{Quantity, Value};
+/// let speed = Quantity { magnitude: 1.5.into(), units: "meter / second".into() };
+/// let value = Value::Quantity(Box::new(speed));
+/// assert_eq!(value.plugin_key(), Some("PintData"));
+/// assert_eq!(value.as_quantity().unwrap().magnitude.as_f64(), Some(1.5));
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Quantity {
     /// An integer or a float.
@@ -12,6 +20,15 @@ pub struct Quantity {
 }
 
 /// Data over named dimensions: a variable or coordinate of xarray.
+///
+/// ```
+/// use wrapyfi_data::types::{Map, Tensor, Variable};
+/// let data = Tensor::from_elements(&[2, 1], vec![21.5, 22.0])?.into();
+/// let attrs = Map::from([("units", "celsius")]);
+/// let temperature = Variable { dims: vec!["time".into(), "room".into()], data, attrs };
+/// assert_eq!(temperature.data.as_tensor().unwrap().shape().len(), temperature.dims.len());
+/// # Ok::<(), wrapyfi_data::types::ShapeError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Variable {
     /// Name of each dimension, in the order of the shape.
@@ -23,6 +40,20 @@ pub struct Variable {
 }
 
 /// xarray's `DataArray` or `Dataset`.
+///
+/// ```
+/// use wrapyfi_data::types::{Labelled, LabelledContent, Map, Tensor, Value, Variable};
+/// let along_x = |data: Tensor| Variable { dims: vec!["x".into()], data: data.into(), attrs: Map::new() };
+/// let heights = along_x(Tensor::from_elements(&[2], vec![0.5, 0.7])?);
+/// let places = along_x(Tensor::from_elements(&[2], vec![10_i64, 20])?);
+/// let value = Value::Labelled(Box::new(Labelled {
+///     name: Some("height".into()),
+///     content: LabelledContent::Array(heights),
+///     coords: vec![("x".into(), places)],
+/// }));
+/// assert_eq!(value.as_labelled().unwrap().name.as_deref(), Some("height"));
+/// # Ok::<(), wrapyfi_data::types::ShapeError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Labelled {
     /// Name of a `DataArray`, where it has one.
@@ -34,6 +65,23 @@ pub struct Labelled {
 }
 
 /// Array or arrays of a [`Labelled`].
+///
+/// ```
+/// use wrapyfi_data::types::{LabelledContent, Map, Variable};
+/// fn names(content: &LabelledContent) -> Vec<&str> {
+///     match content {
+///         LabelledContent::Array(_) => Vec::new(),
+///         LabelledContent::Dataset { variables, .. } => {
+///             variables.iter().map(|(name, _)| name.as_str()).collect()
+///         }
+///     }
+/// }
+///
+/// let mean = Variable { dims: Vec::new(), data: 21.5.into(), attrs: Map::new() };
+/// let variables = vec![("temperature".into(), mean)];
+/// let content = LabelledContent::Dataset { dims: Vec::new(), variables, attrs: Map::new() };
+/// assert_eq!(names(&content), ["temperature"]);
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub enum LabelledContent {
     /// `DataArray`: one array.
@@ -50,6 +98,14 @@ pub enum LabelledContent {
 }
 
 /// A Pillow image.
+///
+/// ```
+/// use wrapyfi_data::types::{Encoding, Image, Picture, RawPixels, Stamp, Value};
+/// let white = RawPixels::dense(1, 1, Encoding::Rgb8, vec![255_u8; 3])?;
+/// let picture = Picture { image: Image::new(Stamp::default(), white), mode: None };
+/// assert_eq!(Value::Picture(Box::new(picture)).plugin_key(), Some("PILImage"));
+/// # Ok::<(), wrapyfi_data::types::ShapeError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Picture {
     /// Pixels or file of the picture. Stamp and frame are empty.

@@ -6,6 +6,13 @@ use super::{Stamp, Value};
 
 /// A Python object with the time and the coordinate frame of its message. It can be read as its
 /// [`Value`].
+///
+/// ```
+/// use wrapyfi_data::types::{Map, NativeObject, Stamp, Value};
+/// let value = Map::from([("speed", 1.5)]).into();
+/// let object = NativeObject { stamp: Stamp::now(), frame_id: "base_link".into(), value };
+/// assert_eq!(object.get("speed").and_then(Value::as_f64), Some(1.5));
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct NativeObject {
     /// Time at which the object was made; zero where the sender does not say.

@@ -24,6 +24,20 @@ pub trait PluginObject: Any + fmt::Debug + Send + Sync {
 }
 
 /// A shared [`PluginObject`].
+///
+/// ```
+/// use wrapyfi_data::types::{ForeignObject, PluginObject};
+///
+/// #[derive(Debug, PartialEq)]
+/// struct Pose(f64, f64);
+/// impl PluginObject for Pose {
+///     fn key(&self) -> &str { "Pose2D" }
+/// }
+///
+/// let object = ForeignObject::new(Pose(1.0, 2.0));
+/// assert_eq!((object.key(), object.get::<Pose>()), ("Pose2D", Some(&Pose(1.0, 2.0))));
+/// assert_eq!(object, object.clone());
+/// ```
 #[derive(Debug, Clone)]
 pub struct ForeignObject {
     object: Arc<dyn PluginObject>,

@@ -5,6 +5,13 @@ use std::fmt;
 use wrapyfi_interfaces::named;
 
 /// Value of a parameter, in the types of ROS 2.
+///
+/// ```
+/// use wrapyfi_data::types::ParameterValue;
+/// let rate = ParameterValue::from(30);
+/// assert_eq!((rate.type_name(), rate.to_string().as_str()), ("INTEGER", "30"));
+/// assert_eq!(ParameterValue::from(vec![0.5, 1.0]).to_string(), "[0.5, 1.0]");
+/// ```
 #[derive(Debug, Clone, PartialEq, Default)]
 pub enum ParameterValue {
     /// No value, of a parameter that is declared or overridden.
@@ -32,6 +39,13 @@ pub enum ParameterValue {
 
 named! {
     /// Types of parameters; the numbers are those of `rcl_interfaces/msg/ParameterType`.
+    ///
+    /// ```
+    /// use wrapyfi_data::types::{ParameterType, ParameterValue};
+    /// let kind = ParameterType::from_number(7).unwrap();
+    /// assert_eq!(kind.name(), "INTEGER_ARRAY");
+    /// assert_eq!(kind.empty_list(), Some(ParameterValue::IntegerArray(Vec::new())));
+    /// ```
     #[derive(PartialOrd, Ord, Default)]
     pub enum ParameterType {
         /// No value.

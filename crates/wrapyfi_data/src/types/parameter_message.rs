@@ -5,6 +5,14 @@ use wrapyfi_interfaces::rcl_interfaces::msg;
 use super::{ParameterType, ParameterValue};
 
 /// Error of a message that names a type which ROS 2 does not have.
+///
+/// ```
+/// use wrapyfi_data::types::ParameterValue;
+/// use wrapyfi_interfaces::rcl_interfaces::msg;
+/// let message = msg::ParameterValue { r#type: 42, ..Default::default() };
+/// let error = ParameterValue::try_from(message).unwrap_err();
+/// assert!(error.to_string().starts_with("a parameter value has type 42; types are 0 (NOT_SET)"));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("a parameter value has type {0}; types are 0 (NOT_SET) to 9 (STRING_ARRAY)")]
 pub struct UnknownType(

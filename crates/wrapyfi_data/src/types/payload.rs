@@ -11,6 +11,14 @@ use wrapyfi_interfaces::named;
 use wrapyfi_interfaces::store::{ResolveError, ResolvedType, TypeStore};
 
 /// The content of one message, independent of the middleware that carries it.
+///
+/// ```
+/// use wrapyfi_data::types::{DataType, Payload, Value};
+/// let payload = Payload::from(Value::from("hello"));
+/// assert_eq!(payload.data_type(), DataType::NativeObject);
+/// let Payload::NativeObject(object) = payload else { panic!("no native object") };
+/// assert_eq!(object.as_str(), Some("hello"));
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub enum Payload {
     /// Any Python object.
@@ -60,6 +68,12 @@ from! {
 
 named! {
     /// The kind of a [`Payload`]: Wrapyfi's `data_type`.
+    ///
+    /// ```
+    /// use wrapyfi_data::types::DataType;
+    /// assert_eq!("ROSMessage".parse(), Ok(DataType::RosMessage));
+    /// assert_eq!(DataType::AudioChunk.to_string(), "AudioChunk");
+    /// ```
     #[allow(missing_docs)]
     pub enum DataType {
         NativeObject => "NativeObject",
@@ -73,6 +87,12 @@ named! {
 }
 
 /// Error of reading the name of a type; the text lists the known ones.
+///
+/// ```
+/// use wrapyfi_data::types::DataType;
+/// let error = "Imgae".parse::<DataType>().unwrap_err();
+/// assert!(error.to_string().starts_with("\"Imgae\" is no message type; did you mean `Image`? "));
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{text:?} is no {wanted}; {hint}accepted are {accepted}")]
 pub struct ParseTypeError {
@@ -114,6 +134,14 @@ impl FromStr for DataType {
 /// | `Text` | native object that is a text | `std_msgs/msg/String` holding that text | JSON |
 /// | `Properties` | named parameters | the parameters of the node that the address names | JSON |
 /// | any other `package/msg/Type` | message of that type | itself | JSON of its fields |
+///
+/// ```
+/// use wrapyfi_data::types::{DataType, MessageType};
+/// let camera: MessageType = "sensor_msgs/msg/CompressedImage".parse()?;
+/// assert_eq!(camera, MessageType::CompressedImage);
+/// assert_eq!((camera.to_string().as_str(), camera.data_type()), ("CompressedImage", DataType::Image));
+/// # Ok::<(), wrapyfi_data::types::ParseTypeError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum MessageType {
     /// `wrapyfi_msgs/msg/NativeObject`.
@@ -221,6 +249,13 @@ impl MessageType {
 }
 
 /// Error of reading the name of a message or service type.
+///
+/// ```
+/// use wrapyfi_data::types::MessageType;
+/// use wrapyfi_interfaces::store::TypeStore;
+/// let error = MessageType::resolve("std_msgs/msg/Strin", &mut TypeStore::generated()).unwrap_err();
+/// assert!(error.to_string().starts_with("std_msgs/msg/Strin is defined nowhere; did you mean `String`?"));
+/// ```
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MessageTypeError {

@@ -39,6 +39,13 @@ pub struct Properties {
 }
 
 /// Error of reading named parameters from a native object.
+///
+/// ```
+/// use wrapyfi_data::types::{Map, Properties, Value};
+/// let mixed = Value::from(vec![Value::from(1), Value::from("two")]);
+/// let error = Properties::from_value(&Map::from([("gains", mixed)]).into()).unwrap_err();
+/// assert_eq!(error.to_string(), "parameter \"gains\": a list holds values of one type, and here int and str");
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PropertiesError {

@@ -44,6 +44,15 @@ struct Known {
 }
 
 /// Error of using a definition as a message type.
+///
+/// ```
+/// use wrapyfi_data::types::RosType;
+/// use wrapyfi_interfaces::store::TypeStore;
+/// let service = TypeStore::generated().resolve_name("std_srvs/srv/SetBool")?;
+/// let error = RosType::new(&service).unwrap_err().to_string();
+/// assert_eq!(error, "std_srvs/srv/SetBool is no message: write it as package/msg/Type");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("{0}")]
 pub struct RosTypeError(pub(super) String);

@@ -22,6 +22,16 @@ const MOST_CONVERTED: usize = 1 << 20;
 const MAX_DEPTH: usize = 64;
 
 /// Error of converting a native object to a ROS message.
+///
+/// ```
+/// use wrapyfi_data::types::{Map, RosMessage, RosType};
+/// use wrapyfi_interfaces::store::TypeStore;
+/// let text = RosType::new(&TypeStore::generated().resolve_name("std_msgs/msg/String")?)?;
+/// let fields = Map::from([("text", "hello")]).into();
+/// let error = RosMessage::from_value(text, &fields, 1 << 20).unwrap_err();
+/// assert_eq!(error.to_string(), "text: std_msgs/msg/String has no such field");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RosValueError {

@@ -20,6 +20,14 @@ use super::{DataType, MessageType, MessageTypeError, ParseTypeError, RosService}
 /// | `CompressedImage`, `wrapyfi_ros2_interfaces/srv/ROS2CompressedImageService` | image | as Python Wrapyfi serves it | JPEG file, `jpg=True` |
 /// | `wrapyfi_ros2_interfaces/srv/ROS2AudioService` | sound | as Python Wrapyfi serves it | lists of numbers |
 /// | any other `package/srv/Type` | dict of the reply's fields | itself: arguments are the request's fields, by name or in order | JSON |
+///
+/// ```
+/// use wrapyfi_data::types::{DataType, ServiceKind};
+/// let snapshot: ServiceKind = "Image".parse()?;
+/// assert_eq!(snapshot.ros_type(), "wrapyfi_msgs/srv/ImageService");
+/// assert_eq!((snapshot.data_type(), snapshot.is_upstream()), (DataType::Image, false));
+/// # Ok::<(), wrapyfi_data::types::ParseTypeError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ServiceKind {
     /// `wrapyfi_msgs/srv/NativeObjectService`.

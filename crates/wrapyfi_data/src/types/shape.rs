@@ -1,6 +1,12 @@
 //! The one error of values whose bytes must fit the header beside them.
 
 /// Error of bytes that do not fit the header that describes them.
+///
+/// ```
+/// use wrapyfi_data::types::{Dtype, Tensor};
+/// let error = Tensor::new(Dtype::F32, [2, 2], vec![0_u8; 4]).unwrap_err();
+/// assert_eq!(error.to_string(), "float32 array [2, 2] needs 16 bytes, 4 are there");
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ShapeError {

@@ -142,6 +142,14 @@ impl Tensor {
 /// A NumPy array whose elements are not plain numbers: structured, text, bytes, void,
 /// `datetime64`, `timedelta64`, `longdouble`. Carried with its `descr` so that it can be written
 /// back exactly.
+///
+/// ```
+/// use wrapyfi_data::types::{NumpyArray, Value};
+/// // numpy.array(["1970-01-02"], "datetime64[D]")
+/// let dates = NumpyArray::new("'<M8[D]'", 8, [1], 1_i64.to_le_bytes().to_vec())?;
+/// assert_eq!(Value::from(dates).kind(), "numpy.ndarray");
+/// # Ok::<(), wrapyfi_data::types::ShapeError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct NumpyArray {
     /// `descr` of the `.npy` header as Python literal, e.g. `'<M8[ns]'` or `[('a', '<i4')]`.

@@ -73,6 +73,15 @@ pub enum Value {
 }
 
 /// An object behind a plug-in key that is not decoded here (`{"__wrapyfi__": [key, ...]}`).
+///
+/// ```
+/// use wrapyfi_data::{Limits, codec::json, types::{Tagged, Value}};
+/// let text = r#"{"__wrapyfi__": ["MyPose", 1.0, 2.0]}"#;
+/// let value = json::decode(&text.into(), &Limits::default())?;
+/// assert_eq!(value, Value::from(Tagged::new("MyPose", text)));
+/// assert_eq!(json::encode(&value).as_deref(), Ok(text.as_bytes()));
+/// # Ok::<(), wrapyfi_data::DecodeError>(())
+/// ```
 #[derive(Debug, Clone, Eq)]
 pub struct Tagged {
     /// The plug-in key, for instance `PytorchTensor`.

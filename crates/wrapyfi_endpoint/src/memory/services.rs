@@ -45,6 +45,8 @@ impl Service {
 }
 
 /// Direction of a parcel of a service.
+///
+/// See [`Carriage`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Way {
     /// A request, to a server.
@@ -54,6 +56,8 @@ pub enum Way {
 }
 
 /// Fate of a request or reply on its way.
+///
+/// See [`Carriage`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fate {
     /// Arrives at once.
@@ -67,6 +71,25 @@ pub enum Fate {
 }
 
 /// Rule that decides the fate of requests and replies; all arrive by default.
+///
+/// ```
+/// use std::time::Duration;
+/// use wrapyfi_data::types::ServiceKind;
+/// use wrapyfi_endpoint::memory::{Carriage, Fate, Memory, Way};
+/// use wrapyfi_endpoint::{CallError, Context, Middleware, Request, ServiceSpec};
+///
+/// let bus = Memory::new("memory");
+/// bus.carry_services(Carriage::new(|way| match way {
+///     Way::Request => Fate::Lost,
+///     Way::Reply => Fate::Arrives,
+/// }));
+/// let spec = ServiceSpec::new("/add", ServiceKind::NativeObject);
+/// let _server = bus.open_server(&spec, &Context::default())?;
+/// let mut client = bus.open_client(&spec, &Context::default())?;
+/// let error = client.call(&Request::default(), Duration::from_millis(10)).unwrap_err();
+/// assert!(matches!(error, CallError::TimedOut { .. }));
+/// # Ok::<(), wrapyfi_endpoint::OpenError>(())
+/// ```
 #[derive(Clone, Default)]
 pub struct Carriage(Option<Arc<dyn Fn(Way) -> Fate + Send + Sync>>);
 

@@ -5,6 +5,15 @@ use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, ToSocketAddrs, UdpSocket}
 
 /// Names of machines and their addresses, known beside what the system resolves: `hosts:` of a
 /// configuration.
+///
+/// ```
+/// use wrapyfi_endpoint::network::Hosts;
+/// let hosts = Hosts::from_iter([("robot".to_owned(), "192.168.1.7".parse()?)]);
+/// assert_eq!(hosts.or_same("robot"), "192.168.1.7");
+/// assert_eq!(hosts.or_same("laptop"), "laptop");
+/// assert_eq!(hosts.resolve("127.0.0.1"), Ok("127.0.0.1".parse()?));
+/// # Ok::<(), std::net::AddrParseError>(())
+/// ```
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Hosts(BTreeMap<String, IpAddr>);
 

@@ -10,6 +10,8 @@
 use std::net::IpAddr;
 
 /// Place at which a setting is given.
+///
+/// See [`Insecure`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Place {
     /// No place: the setting is a default, or follows from the address of the master or name
@@ -30,6 +32,17 @@ pub enum Place {
 
 /// Permission to listen on addresses that other machines reach, where nothing is authenticated or
 /// encrypted.
+///
+/// ```
+/// use wrapyfi_endpoint::network::{Insecure, Place};
+/// let open = "192.168.1.7".parse()?;
+/// let mut insecure = Insecure::default();
+/// insecure.said(Place::File, true, false); // the file names the address
+/// assert!(insecure.check("zeromq", "the broker", open).is_err());
+/// insecure.said(Place::Argument, false, true); // the command line permits it
+/// assert!(insecure.check("zeromq", "the broker", open).is_ok());
+/// # Ok::<(), std::net::AddrParseError>(())
+/// ```
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Insecure {
     /// True when the word `insecure` was given at a place that counts.
@@ -54,6 +67,14 @@ impl From<bool> for Insecure {
 }
 
 /// A socket would be open to other machines, and no setting permits it.
+///
+/// ```
+/// use wrapyfi_endpoint::network::Insecure;
+/// let error = Insecure::default().check("zeromq", "the broker", "0.0.0.0".parse()?).unwrap_err();
+/// assert!(error.to_string().starts_with("the broker on 0.0.0.0 can be reached by other machines"));
+/// assert!(error.remedy.contains("WRAPYFI_ZEROMQ_INSECURE=1"));
+/// # Ok::<(), std::net::AddrParseError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
     "{what} on {ip} can be reached by other machines, and nothing is authenticated or encrypted there: \

@@ -3,6 +3,13 @@
 use super::is_on;
 
 /// Error of a variable whose value means nothing.
+///
+/// ```
+/// use wrapyfi_endpoint::network::Variables;
+/// let settings = Variables(|_| Ok(Some("many".to_owned())));
+/// let error = settings.port("WRAPYFI_ZEROMQ_SOCKET_PUB_PORT", 5555).unwrap_err();
+/// assert!(error.to_string().ends_with("=\"many\" is not a port: write a number from 1 to 65535"));
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct VariableError(String);
@@ -22,6 +29,15 @@ pub fn variable(name: &'static str) -> Result<Option<String>, VariableError> {
 }
 
 /// Variables as a function finds them, such as [`variable`].
+///
+/// ```
+/// use wrapyfi_endpoint::network::Variables;
+/// let settings = Variables(|name| Ok((name == "PORT").then(|| " 5560 ".to_owned())));
+/// assert_eq!(settings.port("PORT", 5555)?, 5560);
+/// assert_eq!(settings.port("OTHER_PORT", 5555)?, 5555);
+/// assert!(settings.switch("VERBOSE", true)?);
+/// # Ok::<(), wrapyfi_endpoint::network::VariableError>(())
+/// ```
 pub struct Variables<F>(pub F);
 
 impl<F: Fn(&'static str) -> Result<Option<String>, VariableError>> Variables<F> {

@@ -27,6 +27,18 @@ use crate::types::{Dtype, NumpyArray, Tensor, element_count, swap_byte_order};
 pub(crate) use transpose::gather;
 
 /// Array of a `.npy` file.
+///
+/// ```
+/// use wrapyfi_data::codec::npy::{self, NpyArray};
+/// use wrapyfi_data::types::Tensor;
+/// let tensor = Tensor::from_elements(&[2], vec![1.0_f32, 2.0])?;
+/// let file = npy::write(&tensor).into();
+/// match npy::read(&file)? {
+///     NpyArray::Tensor(read) => assert_eq!(read, tensor),
+///     NpyArray::Array(other) => panic!("elements {}", other.descr),
+/// }
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum NpyArray {
     /// Plain numbers, row-major and little-endian whatever the file's order was.

@@ -16,6 +16,17 @@ use super::globals::Global;
 use crate::Limits;
 
 /// Number of an object in its [`Pickle`].
+///
+/// ```
+/// use wrapyfi_data::Limits;
+/// use wrapyfi_data::codec::pickle::{self, Allowed};
+/// // pickle.dumps([(same := "a" + "b"), same]): one text, twice in the list
+/// let data = b"](X\x02\0\0\0abq\x00h\x00e.".to_vec().into();
+/// let pickle = pickle::read(&data, &[], &Allowed::BUILTINS, &Limits::default())?;
+/// let [first, second] = pickle.root().list()?.exact()?;
+/// assert_eq!(first.id(), second.id());
+/// # Ok::<(), pickle::PickleError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct NodeId(pub(super) u32);
 
@@ -79,6 +90,16 @@ pub(super) struct CallData {
 
 /// A pickle that was read: its objects by number. No code was executed, and bytes are shared with
 /// the input.
+///
+/// ```
+/// use wrapyfi_data::Limits;
+/// use wrapyfi_data::codec::pickle::{self, Allowed};
+/// // pickle.dumps(5), and two bytes that are no part of it
+/// let data = b"\x80\x02K\x05.\xff\xff".to_vec().into();
+/// let pickle = pickle::read(&data, &[], &Allowed::BUILTINS, &Limits::default())?;
+/// assert_eq!((pickle.root().int()?, pickle.end()), (5, 5));
+/// # Ok::<(), pickle::PickleError>(())
+/// ```
 #[derive(Debug)]
 pub struct Pickle {
     pub(super) data: Bytes,

@@ -7,6 +7,14 @@ use super::node::{Node, View};
 use crate::types::DateTime;
 
 /// A `slice`.
+///
+/// ```
+/// use wrapyfi_data::codec::pickle::Slice;
+/// let every_second = Slice { start: Some(0), stop: Some(6), step: Some(2) };
+/// assert_eq!(every_second.indices().unwrap().collect::<Vec<_>>(), [0, 2, 4]);
+/// let backwards = Slice { step: Some(-1), ..every_second };
+/// assert!(backwards.indices().is_none());
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Slice {
     /// First index.

@@ -12,6 +12,16 @@ use super::error::PickleError;
 use super::node::{Node, View};
 
 /// Element type of a pickled array.
+///
+/// ```
+/// use wrapyfi_data::Limits;
+/// use wrapyfi_data::codec::pickle::{self, Allowed, ArrayDtype};
+/// // pickle.dumps(numpy.dtype("uint8"), 0), without its state
+/// let data = b"cnumpy\ndtype\n(Vu1\ntR.".to_vec().into();
+/// let pickle = pickle::read(&data, &[], &Allowed::NUMPY, &Limits::default())?;
+/// assert_eq!(pickle.root().dtype()?, ArrayDtype::Described("'|u1'".into()));
+/// # Ok::<(), pickle::PickleError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ArrayDtype {

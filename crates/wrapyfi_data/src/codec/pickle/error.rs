@@ -4,6 +4,16 @@ use super::super::DecodeError;
 
 /// Error of reading a pickle. Every variant names the place: a byte of the pickle, as
 /// `pickletools.dis` counts them, or the path of an object inside it.
+///
+/// ```
+/// use wrapyfi_data::Limits;
+/// use wrapyfi_data::codec::pickle::{self, Allowed, PickleError};
+/// // Pickle of an object whose __reduce__ returns (os.system, ("id",))
+/// let data = b"cos\nsystem\n(Vid\ntR.".to_vec().into();
+/// let error = pickle::read(&data, &[], &Allowed::NUMPY, &Limits::default()).unwrap_err();
+/// assert!(matches!(&error, PickleError::Refused { global, .. } if global == "os.system"));
+/// assert!(error.to_string().contains("os.system, which is not on the list"));
+/// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PickleError {

@@ -6,6 +6,14 @@
 use std::fmt;
 
 /// A function or class on the list.
+///
+/// ```
+/// use wrapyfi_data::codec::pickle::Allowed;
+/// let dtype = Allowed::NUMPY.find("numpy", "dtype").unwrap();
+/// assert!(dtype.callable && dtype.is("numpy.dtype"));
+/// let array = Allowed::NUMPY.find("numpy", "ndarray").unwrap();
+/// assert!(!array.callable); // only an argument of other calls
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Global {
     /// Python module, by its Python 3 name.
@@ -38,6 +46,13 @@ macro_rules! family {
 }
 
 /// Globals that the pickles of one plug-in may name.
+///
+/// ```
+/// use wrapyfi_data::codec::pickle::Allowed;
+/// assert!(Allowed::NUMPY.find("numpy", "dtype").is_some());
+/// assert!(Allowed::BUILTINS.find("numpy", "dtype").is_none());
+/// assert!(Allowed::PANDAS.iter().all(|global| global.module != "os"));
+/// ```
 #[derive(Debug, Clone, Copy)]
 pub struct Allowed {
     families: &'static [&'static [Global]],

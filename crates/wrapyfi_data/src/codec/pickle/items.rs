@@ -8,6 +8,18 @@ use super::node::{Node, View};
 use super::trail::Step;
 
 /// Members in their order: of a `list`, `tuple`, `set`, or the arguments of a call.
+///
+/// ```
+/// use wrapyfi_data::Limits;
+/// use wrapyfi_data::codec::pickle::{self, Allowed};
+/// // pickle.dumps([1, 2])
+/// let data = b"\x80\x02](K\x01K\x02e.".to_vec().into();
+/// let pickle = pickle::read(&data, &[], &Allowed::BUILTINS, &Limits::default())?;
+/// let items = pickle.root().list()?;
+/// let sum: i64 = items.iter().map(|item| item.int()).sum::<Result<_, _>>()?;
+/// assert_eq!((items.len(), sum, items.find(2).is_none()), (2, 3, true));
+/// # Ok::<(), pickle::PickleError>(())
+/// ```
 #[derive(Debug, Clone, Copy)]
 pub struct Items<'p> {
     pub(super) owner: Node<'p>,
@@ -78,6 +90,18 @@ impl<'p> Items<'p> {
 }
 
 /// Pairs of a `dict` in their order.
+///
+/// ```
+/// use wrapyfi_data::Limits;
+/// use wrapyfi_data::codec::pickle::{self, Allowed};
+/// // pickle.dumps({"a": 1})
+/// let data = b"\x80\x02}X\x01\0\0\0aK\x01s.".to_vec().into();
+/// let pickle = pickle::read(&data, &[], &Allowed::BUILTINS, &Limits::default())?;
+/// let pairs = pickle.root().dict()?;
+/// assert_eq!((pairs.len(), pairs.get("a")?.int()?), (1, 1));
+/// assert!(pairs.find("b").is_none());
+/// # Ok::<(), pickle::PickleError>(())
+/// ```
 #[derive(Debug, Clone, Copy)]
 pub struct Pairs<'p> {
     pub(super) owner: Node<'p>,

@@ -38,6 +38,21 @@ pub struct Node<'p> {
 }
 
 /// Kind and content of a [`Node`], for `match`.
+///
+/// ```
+/// use wrapyfi_data::Limits;
+/// use wrapyfi_data::codec::pickle::{self, Allowed, View};
+/// // pickle.dumps("hello")
+/// let data = b"\x80\x02X\x05\0\0\0hello.".to_vec().into();
+/// let pickle = pickle::read(&data, &[], &Allowed::BUILTINS, &Limits::default())?;
+/// let length = match pickle.root().view() {
+///     View::Str(text) => text.len(),
+///     View::List(items) | View::Tuple(items) => items.len(),
+///     _ => 0,
+/// };
+/// assert_eq!(length, 5);
+/// # Ok::<(), pickle::PickleError>(())
+/// ```
 #[derive(Debug, Clone, Copy)]
 #[non_exhaustive]
 pub enum View<'p> {

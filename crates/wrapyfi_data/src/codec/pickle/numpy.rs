@@ -24,6 +24,18 @@ const FROM_BUFFER: [&str; 2] =
 const SCALAR: [&str; 2] = ["numpy.core.multiarray.scalar", "numpy._core.multiarray.scalar"];
 
 /// An array that was pickled.
+///
+/// ```
+/// use wrapyfi_data::Limits;
+/// use wrapyfi_data::codec::pickle::{self, Allowed, PickledArray};
+/// // numpy.core.numeric._frombuffer(bytearray(b"ab"), numpy.dtype("u1"), (2,), "C")
+/// let data = b"\x80\x02cnumpy.core.numeric\n_frombuffer\n(c__builtin__\nbytearray\n\
+///     Vab\nVlatin1\n\x86Rcnumpy\ndtype\nVu1\n\x85RK\x02\x85VC\ntR.";
+/// let pickle = pickle::read(&data.to_vec().into(), &[], &Allowed::NUMPY, &Limits::default())?;
+/// let PickledArray::Tensor(tensor) = pickle.root().array()? else { panic!("no numbers") };
+/// assert_eq!(tensor.as_slice(), Some(b"ab".as_slice()));
+/// # Ok::<(), pickle::PickleError>(())
+/// ```
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub enum PickledArray<'p> {

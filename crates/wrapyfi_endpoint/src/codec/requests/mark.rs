@@ -22,6 +22,8 @@ const MAGIC: [u8; 4] = *b"WRC\x02";
 pub const SIZE: usize = 32;
 
 /// Kind of a message with a mark.
+///
+/// See [`Mark`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// A request; on a reply: Wrapyfi's own form, from a server that handed the mark back.
@@ -37,6 +39,8 @@ impl Kind {
 }
 
 /// Message of the data model that a call returns.
+///
+/// See [`Mark`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[allow(missing_docs)]
 pub enum Content {
@@ -76,6 +80,15 @@ impl Content {
 }
 
 /// The mark of a call.
+///
+/// ```
+/// use wrapyfi_endpoint::codec::requests::mark::{Content, Kind, Mark, SIZE};
+/// let (kind, content) = (Kind::Request, Content::Image);
+/// let mark = Mark { kind, content, timeout_ms: 5000, number: 7, machine: 0, ends_ms: 0 };
+/// let frame = mark.encode();
+/// assert_eq!((frame.len(), Mark::decode(&frame)), (SIZE, Some(mark)));
+/// assert_eq!(Mark::decode(b"a frame of another program"), None);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Mark {
     /// Kind of this message.
