@@ -21,8 +21,8 @@ pub type NameFilter = Box<dyn Fn(&str) -> bool + Send + Sync>;
 
 /// A look for endpoints that goes on until it is dropped, and sees more the longer it goes on.
 pub trait Discovery: Send {
-    /// Restricts discovery to the names that `wanted` accepts; call it before the first look. Where
-    /// endpoints have to be asked one by one, the others are not asked, and may be left out.
+    /// Restricts discovery to the names that `wanted` accepts; call it before the first look.
+    /// Endpoints of other names may be left out, and are not asked where each has to be asked.
     fn only(&mut self, wanted: NameFilter) {
         _ = wanted;
     }

@@ -89,8 +89,8 @@ impl RouteIndex<'_> {
     }
 }
 
-/// True where a pattern whose destination is `template` may publish on `name`. Where the source can be told from the
-/// destination, its groups and filters decide, because a group need not take every text.
+/// True where a pattern whose destination is `template` may publish on `name`. Groups and filters of a
+/// source that can be told from the destination decide, because a group need not take every text.
 fn may_become(route: &Route, template: &str, name: &str) -> bool {
     let inverse = || Inverse::new(&route.names.as_ref()?.pattern, template);
     fits_template(template, name)

@@ -122,7 +122,7 @@ impl Parse for Register {
 }
 
 impl Register {
-    /// Which of the texts is what, as in Python: middleware, class, topic.
+    /// Assigns the texts by their number, as Python does: middleware, class, topic.
     fn assemble(
         data_type: Ident,
         texts: Vec<Expr>,

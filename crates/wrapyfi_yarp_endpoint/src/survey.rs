@@ -65,7 +65,7 @@ enum State {
     Silent(Instant),
 }
 
-/// Why a port does not answer.
+/// Reason why a port does not answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Silence {
     /// Nobody is at its address.

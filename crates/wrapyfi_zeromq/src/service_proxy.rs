@@ -8,7 +8,7 @@
 //!
 //! A request is read at once and held here: so it can be counted, refused when too
 //! many wait, and dropped when its caller has given up, as the mark of our clients tells, also where
-//! it was that long on its way. What Python's clients ask is held until a server comes: they wait for ever.
+//! it was that long on its way. Requests of Python's clients are held until a server comes: they wait for ever.
 //! Replies that a client does not read wait here as well, where their bytes count; its connection has two of them.
 
 use std::collections::{BTreeMap, VecDeque};

@@ -23,8 +23,8 @@ use crate::types;
 use wrapyfi_data::returned::{PayloadError, Returned};
 
 /// The endpoints of one method; made by the library, used by the code that `#[communicator]`
-/// writes. What may wait is told whether it is a task that waits: else it blocks its thread, and is
-/// ready [at once](super::at_once).
+/// writes. Functions that may wait are told whether a task waits: else they block the thread, and
+/// are ready [at once](super::at_once).
 #[derive(Debug)]
 pub struct Session {
     pub(super) method: String,

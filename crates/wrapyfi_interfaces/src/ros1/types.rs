@@ -108,8 +108,8 @@ impl Types {
 
     /// Takes what a publisher shows in its connection header, `type`, `md5sum` and `message_definition`, and
     /// remembers it for those that the type is to be published to. The last one shown under a name
-    /// counts. Where the text is not that of the checksum, for instance empty, a definition from
-    /// elsewhere that has it is taken; a checksum of `*` fits any.
+    /// counts. A text that is not that of the checksum, for instance an empty one, gives way to a definition
+    /// from elsewhere that is; a checksum of `*` fits any.
     ///
     /// # Errors
     /// As [`Definition::from_header`], and when no definition has the checksum: nothing is remembered
@@ -224,8 +224,8 @@ impl Types {
         Err(DefinitionError::Unknown { name: name.clone(), looked: Looked(looked) })
     }
 
-    /// The ROS 2 type that a ROS 1 type becomes: as installed, else made from it. What is installed
-    /// and cannot be used is passed over: the ROS 1 type is known.
+    /// The ROS 2 type that a ROS 1 type becomes: as installed, else made from it. An installed one
+    /// that cannot be used is passed over: the ROS 1 type is known.
     ///
     /// # Errors
     /// When none can be made from it.
