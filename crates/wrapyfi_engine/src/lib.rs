@@ -102,6 +102,6 @@ pub use running::{Applier, Running};
 pub use service_relay::ServiceRelay;
 pub use stamping::StampSource;
 pub use tap::Tap;
-pub use unheard::Unheard;
+pub use unheard::UnheardRoutes;
 pub use work::Step;
 pub use wrapyfi_endpoint::pattern::NamePattern;
