@@ -53,6 +53,7 @@ mod lanes;
 mod left_out;
 mod member;
 mod news;
+mod pattern;
 mod plan;
 mod plan_address;
 mod plan_diff;
