@@ -80,6 +80,7 @@ CAMERAS := --features wrapyfi_communicator_examples/v4l2
 lint: | target/COLCON_IGNORE
 	@$(CARGO) clippy --workspace --all-targets --locked $(CAMERAS) -- -D warnings
 	@scripts/dependencies.sh
+	@$(PYTHON3) scripts/sentences.py
 
 # `scripts/dependencies.sh`, a part of `make lint`, compares the licences that crates name and their sources with deny.toml.
 # cargo-deny also reads the texts of licences; not in `make test`, because it takes minutes to compile where it is not installed.

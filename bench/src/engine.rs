@@ -143,7 +143,7 @@ fn wait_open(ends: &mut Ends, payload: &Payload) -> Result<()> {
 
 /// Figures of the process that measures.
 #[derive(Serialize, Deserialize)]
-struct Told {
+struct Measured {
     targets: Vec<Target>,
 }
 
@@ -151,12 +151,12 @@ struct Told {
 pub(crate) fn run(bench: &Bench) -> Result<Vec<Target>> {
     let mut command = bench.command(Path::new("taskset"));
     command.args(["--cpu-list", "0"]).arg(&bench.own).arg("engine");
-    Ok(Child::start("engine", command, &bench.folder)?.answer::<Told>()?.targets)
+    Ok(Child::start("engine", command, &bench.folder)?.answer::<Measured>()?.targets)
 }
 
 /// Runs that process.
 pub(crate) fn tell() -> Result<()> {
-    writeln!(std::io::stdout(), "{}", serde_json::to_string(&Told { targets: measure()? })?)?;
+    writeln!(std::io::stdout(), "{}", serde_json::to_string(&Measured { targets: measure()? })?)?;
     Ok(())
 }
 

@@ -18,7 +18,7 @@ const OWN: &str = "ZEROMQ/CONNECTIONS";
 
 /// Answer of a program on a port where a broker is looked for.
 pub fn zeromq_probe(data: &[u8]) {
-    let answer = bounded(data.len(), 16, || offline::probe(data));
+    let answer = bounded(data.len(), 16, || offline::port_answer(data));
     let text = answer.to_string();
     assert!(text.len() < 256 && text.bytes().all(|byte| (b' '..=b'~').contains(&byte)), "{text:?}");
     if let Answer::Socket(kind) = answer {

@@ -35,8 +35,8 @@ pub enum Need {
     /// ROS 1 as Debian has it: rosmaster, rospy and the tools. Some systems have none: tests that need
     /// it are skipped there, whatever `WRAPYFI_REQUIRE_PEERS` says.
     Ros1,
-    /// Network namespaces that can be joined, as root may make them. Where they cannot be made the test
-    /// is skipped, whatever `WRAPYFI_REQUIRE_PEERS` says.
+    /// Network namespaces that can be joined, as root may make them. The test is skipped if they cannot
+    /// be made, whatever `WRAPYFI_REQUIRE_PEERS` says.
     Hosts,
     /// A compiler and roscpp. Some systems have none: tests that need it are skipped there, whatever
     /// `WRAPYFI_REQUIRE_PEERS` says.
@@ -50,7 +50,7 @@ pub enum Need {
     Ros2Package(&'static str),
     /// Python Wrapyfi that runs on its rclpy: the interpreter that has it is the one of that ROS 2.
     WrapyfiOnRos2,
-    /// Chromium, whose pictures need no screen. Where there is none the test is skipped, whatever
+    /// Chromium, whose pictures need no screen. The test is skipped if there is none, whatever
     /// `WRAPYFI_REQUIRE_PEERS` says.
     Chromium,
     /// YARP's tools.

@@ -4,6 +4,7 @@
 
 mod bridge;
 mod bridge_graph;
+mod check;
 mod churn;
 mod cli;
 mod communicator;
@@ -45,6 +46,7 @@ mod ros1_bridge;
 mod ros1_cpp;
 mod ros1_graph;
 mod ros1_latched;
+mod ros1_services;
 mod ros1_types;
 mod ros_types;
 mod service_routes;

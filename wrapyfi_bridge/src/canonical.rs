@@ -1,8 +1,8 @@
 //! Native objects as text that is the same in every language, to read and to hash.
 //!
 //! Compact JSON in ASCII with sorted keys, numbers as Python prints them: what
-//! `json.dumps(value, sort_keys=True, separators=(",", ":"))` gives. What JSON has no form for is an
-//! object with one key:
+//! `json.dumps(value, sort_keys=True, separators=(",", ":"))` gives. Anything that JSON has no form
+//! for is an object with one key:
 //!
 //! | value | text |
 //! | --- | --- |

@@ -6,8 +6,8 @@ pub fn plain(text: &str) -> String {
     text.replace(char::is_control, "\u{fffd}")
 }
 
-/// Lines of the rows: the first `texts` columns are aligned to the left, those of numbers to the right. What a terminal
-/// obeys is no part of them.
+/// Lines of the rows: the first `texts` columns are aligned to the left, those of numbers to the right. Characters that
+/// a terminal obeys are no part of them.
 #[must_use]
 pub fn aligned<const N: usize>(rows: &[[String; N]], texts: usize) -> Vec<String> {
     let rows: Vec<[String; N]> =

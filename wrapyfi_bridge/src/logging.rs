@@ -230,7 +230,7 @@ struct Output {
 impl<S: Subscriber> Layer<S> for Output {
     fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
         let metadata = event.metadata();
-        let mut line = Line::default();
+        let mut line = LogRecord::default();
         event.record(&mut line);
         let logger = line.logger(&self.logger);
         if !self.levels.permits(&logger, *metadata.level()) {
@@ -288,13 +288,13 @@ fn filter(level: LevelFilter, rust_log: &str) -> EnvFilter {
 
 /// The parts of an event in the order in which they are printed.
 #[derive(Default)]
-struct Line {
+struct LogRecord {
     route: Option<String>,
     message: String,
     fields: String,
 }
 
-impl Line {
+impl LogRecord {
     /// Name of the logger: the program's, or a child of it for a route.
     fn logger(&self, program: &str) -> String {
         match &self.route {
@@ -312,7 +312,7 @@ fn logger_part(route: &str) -> String {
     if words.is_empty() { "route".to_owned() } else { words.join("_") }
 }
 
-impl field::Visit for Line {
+impl field::Visit for LogRecord {
     fn record_str(&mut self, field: &field::Field, value: &str) {
         self.record_debug(field, &format_args!("{value}"));
     }

@@ -109,7 +109,7 @@ fn enter(args: &BridgeArgs, given: &mut BTreeMap<String, ParameterValue>) -> Res
 }
 
 /// Runs the bridge as a ROS 2 node, with the routes that `args` or `ros` name, or those built in for
-/// `bridge`. What is logged, unless `ros` says otherwise, is what `level` lets through.
+/// `bridge`. Log lines that `level` lets through are written, unless `ros` says otherwise.
 ///
 /// # Errors
 /// Exit code 2 when arguments or configuration are refused, 1 when a middleware cannot start.

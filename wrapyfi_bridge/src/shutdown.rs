@@ -38,8 +38,8 @@ fn end_in_time() {
 }
 
 impl Shutdown {
-    /// Catches SIGINT and SIGTERM. Where what the process does cannot be interrupted, such as to wait for a name
-    /// server that does not answer, it ends all the same in time, with exit code 0. A signal that comes a second
+    /// Catches SIGINT and SIGTERM. A process in the middle of something that cannot be interrupted, such as
+    /// waiting for a name server, ends all the same in time, with exit code 0. A signal that comes a second
     /// after the first, or later, ends the process at once with exit code 1; one that comes earlier is the same
     /// wish: a supervisor signals the group of processes, and `ros2 launch` in it passes the signal on.
     ///

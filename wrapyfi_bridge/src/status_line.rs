@@ -7,14 +7,14 @@ use wrapyfi_core::engine::RouteStatus;
 #[must_use]
 pub fn json_line(routes: &[RouteStatus], panics: u64) -> Vec<u8> {
     #[derive(Serialize)]
-    struct Line<'a> {
+    struct StatusRecord<'a> {
         routes: &'a [RouteStatus],
         #[serde(skip_serializing_if = "Option::is_none")]
         panics: Option<u64>,
     }
     let panics = (panics > 0).then_some(panics);
     // Names are text and counters are numbers: nothing in it can fail.
-    let mut line = serde_json::to_vec(&Line { routes, panics }).unwrap_or_default();
+    let mut line = serde_json::to_vec(&StatusRecord { routes, panics }).unwrap_or_default();
     line.push(b'\n');
     line
 }

@@ -50,7 +50,7 @@ fn is_active(running: &Running, name: &str) -> bool {
 
 const WRITTEN: &str = "from: 'a:/w', to: 'b:/w', type: NativeObject, queue_depth: 1000";
 
-/// Where a thread panics again and again, everything that needs it goes on afterwards: routes that a pattern makes
+/// After a thread has panicked again and again, everything that needs it goes on: routes that a pattern makes
 /// (reconciler), those that are tried again after a while (timer), and messages (workers).
 #[test]
 fn a_thread_of_the_engine_that_panics_begins_again() {

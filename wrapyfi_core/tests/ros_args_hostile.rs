@@ -1,5 +1,5 @@
 //! Command lines and parameter files that nobody meant well: they end in a result, soon, and
-//! never in a panic. What is well meant comes through unchanged.
+//! never in a panic. Arguments that are well meant come through unchanged.
 
 use std::io;
 use std::time::{Duration, Instant};

@@ -40,8 +40,8 @@ pub type NameFilter = Box<dyn Fn(&str) -> bool + Send + Sync>;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub trait Discovery: Send {
-    /// Restricts discovery to the names that `wanted` accepts; call it before the first look. Where
-    /// endpoints have to be asked one by one, the others are not asked, and may be left out.
+    /// Restricts discovery to the names that `wanted` accepts; call it before the first look.
+    /// Endpoints of other names may be left out, and are not asked where each has to be asked.
     fn only(&mut self, wanted: NameFilter) {
         _ = wanted;
     }

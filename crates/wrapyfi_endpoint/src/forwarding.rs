@@ -48,9 +48,9 @@ use wrapyfi_data::types::Payload;
 /// ```
 pub trait ForwardingListener {
     /// Passes over the next message unread, because nobody wants it yet; number of messages lost by
-    /// that, `None` when none waits. Where publishers keep their last message for later listeners,
-    /// this listener keeps the newest of each publisher too, and
-    /// [`Listener::take`](super::Listener::take) returns those first.
+    /// that, `None` when none waits. This listener keeps the newest of each publisher that keeps
+    /// its last for later listeners, and [`Listener::take`](super::Listener::take) returns those
+    /// first.
     fn discard_except_latched(&mut self) -> Option<u64>;
 
     /// Number ([`Origin::publisher`]) of a publisher that kept its last message and has ended, was

@@ -308,9 +308,9 @@ mod tests {
     use super::*;
     use crate::Wake;
 
-    struct Bell(Wake);
+    struct TaskWaker(Wake);
 
-    impl std::task::Wake for Bell {
+    impl std::task::Wake for TaskWaker {
         fn wake(self: Arc<Self>) {
             self.0.ring();
         }
@@ -368,7 +368,7 @@ mod tests {
 
     #[test]
     fn whoever_waits_for_room_is_woken_by_it_and_by_the_end() {
-        let bell = Arc::new(Bell(Wake::new()));
+        let bell = Arc::new(TaskWaker(Wake::new()));
         let (tx, rx, counters) = open(1, Overflow::DropOldest);
         let waker = Waker::from(Arc::clone(&bell));
         tx.offer(1, &waker).unwrap();

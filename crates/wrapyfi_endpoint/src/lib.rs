@@ -22,11 +22,11 @@ mod clock;
 pub mod codec;
 mod conventions;
 mod counters;
+mod deferred;
 mod discovery;
 mod forwarding;
 mod inbox;
 mod latched;
-mod late;
 mod latency;
 mod learn;
 mod mark;
@@ -63,6 +63,7 @@ pub use calls::Ticket;
 pub use clock::{Clock, RosNow};
 pub use conventions::Conventions;
 pub use counters::{Counters, CountersSnapshot, DropReason, QosEvent, Refused};
+pub use deferred::{DeferredMiddleware, StartFault};
 pub use discovery::{
     AnnouncedDurability, AnnouncedQos, DiscoverError, Discovered, Discovery, NameFilter, Role,
     Traffic,
@@ -70,7 +71,6 @@ pub use discovery::{
 pub use forwarding::{ForwardingListener, ForwardingPublisher};
 pub use inbox::{Overflow, QueueSpec, Receiver, Sender, Waits, inbox};
 pub use latched::{Latched, MAX_ORIGINS};
-pub use late::{Late, StartFault};
 pub use latency::{Latency, LatencySummary};
 pub use learn::{LearnError, LearnResult, Learned};
 pub use learn::{service_of_name, topic_of_name};

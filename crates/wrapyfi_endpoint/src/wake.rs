@@ -17,10 +17,10 @@ use std::time::Duration;
 /// assert!(wake.wait(Duration::from_secs(60))); // returns at once
 /// ```
 #[derive(Clone, Debug, Default)]
-pub struct Wake(Arc<Bell>);
+pub struct Wake(Arc<Shared>);
 
 #[derive(Debug, Default)]
-struct Bell {
+struct Shared {
     state: Mutex<State>,
     changed: Condvar,
 }

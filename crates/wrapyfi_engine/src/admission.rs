@@ -174,7 +174,7 @@ impl Reconciler {
                 let source = source.and_then(|side| side.middleware.as_ref());
                 let options = &spec.policy.options;
                 let learned = source.map_or(learned, |it| it.received_as(learned, options));
-                candidate.shown = is_shown.then(|| learned.label());
+                candidate.announced_type = is_shown.then(|| learned.label());
                 Ok(Kind::Topic(learned.into()))
             }
             Kind::Service(kind) => {
@@ -227,7 +227,7 @@ impl Reconciler {
             }
         }
         let told = other?;
-        let before = candidate.shown.replace(told.label());
+        let before = candidate.announced_type.replace(told.label());
         if told.label() == carried.label() {
             return None;
         }

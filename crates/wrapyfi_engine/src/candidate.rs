@@ -25,7 +25,7 @@ pub(super) struct Candidate {
     /// Kind of the service that its route calls.
     pub(super) called: Option<ServiceKind>,
     /// Type that its source has shown last.
-    pub(super) shown: Option<&'static str>,
+    pub(super) announced_type: Option<&'static str>,
     /// Type that its listeners want, where it differs from the learned one and can be made of it.
     pub(super) wished: Option<MessageType>,
     /// Listeners that its route cannot serve, in words, as the route was told last.
@@ -57,7 +57,7 @@ impl Candidate {
             is_ahead: false,
             carried: None,
             called: None,
-            shown: None,
+            announced_type: None,
             wished: None,
             misfits: None,
             rests: false,

@@ -27,8 +27,8 @@ pub(super) struct Lane {
 }
 
 impl Lane {
-    /// True where the other leads back between the same middlewares, from and to other names. What it carries may
-    /// be the answer to what this one carries.
+    /// True where the other leads back between the same middlewares, from and to other names. Its messages may be
+    /// the answers to those of this one.
     fn is_answered_by(&self, other: &Self) -> bool {
         let name = |end: &EndpointAddress| end.name.trim_start_matches('/').to_owned();
         self.from.middleware == other.to.middleware

@@ -69,7 +69,7 @@ pub(super) struct Member {
 struct Slot {
     /// The route at work; `None` once it has closed.
     work: Option<Box<dyn Work>>,
-    shown: Arc<Published>,
+    last_published: Arc<Published>,
     /// Previous route at the same destination, until that has closed.
     after: Option<Arc<Member>>,
     reopen_at: Option<Instant>,
@@ -135,7 +135,7 @@ impl Member {
                 (Box::new(relay), wake, status, None)
             }
         };
-        let shown = Arc::new(Published { state: identity.state.clone(), qos: [None, None] });
+        let published = Arc::new(Published { state: identity.state.clone(), qos: [None, None] });
         Arc::new(Self {
             id,
             key,
@@ -146,7 +146,7 @@ impl Member {
             tap,
             slot: Mutex::new(Slot {
                 work: Some(work),
-                shown: Arc::clone(&shown),
+                last_published: Arc::clone(&published),
                 after,
                 reopen_at: None,
                 panicked_at: None,
@@ -155,7 +155,7 @@ impl Member {
             }),
             orders: Mutex::default(),
             is_ordered: AtomicBool::new(false),
-            published: Mutex::new(shown),
+            published: Mutex::new(published),
             clock: registry.clock().clone(),
             epoch: Instant::now(),
             step_began_ms: AtomicU64::new(0),
@@ -252,7 +252,7 @@ impl Member {
                 self.is_open.store(work.is_open(), Ordering::Relaxed);
                 let (state, qos, has_source) = work.state();
                 self.has_source.store(has_source, Ordering::Relaxed);
-                if slot.shown.state != *state || slot.shown.qos != qos {
+                if slot.last_published.state != *state || slot.last_published.qos != qos {
                     let state = state.clone();
                     self.publish(slot, state, qos, now);
                 }
@@ -261,7 +261,11 @@ impl Member {
             Err(panic) => self.contain(slot, &panic, now),
         };
         if let Some(unlogged_before) = slot.reasons.rest(now) {
-            slot.shown.state.log(&self.identity.name, self.is_one_of_many, unlogged_before);
+            slot.last_published.state.log(
+                &self.identity.name,
+                self.is_one_of_many,
+                unlogged_before,
+            );
         }
         self.step_began_ms.store(0, Ordering::Relaxed);
         if self.is_told_blocked.swap(false, Ordering::Relaxed) {
@@ -300,9 +304,9 @@ impl Member {
     /// Publishes the state of the route. A change of its word is logged; changes of the reason
     /// alone are many, and go through the throttle.
     fn publish(&self, slot: &mut Slot, state: RouteState, qos: [Option<Qos>; 2], now: Instant) {
-        if slot.shown.state != state {
-            let is_first = slot.shown.state == self.identity.state;
-            let passes = if is_first || slot.shown.state.word() != state.word() {
+        if slot.last_published.state != state {
+            let is_first = slot.last_published.state == self.identity.state;
+            let passes = if is_first || slot.last_published.state.word() != state.word() {
                 Some(slot.reasons.finish().unwrap_or(0))
             } else {
                 slot.reasons.pass(now)
@@ -311,8 +315,8 @@ impl Member {
                 state.log(&self.identity.name, self.is_one_of_many, unlogged_before);
             }
         }
-        slot.shown = Arc::new(Published { state, qos });
-        *self.published.lock() = Arc::clone(&slot.shown);
+        slot.last_published = Arc::new(Published { state, qos });
+        *self.published.lock() = Arc::clone(&slot.last_published);
     }
 
     /// Closes the route for good, and logs its numbers of messages where it `end`s before the

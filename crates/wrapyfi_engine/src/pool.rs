@@ -158,8 +158,8 @@ impl Pool {
         self.spawn("route-timer", move || pool.keep_time(&look))
     }
 
-    /// Starts a thread that ends once the pool is stopped. Where `act` panics, it begins again after a
-    /// pause.
+    /// Starts a thread that ends once the pool is stopped. After a panic of `act` it begins again,
+    /// with a pause.
     ///
     /// # Errors
     /// When the system refuses a thread; the pool stops then.

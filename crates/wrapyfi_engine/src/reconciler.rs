@@ -22,11 +22,11 @@ use wrapyfi_interfaces::store::TypeStore;
 use super::candidate::{Candidate, State};
 use super::discovered_graph::{Away, DiscoveredGraph, DiscoveredMiddleware};
 use super::member::Ending;
-use super::news::{self, News};
+use super::news;
+use super::pattern::Pattern;
 use super::route::{Kind, Route, RouteKey};
 use super::route_status::RouteState;
 use wrapyfi_endpoint::backoff::Backoff;
-use wrapyfi_endpoint::pattern::Inverse;
 use wrapyfi_endpoint::{BridgeMark, Counters, EndpointAddress, Registry, Role, Throttle};
 use wrapyfi_retry::contained;
 
@@ -103,37 +103,6 @@ pub(super) struct Reconciler {
     pub(super) unchanged_at: Option<Instant>,
     /// Instant at which the last new source came; that of the first look where none came.
     pub(super) came_at: Option<Instant>,
-}
-
-pub(super) struct Pattern {
-    pub(super) spec: Arc<Route>,
-    /// Way from the name of a listener at the destination back to the source that it waits for.
-    pub(super) inverse: Option<Inverse>,
-    /// Number of names beyond the limit, at the last look.
-    pub(super) over: usize,
-    pub(super) told_over: bool,
-    pub(super) made: u64,
-    pub(super) ended: u64,
-    pub(super) panics: u64,
-    /// Destination of each name; `None` where the pattern leaves the name out.
-    pub(super) targets: BTreeMap<String, Option<EndpointAddress>>,
-    pub(super) news: News,
-}
-
-impl Pattern {
-    pub(super) fn new(spec: Route) -> Self {
-        Self {
-            inverse: spec.inverse(),
-            spec: Arc::new(spec),
-            over: 0,
-            told_over: false,
-            made: 0,
-            ended: 0,
-            panics: 0,
-            targets: BTreeMap::new(),
-            news: News::default(),
-        }
-    }
 }
 
 impl Reconciler {

@@ -1,7 +1,8 @@
 //! Statuses of a plan's patterns, and of the names they match that have no route yet.
 
 use super::candidate::State;
-use super::reconciler::{Pattern, Reconciler};
+use super::pattern::Pattern;
+use super::reconciler::Reconciler;
 use super::route_status::{PatternCounts, RouteState, RouteStatus};
 
 /// Words between the limit of a pattern and the number of names beyond it.

@@ -10,8 +10,9 @@ use std::time::Instant;
 
 use super::candidate::{Candidate, State};
 use super::news;
+use super::pattern::Pattern;
 use super::plan::Plan;
-use super::reconciler::{Change, Key, Pattern, Reconciler, stop};
+use super::reconciler::{Change, Key, Reconciler, stop};
 use super::route::Route;
 use wrapyfi_endpoint::{EndpointAddress, Registry};
 

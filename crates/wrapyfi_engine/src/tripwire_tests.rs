@@ -13,7 +13,7 @@ use wrapyfi_endpoint::{
 const MS: Duration = Duration::from_millis(1);
 
 /// Two middlewares and the routes between them, some of which are of one bridge.
-struct World {
+struct Network {
     registry: Registry,
     sides: [Arc<Memory>; 2],
     routes: Vec<Relay>,
@@ -24,7 +24,7 @@ struct World {
     seen: BTreeSet<&'static str>,
 }
 
-impl World {
+impl Network {
     fn new() -> Self {
         let sides = ["a", "b"].map(|name| Arc::new(Memory::new(name)));
         let mut registry = Registry::new();
@@ -117,98 +117,98 @@ fn drain(listener: &mut dyn Listener) -> usize {
 
 #[test]
 fn one_message_between_two_bridges_is_stopped_and_a_mended_set_up_recovers() {
-    let mut world = World::new();
-    world.bridge(&[("a:/x", "b:/x")]);
-    world.bridge(&[("b:/x", "a:/x")]);
-    let mut talker = world.publisher(0, "/x");
+    let mut network = Network::new();
+    network.bridge(&[("a:/x", "b:/x")]);
+    network.bridge(&[("b:/x", "a:/x")]);
+    let mut talker = network.publisher(0, "/x");
     talker.publish(&number(1)).unwrap();
-    world.tick(3000, |_, _| ());
-    world.has_stopped();
-    let state = world.state(0);
+    network.tick(3000, |_, _| ());
+    network.has_stopped();
+    let state = network.state(0);
     assert!(state.contains("sends to b:/x comes back to a:/x through other programs"), "{state}");
     assert!(state.contains("leave out the route from b:/x to a:/x"), "{state}");
     // Where the loop is still there, the next message ends it again.
-    world.tick(5000, |_, _| ());
+    network.tick(5000, |_, _| ());
     assert!(
-        world.state(0).starts_with("degraded: messages pass again after a loop"),
+        network.state(0).starts_with("degraded: messages pass again after a loop"),
         "{}",
-        world.state(0)
+        network.state(0)
     );
     talker.publish(&number(2)).unwrap();
-    world.tick(3000, |_, _| ());
-    world.has_stopped();
-    world.routes.truncate(1);
-    world.tick(10_000, |_, _| ());
-    let mut ear = world.listener(1, "/x");
-    world.tick(12_000, |n, _| {
+    network.tick(3000, |_, _| ());
+    network.has_stopped();
+    network.routes.truncate(1);
+    network.tick(10_000, |_, _| ());
+    let mut ear = network.listener(1, "/x");
+    network.tick(12_000, |n, _| {
         if n % 100 == 0 {
             talker.publish(&number(n as i64)).unwrap();
         }
     });
     assert_eq!(drain(ear.as_mut()), 120);
-    assert_eq!(world.state(0), "active");
-    world.is_accounted();
+    assert_eq!(network.state(0), "active");
+    network.is_accounted();
 }
 
 #[test]
 fn a_route_whose_guard_is_off_goes_on() {
-    let mut world = World::new();
-    world.loop_guard = false;
-    world.bridge(&[("a:/x", "b:/x")]);
-    world.bridge(&[("b:/x", "a:/x")]);
-    world.publisher(0, "/x").publish(&number(1)).unwrap();
-    world.tick(5000, |_, _| ());
-    let before = world.sent();
-    world.tick(100, |_, _| ());
-    assert!(world.sent() > before, "{}", world.state(0));
+    let mut network = Network::new();
+    network.loop_guard = false;
+    network.bridge(&[("a:/x", "b:/x")]);
+    network.bridge(&[("b:/x", "a:/x")]);
+    network.publisher(0, "/x").publish(&number(1)).unwrap();
+    network.tick(5000, |_, _| ());
+    let before = network.sent();
+    network.tick(100, |_, _| ());
+    assert!(network.sent() > before, "{}", network.state(0));
     // Its message is always under way: the counters never come to rest.
-    assert_eq!(world.state(0), "active");
+    assert_eq!(network.state(0), "active");
 }
 
 /// A program that sends on what it hears, to where it comes from.
 #[test]
 fn a_loop_that_stays_is_tried_less_and_less() {
-    let mut world = World::new();
-    world.bridge(&[("a:/x", "b:/x")]);
-    let (mut back, mut ear) = (world.publisher(0, "/x"), world.listener(1, "/x"));
-    world.publisher(0, "/x").publish(&number(1)).unwrap();
+    let mut network = Network::new();
+    network.bridge(&[("a:/x", "b:/x")]);
+    let (mut back, mut ear) = (network.publisher(0, "/x"), network.listener(1, "/x"));
+    network.publisher(0, "/x").publish(&number(1)).unwrap();
     for seconds in ["5 s", "10 s", "20 s", "40 s", "60 s", "60 s"] {
-        let end = world.now + Duration::from_secs(66);
+        let end = network.now + Duration::from_secs(66);
         let wanted = format!("tried again after {seconds}");
         let is_open =
             |state: String| state.starts_with("error: loop: ") && state.ends_with(&wanted);
-        while !is_open(world.state(0)) {
-            assert!(world.now < end, "{seconds}: {}", world.state(0));
-            world.tick(1, |_, _| {
+        while !is_open(network.state(0)) {
+            assert!(network.now < end, "{seconds}: {}", network.state(0));
+            network.tick(1, |_, _| {
                 let heard = drain(ear.as_mut());
                 (0..heard).for_each(|_| _ = back.publish(&number(1)).unwrap());
             });
         }
-        while !world.state(0).starts_with("degraded") {
-            world.tick(1, |_, _| ());
+        while !network.state(0).starts_with("degraded") {
+            network.tick(1, |_, _| ());
         }
         back.publish(&number(1)).unwrap();
     }
-    world.tick(1, |_, _| ());
-    world.is_accounted();
+    network.tick(1, |_, _| ());
+    network.is_accounted();
 }
 
 #[test]
 fn messages_that_gather_in_a_loop_are_stopped() {
-    let mut world = World::new();
-    world.bridge(&[("a:/x", "b:/x")]);
-    world.bridge(&[("b:/x", "a:/x")]);
-    let mut talker = world.publisher(0, "/x");
+    let mut network = Network::new();
+    network.bridge(&[("a:/x", "b:/x")]);
+    network.bridge(&[("b:/x", "a:/x")]);
+    let mut talker = network.publisher(0, "/x");
     for n in 0..1200 {
-        if !world.seen.contains("error") {
+        if !network.seen.contains("error") {
             talker.publish(&number(n)).unwrap();
-            world.tick(10, |_, _| ());
+            network.tick(10, |_, _| ());
         }
     }
-    assert!(world.seen.contains("error"), "{:?}", world.seen);
+    assert!(network.seen.contains("error"), "{:?}", network.seen);
     // The other bridge may be in the midst of a round, with messages that it holds.
-    world.tick(2500, |_, _| ());
-    world.has_stopped();
+    network.tick(2500, |_, _| ());
+    network.has_stopped();
 }
 
 #[test]
@@ -221,36 +221,36 @@ fn rings_and_loops_with_bridges_in_parallel_are_stopped() {
         vec![vec![there], vec![there], vec![back], vec![back]],
         vec![vec![there, back], vec![there, back]],
     ] {
-        let mut world = World::new();
-        bridges.iter().for_each(|routes| world.bridge(routes));
-        world.publisher(0, "/x").publish(&number(1)).unwrap();
+        let mut network = Network::new();
+        bridges.iter().for_each(|routes| network.bridge(routes));
+        network.publisher(0, "/x").publish(&number(1)).unwrap();
         for _ in 0..120 {
-            if !world.seen.contains("error") {
-                world.tick(100, |_, _| ());
+            if !network.seen.contains("error") {
+                network.tick(100, |_, _| ());
             }
         }
-        assert!(world.seen.contains("error"), "{bridges:?}");
-        world.tick(2000, |_, _| ());
-        world.has_stopped();
+        assert!(network.seen.contains("error"), "{bridges:?}");
+        network.tick(2000, |_, _| ());
+        network.has_stopped();
     }
 }
 
 /// Each bridge has one direction of each of two loops, so that the other loop may look like answers.
 #[test]
 fn two_loops_at_once_are_both_stopped() {
-    let mut world = World::new();
-    world.bridge(&[("a:/x", "b:/x"), ("b:/y", "a:/y")]);
-    world.bridge(&[("b:/x", "a:/x"), ("a:/y", "b:/y")]);
-    world.publisher(0, "/x").publish(&number(1)).unwrap();
-    world.publisher(0, "/y").publish(&number(2)).unwrap();
+    let mut network = Network::new();
+    network.bridge(&[("a:/x", "b:/x"), ("b:/y", "a:/y")]);
+    network.bridge(&[("b:/x", "a:/x"), ("a:/y", "b:/y")]);
+    network.publisher(0, "/x").publish(&number(1)).unwrap();
+    network.publisher(0, "/y").publish(&number(2)).unwrap();
     let mut stopped = false;
     for _ in 0..60 {
-        let before = world.sent();
-        world.tick(500, |_, _| ());
-        stopped |= world.sent() == before;
+        let before = network.sent();
+        network.tick(500, |_, _| ());
+        stopped |= network.sent() == before;
     }
-    assert!(stopped, "{} {}", world.state(0), world.state(1));
-    world.is_accounted();
+    assert!(stopped, "{} {}", network.state(0), network.state(1));
+    network.is_accounted();
 }
 
 #[test]
@@ -268,12 +268,12 @@ fn a_publisher_that_says_one_thing_is_never_stopped_and_loses_nothing() {
         (60, 90),
         (300, 777),
     ] {
-        let mut world = World::new();
-        world.bridge(&[("a:/x", "b:/x")]);
-        let mut talker = world.publisher(0, "/x");
-        let mut ear = world.listener(1, "/x");
+        let mut network = Network::new();
+        network.bridge(&[("a:/x", "b:/x")]);
+        let mut talker = network.publisher(0, "/x");
+        let mut ear = network.listener(1, "/x");
         let (mut said, mut heard, mut longest, mut behind) = (0, 0, 0, 0);
-        world.tick(120_000, |n, _| {
+        network.tick(120_000, |n, _| {
             heard += drain(ear.as_mut());
             behind = if heard < said { behind + 1 } else { 0 };
             longest = longest.max(behind);
@@ -283,43 +283,43 @@ fn a_publisher_that_says_one_thing_is_never_stopped_and_loses_nothing() {
             }
         });
         let what = format!("{count} each {every} ms");
-        world.tick(1000, |_, _| ());
+        network.tick(1000, |_, _| ());
         heard += drain(ear.as_mut());
-        assert!(!world.seen.contains("error"), "{what}");
-        let counters = world.routes[0].status().counters;
+        assert!(!network.seen.contains("error"), "{what}");
+        let counters = network.routes[0].status().counters;
         // The queue of 200 is shorter than 300 at once, whether a trial is on or not.
         assert!(count > 200 || heard == said, "{what}: {heard} of {said} {counters:?}");
         assert!(count > 200 || longest < 200, "{what}: messages waited for {longest} ms");
-        world.is_accounted();
+        network.is_accounted();
     }
 }
 
 #[test]
 fn two_publishers_in_opposite_directions_are_no_loop() {
-    let mut world = World::new();
-    world.bridge(&[("a:/x", "b:/x"), ("b:/y", "a:/y")]);
-    world.bridge(&[("b:/x", "a:/z")]);
-    let mut talkers = [world.publisher(0, "/x"), world.publisher(1, "/y")];
-    let mut ears = [world.listener(0, "/z"), world.listener(0, "/y")];
-    world.tick(60_000, |_, _| {
+    let mut network = Network::new();
+    network.bridge(&[("a:/x", "b:/x"), ("b:/y", "a:/y")]);
+    network.bridge(&[("b:/x", "a:/z")]);
+    let mut talkers = [network.publisher(0, "/x"), network.publisher(1, "/y")];
+    let mut ears = [network.listener(0, "/z"), network.listener(0, "/y")];
+    network.tick(60_000, |_, _| {
         talkers.iter_mut().for_each(|it| _ = it.publish(&number(7)).unwrap());
         ears.iter_mut().for_each(|it| _ = drain(it.as_mut()));
     });
-    assert!(!world.seen.contains("error"), "{:?}", world.seen);
-    world.is_accounted();
+    assert!(!network.seen.contains("error"), "{:?}", network.seen);
+    network.is_accounted();
 }
 
 /// A client that asks the same again as soon as its answer is there: what is held stops it, too.
 #[test]
 fn a_program_that_answers_is_no_loop() {
-    let mut world = World::new();
-    world.bridge(&[("a:/ask", "b:/ask"), ("b:/answer", "a:/answer")]);
-    let mut client = (world.publisher(0, "/ask"), world.listener(0, "/answer"));
-    let mut node = (world.publisher(1, "/answer"), world.listener(1, "/ask"));
+    let mut network = Network::new();
+    network.bridge(&[("a:/ask", "b:/ask"), ("b:/answer", "a:/answer")]);
+    let mut client = (network.publisher(0, "/ask"), network.listener(0, "/answer"));
+    let mut node = (network.publisher(1, "/answer"), network.listener(1, "/ask"));
     let mut answers = 0;
-    world.tick(10, |_, _| ());
+    network.tick(10, |_, _| ());
     client.0.publish(&number(1)).unwrap();
-    world.tick(60_000, |_, _| {
+    network.tick(60_000, |_, _| {
         if drain(node.1.as_mut()) > 0 {
             node.0.publish(&number(answers)).unwrap();
         }
@@ -328,9 +328,9 @@ fn a_program_that_answers_is_no_loop() {
             client.0.publish(&number(1)).unwrap();
         }
     });
-    assert!(!world.seen.contains("error"), "{:?}", world.seen);
+    assert!(!network.seen.contains("error"), "{:?}", network.seen);
     assert!(answers > 10_000, "{answers}");
-    world.is_accounted();
+    network.is_accounted();
 }
 
 #[test]

@@ -14,7 +14,7 @@ use wrapyfi_endpoint::{EndpointAddress, Role};
 
 /// Two routes of one bridge, of which the second does not hear what the first publishes.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Unheard {
+pub struct UnheardRoutes {
     /// Name of the route that publishes.
     pub publishing: String,
     /// Name of the route that listens.
@@ -29,7 +29,7 @@ pub struct Unheard {
     pub places: [usize; 2],
 }
 
-impl fmt::Display for Unheard {
+impl fmt::Display for UnheardRoutes {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { publishing, listening, at, from, to, .. } = self;
         write!(
@@ -45,14 +45,14 @@ impl RouteIndex<'_> {
     /// Pairs of routes of which the second listens where the first publishes, and hears nothing of it.
     /// The way back, from B to A, is not among them, because it is not meant to hear.
     #[must_use]
-    pub fn unheard(&self) -> Vec<Unheard> {
+    pub fn unheard(&self) -> Vec<UnheardRoutes> {
         let has_messages =
             |it: &&Placed<'_>| matches!(it.route.kind, Kind::Topic(_)) && !has_parameters(it.route);
         let many: Vec<_> =
             self.all.iter().filter(has_messages).filter(|it| it.route.is_many()).collect();
         let mut found = Vec::new();
         let mut note = |publishing: &Placed<'_>, listening: &Placed<'_>, at: &EndpointAddress| {
-            found.push(Unheard {
+            found.push(UnheardRoutes {
                 publishing: publishing.route.name.clone(),
                 listening: listening.route.name.clone(),
                 at: at.clone(),
@@ -89,8 +89,8 @@ impl RouteIndex<'_> {
     }
 }
 
-/// True where a pattern whose destination is `template` may publish on `name`. Where the source can be told from the
-/// destination, its groups and filters decide, because a group need not take every text.
+/// True where a pattern whose destination is `template` may publish on `name`. Groups and filters of a
+/// source that can be told from the destination decide, because a group need not take every text.
 fn may_become(route: &Route, template: &str, name: &str) -> bool {
     let inverse = || Inverse::new(&route.names.as_ref()?.pattern, template);
     fits_template(template, name)
@@ -149,7 +149,7 @@ mod tests {
     #[test]
     fn the_text_names_both_and_the_remedy() {
         let address = |text: &str| text.parse().unwrap();
-        let unheard = Unheard {
+        let unheard = UnheardRoutes {
             publishing: "in".into(),
             listening: "on".into(),
             at: address("ros2:/x"),

@@ -26,7 +26,7 @@ use proc_macro::TokenStream;
 ///
 /// The impl block stays as it is; its methods with [`macro@register`] get a wrapper of the same
 /// name on the communicator, which returns `Result<Option<R>, MethodError>`, or a tuple of `Option`s
-/// where there are several. What is added is as visible as the most visible of these methods.
+/// where there are several. The wrappers are as visible as the most visible of these methods.
 ///
 /// `#[communicator(crate = path)]` names the crate `wrapyfi_core` where it was renamed.
 #[proc_macro_attribute]

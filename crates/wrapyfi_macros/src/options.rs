@@ -1,11 +1,11 @@
-//! The options that `#[register]` takes, and the form of each.
+//! The options that `#[register]` takes, and the kind of value of each.
 //!
 //! All of Wrapyfi's are known, so that its scripts can be followed line by line; which of them do
 //! something here says docs/reference/communicator.md. A word that is none of them is a mistake.
 
-/// Form of the value behind the name of an option. `"$name"` fits every form.
+/// Kind of the value behind the name of an option. `"$name"` fits every kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Form {
+pub(crate) enum ValueKind {
     /// `name = true`
     Switch,
     /// `name = 5`
@@ -20,7 +20,7 @@ pub(crate) enum Form {
     SwitchOrMap,
 }
 
-impl Form {
+impl ValueKind {
     /// Example of the option as it is to be written.
     pub(crate) fn example(self, name: &str) -> String {
         match self {
@@ -34,83 +34,83 @@ impl Form {
 }
 
 /// Every option.
-const OPTIONS: &[(&str, Form)] = &[
+const OPTIONS: &[(&str, ValueKind)] = &[
     // Any type, any middleware.
-    ("carrier", Form::Text),
-    ("class_name", Form::Text),
-    ("deserializer_kwargs", Form::Map),
-    ("in_topic", Form::Text),
-    ("listener_kwargs", Form::Side),
-    ("middleware", Form::Text),
-    ("multi_threaded", Form::Switch),
-    ("out_topic", Form::Text),
-    ("persistent", Form::Switch),
-    ("publisher_kwargs", Form::Side),
-    ("queue_size", Form::Number),
-    ("serializer_kwargs", Form::Map),
-    ("should_wait", Form::Switch),
-    ("topic", Form::Text),
+    ("carrier", ValueKind::Text),
+    ("class_name", ValueKind::Text),
+    ("deserializer_kwargs", ValueKind::Map),
+    ("in_topic", ValueKind::Text),
+    ("listener_kwargs", ValueKind::Side),
+    ("middleware", ValueKind::Text),
+    ("multi_threaded", ValueKind::Switch),
+    ("out_topic", ValueKind::Text),
+    ("persistent", ValueKind::Switch),
+    ("publisher_kwargs", ValueKind::Side),
+    ("queue_size", ValueKind::Number),
+    ("serializer_kwargs", ValueKind::Map),
+    ("should_wait", ValueKind::Switch),
+    ("topic", ValueKind::Text),
     // Beyond Wrapyfi.
-    ("encoding", Form::Text),
-    ("max_message_mib", Form::Number),
-    ("message_type", Form::Text),
-    ("qos", Form::Text),
-    ("timeout_ms", Form::Number),
+    ("encoding", ValueKind::Text),
+    ("max_message_mib", ValueKind::Number),
+    ("message_type", ValueKind::Text),
+    ("qos", ValueKind::Text),
+    ("timeout_ms", ValueKind::Number),
     // Image.
-    ("fp", Form::Switch),
-    ("height", Form::Number),
-    ("jpg", Form::SwitchOrMap),
-    ("rgb", Form::Switch),
-    ("width", Form::Number),
+    ("fp", ValueKind::Switch),
+    ("height", ValueKind::Number),
+    ("jpg", ValueKind::SwitchOrMap),
+    ("rgb", ValueKind::Switch),
+    ("width", ValueKind::Number),
     // AudioChunk.
-    ("channels", Form::Number),
-    ("chunk", Form::Number),
-    ("rate", Form::Number),
+    ("channels", ValueKind::Number),
+    ("chunk", ValueKind::Number),
+    ("rate", ValueKind::Number),
     // Plug-ins.
-    ("load_cupy_device", Form::Text),
-    ("load_mxnet_device", Form::Text),
-    ("load_paddle_device", Form::Text),
-    ("load_torch_device", Form::Text),
-    ("map_cupy_devices", Form::Map),
-    ("map_mxnet_devices", Form::Map),
-    ("map_paddle_devices", Form::Map),
-    ("map_torch_devices", Form::Map),
+    ("load_cupy_device", ValueKind::Text),
+    ("load_mxnet_device", ValueKind::Text),
+    ("load_paddle_device", ValueKind::Text),
+    ("load_torch_device", ValueKind::Text),
+    ("map_cupy_devices", ValueKind::Map),
+    ("map_mxnet_devices", ValueKind::Map),
+    ("map_paddle_devices", ValueKind::Map),
+    ("map_torch_devices", ValueKind::Map),
     // ZeroMQ.
-    ("insecure", Form::Switch),
-    ("proxy_broker_spawn", Form::Text),
-    ("pubsub_monitor_listener_spawn", Form::Text),
-    ("pubsub_monitor_topic", Form::Text),
-    ("socket_ip", Form::Text),
-    ("socket_pub_port", Form::Number),
-    ("socket_rep_port", Form::Number),
-    ("socket_req_port", Form::Number),
-    ("socket_sub_port", Form::Number),
-    ("start_proxy_broker", Form::Switch),
-    ("start_pubsub_monitor_broker", Form::Switch),
-    ("zeromq_kwargs", Form::Map),
+    ("insecure", ValueKind::Switch),
+    ("proxy_broker_spawn", ValueKind::Text),
+    ("pubsub_monitor_listener_spawn", ValueKind::Text),
+    ("pubsub_monitor_topic", ValueKind::Text),
+    ("socket_ip", ValueKind::Text),
+    ("socket_pub_port", ValueKind::Number),
+    ("socket_rep_port", ValueKind::Number),
+    ("socket_req_port", ValueKind::Number),
+    ("socket_sub_port", ValueKind::Number),
+    ("start_proxy_broker", ValueKind::Switch),
+    ("start_pubsub_monitor_broker", ValueKind::Switch),
+    ("zeromq_kwargs", ValueKind::Map),
     // ROS and ROS 2.
-    ("ros2_kwargs", Form::Map),
-    ("ros_kwargs", Form::Map),
+    ("ros2_kwargs", ValueKind::Map),
+    ("ros_kwargs", ValueKind::Map),
     // YARP.
-    ("out_topic_connect", Form::Text),
-    ("yarp_kwargs", Form::Map),
+    ("out_topic_connect", ValueKind::Text),
+    ("yarp_kwargs", ValueKind::Map),
     // WebSocket, Zenoh, MQTT.
-    ("broker_address", Form::Text),
-    ("broker_port", Form::Number),
-    ("ip", Form::Text),
-    ("mode", Form::Text),
-    ("monitor_listener_spawn", Form::Text),
-    ("mqtt_kwargs", Form::Map),
-    ("namespace", Form::Text),
-    ("port", Form::Number),
-    ("socket_port", Form::Number),
-    ("websocket_kwargs", Form::Map),
-    ("zenoh_kwargs", Form::Map),
+    ("broker_address", ValueKind::Text),
+    ("broker_port", ValueKind::Number),
+    ("ip", ValueKind::Text),
+    ("mode", ValueKind::Text),
+    ("monitor_listener_spawn", ValueKind::Text),
+    ("mqtt_kwargs", ValueKind::Map),
+    ("namespace", ValueKind::Text),
+    ("port", ValueKind::Number),
+    ("socket_port", ValueKind::Number),
+    ("websocket_kwargs", ValueKind::Map),
+    ("zenoh_kwargs", ValueKind::Map),
 ];
 
-/// The form of an option; `None` for a word that is none.
-pub(crate) fn form(name: &str) -> Option<Form> {
-    OPTIONS.iter().find(|(known, _)| *known == name).map(|&(_, form)| form)
+/// The kind of an option's value; `None` for a word that is none.
+pub(crate) fn value_kind(name: &str) -> Option<ValueKind> {
+    OPTIONS.iter().find(|(known, _)| *known == name).map(|&(_, kind)| kind)
 }
 
 /// All names.

@@ -14,7 +14,7 @@ use syn::punctuated::Punctuated;
 use syn::spanned::Spanned as _;
 use syn::{Expr, ExprLit, Ident, Lit, LitStr, Token, UnOp, bracketed, parenthesized};
 
-use crate::options::{self, Form};
+use crate::options::{self, ValueKind};
 use crate::suggest::{did_you_mean, listed, wrong};
 
 const DATA_TYPES: [&str; 5] = ["NativeObject", "Image", "AudioChunk", "Properties", "RosMessage"];
@@ -122,7 +122,7 @@ impl Parse for Register {
 }
 
 impl Register {
-    /// Which of the texts is what, as in Python: middleware, class, topic.
+    /// Assigns the texts by their number, as Python does: middleware, class, topic.
     fn assemble(
         data_type: Ident,
         texts: Vec<Expr>,
@@ -374,10 +374,10 @@ fn check_dollar(expr: &Expr) -> syn::Result<()> {
     }
 }
 
-/// Unknown words, values of another form, words given twice.
+/// Unknown words, values of another kind, words given twice.
 fn check(settings: &[Setting], one_side: bool) -> syn::Result<()> {
     for (index, Setting { name, span, value_span, value }) in settings.iter().enumerate() {
-        let Some(form) = options::form(name) else {
+        let Some(kind) = options::value_kind(name) else {
             let text = format!(
                 "unknown option `{name}`; {}the table of options is in docs/reference/communicator.md",
                 did_you_mean(name, options::names())
@@ -387,24 +387,26 @@ fn check(settings: &[Setting], one_side: bool) -> syn::Result<()> {
         if settings.iter().take(index).any(|earlier| earlier.name == *name) {
             return wrong(*span, format!("`{name}` is given twice: leave one out"));
         }
-        let fits = match (form, value) {
-            (Form::Side, _) if one_side => {
+        let fits = match (kind, value) {
+            (ValueKind::Side, _) if one_side => {
                 let text = format!("`{name}` cannot stand inside options of one side");
                 return wrong(*span, text);
             }
-            (Form::Side, SettingValue::Map(inner)) => {
+            (ValueKind::Side, SettingValue::Map(inner)) => {
                 check(inner, true)?;
                 true
             }
-            (_, SettingValue::Text(text)) if text.value().starts_with('$') => form != Form::Side,
-            (Form::Switch | Form::SwitchOrMap, SettingValue::Switch(_))
-            | (Form::Number, SettingValue::Integer(_))
-            | (Form::Text, SettingValue::Text(_))
-            | (Form::Map | Form::SwitchOrMap, SettingValue::Map(_)) => true,
+            (_, SettingValue::Text(text)) if text.value().starts_with('$') => {
+                kind != ValueKind::Side
+            }
+            (ValueKind::Switch | ValueKind::SwitchOrMap, SettingValue::Switch(_))
+            | (ValueKind::Number, SettingValue::Integer(_))
+            | (ValueKind::Text, SettingValue::Text(_))
+            | (ValueKind::Map | ValueKind::SwitchOrMap, SettingValue::Map(_)) => true,
             _ => false,
         };
         if !fits {
-            let text = format!("this is no value of `{name}`: write {}", form.example(name));
+            let text = format!("this is no value of `{name}`: write {}", kind.example(name));
             return wrong(*value_span, text);
         }
     }

@@ -108,7 +108,7 @@ impl Wrapper<'_> {
                 if #mode == #api::Mode::Reply && #session.serves() {
                     #reply
                 }
-                let mut #gathered = #api::Gathered::default();
+                let mut #gathered = #api::GatheredMessages::default();
                 if #mode.listens_first() {
                     #gathered = #gather;
                     if #mode == #api::Mode::Listen {

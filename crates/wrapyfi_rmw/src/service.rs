@@ -46,7 +46,7 @@ pub struct RequestId {
 /// A request or a reply that was taken.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Received {
-    /// Encapsulation header and body. Where the message was longer than the limit: its length.
+    /// Encapsulation header and body, or the length of a message over the limit.
     pub cdr: Result<Bytes, usize>,
     /// Request that it is, or that it answers.
     pub id: RequestId,

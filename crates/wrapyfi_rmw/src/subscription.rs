@@ -80,9 +80,9 @@ impl Drop for Buffer {
 }
 
 impl Node {
-    /// Creates a subscription to any type; topics are named as for [`Node::publisher`]. What this node publishes itself
-    /// is heard where `hears_own` is true. `on_event` is called when a message waits, when publishers come and go, and
-    /// for events of quality of service.
+    /// Creates a subscription to any type; topics are named as for [`Node::publisher`]. This node's own messages are
+    /// heard if `hears_own` is true. `on_event` is called when a message waits, when publishers come and go, and for
+    /// events of quality of service.
     ///
     /// # Errors
     /// When rmw refuses; the reason is its own.

@@ -24,7 +24,7 @@ use super::body::{Bodies, Body};
 use super::config::NodeUri;
 use super::header::Header;
 use super::node::Node;
-use super::probe::{forget_service, greeted, probe_of};
+use super::peer_types::{forget_service, greeted, probe_header};
 use super::services::{self, MAX_ERROR_BYTES, ServiceCodec, ServiceType};
 use super::xmlrpc::shortened;
 use super::{splitter, tcpros};
@@ -353,7 +353,7 @@ async fn look(
         // The known address stays: calls need no master.
         Err(error) => return Some(known.cloned().ok_or_else(|| Some(error.awaited()))),
     };
-    let probe = probe_of(&node, &shared.service);
+    let probe = probe_header(&node, &shared.service);
     drop(node);
     Some(match greeted(&place, &probe).await {
         Err(why) => Err(is_listed.then(|| format!("the server of {}: {why}", shared.service))),

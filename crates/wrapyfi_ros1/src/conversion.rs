@@ -74,8 +74,8 @@ pub(super) fn publisher_plan(
 ) -> Result<Option<PairPlan>, String> {
     let MessageType::Ros(ros_type) = message_type else { return Ok(None) };
     let name = header.get("type").unwrap_or(ANY);
-    let told = header.get("md5sum").zip(header.get("message_definition"));
-    plan(&mut core.types(), name, told, ros_type).map(Some).map_err(|error| {
+    let announced = header.get("md5sum").zip(header.get("message_definition"));
+    plan(&mut core.types(), name, announced, ros_type).map(Some).map_err(|error| {
         format!("it sends {name}, which cannot be received as {ros_type}: {error}")
     })
 }
@@ -83,10 +83,10 @@ pub(super) fn publisher_plan(
 fn plan(
     types: &mut Types,
     name: &str,
-    told: Option<(&str, &str)>,
+    announced: Option<(&str, &str)>,
     ros_type: RosType,
 ) -> Result<PairPlan, String> {
-    let definition = match told {
+    let definition = match announced {
         // Some nodes show nothing.
         None | Some(("*", "")) => types.definition(name),
         Some((md5sum, text)) => types.show(name, md5sum, text),

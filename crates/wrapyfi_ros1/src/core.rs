@@ -11,7 +11,7 @@ use super::config::NodeUri;
 use super::header::{Header, NODE};
 use super::master::Master;
 use super::names::NodeName;
-use super::probe::Probes;
+use super::peer_types::PeerTypes;
 use wrapyfi_endpoint::Mutex;
 
 /// State that all endpoints of a node and their connections share.
@@ -30,7 +30,7 @@ pub(super) struct Core {
     types: OnceLock<Mutex<Types>>,
     rules: Rules,
     /// Answers of other nodes about the types of their topics and services.
-    pub(super) probes: Probes,
+    pub(super) peer_types: PeerTypes,
 }
 
 impl Core {
@@ -52,7 +52,7 @@ impl Core {
             next: AtomicU64::new(0),
             types: OnceLock::new(),
             rules,
-            probes: Probes::default(),
+            peer_types: PeerTypes::default(),
         })
     }
 

@@ -10,8 +10,8 @@ use tokio::task::JoinSet;
 use super::marks::{self, Marks};
 use super::master::{MasterError, Owners, SystemState};
 use super::node::Node;
+use super::peer_types;
 use super::presence::Presence;
-use super::probe;
 use wrapyfi_endpoint::restart::restarted;
 use wrapyfi_endpoint::{DiscoverError, Discovered, Discovery, Mutex, Role};
 
@@ -75,7 +75,7 @@ async fn look(node: &Arc<Node>, presence: &mut Presence) -> Result<Vec<Discovere
         .iter()
         .filter_map(|one| Some((one.role, one.name.as_str(), one.node.as_deref()?)))
         .collect();
-    probe::keep_only(node, |role, name, node| there.contains(&(role, name, node)));
+    peer_types::keep_only(node, |role, name, node| there.contains(&(role, name, node)));
     Ok(found)
 }
 

@@ -1,7 +1,7 @@
 //! Types of ROS 1 topics and services, as routes between middlewares need them: in ROS 2's terms.
 //!
 //! ```text
-//!   demo/Pose ─ definition: shown by its publisher (probe), else known ─▶ demo/msg/Pose
+//!   demo/Pose ─ definition: shown by its publisher (peer_types), else known ─▶ demo/msg/Pose
 //! ```
 //!
 //! A definition from a folder may be older than the one that is published.
@@ -12,7 +12,7 @@ use wrapyfi_interfaces::store::TypeStore;
 
 use super::config::NAME;
 use super::core::Core;
-use super::probe::{Answer, TypeInfo, ask};
+use super::peer_types::{Answer, TypeInfo, ask};
 use wrapyfi_data::types::{RosService, RosType, ServiceKind};
 use wrapyfi_endpoint::{Discovered, LearnError, LearnResult, Learned, Role};
 
@@ -27,7 +27,7 @@ fn type_info(core: &Arc<Core>, found: &Discovered) -> LearnResult<TypeInfo> {
         return Err(LearnError::Untold(NAME.to_owned()));
     };
     match ask(core, found.role, &found.name, node) {
-        Answer::Told(told) => Ok(told),
+        Answer::Known(told) => Ok(told),
         Answer::Asked => Err(LearnError::Asked(name)),
         Answer::Failed(reason, _) => {
             Err(LearnError::Silent { name, reason: format!("{node}: {reason}") })

@@ -28,7 +28,7 @@
 //! | `parameters` | properties |
 //! | `conversion` | messages of any type as payloads |
 //! | `discovery`, `presence`, `marks` | what other nodes have, whether they live, what bridges made |
-//! | `learn`, `probe` | the types of it; nodes asked for what the master does not tell |
+//! | `learn`, `peer_types` | the types of it; nodes asked for what the master does not tell |
 
 mod body;
 mod client;
@@ -48,8 +48,8 @@ mod node;
 #[doc(hidden)]
 pub mod offline;
 mod parameters;
+mod peer_types;
 mod presence;
-mod probe;
 mod publication;
 mod publisher;
 mod registrar;

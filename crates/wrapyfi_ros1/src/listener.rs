@@ -103,7 +103,7 @@ impl ForwardingListener for Ros1Listener {
         if !self.inbox.is_empty() {
             return None;
         }
-        let gone = self.connections.departed()?;
+        let gone = self.connections.ended_publisher()?;
         if self.latched.forget(&gone) {
             self.connections.counters().dropped(DropReason::NoConsumer);
         }

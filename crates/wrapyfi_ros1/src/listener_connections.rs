@@ -24,7 +24,7 @@ use wrapyfi_interfaces::ros1::PairPlan;
 use super::config::NodeUri;
 use super::core::Core;
 use super::header::{Header, MARK};
-use super::probe::request_topic;
+use super::peer_types::request_topic;
 use super::splitter::{self, Piece, Splitter};
 use super::subscriber::BusLink;
 use super::xmlrpc::shortened;
@@ -89,7 +89,7 @@ pub(super) struct ListenerConnections {
 struct Peers {
     by_uri: BTreeMap<NodeUri, Peer>,
     /// Publishers that latched, are gone, and were not told of.
-    departed: Vec<u64>,
+    ended_publishers: Vec<u64>,
     closed: bool,
 }
 
@@ -196,8 +196,8 @@ impl ListenerConnections {
     }
 
     /// A publisher that latched and has gone.
-    pub(super) fn departed(&self) -> Option<u64> {
-        self.peers.lock().departed.pop()
+    pub(super) fn ended_publisher(&self) -> Option<u64> {
+        self.peers.lock().ended_publishers.pop()
     }
 
     /// Connections of the subscription, for the slave API.
@@ -236,12 +236,12 @@ impl ListenerConnections {
         for (uri, peer) in &mut peers.by_uri {
             peer.listed = publishers.contains(uri);
         }
-        let Peers { by_uri, departed, .. } = &mut *peers;
+        let Peers { by_uri, ended_publishers, .. } = &mut *peers;
         by_uri.retain(|_, peer| {
             let stays = peer.listed || peer.address.is_some();
             if !stays {
                 peer.task.iter().for_each(AbortHandle::abort);
-                peer.depart(departed);
+                peer.note_end(ended_publishers);
             }
             stays
         });
@@ -286,15 +286,15 @@ impl ListenerConnections {
     /// any more.
     fn note(&self, uri: &NodeUri, state: Result<(String, bool), String>) -> bool {
         let mut peers = self.peers.lock();
-        let Peers { by_uri, departed, .. } = &mut *peers;
+        let Peers { by_uri, ended_publishers, .. } = &mut *peers;
         let Some(peer) = by_uri.get_mut(uri) else { return false };
         let stays = peer.listed || state.is_ok() || peer.address.is_some();
         let changed = match state {
             Ok((address, latches)) => {
                 peer.fault = None;
                 peer.latches = latches;
-                // A departure that was not reported yet is over.
-                departed.retain(|id| *id != peer.shared.id);
+                // An end that was not reported yet is over.
+                ended_publishers.retain(|id| *id != peer.shared.id);
                 peer.address.replace(address).is_none()
             }
             Err(reason) => {
@@ -309,7 +309,7 @@ impl ListenerConnections {
                 peer.fault = Some(reason);
                 // A connection that broke is made again; a node that is gone cannot be reached.
                 if !was_up || !stays {
-                    peer.depart(departed);
+                    peer.note_end(ended_publishers);
                 }
                 was_up || is_news
             }
@@ -342,9 +342,9 @@ impl ListenerConnections {
 impl Peer {
     /// Notes that the publisher is gone, and forgets its last message: should it come back, that is
     /// news.
-    fn depart(&mut self, departed: &mut Vec<u64>) {
+    fn note_end(&mut self, ended_publishers: &mut Vec<u64>) {
         if self.last.take().is_some() {
-            departed.push(self.shared.id);
+            ended_publishers.push(self.shared.id);
         }
     }
 }

@@ -5,8 +5,8 @@
 //! ```
 //!
 //! The master tells names of nodes and nothing else of them, and a connection may cost its publisher
-//! something: so bridges say it where everybody may look. What a bridge that was killed leaves behind
-//! names a node that the master no longer has for that topic.
+//! something: so bridges say it where everybody may look. The mark of a bridge that was killed names
+//! a node that the master no longer has for that topic.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -60,7 +60,7 @@ impl fmt::Display for Marked {
     }
 }
 
-/// Reads the namespace. What is no mark is passed over: anybody may write there.
+/// Reads the namespace. Anything but marks is passed over: anybody may write there.
 pub(super) fn read(value: Option<&Value>) -> Marks {
     let Some(Value::Struct(members)) = value else { return Marks::new() };
     let texts = members.values().filter_map(|value| match value {

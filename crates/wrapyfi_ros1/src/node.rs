@@ -169,8 +169,7 @@ impl Node {
     }
 
     /// Takes what the master says about who publishes a topic: by itself, or as the answer to a registration that was
-    /// sent at update number `since`. Where it has said something by itself since then, that may be newer, and its
-    /// answer only adds.
+    /// sent at update number `since`. News that it told by itself since then may be newer, and its answer only adds.
     pub(super) fn set_publishers(&self, topic: &str, uris: &[String], since: Option<u64>) {
         let mut publishers = Vec::with_capacity(uris.len());
         for uri in uris {

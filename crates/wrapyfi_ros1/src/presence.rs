@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 use super::config::NodeUri;
 use super::core::Core;
 use super::http::{self, HttpError};
-use super::probe;
+use super::peer_types;
 use super::xmlrpc::{SUCCESS, Value, text};
 use wrapyfi_endpoint::{Discovered, Mutex, Role};
 
@@ -223,7 +223,7 @@ async fn question(
             let mut has: BTreeSet<(Role, String)> =
                 topics(&reply.value).map(|topic| (Role::Publisher, topic)).collect();
             for service in services {
-                if probe::still_serves(core, &service, name).await {
+                if peer_types::still_serves(core, &service, name).await {
                     has.insert((Role::Server, service));
                 }
             }

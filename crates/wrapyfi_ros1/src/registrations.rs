@@ -68,7 +68,7 @@ impl Registrations {
         self.wanted.clear();
     }
 
-    /// The next step. What is gone is told first: a name may be given to somebody else.
+    /// The next step. Registrations that end come first: a name may be given to somebody else.
     pub(super) fn next(&self) -> Option<Step> {
         let gone = self.entered.iter().find(|key| !self.wanted.contains_key(key));
         if let Some(key) = gone {

@@ -72,7 +72,8 @@ impl Ended {
     }
 }
 
-/// Reads at least a byte. What has begun counts in `share`, and its next byte comes within `limit`, or never.
+/// Reads at least a byte. A message that has begun counts in `share`, and its next byte comes within `limit`,
+/// or never.
 pub(super) async fn read(
     stream: &mut TcpStream,
     splitter: &mut Splitter,

@@ -187,7 +187,8 @@ impl Subscriber {
         }
     }
 
-    /// Writes what the publisher's thread could not, until either end closes. What waits then is lost.
+    /// Writes what the publisher's thread could not, until either end closes. Messages that wait then
+    /// are lost.
     pub(super) async fn run(&self) {
         self.write().await;
         let mut queue = self.queue.lock();

@@ -10,7 +10,7 @@
 //!   rmw                   any                      an error                   the one that ROS 2 loads
 //! ```
 //!
-//! CycloneDDS inside has no SROS 2. Where keys are asked for (`ROS_SECURITY_ENABLE`), a program with `rmw` speaks
+//! CycloneDDS inside has no SROS 2. If keys are asked for (`ROS_SECURITY_ENABLE`), a program with `rmw` speaks
 //! through the one that ROS 2 loads, also where that is `rmw_cyclonedds_cpp`; a program without refuses to start
 //! where keys are enforced, so that no node is open whose owner believes it closed.
 //!

@@ -51,8 +51,8 @@ pub struct CycloneConfig {
     pub discovery: DiscoverySettings,
     /// The only network interface to use, for instance `lo`; `None` lets Cyclone choose.
     pub interface: Option<String>,
-    /// Largest message that any topic of the node carries. What is over a topic's own limit is
-    /// counted there; what is more than four times over this one is discarded by its header, before
+    /// Largest message that any topic of the node carries. Messages over a topic's own limit are
+    /// counted there; one more than four times over this limit is discarded by its header, before
     /// memory is taken for it, with a warning from Cyclone.
     pub max_message_bytes: usize,
     /// Form in which services are mapped to DDS.

@@ -107,9 +107,10 @@ impl Ends {
         confirmed
     }
 
-    /// When to ask [`Ends::heard`] again, where it has said no: nobody is told of acknowledgements.
-    /// Soon after a match, then ever less often, until [`CONFIRM`] is over. What it said counts, not
-    /// what it would say now: that would keep the news from whoever was told no.
+    /// Time until [`Ends::heard`] is asked again, where it has said no: nobody is told of
+    /// acknowledgements. Soon after a match, then ever less often, until [`CONFIRM`] is over. Its
+    /// last answer counts, not the one it would give now: that would keep the news from whoever was
+    /// told no.
     fn look_again(&self) -> Option<Duration> {
         let (_, since, confirmed) = self.probed.get();
         (!confirmed).then(|| (since.elapsed() / 4).max(LOOK_AGAIN))
@@ -211,8 +212,8 @@ struct Clients {
 }
 
 impl Clients {
-    /// A request of a client whose endpoints are those of `key`. Where there is no room, the client
-    /// that was silent for longest is forgotten: its replies are sent without waiting.
+    /// A request of a client whose endpoints are those of `key`. For want of room the client that
+    /// was silent for longest is forgotten: its replies are sent without waiting.
     fn note(&mut self, client: u64, key: EndKey) {
         if self.known.len() >= MAX_CLIENTS && !self.known.contains_key(&client) {
             let oldest = self.known.iter().min_by_key(|(_, (_, request))| *request);

@@ -65,7 +65,7 @@ struct Origins {
     /// Number of messages that each publisher keeps for later subscribers.
     known: BTreeMap<u64, u32>,
     /// Kept theirs, are gone, and were not told of.
-    departed: Vec<u64>,
+    ended_publishers: Vec<u64>,
     look_at: Option<Instant>,
     /// Number of publishers that matched at the last look.
     matched: usize,
@@ -172,11 +172,11 @@ impl Ros2Listener {
             return;
         };
         drop(state);
-        let Origins { known, departed, .. } = &mut self.origins;
+        let Origins { known, ended_publishers, .. } = &mut self.origins;
         known.retain(|publisher, keeps| {
             let stays = there.iter().flatten().any(|one| one == publisher);
             if !stays && *keeps > 0 {
-                departed.push(*publisher);
+                ended_publishers.push(*publisher);
             }
             stays
         });
@@ -311,7 +311,7 @@ impl ForwardingListener for Ros2Listener {
         if !self.receiver.is_empty() {
             return None;
         }
-        let gone = self.origins.departed.pop()?;
+        let gone = self.origins.ended_publishers.pop()?;
         if self.unclaimed.forget(&gone) {
             self.receive_path.context().counters.dropped(DropReason::NoConsumer);
         }

@@ -99,8 +99,8 @@ impl Shared {
 pub struct NodeHandle(pub(super) Arc<Shared>);
 
 impl NodeHandle {
-    /// Declares, reads, sets or watches parameters. What changes is published on
-    /// `/parameter_events`. Not to be called from a validator of the store.
+    /// Declares, reads, sets or watches parameters. Changes are published on `/parameter_events`.
+    /// Not to be called from a validator of the store.
     pub fn parameters<R>(&self, use_them: impl FnOnce(&mut ParameterStore) -> R) -> R {
         let result = use_them(&mut self.0.store());
         self.0.wake.ring();

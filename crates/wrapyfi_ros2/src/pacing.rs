@@ -9,8 +9,8 @@
 //!
 //! A Fast DDS node leaves its receive buffer as the kernel makes it: `net.core.rmem_default`, 212 992
 //! bytes, which is three datagrams of ours. An image of 0.9 MB is fifteen, so most are lost and asked for
-//! again, a few at a time. Where the next image begins before that has ended, its fragments push out those
-//! that were asked for; a reader whose history is full gives the older image up; and Fast DDS 2.14, which then
+//! again, a few at a time. If the next image begins before that has ended, its fragments push out those that
+//! were asked for; a reader whose history is full gives the older image up; and Fast DDS 2.14, which then
 //! looks for what it has given up under the lock of the reader, may never come back: the program that
 //! subscribes stands still. So a large message waits until the readers have the one before it.
 //!

@@ -16,7 +16,7 @@ use super::graph::{Peers, ServiceMapping};
 pub(super) const RUST_SERVICES_BLOCKING: Duration = Duration::from_millis(503);
 
 /// The mapping that the owner of an endpoint speaks, where its GUID tells: the first two bytes name
-/// the vendor (RTPS 9.3.1.5). Where it announces [`RUST_SERVICES_BLOCKING`], those on RustDDS are bridges; others of
+/// the vendor (RTPS 9.3.1.5). Those on RustDDS that announce [`RUST_SERVICES_BLOCKING`] are bridges; others of
 /// RustDDS may speak either.
 pub(super) fn mapping_of(
     guid: &[u8; 16],

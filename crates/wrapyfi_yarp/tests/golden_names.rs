@@ -2,7 +2,7 @@
 //! sent again, and the answers are compared byte for byte.
 //!
 //! Ours listens on any free port and says that it is port 10000, so that the numbers it gives away
-//! are those of the recordings. Where an answer differs, the table below says why.
+//! are those of the recordings. The table below says why an answer differs.
 
 use std::time::Duration;
 

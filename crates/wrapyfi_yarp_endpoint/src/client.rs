@@ -83,7 +83,7 @@ struct ClientState {
     format: FoundFormat,
     dialect: Dialect,
     /// The dialect of the server as it is now, once it was asked.
-    told: Mutex<Option<Dialect>>,
+    known_dialect: Mutex<Option<Dialect>>,
     link_state: LinkState,
     clock: Clock,
     outcomes: Mutex<VecDeque<(i64, Outcome, Instant)>>,
@@ -138,12 +138,12 @@ impl ClientState {
         self.format.options(&self.options)
     }
 
-    /// A request in the dialect that the server has `told`, where it has.
-    fn write(&self, request: &Request, told: Option<Dialect>) -> EncodeResult<Written> {
+    /// A request in the dialect that the server has `known`, where it has.
+    fn write(&self, request: &Request, known: Option<Dialect>) -> EncodeResult<Written> {
         let options = self.options();
         let write = |dialect| payload::encode_request(request, &self.spec, options, dialect);
-        let usual = write(told.unwrap_or(self.dialect))?;
-        let is_known = told.or(options.dialect).is_some();
+        let usual = write(known.unwrap_or(self.dialect))?;
+        let is_known = known.or(options.dialect).is_some();
         if is_known || payload::is_json(&self.spec, options) {
             return Ok(Written(usual, None));
         }
@@ -154,12 +154,12 @@ impl ClientState {
     /// The format of a request that the server reads: it is asked once, and where that decides.
     async fn readable<'a>(&self, shared: &Shared, written: &'a Written) -> &'a Bytes {
         let Written(usual, Some(other)) = written else { return &written.0 };
-        let told = *self.told.lock();
-        let dialect = match told {
+        let known = *self.known_dialect.lock();
+        let dialect = match known {
             Some(dialect) => dialect,
             None => client_dialects::ask(&shared.network, &self.spec.service).await.0,
         };
-        *self.told.lock() = Some(dialect);
+        *self.known_dialect.lock() = Some(dialect);
         if dialect == self.dialect { usual } else { other }
     }
 
@@ -181,8 +181,8 @@ impl ClientState {
                 let body = match body {
                     Body::Written(body) => body,
                     Body::Unwritten(request) => {
-                        let told = *self.told.lock();
-                        match self.write(request, told) {
+                        let known = *self.known_dialect.lock();
+                        match self.write(request, known) {
                             Ok(body) => written.insert(body),
                             Err(fault) => {
                                 self.idle.lock().push((time, client));
@@ -283,7 +283,7 @@ async fn stay_connected(shared: &Shared, state: &ClientState, port: &RpcClient) 
         }
         has_just_come = false;
         backoff.reset();
-        *state.told.lock() = None;
+        *state.known_dialect.lock() = None;
         time += 1;
         state.up.send_replace(Some(time));
         state.link_state.connected(1);
@@ -327,7 +327,7 @@ impl YarpClient {
             spec: spec.clone(),
             format: FoundFormat::new(&options),
             dialect: shared.network(&options).dialect(),
-            told: Mutex::default(),
+            known_dialect: Mutex::default(),
             options,
             link_state: LinkState::new(context.wake.clone(), waiting),
             clock: context.clock.clone(),
@@ -339,10 +339,10 @@ impl YarpClient {
             name: Mutex::default(),
         });
         let (stop, stopped) = shared.tasks.stop();
-        let (kept, told) = ((Arc::clone(shared), Arc::clone(&state)), Arc::clone(&state));
+        let (kept, waiting) = ((Arc::clone(shared), Arc::clone(&state)), Arc::clone(&state));
         shared.tasks.spawn(
             &state.spec.service,
-            move |what| told.link_state.waiting(what),
+            move |what| waiting.link_state.waiting(what),
             move || keep(kept.clone(), stopped.clone()),
         );
         let shared = Arc::clone(shared);

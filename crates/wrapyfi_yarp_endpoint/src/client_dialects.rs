@@ -113,7 +113,7 @@ fn client(name: &Arc<str>, connection: u64) -> Arc<str> {
     if name.starts_with('/') { Arc::clone(name) } else { format!("{name} {connection}").into() }
 }
 
-/// Asks a port for its dialect; that of the network where it does not tell. Whether it has told.
+/// Asks a port for its dialect; that of the network where it does not tell. True if it has told.
 pub(super) async fn ask(network: &Network, name: &str) -> (Dialect, bool) {
     match tokio::time::timeout(PATIENCE, network.probe_dialect(name)).await {
         Ok(Ok(dialect)) => (dialect, true),

@@ -98,8 +98,8 @@ pub(super) struct Listening {
 }
 
 impl YarpConfig {
-    /// The defaults, changed by `WRAPYFI_YARP_INSECURE`. Where the name server is, and `YARP_IP`, are
-    /// looked up when [`Yarp`](super::Yarp) starts, as YARP's programs and Wrapyfi find them.
+    /// The defaults, changed by `WRAPYFI_YARP_INSECURE`. The place of the name server and `YARP_IP`
+    /// are looked up when [`Yarp`](super::Yarp) starts, as YARP's programs and Wrapyfi find them.
     ///
     /// # Errors
     /// When that variable has a value that means nothing.

@@ -55,7 +55,7 @@ pub(super) struct Device {
     subject: Option<Subject>,
     /// The ports for requests that the device may have, and what it speaks there.
     rpc: Vec<(String, Dialect)>,
-    told: Mutex<Arc<YarpOptions>>,
+    current: Mutex<Arc<YarpOptions>>,
     /// Messages need not wait: it has told, or took too long, or there is nobody to ask.
     settled: watch::Sender<bool>,
     /// Signal of messages that would wait.
@@ -81,13 +81,13 @@ impl Device {
         };
         let given = Arc::new(options.clone());
         let settled = watch::Sender::new(subject.is_none());
-        let told = Mutex::new(Arc::clone(&given));
-        Self { told, given, subject, rpc, settled, wanted: Notify::new() }
+        let current = Mutex::new(Arc::clone(&given));
+        Self { current, given, subject, rpc, settled, wanted: Notify::new() }
     }
 
     /// The options as they are now.
     pub(super) fn options(&self) -> Arc<YarpOptions> {
-        let options = Arc::clone(&self.told.lock());
+        let options = Arc::clone(&self.current.lock());
         if matches!(self.subject, Some(Subject::Joints { .. })) && options.axes.is_empty() {
             self.wanted.notify_one();
         }
@@ -95,7 +95,7 @@ impl Device {
     }
 
     fn tell(&self, options: Arc<YarpOptions>) {
-        *self.told.lock() = options;
+        *self.current.lock() = options;
     }
 
     /// Waits, for a short while, until the device has told.

@@ -58,8 +58,8 @@ struct Inner {
 }
 
 impl Inner {
-    /// Takes over the ports of a list, without multicast groups; whether names came or went. Where it `is_first`
-    /// of its name server, those that it leaves out are unlisted from now on.
+    /// Takes over the ports of a list, without multicast groups; whether names came or went. Ports that the
+    /// first list (`is_first`) of a name server leaves out are unlisted from now on.
     fn enter(&mut self, ports: Vec<Registration>, is_first: bool) -> bool {
         self.changes += 1;
         let mut before = std::mem::take(&mut self.names);

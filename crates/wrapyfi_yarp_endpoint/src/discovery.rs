@@ -7,7 +7,7 @@
 //! ```
 //!
 //! A name server knows names only: neither types nor what a port does. So the ports themselves are asked
-//! once (`survey`). What a port is decides, in this order:
+//! once (`survey`). Its kind is decided by, in this order:
 //!
 //! | | |
 //! | --- | --- |

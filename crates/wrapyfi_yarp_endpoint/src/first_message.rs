@@ -70,7 +70,7 @@ pub(super) enum State {
     Listening,
     /// The port has sent nothing for a while.
     Silent,
-    Told(&'static str),
+    Known(&'static str),
     /// Failed try to listen to the port: the reason and the time.
     Failed(String, Instant),
 }
@@ -84,7 +84,7 @@ impl FirstMessages {
     /// The type that the first message of a port has shown.
     pub(super) fn type_of(&self, port: &str, number: u64) -> Option<&'static str> {
         match self.ports.lock().get(port)? {
-            Heard { number: heard, state: State::Told(told), .. } if *heard == number => {
+            Heard { number: heard, state: State::Known(told), .. } if *heard == number => {
                 Some(*told)
             }
             _ => None,
@@ -106,11 +106,11 @@ impl FirstMessages {
     pub(super) fn hear(&self, received: &Received, limits: &wrapyfi_yarp::Limits) {
         let mut ports = self.ports.lock();
         let Some(heard) = ports.get_mut(&*received.from) else { return };
-        if matches!(heard.state, State::Told(_)) {
+        if matches!(heard.state, State::Known(_)) {
             return;
         }
         if let Some(told) = types::of_message(&received.payload, limits) {
-            heard.state = State::Told(told);
+            heard.state = State::Known(told);
             self.learned.fetch_add(1, Ordering::Release);
             heard.bell.notify_one();
         }

@@ -52,7 +52,7 @@ pub(super) fn learn(shared: &Arc<Shared>, port: &str) -> Result<String, LearnErr
     let failures = match known {
         None => 0,
         Some(heard) => match &heard.state {
-            State::Told(told) => return Ok((*told).to_owned()),
+            State::Known(told) => return Ok((*told).to_owned()),
             State::Listening => return Err(LearnError::Asked(name)),
             State::Silent => {
                 let reason = "it has sent nothing yet, and its first message will tell".to_owned();

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! No YARP library is needed. One runtime with two threads carries all ports; an idle port costs
-//! nothing. Who is there is told by the name server, never asked for in turns.
+//! nothing. The name server tells of ports that come and go; nothing polls for them.
 //!
 //! | module | one idea |
 //! | --- | --- |

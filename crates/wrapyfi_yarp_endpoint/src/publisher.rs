@@ -410,10 +410,9 @@ async fn count_readers(
 }
 
 impl Publisher for YarpPublisher {
-    /// While nobody is connected nothing is encoded: [`PublishError::NoConsumer`]. Where some readers
-    /// are too slow, what they miss is counted as `send_queue_full`; what a connection takes with it that
-    /// ends, as `connection_lost`. Readers of carrier mjpeg get a
-    /// picture as a file, all others as an object.
+    /// While nobody is connected nothing is encoded: [`PublishError::NoConsumer`]. Messages that slow
+    /// readers miss are counted as `send_queue_full`; those that a connection takes with it when it ends,
+    /// as `connection_lost`. Readers of carrier mjpeg get a picture as a file, all others as an object.
     fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
         let (objects, pictures) = self.state.port.lock().as_ref().map_or((0, 0), |output| {
             let port = &output.port;

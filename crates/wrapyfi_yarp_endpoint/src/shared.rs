@@ -41,8 +41,8 @@ impl Shared {
         self.refused.clone().map_or(Ok(()), Err)
     }
 
-    /// A port that only asks. Where ports may not be open to other machines, it listens on this one alone,
-    /// and nobody is told: its server answers on the connection that it is asked on.
+    /// A port that only asks. It listens on this machine alone if ports may not be open to others, and
+    /// nobody is told: its server answers on the connection that it is asked on.
     pub(super) fn asking(&self) -> PortOptions {
         match self.refused {
             None => PortOptions::default(),

@@ -46,7 +46,7 @@ struct Answer {
     /// The port that it is of.
     number: u64,
     state: State,
-    told: Option<Arc<Inspection>>,
+    inspection: Option<Arc<Inspection>>,
     /// True where nobody is at the port's address any more.
     is_gone: bool,
     /// True while a connection tells when the port ends.
@@ -59,13 +59,13 @@ enum State {
     /// Question under way.
     #[default]
     Asked,
-    Told,
+    Answered,
     /// Answer that the port's connections contradict.
     Stale,
     Silent(Instant),
 }
 
-/// Why a port does not answer.
+/// Reason why a port does not answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Silence {
     /// Nobody is at its address.
@@ -94,7 +94,7 @@ impl Answer {
     fn is_due(&self, number: u64, now: Instant) -> bool {
         match self.state {
             _ if self.number != number => true,
-            State::Asked | State::Told => false,
+            State::Asked | State::Answered => false,
             State::Stale => true,
             State::Silent(at) => now.saturating_duration_since(at) >= pause(self.failures),
         }
@@ -109,7 +109,7 @@ impl Survey {
 
     /// Last answer of a port, if it has given one.
     pub(super) fn answer_of(&self, name: &str) -> Option<Arc<Inspection>> {
-        self.answers.lock().get(name)?.told.clone()
+        self.answers.lock().get(name)?.inspection.clone()
     }
 
     /// True while the answer of a port is awaited.
@@ -147,9 +147,11 @@ impl Survey {
     pub(super) fn met(&self, name: &str, own: &str, sends: bool) {
         let mut answers = self.answers.lock();
         let Some(answer) = answers.get_mut(name) else { return };
-        let (State::Told, Some(told)) = (answer.state, &answer.told) else { return };
-        let is_sender = matches!(role(name, Some(told)).1, Role::Publisher | Role::Client);
-        let known = if sends { &told.outputs } else { &told.inputs };
+        let (State::Answered, Some(inspection)) = (answer.state, &answer.inspection) else {
+            return;
+        };
+        let is_sender = matches!(role(name, Some(inspection)).1, Role::Publisher | Role::Client);
+        let known = if sends { &inspection.outputs } else { &inspection.inputs };
         if is_sender != sends && !known.iter().any(|one| one == own) {
             answer.state = State::Stale;
         }
@@ -205,13 +207,13 @@ impl Survey {
         };
         match told {
             Ok(told) => {
-                (answer.state, answer.is_gone) = (State::Told, false);
-                answer.told = Some(Arc::new(told));
+                (answer.state, answer.is_gone) = (State::Answered, false);
+                answer.inspection = Some(Arc::new(told));
             }
             Err(silence) => {
                 answer.state = State::Silent(now);
                 answer.failures = answer.failures.saturating_add(1);
-                let has_begun = answer.told.is_some() || answer.failures > 1;
+                let has_begun = answer.inspection.is_some() || answer.failures > 1;
                 answer.is_gone |= silence == Silence::Refused && has_begun;
             }
         }

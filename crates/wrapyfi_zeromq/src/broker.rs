@@ -16,6 +16,7 @@ use std::net::IpAddr;
 use std::sync::Arc;
 use std::time::Instant;
 
+use super::broker_ports::{Bound, BrokerPorts, failed_to};
 use super::config::ZeroMqConfig;
 use super::error::BrokerError;
 use super::ledger::Ledger;
@@ -23,7 +24,6 @@ use super::monitor::Monitor;
 use super::options::SEND_HWM;
 use super::proxy::Proxy;
 use super::service_proxy::ServiceProxy;
-use super::sides::{Bound, Sides, failed_to};
 use super::status::{BrokerStatus, ServiceBrokerStatus};
 use super::supervisor::Supervised;
 use super::traffic::Traffic;
@@ -128,7 +128,8 @@ impl Supervised for Broker {
 
     fn start_with(config: &ZeroMqConfig, ledger: &Arc<Ledger>) -> Result<Self, BrokerError> {
         let own_topic = config.monitor.then_some(config.monitor_topic.as_str());
-        let (sides, bound) = Sides::bind::<Self>(config, [config.send_hwm; 2], own_topic, ledger)?;
+        let (ports, bound) =
+            BrokerPorts::bind::<Self>(config, [config.send_hwm; 2], own_topic, ledger)?;
         let status = Arc::<Mutex<BrokerStatus>>::default();
         if bound.keys.as_ref().is_some_and(|keys| !keys.has_list()) {
             tracing::warn!(
@@ -137,7 +138,7 @@ impl Supervised for Broker {
             );
         }
         let proxy = Proxy {
-            sides,
+            ports,
             monitor: Monitor::new(own_topic),
             traffic: Traffic::default(),
             status: Arc::clone(&status),
@@ -162,9 +163,9 @@ impl Supervised for ServiceBroker {
     fn start_with(config: &ZeroMqConfig, ledger: &Arc<Ledger>) -> Result<Self, BrokerError> {
         let depth = u16::try_from(config.pending.max(1)).unwrap_or(u16::MAX);
         // What a client does not read waits behind that, in the thread of the broker.
-        let (sides, bound) = Sides::bind::<Self>(config, [SEND_HWM, depth], None, ledger)?;
+        let (ports, bound) = BrokerPorts::bind::<Self>(config, [SEND_HWM, depth], None, ledger)?;
         let status = Arc::<Mutex<ServiceBrokerStatus>>::default();
-        let proxy = ServiceProxy::new(sides, config.pending, Arc::clone(&status));
+        let proxy = ServiceProxy::new(ports, config.pending, Arc::clone(&status));
         Self::run("zeromq-services", bound, status, proxy)
     }
 }

@@ -106,7 +106,7 @@ impl ZeroMqDiscovery {
         Ok(())
     }
 
-    /// `{"/topic": count}`. What is no such thing is nobody's count: anyone can publish it.
+    /// `{"/topic": count}`. Anything else is ignored: anyone can publish it.
     fn counts(&mut self, body: &[u8]) {
         if let Some(counts) = read_counts(body) {
             self.counted = true;

@@ -63,7 +63,7 @@ pub(super) struct Bounds {
     pub(super) connections: usize,
 }
 
-/// The port, and who is connected to it. What came and what was lost is taken out by the broker after each turn.
+/// The port, and who is connected to it. The broker takes out what came and what was lost after each turn.
 pub(super) struct Front {
     kind: Kind,
     port: TcpListener,
@@ -506,7 +506,7 @@ impl Front {
         ids
     }
 
-    /// Ends a connection. What waited for it is lost.
+    /// Ends a connection. Messages that waited for it are lost.
     fn leave(&mut self, id: usize, why: &dyn std::fmt::Display) {
         let Some(peer) = self.peers.remove(&id) else { return };
         if self.has_waiting {

@@ -269,8 +269,8 @@ impl Worker {
         }
     }
 
-    /// Looks at every endpoint to which something happened, or whose time has come. What one of them does wrong
-    /// here is no concern of the others.
+    /// Looks at every endpoint to which something happened, or whose time has come. A fault of one here is no
+    /// concern of the others.
     fn look(&mut self) {
         let now = Instant::now();
         let mut due = std::mem::take(&mut self.ready);

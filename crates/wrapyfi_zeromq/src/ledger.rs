@@ -1,8 +1,8 @@
 //! Counters of the endpoints of this process, for what only a broker in the same process sees: messages of its
 //! publishers that are lost there, peers that are refused there, and servers that are connected there.
 //!
-//! Topics alone tell whose a message is. Where another process publishes on the same topic through
-//! this broker, its losses are counted here too.
+//! Topics alone tell whose a message is. Losses of another process that publishes on the same topic
+//! through this broker are counted here too.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Weak};

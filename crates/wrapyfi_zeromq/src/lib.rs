@@ -16,7 +16,7 @@
 //! | `supervisor` | there is a broker: ours, or a foreign one until it dies |
 //! | `broker`, `turns` | the brokers of topics, and of requests and replies; the life of their threads |
 //! | `proxy`, `monitor`, `traffic` | the thread of the one, its counts |
-//! | `sides` | the two ports of a broker, bound |
+//! | `broker_ports` | the two ports of a broker, bound |
 //! | `front`, `assembly`, `ledger` | one of its sides, messages from their frames, whose messages it lost and whose peers it refused |
 //! | `discovery` | which topics a broker has |
 //! | `port_check` | what has a port |
@@ -33,6 +33,7 @@
 
 mod assembly;
 mod broker;
+mod broker_ports;
 mod client;
 mod config;
 mod contexts;
@@ -67,7 +68,6 @@ mod server;
 mod service_connection;
 mod service_proxy;
 mod shared;
-mod sides;
 mod status;
 mod supervisor;
 mod traffic;

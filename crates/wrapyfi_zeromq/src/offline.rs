@@ -15,7 +15,7 @@ use super::zmtp::{self, Kind};
 
 /// Answer of a port whose program says `bytes` and closes.
 #[must_use]
-pub fn probe(bytes: &[u8]) -> Answer {
+pub fn port_answer(bytes: &[u8]) -> Answer {
     port_check::ask(
         &mut Pieces { rest: bytes, piece: bytes.len().max(1), pauses: false, paused: false },
         "SUB",

@@ -24,7 +24,7 @@ use super::traffic::{DENIED, REFUSED};
 use super::zmtp::{self, Breach, Kind, Step};
 use wrapyfi_endpoint::{DropReason, PROGRESS, Share};
 
-/// Subscriptions of one listener. What is beyond is ignored.
+/// Subscriptions of one listener. Those beyond are ignored.
 const MAX_SUBSCRIPTIONS: usize = 4096;
 /// Subscriptions are topic names: nothing longer is read.
 const MAX_FRAME_BYTES: usize = 64 * 1024 + OVERHEAD;

@@ -18,11 +18,11 @@ use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 
+use super::broker_ports::BrokerPorts;
 use super::heard::Heard;
 use super::message::Loss;
 use super::monitor::Monitor;
 use super::options;
-use super::sides::Sides;
 use super::status::BrokerStatus;
 use super::traffic::{OWN_TOPICS, TRAFFIC_TOPIC, Traffic, TrafficTable};
 use super::turns::Turns;
@@ -33,7 +33,7 @@ use wrapyfi_endpoint::{Mutex, Throttle};
 const REPEAT: Duration = Duration::from_millis(500);
 
 pub(super) struct Proxy {
-    pub(super) sides: Sides,
+    pub(super) ports: BrokerPorts,
     pub(super) monitor: Monitor,
     pub(super) traffic: Traffic,
     /// Counts, as others see them.
@@ -46,7 +46,7 @@ pub(super) struct Proxy {
 impl Proxy {
     fn pass_subscriptions(&mut self, now: Instant) {
         let is_traffic = |topic: &[u8]| topic == TRAFFIC_TOPIC.as_bytes();
-        for heard in std::mem::take(&mut self.sides.front.heard) {
+        for heard in std::mem::take(&mut self.ports.front.heard) {
             let pass_on = match &heard {
                 Heard::Ignored | Heard::Message(_) | Heard::Denied(_) => {
                     self.status.lock().ignored += 1;
@@ -69,17 +69,17 @@ impl Proxy {
                 }
             };
             if let Some((is_wanted, topic)) = pass_on {
-                self.sides.back.want(topic, is_wanted);
+                self.ports.back.want(topic, is_wanted);
             }
         }
     }
 
     /// Reads and passes on what has come, as far as each publisher has a turn; false when nothing had.
     fn pass_messages(&mut self, now: Instant) -> bool {
-        if let Err(error) = self.sides.back.turn(now) {
+        if let Err(error) = self.ports.back.turn(now) {
             tracing::error!(%error, "the ZeroMQ broker cannot wait for its publishers");
         }
-        let messages = std::mem::take(&mut self.sides.back.messages);
+        let messages = std::mem::take(&mut self.ports.back.messages);
         let any = !messages.is_empty();
         let mut status = self.status.lock();
         for (_, frames) in messages {
@@ -97,19 +97,19 @@ impl Proxy {
             } else if let [topic] = &frames[..] {
                 self.traffic.count(topic, bytes, None);
             }
-            self.sides.front.publish(frames, Some(bytes));
+            self.ports.front.publish(frames, Some(bytes));
             status.messages += 1;
             status.bytes += bytes as u64;
         }
-        self.sides.front.flush();
-        status.ignored += self.sides.back.heard.drain(..).len() as u64;
+        self.ports.front.flush();
+        status.ignored += self.ports.back.heard.drain(..).len() as u64;
         any
     }
 
     /// Counts what listeners missed, and who was refused.
     fn settle(&mut self) {
         let mut status = self.status.lock();
-        for Loss { reason, listener, first } in std::mem::take(&mut self.sides.front.losses) {
+        for Loss { reason, listener, first } in std::mem::take(&mut self.ports.front.losses) {
             *status.missed.entry(reason.as_str()).or_default() += 1;
             let topic = first.as_ref().map(|(topic, _)| String::from_utf8_lossy(topic));
             if let Some(unlogged_before) = self.slow.pass(Instant::now()) {
@@ -117,17 +117,17 @@ impl Proxy {
                 tracing::warn!(%listener, topic, unlogged_before, "a listener missed a message ({reason})");
             }
             if let Some((topic, bytes)) = &first {
-                self.sides.ledger.undelivered(topic, reason, *bytes);
+                self.ports.ledger.undelivered(topic, reason, *bytes);
             }
         }
-        status.denied = self.sides.front.denied + self.sides.back.denied;
-        status.cut = self.sides.settle();
+        status.denied = self.ports.front.denied + self.ports.back.denied;
+        status.cut = self.ports.settle();
     }
 
     /// Publishes the table of topics to those who asked for it.
     fn tell_traffic(&mut self) {
         if let Some(table) = self.traffic.message() {
-            self.sides.front.publish(vec![TRAFFIC_TOPIC.into(), table.into()], None);
+            self.ports.front.publish(vec![TRAFFIC_TOPIC.into(), table.into()], None);
         }
     }
 
@@ -142,9 +142,9 @@ impl Proxy {
         drop(status);
         self.tell_traffic();
         if let (Some(json), Some(topic)) = (message, self.monitor.own_topic()) {
-            self.sides.front.publish(vec![Bytes::copy_from_slice(topic), json.into()], None);
+            self.ports.front.publish(vec![Bytes::copy_from_slice(topic), json.into()], None);
         }
-        self.sides.front.flush();
+        self.ports.front.flush();
     }
 }
 
@@ -154,12 +154,12 @@ impl Turns for Proxy {
     /// Waits for one event or for the time of the next counts.
     fn turn(&mut self) -> zmq::Result<bool> {
         let wait = self.repeat_at.saturating_duration_since(Instant::now()).as_millis() + 1;
-        let Some([front, back]) = self.sides.wait(i64::try_from(wait).unwrap_or(1))? else {
+        let Some([front, back]) = self.ports.wait(i64::try_from(wait).unwrap_or(1))? else {
             return Ok(false);
         };
         let mut now = Instant::now();
         if front {
-            if let Err(error) = self.sides.front.turn(now) {
+            if let Err(error) = self.ports.front.turn(now) {
                 tracing::error!(%error, "the ZeroMQ broker cannot wait for its listeners");
             }
             self.pass_subscriptions(now);
@@ -169,7 +169,7 @@ impl Turns for Proxy {
             now = Instant::now();
         }
         if now >= self.repeat_at {
-            self.sides.tick(now);
+            self.ports.tick(now);
             self.pass_subscriptions(now);
         }
         if self.monitor.take_changed() || now >= self.repeat_at {
@@ -181,7 +181,7 @@ impl Turns for Proxy {
     }
 
     fn stop(&self) -> &zmq::Socket {
-        &self.sides.stop
+        &self.ports.stop
     }
 
     fn failed(&mut self, why: Option<String>) {
@@ -191,12 +191,12 @@ impl Turns for Proxy {
     /// Passes on what has come, and what waits.
     fn end(mut self) {
         let deadline = Instant::now() + options::LINGER;
-        while self.pass_messages(Instant::now()) || self.sides.back.is_unread() {
+        while self.pass_messages(Instant::now()) || self.ports.back.is_unread() {
             if Instant::now() >= deadline {
                 break;
             }
         }
-        self.sides.front.close(deadline);
+        self.ports.front.close(deadline);
         self.settle();
     }
 }

@@ -105,8 +105,8 @@ impl PublisherConnection {
         self.state.lock().subscriptions(false)
     }
 
-    /// Those of them that name at least the beginning of the topic. Who looks at what there is, a bridge with patterns
-    /// among them, subscribes to everything.
+    /// Those of them that name at least the beginning of the topic. Peers that look for topics, a bridge with patterns
+    /// among them, subscribe to everything.
     pub(super) fn named_subscriptions(&self) -> usize {
         self.state.lock().subscriptions(true)
     }
@@ -241,7 +241,7 @@ impl PublisherConnection {
         Ok(peer.secured(curve, Some(hello)))
     }
 
-    /// Ends the connection; another try follows after a pause. What waited is lost.
+    /// Ends the connection; another try follows after a pause. Messages that waited are lost.
     fn lose(&self, state: &mut State, now: Instant, why: &dyn std::fmt::Display) -> Look {
         tracing::debug!(broker = %self.broker, %why, "the connection of a publisher ended");
         let pause = state.backoff.wait();

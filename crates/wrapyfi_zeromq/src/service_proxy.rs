@@ -8,7 +8,7 @@
 //!
 //! A request is read at once and held here: so it can be counted, refused when too
 //! many wait, and dropped when its caller has given up, as the mark of our clients tells, also where
-//! it was that long on its way. What Python's clients ask is held until a server comes: they wait for ever.
+//! it was that long on its way. Requests of Python's clients are held until a server comes: they wait for ever.
 //! Replies that a client does not read wait here as well, where their bytes count; its connection has two of them.
 
 use std::collections::{BTreeMap, VecDeque};
@@ -17,11 +17,11 @@ use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 
+use super::broker_ports::BrokerPorts;
 use super::deadline;
 use super::envelope::{self, ServiceMessage};
 use super::front::Front;
 use super::options;
-use super::sides::Sides;
 use super::status::ServiceBrokerStatus;
 use super::turns::Turns;
 use wrapyfi_endpoint::{Mutex, PROGRESS, Share};
@@ -35,7 +35,7 @@ const RETRY_MS: i64 = 5;
 const TICK: Duration = Duration::from_millis(500);
 
 pub(super) struct ServiceProxy {
-    sides: Sides,
+    ports: BrokerPorts,
     tick_at: Instant,
     /// Requests that no server has room for, the oldest first.
     held: VecDeque<Held>,
@@ -46,7 +46,7 @@ pub(super) struct ServiceProxy {
     unread: BTreeMap<Bytes, Unread>,
     tally: ServiceBrokerStatus,
     /// The same, as others see it.
-    shown: Arc<Mutex<ServiceBrokerStatus>>,
+    status: Arc<Mutex<ServiceBrokerStatus>>,
 }
 
 /// Replies that wait until their client reads.
@@ -74,19 +74,19 @@ struct Held {
 
 impl ServiceProxy {
     pub(super) fn new(
-        sides: Sides,
+        ports: BrokerPorts,
         pending: usize,
-        shown: Arc<Mutex<ServiceBrokerStatus>>,
+        status: Arc<Mutex<ServiceBrokerStatus>>,
     ) -> Self {
         Self {
-            sides,
+            ports,
             tick_at: Instant::now(),
             held: VecDeque::new(),
             pending: pending.max(1),
             share: Share::default(),
             unread: BTreeMap::new(),
             tally: ServiceBrokerStatus::default(),
-            shown,
+            status,
         }
     }
 
@@ -97,7 +97,7 @@ impl ServiceProxy {
         loop {
             self.pass_replies();
             // Clients that read again have room.
-            if let Err(error) = self.sides.front.turn(Instant::now()) {
+            if let Err(error) = self.ports.front.turn(Instant::now()) {
                 tracing::error!(%error, "the ZeroMQ broker cannot wait for its clients");
             }
             self.pass_unread();
@@ -107,15 +107,15 @@ impl ServiceProxy {
                 return Ok(());
             }
             let wait = i64::try_from(left.as_millis()).unwrap_or(0) + 1;
-            let wait = if self.sides.back.is_unread() { 0 } else { wait.min(RETRY_MS) };
-            zmq::poll(&mut [zmq::PollItem::from_fd(self.sides.back.fd(), zmq::POLLIN)], wait)?;
+            let wait = if self.ports.back.is_unread() { 0 } else { wait.min(RETRY_MS) };
+            zmq::poll(&mut [zmq::PollItem::from_fd(self.ports.back.fd(), zmq::POLLIN)], wait)?;
         }
     }
 
     fn show(&mut self) {
-        self.tally.cut = self.sides.settle();
-        *self.sides.ledger.servers.lock() = Some(self.sides.back.connected());
-        self.shown.lock().clone_from(&self.tally);
+        self.tally.cut = self.ports.settle();
+        *self.ports.ledger.servers.lock() = Some(self.ports.back.connected());
+        self.status.lock().clone_from(&self.tally);
     }
 
     /// Milliseconds until the next request is too old, a reply is tried again, or peers are looked at.
@@ -130,11 +130,11 @@ impl ServiceProxy {
     }
 
     fn take_requests(&mut self, now: Instant) {
-        if let Err(error) = self.sides.front.turn(now) {
+        if let Err(error) = self.ports.front.turn(now) {
             tracing::error!(%error, "the ZeroMQ broker cannot wait for its clients");
         }
-        self.tally.malformed += self.sides.front.heard.drain(..).len() as u64;
-        for (client, mut frames) in std::mem::take(&mut self.sides.front.messages) {
+        self.tally.malformed += self.ports.front.heard.drain(..).len() as u64;
+        for (client, mut frames) in std::mem::take(&mut self.ports.front.messages) {
             frames.insert(0, Bytes::copy_from_slice(&client.to_be_bytes()));
             let count = frames.len();
             let message = match envelope::split(frames, count) {
@@ -154,7 +154,7 @@ impl ServiceProxy {
                 continue;
             }
             // Straight through where nobody waits in front of it.
-            if self.held.is_empty() && forward(&message, &mut self.sides.back, &mut self.tally) {
+            if self.held.is_empty() && forward(&message, &mut self.ports.back, &mut self.tally) {
                 continue;
             }
             let bytes = message.size();
@@ -191,7 +191,7 @@ impl ServiceProxy {
         });
         self.tally.expired += (before - self.held.len()) as u64;
         while let Some(held) = self.held.front() {
-            if !forward(&held.message, &mut self.sides.back, &mut self.tally) {
+            if !forward(&held.message, &mut self.ports.back, &mut self.tally) {
                 break;
             }
             self.share.give(held.message.size());
@@ -201,11 +201,11 @@ impl ServiceProxy {
     }
 
     fn pass_replies(&mut self) {
-        if let Err(error) = self.sides.back.turn(Instant::now()) {
+        if let Err(error) = self.ports.back.turn(Instant::now()) {
             tracing::error!(%error, "the ZeroMQ broker cannot wait for its servers");
         }
-        self.tally.malformed += self.sides.back.heard.drain(..).len() as u64;
-        for (_, frames) in std::mem::take(&mut self.sides.back.messages) {
+        self.tally.malformed += self.ports.back.heard.drain(..).len() as u64;
+        for (_, frames) in std::mem::take(&mut self.ports.back.messages) {
             let count = frames.len();
             match envelope::split(frames, count) {
                 Some((envelope, Ok(body))) => self.answer(ServiceMessage { envelope, body }, 1),
@@ -265,7 +265,7 @@ impl ServiceProxy {
     fn send(&mut self, reply: &ServiceMessage, replies: u64) -> Sent {
         let client = reply.envelope.first().and_then(|client| client.first_chunk::<8>());
         let client = client.and_then(|client| usize::try_from(u64::from_be_bytes(*client)).ok());
-        match client.and_then(|client| self.sides.front.send(client, reply.frames(1), reply.size()))
+        match client.and_then(|client| self.ports.front.send(client, reply.frames(1), reply.size()))
         {
             Some(true) => {
                 self.tally.replies += replies;
@@ -282,7 +282,7 @@ impl Turns for ServiceProxy {
     const NAME: &'static str = "the ZeroMQ broker of requests and replies";
 
     fn turn(&mut self) -> zmq::Result<bool> {
-        let Some([front, back]) = self.sides.wait(self.wait_ms())? else {
+        let Some([front, back]) = self.ports.wait(self.wait_ms())? else {
             self.last_replies()?;
             self.show();
             return Ok(false);
@@ -296,7 +296,7 @@ impl Turns for ServiceProxy {
             self.take_requests(now);
         }
         if now >= self.tick_at {
-            self.sides.tick(now);
+            self.ports.tick(now);
             self.tick_at = now + TICK;
         }
         self.pass_requests();
@@ -305,7 +305,7 @@ impl Turns for ServiceProxy {
     }
 
     fn stop(&self) -> &zmq::Socket {
-        &self.sides.stop
+        &self.ports.stop
     }
 
     fn failed(&mut self, why: Option<String>) {
@@ -315,9 +315,9 @@ impl Turns for ServiceProxy {
 
     fn end(mut self) {
         let deadline = Instant::now() + options::LINGER;
-        *self.sides.ledger.servers.lock() = None;
-        self.sides.front.close(deadline);
-        self.sides.back.close(deadline);
+        *self.ports.ledger.servers.lock() = None;
+        self.ports.front.close(deadline);
+        self.ports.back.close(deadline);
     }
 }
 
@@ -350,14 +350,14 @@ mod tests {
         let client = context.socket(zmq::DEALER).unwrap();
         client.set_rcvhwm(1).unwrap();
         client.connect(&format!("tcp://127.0.0.1:{}", front.port().unwrap())).unwrap();
-        let sides = Sides { front, back, stop, ledger: Arc::default() };
-        (ServiceProxy::new(sides, 10, Arc::default()), client)
+        let ports = BrokerPorts { front, back, stop, ledger: Arc::default() };
+        (ServiceProxy::new(ports, 10, Arc::default()), client)
     }
 
     fn server(context: &zmq::Context, proxy: &ServiceProxy, kind: zmq::SocketType) -> zmq::Socket {
         let server = context.socket(kind).unwrap();
         server.set_linger(0).unwrap();
-        let port = proxy.sides.back.port().unwrap();
+        let port = proxy.ports.back.port().unwrap();
         server.connect(&format!("tcp://127.0.0.1:{port}")).unwrap();
         server
     }

@@ -26,7 +26,7 @@ pub(super) const DENIED: &str = "WRAPYFI/DENIED/";
 /// Beginnings of topics that a broker of ours alone publishes, whatever its settings are.
 pub(super) const OWN_TOPICS: [&str; 2] = [TRAFFIC_TOPIC, DENIED];
 
-/// Topics kept. What comes on others is counted together.
+/// Topics kept. Messages on others are counted together.
 const MAX_TOPICS: usize = 4096;
 /// Longest topic that is kept.
 const MAX_TOPIC_BYTES: usize = 1024;

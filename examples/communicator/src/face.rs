@@ -4,7 +4,7 @@
 //!
 //! The use case of Wrapyfi's paper has a neural network here. This program has none, and does not
 //! pretend to: it looks how bright a frame is, and calls each eighth of the way from black to white by
-//! one of the eight names. What it shows is the chain around a recogniser; put yours in the place of
+//! one of the eight names. It shows the chain around a recogniser; put yours in the place of
 //! [`stand_in`].
 //!
 //! ```text

@@ -3,8 +3,8 @@
 //! # Both sensors are stand-ins
 //!
 //! The paper has an eye tracker with an IMU, and a neural network that estimates the pose of a head in
-//! a picture. Here the first is a slow circle, the second the place of what is bright in a frame. What
-//! they show is the choice between two sources; put yours in their place.
+//! a picture. Here the first is a slow circle, the second the place of what is bright in a frame. They
+//! show the choice between two sources; put yours in their place.
 //!
 //! ```text
 //!   worn_stand_in(seq) ─▶ roll, pitch, yaw and gaze ──┐

@@ -1,8 +1,8 @@
 //! Code that the example programs share: a log on standard error, pauses of polling loops, and data
 //! that shows whether it arrived unchanged.
 //!
-//! The programs are in `src/bin`, one for each scheme; README.md says how to run them. What they have to
-//! do with sensors and robots, beside communicating, is in modules:
+//! The programs are in `src/bin`, one for each scheme; README.md says how to run them. Their work with
+//! sensors and robots, beside communicating, is in modules:
 //!
 //! | module | one idea |
 //! | --- | --- |

@@ -13,7 +13,7 @@ use wrapyfi_interfaces::store::TypeStore;
 use crate::exit::Failure;
 
 /// Definitions of ROS types: in `folders` first, then where `AMENT_PREFIX_PATH` says, then those
-/// this program is built with, so that the common ones need no ROS. Where no ROS 2 is installed, most of its
+/// this program is built with, so that the common ones need no ROS. Without an installed ROS 2 most of its
 /// messages are at hand as those of ROS 1, built in or below `ROS_PACKAGE_PATH`.
 pub(crate) fn store(folders: &[PathBuf]) -> TypeStore {
     let (folders, mut types) = (folders.to_vec(), None);

@@ -9,7 +9,7 @@ use wrapyfi_core::endpoint::{
 };
 use wrapyfi_core::types::{Map, MessageType, Payload};
 
-use super::strangers::Strangers;
+use super::other_types::OtherTypes;
 use super::{definitions, yaml};
 use crate::cli::{EchoArgs, TypeName};
 use crate::describe::{describe, describe_message, summary};
@@ -135,8 +135,8 @@ fn print_all(
         ..TopicSpec::new(&args.endpoint.name, message_type)
     };
     let mut listener = middleware.open_listener(&spec, &context).map_err(Failure::usage)?;
-    let mut strangers =
-        Strangers::new(middleware, &args.endpoint.name, message_type).of_other_names();
+    let mut other_types =
+        OtherTypes::new(middleware, &args.endpoint.name, message_type).of_other_names();
     let (mut printed, mut waiting) = (0, Waiting::new(&args.endpoint));
     let mut deadline = args.timeout.map(|timeout| Instant::now() + timeout);
     let mut losses = Throttle::default();
@@ -177,7 +177,7 @@ fn print_all(
                 }
             }
             Ok(None) => {
-                strangers.look();
+                other_types.look();
                 if let Some(at) = deadline
                     && Instant::now() >= at
                 {

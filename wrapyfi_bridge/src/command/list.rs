@@ -127,13 +127,14 @@ fn open(name: &'static str, own: OwnAddress) -> Result<Side, Failure> {
 
 fn lines(out: &mut String, middleware: &str, found: &[Discovered]) -> Result<(), Failure> {
     #[derive(serde::Serialize)]
-    struct Line<'a> {
+    struct EndpointRecord<'a> {
         middleware: &'a str,
         #[serde(flatten)]
         endpoint: &'a Discovered,
     }
     for endpoint in found {
-        let line = serde_json::to_string(&Line { middleware, endpoint }).context("cannot print")?;
+        let line = serde_json::to_string(&EndpointRecord { middleware, endpoint })
+            .context("cannot print")?;
         out.push_str(&line);
         out.push('\n');
     }

@@ -8,7 +8,7 @@ use wrapyfi_core::types::{MessageType, Payload};
 
 use super::definitions;
 use super::echo::Waiting;
-use super::strangers::Strangers;
+use super::other_types::OtherTypes;
 use crate::cli::{PubArgs, TypeName};
 use crate::exit::Failure;
 use crate::middlewares::{Role, for_endpoint};
@@ -40,11 +40,12 @@ pub fn run(args: &PubArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let middleware = for_endpoint(&args.endpoint, Role::Publisher, args.options.own)?;
     let context = Context::default();
     let mut publisher = middleware.open_publisher(&spec, &context).map_err(Failure::usage)?;
-    let mut strangers = Strangers::new(middleware.as_ref(), &args.endpoint.name, message_type);
-    if !wait_for_listener(args, publisher.as_ref(), &mut strangers, &context, shutdown)? {
+    let mut other_types = OtherTypes::new(middleware.as_ref(), &args.endpoint.name, message_type);
+    if !wait_for_listener(args, publisher.as_ref(), &mut other_types, &context, shutdown)? {
         return Ok(());
     }
-    let sent = publish(args, publisher.as_mut(), &mut strangers, &context, &mut payload, shutdown)?;
+    let sent =
+        publish(args, publisher.as_mut(), &mut other_types, &context, &mut payload, shutdown)?;
     tracing::info!("published {sent} to {}: {}", args.endpoint, describe::summary(&payload));
     drop(publisher); // hands over what is queued before the transport goes
     Ok(())
@@ -65,7 +66,7 @@ fn with_defaults(args: &PubArgs) -> PubArgs {
 fn wait_for_listener(
     args: &PubArgs,
     publisher: &dyn Publisher,
-    strangers: &mut Strangers,
+    other_types: &mut OtherTypes,
     context: &Context,
     shutdown: &Shutdown,
 ) -> Result<bool, Failure> {
@@ -76,7 +77,7 @@ fn wait_for_listener(
         if link.waiting_for.is_none() && (link.keeps_last || link.peers != Some(0)) {
             return Ok(true);
         }
-        strangers.look();
+        other_types.look();
         let what = link.waiting_for.unwrap_or_else(|| format!("a listener on {}", args.endpoint));
         if deadline.is_some_and(|at| Instant::now() >= at) {
             return Err(Failure::TimedOut(format!("time-out while waiting for {what}")));
@@ -90,14 +91,14 @@ fn wait_for_listener(
 fn publish(
     args: &PubArgs,
     publisher: &mut dyn Publisher,
-    strangers: &mut Strangers,
+    other_types: &mut OtherTypes,
     context: &Context,
     payload: &mut Payload,
     shutdown: &Shutdown,
 ) -> Result<u64, Failure> {
     let interval = Duration::from_secs_f64(1.0 / args.rate);
     // Peers that are matched now were discovered before.
-    strangers.look_now();
+    other_types.look_now();
     let start = Instant::now();
     let (mut sent, mut turns, mut is_told) = (0, 0_u64, false);
     while args.count.is_none_or(|count| sent < count) && !shutdown.requested() {
@@ -125,7 +126,7 @@ fn publish(
                 if publisher.link().waiting_for.is_some() =>
             {
                 tracing::debug!("{error}");
-                if !wait_for_listener(args, publisher, strangers, context, shutdown)? {
+                if !wait_for_listener(args, publisher, other_types, context, shutdown)? {
                     break;
                 }
                 continue;
@@ -139,7 +140,7 @@ fn publish(
         // From the start on, so that the rate does not drift with the cost of a send.
         let due = start + interval.mul_f64(turns as f64);
         while Instant::now() < due && !shutdown.requested() {
-            strangers.look();
+            other_types.look();
             let rest = due.saturating_duration_since(Instant::now());
             context.wake.wait(rest.min(super::WAIT_SLICE));
         }

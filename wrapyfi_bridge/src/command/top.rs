@@ -47,8 +47,8 @@ pub fn run(args: &TopArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     // The first answer before the terminal is taken: a wrong name is told as any other fault.
     routes.update(asker.ask(Map::new(), LOOK).map_err(stopped::or)?.routes);
     if args.once {
-        let namesakes = (bridges > 1).then(|| format!("\n{}; {OTHER_NODE}", same_node(&node)));
-        return output::line(&(routes.table() + &namesakes.unwrap_or_default()));
+        let duplicates = (bridges > 1).then(|| format!("\n{}; {OTHER_NODE}", same_node(&node)));
+        return output::line(&(routes.table() + &duplicates.unwrap_or_default()));
     }
     let title = match bridges {
         0 | 1 => node,

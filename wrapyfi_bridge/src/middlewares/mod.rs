@@ -35,7 +35,9 @@ use std::sync::{Arc, Weak};
 
 use anyhow::Context as _;
 use wrapyfi_core::Limits;
-use wrapyfi_core::endpoint::{EndpointAddress, Late, Middleware, Registry, StartFault};
+use wrapyfi_core::endpoint::{
+    DeferredMiddleware, EndpointAddress, Middleware, Registry, StartFault,
+};
 use wrapyfi_core::engine::Plan;
 use wrapyfi_core::middleware::ros2::graph::Graph;
 use wrapyfi_core::middleware::ros2::{NodeEndpoints, NodeHandle};
@@ -274,7 +276,7 @@ fn start_or_wait(
             absent => StartFault::Absent(absent.to_string()),
         })
     };
-    Ok(Arc::new(Late::new(name, absent, again).context(name)?))
+    Ok(Arc::new(DeferredMiddleware::new(name, absent, again).context(name)?))
 }
 
 /// The node's own endpoints; they end with it.

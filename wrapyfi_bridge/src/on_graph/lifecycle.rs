@@ -16,8 +16,8 @@ use wrapyfi_interfaces::lifecycle_msgs::srv::{
 use super::{Advertise, Offered, Topic};
 use crate::lifecycle::{Lifecycle, Outcome, State, TRANSITIONS, Transition};
 
-/// Longest time that an event waits for a subscription. Where services and topics are found by different participants,
-/// a caller may reach the service before its subscription is found, and the event of its own call would be lost to it.
+/// Longest time that an event waits for a subscription. A caller may reach the service before its subscription is
+/// found, where different participants find the two, and the event of its own call would be lost to it.
 const WAIT_FOR_SUBSCRIPTION: Duration = Duration::from_secs(3);
 
 /// Endpoints through which others look at the state of a node, and change it.

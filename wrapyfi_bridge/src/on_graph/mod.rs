@@ -10,7 +10,7 @@
 //!   diagnostics   statuses -> DiagnosticArray
 //!   lifecycle     the services of a managed node, and ~/transition_event
 //!   info          a status -> RouteInfo, a verdict -> Explain_Response, and back
-//!   namesakes     other bridges of the same node name
+//!   duplicate_nodes     other bridges of the same node name
 //! ```
 //!
 //! No bridge by pattern carries these endpoints anywhere: their mark says that they have been everywhere, and
@@ -18,9 +18,9 @@
 
 pub mod client;
 pub mod diagnostics;
+mod duplicate_nodes;
 pub mod info;
 pub mod lifecycle;
-mod namesakes;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -45,8 +45,8 @@ use wrapyfi_retry::contained;
 use wrapyfi_retry::thread::restarted;
 
 use self::diagnostics::Diagnostics;
+use self::duplicate_nodes::DuplicateNodes;
 use self::info::{is_destination, is_source};
-use self::namesakes::Namesakes;
 use crate::exit::Failure;
 use crate::in_force::Running;
 use crate::lifecycle::{Lifecycle, State};
@@ -106,16 +106,16 @@ impl OnGraph {
             ..Qos::default()
         };
         let (ask, asked) = sync_channel(MAX_WAITING);
-        let (tell, told) = channel();
+        let (tell, answers) = channel();
         let work = Work {
             diagnostics: diagnostics.map(|topic| (topic, Diagnostics::new(node.name().fqn()))),
             status: own.open::<BridgeStatus>("~/status", latched),
             list: own.offer::<ListRoutes_Response>("list_routes"),
             explain: own.offer::<Explain_Response>("explain"),
-            namesakes: Namesakes::new(node, &registry),
+            duplicate_nodes: DuplicateNodes::new(node, &registry),
             parts: parts.clone(),
             ask,
-            told,
+            answers,
         };
         drop(registry);
         let wake = context.wake.clone();
@@ -227,16 +227,16 @@ struct Work {
     status: Option<Topic>,
     list: Option<Offered>,
     explain: Option<Offered>,
-    namesakes: Option<Namesakes>,
+    duplicate_nodes: Option<DuplicateNodes>,
     /// Questions for the thread that answers them, and its answers.
     ask: SyncSender<(RequestId, String)>,
-    told: Receiver<(RequestId, Explain_Response)>,
+    answers: Receiver<(RequestId, Explain_Response)>,
 }
 
 impl Work {
     fn publish(&mut self) {
-        if let Some(namesakes) = &mut self.namesakes {
-            namesakes.look(Instant::now());
+        if let Some(duplicate_nodes) = &mut self.duplicate_nodes {
+            duplicate_nodes.look(Instant::now());
         }
         let Parts { bridge, handle, lifecycle } = &self.parts;
         let (routes, now) = (bridge.routes.status(), handle.now());
@@ -273,7 +273,7 @@ impl Work {
                 explain.tell(id, &busy);
             }
         }
-        for (id, reply) in self.told.try_iter() {
+        for (id, reply) in self.answers.try_iter() {
             explain.tell(id, &reply);
         }
     }

@@ -77,7 +77,7 @@ struct Row<'a> {
 
 /// Content of `/routes.json`.
 #[derive(Serialize)]
-struct Told<'a> {
+struct RoutesDocument<'a> {
     node: String,
     /// Middlewares, each with what it waits for.
     middlewares: BTreeMap<&'static str, Option<String>>,
@@ -133,13 +133,13 @@ impl Answers {
         let routes = self.bridge.routes.status();
         let ids: Vec<String> = routes.iter().map(id).collect();
         let rows = ids.iter().zip(&routes).map(|(id, status)| Row { id, status });
-        let told = Told {
+        let document = RoutesDocument {
             node: self.bridge.node.name().fqn(),
             middlewares: self.middlewares(),
             panics: logging::panics(),
             routes: rows.collect(),
         };
-        let json = serde_json::to_vec(&told).unwrap_or_default().into();
+        let json = serde_json::to_vec(&document).unwrap_or_default().into();
         let places = ids.into_iter().zip(0..).collect();
         let fresh = Arc::new(Now { at: Instant::now(), routes, places, json });
         *now = Some(Arc::clone(&fresh));

@@ -60,7 +60,7 @@ mod zeromq {
     //! ZeroMQ: publishers run the broker where there is none, listeners never do.
 
     use crate::communicator::resolve::Side;
-    use crate::communicator::source::{Planned, Source, StartError, Wanted};
+    use crate::communicator::source::{EndpointNeeds, Planned, Source, StartError};
     use crate::middleware::zeromq::{BrokerMode, NAME, ZeroMqConfig};
     use crate::network::Place;
 
@@ -71,7 +71,7 @@ mod zeromq {
             NAME
         }
 
-        fn plan(&self, wanted: &Wanted<'_>) -> Result<Planned, StartError> {
+        fn plan(&self, wanted: &EndpointNeeds<'_>) -> Result<Planned, StartError> {
             let options = wanted.options;
             // Wrapyfi's clients and servers read the names of the two ports crosswise.
             let read = match (wanted.is_service, wanted.side) {
@@ -118,7 +118,7 @@ mod ros1 {
 
     use super::queue_size;
     use crate::communicator::resolve::Side;
-    use crate::communicator::source::{Planned, Source, StartError, Wanted};
+    use crate::communicator::source::{EndpointNeeds, Planned, Source, StartError};
     use crate::middleware::ros1::{NAME, Ros1Config};
     use crate::network::Place;
 
@@ -144,7 +144,7 @@ mod ros1 {
             NAME
         }
 
-        fn plan(&self, wanted: &Wanted<'_>) -> Result<Planned, StartError> {
+        fn plan(&self, wanted: &EndpointNeeds<'_>) -> Result<Planned, StartError> {
             let kwargs = wanted.options.part("ros_kwargs")?;
             let named = kwargs.text("node_name")?.unwrap_or(NODE);
             let anonymous = kwargs.switch("anonymous")?.unwrap_or(true);
@@ -178,7 +178,7 @@ mod ros2 {
 
     use super::queue_size;
     use crate::communicator::resolve::Side;
-    use crate::communicator::source::{Planned, Source, StartError, Wanted};
+    use crate::communicator::source::{EndpointNeeds, Planned, Source, StartError};
     use crate::node::args::RosArgs;
     use crate::node::{NodeName, NodeOptions};
     use crate::start::Ros2Settings;
@@ -209,7 +209,7 @@ mod ros2 {
             "ros2"
         }
 
-        fn plan(&self, wanted: &Wanted<'_>) -> Result<Planned, StartError> {
+        fn plan(&self, wanted: &EndpointNeeds<'_>) -> Result<Planned, StartError> {
             let kwargs = wanted.options.part("ros2_kwargs")?;
             let base = match kwargs.text("node_name")? {
                 Some(name) => name.to_owned(),
@@ -250,7 +250,7 @@ mod ros2 {
             let argv = argv.iter().map(|word| (*word).to_owned());
             let none = |_: &str| Err(std::io::Error::other("no files here"));
             let source = Ros2Source::new(RosArgs::parse(argv, none).unwrap());
-            let wanted = Wanted { side, is_service: false, options, max_message_bytes: 1 };
+            let wanted = EndpointNeeds { side, is_service: false, options, max_message_bytes: 1 };
             source.plan(&wanted).map(|planned| planned.key)
         }
 
@@ -280,7 +280,7 @@ mod yarp {
     //! YARP: the name server that YARP's own configuration names, as Wrapyfi's programs find it.
 
     use crate::communicator::option::Options;
-    use crate::communicator::source::{Planned, Source, StartError, Wanted};
+    use crate::communicator::source::{EndpointNeeds, Planned, Source, StartError};
     use crate::middleware::yarp::{NAME, YarpConfig};
     use crate::network::Place;
 
@@ -305,7 +305,7 @@ mod yarp {
             }
         }
 
-        fn plan(&self, wanted: &Wanted<'_>) -> Result<Planned, StartError> {
+        fn plan(&self, wanted: &EndpointNeeds<'_>) -> Result<Planned, StartError> {
             let kwargs = wanted.options.part("yarp_kwargs")?;
             let mut config = YarpConfig::from_env().map_err(StartError::refused)?;
             config.name_server = kwargs.word("name_server")?.or(config.name_server);

@@ -8,12 +8,12 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::bell::{Bell, Look};
 use super::context::Live;
 use super::error::MethodError;
 use super::listener::EndOptions;
+use super::notifier::{Look, Notifier};
 use super::rules::Rules;
-use super::session::{Gathered, Session};
+use super::session::{GatheredMessages, Session};
 use super::wait::with_reason;
 use crate::endpoint::{
     self, Client, Counters, CountersSnapshot, EndpointAddress, Link, Mutex, Request,
@@ -29,7 +29,7 @@ pub(super) struct ClientEnd {
     pub(super) rules: Rules,
     counters: Arc<Counters>,
     timeout: Duration,
-    bell: Bell,
+    notifier: Notifier,
     client: Mutex<Box<dyn Client>>,
 }
 
@@ -45,13 +45,13 @@ impl ClientEnd {
             rules: options.rules,
             counters,
             timeout: options.timeout.unwrap_or(endpoint::ServiceSpec::TIMEOUT),
-            bell: Bell::new(client.wake().clone()),
+            notifier: Notifier::new(client.wake().clone()),
             client: Mutex::new(client),
         }
     }
 
     pub(super) fn ring(&self) {
-        self.bell.ring();
+        self.notifier.ring();
     }
 
     pub(super) fn status(&self) -> (&EndpointAddress, Link, CountersSnapshot) {
@@ -100,7 +100,7 @@ impl Session {
         &self,
         in_task: bool,
         arguments: Vec<NamedArgument>,
-    ) -> Result<Gathered, MethodError> {
+    ) -> Result<GatheredMessages, MethodError> {
         let live = self.live(in_task);
         let runtime = live.as_deref().map(Live::runtime);
         let request = self.request(arguments)?;
@@ -109,7 +109,8 @@ impl Session {
             let mut call = self.begin(client, &request)?;
             let mut wait = self.begin_wait(None);
             let waited_for = || client.waited_for();
-            let result = client.bell.wait(&mut wait, runtime, waited_for, || call.look()).await?;
+            let result =
+                client.notifier.wait(&mut wait, runtime, waited_for, || call.look()).await?;
             gathered.set(index, Some(self.replied(result)?));
         }
         Ok(gathered)

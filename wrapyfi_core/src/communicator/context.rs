@@ -12,7 +12,7 @@ use std::sync::{Arc, OnceLock, Weak};
 use super::builtin;
 use super::config::Configuration;
 use super::runtime::Runtime;
-use super::source::{Running, Source, StartError, Wanted};
+use super::source::{EndpointNeeds, Running, Source, StartError};
 use crate::endpoint::{Middleware, Mutex};
 #[cfg(feature = "engine")]
 use crate::engine::ConfigError;
@@ -173,7 +173,7 @@ impl Live {
     pub(super) fn middleware(
         &self,
         source: &dyn Source,
-        wanted: &Wanted<'_>,
+        wanted: &EndpointNeeds<'_>,
     ) -> Result<Arc<dyn Middleware>, StartError> {
         let planned = source.plan(wanted)?;
         let key = (source.name().to_owned(), planned.key);

@@ -9,8 +9,8 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::bell::{Bell, Look};
 use super::error::MethodError;
+use super::notifier::{Look, Notifier};
 use super::rules::Rules;
 use super::runtime::Runtime;
 use super::wait::{Wait, with_reason};
@@ -26,7 +26,7 @@ pub(super) struct ListenerEnd {
     pub(super) counters: Arc<Counters>,
     pub(super) should_wait: bool,
     pub(super) timeout: Option<Duration>,
-    bell: Bell,
+    notifier: Notifier,
     clock: Clock,
     state: Mutex<State>,
 }
@@ -60,7 +60,7 @@ impl ListenerEnd {
             counters: Arc::clone(&context.counters),
             should_wait: options.should_wait,
             timeout: options.timeout,
-            bell: Bell::new(context.wake.clone()),
+            notifier: Notifier::new(context.wake.clone()),
             clock: context.clock.clone(),
             state: Mutex::new(State {
                 listener,
@@ -71,7 +71,7 @@ impl ListenerEnd {
         }
     }
 
-    /// Takes the next message; waits for one if the option `should_wait` is set, as [`Bell::wait`].
+    /// Takes the next message; waits for one if the option `should_wait` is set, as [`Notifier::wait`].
     pub(super) async fn take(
         &self,
         wait: &mut Wait<'_>,
@@ -81,18 +81,18 @@ impl ListenerEnd {
         if first.is_some() || !self.should_wait {
             return Ok(first);
         }
-        self.bell.wait(wait, runtime, || self.waited_for(), || self.look()).await.map(Some)
+        self.notifier.wait(wait, runtime, || self.waited_for(), || self.look()).await.map(Some)
     }
 
     /// Gives back a message that was taken for a call that failed.
     pub(super) fn put_back(&self, payload: Payload) {
         self.state.lock().held.push_front(payload);
-        self.bell.ring();
+        self.notifier.ring();
     }
 
     /// Makes all waiting calls look again.
     pub(super) fn ring(&self) {
-        self.bell.ring();
+        self.notifier.ring();
     }
 
     pub(super) fn link(&self) -> Link {

@@ -62,10 +62,9 @@
 //! | `instance`, `opening`, `session` | modes of one instance; its endpoints |
 //! | `listener`, `publisher` | the listener of one value, its publisher |
 //! | `client`, `server` | the client of one value, its server |
-//! | `bell`, `wait`, `oneshot`, `runtime` | waiting in threads and tasks; the library's thread |
+//! | `notifier`, `wait`, `oneshot`, `runtime` | waiting in threads and tasks; the library's thread |
 //! | `context`, `source`, `builtin`, `config` | middlewares and configuration of instances |
 
-mod bell;
 mod builtin;
 mod client;
 mod config;
@@ -77,6 +76,7 @@ mod error;
 mod instance;
 mod listener;
 mod mode;
+mod notifier;
 mod oneshot;
 mod opening;
 mod option;
@@ -90,7 +90,6 @@ mod settings;
 mod source;
 mod wait;
 
-pub use bell::at_once;
 pub use client::NamedArgument;
 pub use config::Configuration;
 pub use context::{CommunicatorContext, ContextBuilder};
@@ -98,11 +97,12 @@ pub use describe::{Class, Literal, Method, MethodSpec, NamesMethod, Register};
 pub use error::{ActivateError, MethodError};
 pub use instance::{Control, Instance, RunningCall};
 pub use mode::{Mode, Modes, NamesMode, NamesOneMode, ParseModeError};
+pub use notifier::at_once;
 pub use option::{OptionError, OptionValue, Options};
 pub use resolve::{Given, Side, argument};
-pub use server::Heard;
-pub use session::{EndStatus, Gathered, Session, ValueStatus};
-pub use source::{Planned, Source, StartError, Wanted};
+pub use server::ReceivedRequest;
+pub use session::{EndStatus, GatheredMessages, Session, ValueStatus};
+pub use source::{EndpointNeeds, Planned, Source, StartError};
 pub use wrapyfi_data::returned::{PayloadError, Returned, kind};
 pub use wrapyfi_macros::{communicator, register};
 

@@ -23,7 +23,7 @@ use super::session::{Channel, Session};
 use super::settings::{
     color_order, for_middlewares, is_jpg, limits, other_kind, plugins, qos, untyped,
 };
-use super::source::{Source, StartError, Wanted};
+use super::source::{EndpointNeeds, Source, StartError};
 use super::wait::Stop;
 use crate::Limits;
 use crate::endpoint::{
@@ -150,8 +150,12 @@ impl Opening<'_> {
     ) -> Result<End, MethodError> {
         let (topic, options) = value.side(side).map_err(|fault| self.option(fault))?;
         let limits = self.read(|| limits(&options))?;
-        let wanted =
-            Wanted { side, is_service, options: &options, max_message_bytes: limits.message_bytes };
+        let wanted = EndpointNeeds {
+            side,
+            is_service,
+            options: &options,
+            max_message_bytes: limits.message_bytes,
+        };
         let middleware = self.live.middleware(source, &wanted).map_err(|error| match error {
             StartError::Option(fault) => self.option(fault),
             other => MethodError::Start {

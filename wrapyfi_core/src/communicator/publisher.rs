@@ -9,9 +9,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
 use std::time::{Duration, Instant};
 
-use super::bell::{Bell, Look};
 use super::error::MethodError;
 use super::listener::EndOptions;
+use super::notifier::{Look, Notifier};
 use super::rules::Rules;
 use super::runtime::{Runtime, Watched};
 use super::wait::{Wait, with_reason};
@@ -32,7 +32,7 @@ pub(super) struct PublisherEnd {
     /// True once the first listener has come, or where no call waits for it.
     is_established: AtomicBool,
     /// Bell that rings when the link changes.
-    changed: Bell,
+    changed: Notifier,
     state: Mutex<State>,
 }
 
@@ -58,7 +58,7 @@ impl PublisherEnd {
             in_ros,
             is_idle: AtomicBool::new(false),
             is_established: AtomicBool::new(!options.should_wait),
-            changed: Bell::default(),
+            changed: Notifier::default(),
             state: Mutex::new(State { publisher, said: Throttle::default() }),
         };
         end.look(Instant::now());
@@ -115,7 +115,7 @@ impl PublisherEnd {
         link
     }
 
-    /// Waits for the first listener, if the option `should_wait` is set, as [`Bell::wait`].
+    /// Waits for the first listener, if the option `should_wait` is set, as [`Notifier::wait`].
     pub(super) async fn await_listener(
         &self,
         wait: &mut Wait<'_>,

@@ -1,7 +1,7 @@
 //! The server of one value, which runs a method for clients.
 //!
 //! ```text
-//!   client elsewhere ─▶ ServerEnd ─▶ Heard: arguments, decoded one by one
+//!   client elsewhere ─▶ ServerEnd ─▶ ReceivedRequest: arguments, decoded one by one
 //!                    ◀─ answer ◀──── what the body returned
 //!                        └ kept while the client does not hear yet ◀─ flushed ─ the library's thread
 //! ```
@@ -11,10 +11,10 @@ use std::time::{Duration, Instant};
 
 use serde::de::DeserializeOwned;
 
-use super::bell::{Bell, Look};
 use super::context::Live;
 use super::error::MethodError;
 use super::listener::EndOptions;
+use super::notifier::{Look, Notifier};
 use super::rules::Rules;
 use super::runtime::{Runtime, Watched};
 use super::session::Session;
@@ -37,7 +37,7 @@ pub(super) struct ServerEnd {
     rules: Rules,
     counters: Arc<Counters>,
     should_wait: bool,
-    bell: Bell,
+    notifier: Notifier,
     clock: Clock,
     state: Mutex<Serving>,
 }
@@ -60,14 +60,14 @@ impl ServerEnd {
             rules: options.rules,
             counters: Arc::clone(&context.counters),
             should_wait: options.should_wait,
-            bell: Bell::new(context.wake.clone()),
+            notifier: Notifier::new(context.wake.clone()),
             clock: context.clock.clone(),
             state: Mutex::new(Serving { server, said: Throttle::default() }),
         }
     }
 
     pub(super) fn ring(&self) {
-        self.bell.ring();
+        self.notifier.ring();
     }
 
     pub(super) fn status(&self) -> (&EndpointAddress, Link, CountersSnapshot) {
@@ -145,7 +145,7 @@ impl Drop for ServerEnd {
 
 /// A request for which the body is to run.
 #[derive(Debug)]
-pub struct Heard<'a> {
+pub struct ReceivedRequest<'a> {
     session: &'a Session,
     call: Call,
     /// Place of the value whose client asked, and the request; `None` once it is answered.
@@ -153,7 +153,7 @@ pub struct Heard<'a> {
     first: usize,
 }
 
-impl Heard<'_> {
+impl ReceivedRequest<'_> {
     /// Takes the argument at `index`, which may also be given by `name`.
     ///
     /// # Errors
@@ -170,7 +170,7 @@ impl Heard<'_> {
         })
     }
 
-    /// As [`Heard::argument`], with `default` where the client left the argument out.
+    /// As [`ReceivedRequest::argument`], with `default` where the client left the argument out.
     ///
     /// # Errors
     /// When the argument is not of this type, in words.
@@ -215,7 +215,7 @@ fn unusable(name: &str, error: &types::TypedError) -> String {
     format!("argument {name} cannot be used: {error}")
 }
 
-impl Drop for Heard<'_> {
+impl Drop for ReceivedRequest<'_> {
     fn drop(&mut self) {
         self.tell("the method ended without an answer");
     }
@@ -232,13 +232,13 @@ impl Session {
     ///
     /// # Errors
     /// When the wait is ended.
-    pub async fn hear(&self, in_task: bool) -> Result<Option<Heard<'_>>, MethodError> {
+    pub async fn hear(&self, in_task: bool) -> Result<Option<ReceivedRequest<'_>>, MethodError> {
         let Some((index, server)) = self.servers().next() else { return Ok(None) };
         let request = self.next_request(in_task, server).await?;
         Ok(request.map(|endpoint::IncomingRequest { id, request, .. }| {
             // The server offers a function, so the request is always a call that can be read.
             let call = request.into_call().unwrap_or_default();
-            Heard { session: self, call, asked: Some((index, id)), first: index }
+            ReceivedRequest { session: self, call, asked: Some((index, id)), first: index }
         }))
     }
 
@@ -250,7 +250,7 @@ impl Session {
     pub async fn answer<K, R: Returned<K>>(
         &self,
         in_task: bool,
-        heard: &mut Heard<'_>,
+        heard: &mut ReceivedRequest<'_>,
         index: usize,
         value: &R,
     ) -> Result<(), MethodError> {
@@ -266,7 +266,7 @@ impl Session {
     fn answered<K, R: Returned<K>>(
         &self,
         server: &Arc<ServerEnd>,
-        heard: &mut Heard<'_>,
+        heard: &mut ReceivedRequest<'_>,
         value: &R,
     ) -> Result<(), MethodError> {
         let made = value
@@ -307,7 +307,7 @@ impl Session {
         let live = self.live(in_task);
         let runtime = live.as_deref().map(Live::runtime);
         let mut wait = self.begin_wait(None);
-        server.bell.wait(&mut wait, runtime, || server.waited_for(), || server.take()).await
+        server.notifier.wait(&mut wait, runtime, || server.waited_for(), || server.take()).await
     }
 
     fn servers(&self) -> impl Iterator<Item = (usize, &Arc<ServerEnd>)> {

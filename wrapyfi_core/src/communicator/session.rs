@@ -23,8 +23,8 @@ use crate::types;
 use wrapyfi_data::returned::{PayloadError, Returned};
 
 /// The endpoints of one method; made by the library, used by the code that `#[communicator]`
-/// writes. What may wait is told whether it is a task that waits: else it blocks its thread, and is
-/// ready [at once](super::at_once).
+/// writes. Functions that may wait are told whether a task waits: else they block the thread, and
+/// are ready [at once](super::at_once).
 #[derive(Debug)]
 pub struct Session {
     pub(super) method: String,
@@ -52,7 +52,7 @@ impl std::fmt::Debug for Channel {
 
 /// Messages taken for one call, by place of the value.
 #[derive(Debug, Default)]
-pub struct Gathered(pub(super) Vec<Option<types::Payload>>);
+pub struct GatheredMessages(pub(super) Vec<Option<types::Payload>>);
 
 /// One end of a value, for status tables.
 #[derive(Debug, Clone)]
@@ -100,7 +100,7 @@ impl Session {
     ///
     /// # Errors
     /// When a wait ends without a message. Messages of other values are kept for the next call.
-    pub async fn gather(&self, in_task: bool) -> Result<Gathered, MethodError> {
+    pub async fn gather(&self, in_task: bool) -> Result<GatheredMessages, MethodError> {
         let live = self.live(in_task);
         let runtime = live.as_deref().map(Live::runtime);
         // The guard also works where the task is dropped while it waits.
@@ -122,7 +122,7 @@ impl Session {
     /// When the message is not of this type, or not as an option says.
     pub fn taken<K, R: Returned<K>>(
         &self,
-        gathered: &mut Gathered,
+        gathered: &mut GatheredMessages,
         index: usize,
     ) -> Result<Option<R>, MethodError> {
         let Some(payload) = gathered.0.get_mut(index).and_then(Option::take) else {
@@ -246,8 +246,8 @@ impl Session {
         }
     }
 
-    pub(super) fn nothing(&self) -> Gathered {
-        Gathered(self.channels.iter().map(|_| None).collect())
+    pub(super) fn nothing(&self) -> GatheredMessages {
+        GatheredMessages(self.channels.iter().map(|_| None).collect())
     }
 
     pub(super) fn begin_wait(&self, timeout: Option<Duration>) -> Wait<'_> {
@@ -269,7 +269,7 @@ impl Session {
 /// Messages gathered for a call, which go back to their listeners when a wait ends without a message.
 struct GatherGuard<'a> {
     session: &'a Session,
-    gathered: Gathered,
+    gathered: GatheredMessages,
 }
 
 impl Drop for GatherGuard<'_> {
@@ -282,7 +282,7 @@ impl Drop for GatherGuard<'_> {
     }
 }
 
-impl Gathered {
+impl GatheredMessages {
     pub(super) fn set(&mut self, index: usize, payload: Option<types::Payload>) {
         if let Some(place) = self.0.get_mut(index) {
             *place = payload;

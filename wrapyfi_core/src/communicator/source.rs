@@ -25,7 +25,7 @@ pub trait Source: Send + Sync {
     ///
     /// # Errors
     /// When an option or a variable has a value that it cannot have.
-    fn plan(&self, wanted: &Wanted<'_>) -> Result<Planned, StartError>;
+    fn plan(&self, wanted: &EndpointNeeds<'_>) -> Result<Planned, StartError>;
 
     /// Reason that the middleware is not available on this machine though it is built in, if so. A
     /// value on it is then `None`, as on one that is not built in.
@@ -42,7 +42,7 @@ pub trait Source: Send + Sync {
 
 /// Needs of an endpoint, by which a [`Source`] chooses the instance of its middleware.
 #[derive(Debug)]
-pub struct Wanted<'a> {
+pub struct EndpointNeeds<'a> {
     /// Direction of the endpoint. The two directions of one process are kept apart where a
     /// middleware ignores its own messages: an instance that publishes and one that listens must
     /// hear each other.
@@ -78,7 +78,7 @@ impl Source for Running {
         self.0.name()
     }
 
-    fn plan(&self, _wanted: &Wanted<'_>) -> Result<Planned, StartError> {
+    fn plan(&self, _wanted: &EndpointNeeds<'_>) -> Result<Planned, StartError> {
         let middleware = Arc::clone(&self.0);
         Ok(Planned { key: String::new(), start: Box::new(move || Ok(middleware)) })
     }

@@ -102,8 +102,8 @@ impl Drop for Unsteady {
     }
 }
 
-/// A publisher whose transport holds messages for peers that read slowly or not at all. Where it is full, what
-/// waited longest is lost under best effort; under reliable the publisher is refused.
+/// A publisher whose transport holds messages for peers that read slowly or not at all. Once full, the
+/// message that waited longest is lost under best effort; under reliable the publisher is refused.
 pub(super) struct Paced {
     inner: Box<dyn Publisher>,
     shared: Arc<Shared>,

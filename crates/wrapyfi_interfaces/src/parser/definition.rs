@@ -152,7 +152,7 @@ impl fmt::Display for Element {
 }
 
 impl Container {
-    /// How many elements it has, where that are not `actual`.
+    /// Number of its elements, where that is not `actual`.
     pub(crate) fn other_count(self, actual: usize) -> Option<String> {
         match self {
             Self::Array(size) if actual != size as usize => Some(format!("exactly {size}")),

@@ -5,7 +5,7 @@ use super::name::is_name;
 use super::{Dialect, InterfaceKind, Literal, ParseFault, TypeName, value};
 
 /// Content of a line.
-pub(super) enum Line {
+pub(super) enum DefinitionLine {
     Blank,
     Comment(String),
     Field(Field),
@@ -13,13 +13,17 @@ pub(super) enum Line {
 }
 
 /// Reads a line of the definition of `owner`, whose package unqualified type names belong to.
-pub(super) fn parse(dialect: Dialect, owner: &TypeName, text: &str) -> Result<Line, ParseFault> {
+pub(super) fn parse(
+    dialect: Dialect,
+    owner: &TypeName,
+    text: &str,
+) -> Result<DefinitionLine, ParseFault> {
     let text = text.trim();
     if text.is_empty() {
-        return Ok(Line::Blank);
+        return Ok(DefinitionLine::Blank);
     }
     if let Some(comment) = text.strip_prefix('#') {
-        return Ok(Line::Comment(comment.trim().to_owned()));
+        return Ok(DefinitionLine::Comment(comment.trim().to_owned()));
     }
     let (type_name, rest) = split_at_whitespace(text);
     let name_end =
@@ -40,7 +44,12 @@ fn split_at_whitespace(text: &str) -> (&str, &str) {
         .map_or((text, ""), |(head, tail)| (head, tail.trim_start()))
 }
 
-fn constant(dialect: Dialect, type_name: &str, name: &str, rest: &str) -> Result<Line, ParseFault> {
+fn constant(
+    dialect: Dialect,
+    type_name: &str,
+    name: &str,
+    rest: &str,
+) -> Result<DefinitionLine, ParseFault> {
     let element = match (Primitive::from_name(type_name), type_name) {
         (Some(primitive), _) => Element::Primitive(primitive),
         (None, "string") => Element::String { bound: None },
@@ -58,7 +67,7 @@ fn constant(dialect: Dialect, type_name: &str, name: &str, rest: &str) -> Result
             (value::literal(dialect, &element, type_name, written)?, written, comment)
         }
     };
-    Ok(Line::Constant(Constant {
+    Ok(DefinitionLine::Constant(Constant {
         name: name.to_owned(),
         element,
         value,
@@ -73,7 +82,7 @@ fn field(
     type_name: &str,
     name: &str,
     rest: &str,
-) -> Result<Line, ParseFault> {
+) -> Result<DefinitionLine, ParseFault> {
     let field_type = field_type(dialect, owner, type_name)?;
     if !is_name(dialect, name, char::is_lowercase) {
         return Err(ParseFault::FieldName(name.to_owned()));
@@ -85,7 +94,7 @@ fn field(
         (written, Dialect::Ros2) => Some(value::default(&field_type, type_name, written)?),
     };
     let doc = comment.into_iter().collect();
-    Ok(Line::Field(Field { name: name.to_owned(), field_type, default, doc }))
+    Ok(DefinitionLine::Field(Field { name: name.to_owned(), field_type, default, doc }))
 }
 
 /// Splits a value from the comment behind it. A `#` between quotes belongs to the value; an

@@ -32,7 +32,7 @@ pub use value::{DefaultValue, Literal};
 
 use std::collections::BTreeSet;
 
-use line::Line;
+use line::DefinitionLine;
 
 /// Parses the text of a `.msg` file of ROS 2.
 ///
@@ -87,15 +87,15 @@ fn parse_section(
             fault,
         };
         match line::parse(dialect, name, text).map_err(fault)? {
-            Line::Blank => {
+            DefinitionLine::Blank => {
                 // The comment that opens the file and ends at a blank line is the message's.
                 if opening {
                     definition.doc.append(&mut pending);
                 }
                 pending.clear();
             }
-            Line::Comment(comment) => pending.push(comment),
-            Line::Field(mut field) => {
+            DefinitionLine::Comment(comment) => pending.push(comment),
+            DefinitionLine::Field(mut field) => {
                 opening = false;
                 field.doc = std::mem::take(&mut pending).into_iter().chain(field.doc).collect();
                 if !names.insert(field.name.clone()) {
@@ -103,7 +103,7 @@ fn parse_section(
                 }
                 definition.fields.push(field);
             }
-            Line::Constant(mut constant) => {
+            DefinitionLine::Constant(mut constant) => {
                 opening = false;
                 constant.doc =
                     std::mem::take(&mut pending).into_iter().chain(constant.doc).collect();

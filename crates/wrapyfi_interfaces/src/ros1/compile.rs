@@ -1,7 +1,7 @@
 //! Pairs of types to steps.
 //!
-//! Fields are written in the order of the target. Where the source has them in another order, a
-//! mark remembers where a field begins, and the source is read from there when its turn comes.
+//! Fields are written in the order of the target. In a source of another order a mark remembers
+//! where a field begins, and the source is read from there when its turn comes.
 
 use std::collections::{BTreeMap, BTreeSet};
 

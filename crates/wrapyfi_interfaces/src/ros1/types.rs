@@ -21,7 +21,7 @@ use crate::parser::{Dialect, InterfaceKind, TypeName};
 use crate::store::{Disk, Looked, ResolveError, ResolvedType, TypeStore};
 
 /// Most definitions that are remembered from peers.
-const MAX_SHOWN: usize = 4096;
+const MAX_ANNOUNCED: usize = 4096;
 
 /// Digits of a checksum.
 const MD5_DIGITS: usize = 32;
@@ -39,7 +39,7 @@ const MD5_DIGITS: usize = 32;
 /// ```
 pub struct Types {
     rules: Rules,
-    shown: BTreeMap<TypeName, Definition>,
+    announced: BTreeMap<TypeName, Definition>,
     ros1: TypeStore,
     ros2: TypeStore,
 }
@@ -61,7 +61,7 @@ impl fmt::Debug for Types {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Types")
             .field("rules", &self.rules)
-            .field("shown", &self.shown.keys())
+            .field("announced", &self.announced.keys())
             .field("ros1", &self.ros1)
             .field("ros2", &self.ros2)
             .finish_non_exhaustive()
@@ -74,7 +74,7 @@ impl Types {
     pub fn new(rules: Rules, ros2: TypeStore) -> Self {
         Self {
             rules,
-            shown: BTreeMap::new(),
+            announced: BTreeMap::new(),
             ros1: TypeStore::new(Dialect::Ros1, Disk).or(standard::ros1()),
             ros2: ros2.or(standard::ros2()),
         }
@@ -108,8 +108,8 @@ impl Types {
 
     /// Takes what a publisher shows in its connection header, `type`, `md5sum` and `message_definition`, and
     /// remembers it for those that the type is to be published to. The last one shown under a name
-    /// counts. Where the text is not that of the checksum, for instance empty, a definition from
-    /// elsewhere that has it is taken; a checksum of `*` fits any.
+    /// counts. A text that is not that of the checksum, for instance an empty one, gives way to a definition
+    /// from elsewhere that is; a checksum of `*` fits any.
     ///
     /// # Errors
     /// As [`Definition::from_header`], and when no definition has the checksum: nothing is remembered
@@ -124,8 +124,8 @@ impl Types {
         let fits = |definition: &Definition| md5sum == "*" || definition.md5sum == md5sum;
         let error = match Definition::from_header(type_name, text) {
             Ok(definition) if fits(&definition) => {
-                if self.shown.len() < MAX_SHOWN || self.shown.contains_key(&name) {
-                    self.shown.insert(name, definition.clone());
+                if self.announced.len() < MAX_ANNOUNCED || self.announced.contains_key(&name) {
+                    self.announced.insert(name, definition.clone());
                 }
                 return Ok(definition);
             }
@@ -153,8 +153,8 @@ impl Types {
     }
 
     fn definition_of(&mut self, name: &TypeName) -> Result<Definition, DefinitionError> {
-        if let Some(shown) = self.shown.get(name) {
-            return Ok(shown.clone());
+        if let Some(announced) = self.announced.get(name) {
+            return Ok(announced.clone());
         }
         match self.found_for_ros1(name, Definition::from_store) {
             Err(DefinitionError::Resolve(error)) if is_missing(&error, name) => {
@@ -210,10 +210,10 @@ impl Types {
         for ros2 in self.rules.ros2_names(name) {
             match self.ros2.resolve(&ros2) {
                 Ok(ros2) => {
-                    let Self { rules, shown, ros1, .. } = self;
+                    let Self { rules, announced, ros1, .. } = self;
                     let find = |wanted: &TypeName| {
-                        let shown = shown.get(wanted).map(|one| one.resolved.clone());
-                        shown.or_else(|| ros1.resolve(wanted).ok())?.definition().cloned()
+                        let announced = announced.get(wanted).map(|one| one.resolved.clone());
+                        announced.or_else(|| ros1.resolve(wanted).ok())?.definition().cloned()
                     };
                     return Ok(derive::to_ros1(&ros2, name, rules, find)?);
                 }
@@ -224,8 +224,8 @@ impl Types {
         Err(DefinitionError::Unknown { name: name.clone(), looked: Looked(looked) })
     }
 
-    /// The ROS 2 type that a ROS 1 type becomes: as installed, else made from it. What is installed
-    /// and cannot be used is passed over: the ROS 1 type is known.
+    /// The ROS 2 type that a ROS 1 type becomes: as installed, else made from it. An installed one
+    /// that cannot be used is passed over: the ROS 1 type is known.
     ///
     /// # Errors
     /// When none can be made from it.
@@ -251,7 +251,7 @@ impl Types {
         };
         if name.kind() == InterfaceKind::Message && !is_service_part(name) {
             for ros1 in self.rules.ros1_names(name) {
-                if unusable.is_some() && !self.shown.contains_key(&ros1) {
+                if unusable.is_some() && !self.announced.contains_key(&ros1) {
                     continue;
                 }
                 match self.definition_of(&ros1) {

@@ -194,7 +194,7 @@ impl TypeStore {
         self.parse(name, text, &format!("definition of {name}"))
     }
 
-    /// Adds a type that was found elsewhere, with all it refers to. What is known already stays.
+    /// Adds a type that was found elsewhere, with all it refers to. Types known already stay.
     pub fn add_resolved(&mut self, resolved: &ResolvedType) {
         for (name, definition) in resolved.definitions() {
             self.known.entry(name.clone()).or_insert_with(|| definition.clone());

@@ -1,4 +1,4 @@
-//! Where `#[communicator]` and `#[register]` may stand.
+//! Places where `#[communicator]` and `#[register]` may stand.
 use wrapyfi_macros::{communicator, register};
 
 struct Camera;

@@ -1,5 +1,5 @@
-//! Errors of declaring, reading and setting parameters. Where a service carries the reason to a
-//! client, [`SetError::reason`] has the words of rclpy, which people search for.
+//! Errors of declaring, reading and setting parameters. [`SetError::reason`], which a service
+//! carries to a client, has the words of rclpy, which people search for.
 
 use crate::ParameterType;
 

@@ -9,8 +9,8 @@
 //!   answer(ParameterService, request) ─▶ response         the six services
 //! ```
 //!
-//! Names, order and texts are those of ROS 2 nodes, as `ros2 param` shows them. Where rclpy and
-//! rclcpp differ, they are rclpy's.
+//! Names, order and texts are those of ROS 2 nodes, as `ros2 param` shows them. They are rclpy's
+//! where rclcpp differs.
 
 mod descriptor;
 mod error;

@@ -15,9 +15,8 @@ use wrapyfi_endpoint::{Durability, History, Liveliness, PinnedQos, Qos, Reliabil
 const BEST_AVAILABLE_NS: u64 = i64::MAX.unsigned_abs() - 1;
 
 impl QosOverrides {
-    /// Policies of an endpoint with `qos`, all of which may be changed. Where it `follows` its
-    /// peers, the policies that the peers decide are given as the best available, and their times
-    /// as 0.
+    /// Policies of an endpoint with `qos`, all of which may be changed. Policies that the peers of
+    /// one that `follows` them decide are given as the best available, and their times as 0.
     #[must_use]
     pub fn of(qos: &Qos, follows: bool) -> Self {
         let followed = |time| Some(if follows { 0 } else { nanoseconds(time) });

@@ -6,7 +6,7 @@
 //! ```
 //!
 //! Python Wrapyfi sets and reads the same names. As on ROS 2 a listener yields all parameters first and
-//! then each change. What this node sets is no change to its own listeners: a namespace and the
+//! then each change. A value that this node sets is no change to its own listeners: a namespace and the
 //! parameters of a ROS 2 node can be routed both ways.
 
 mod publisher;

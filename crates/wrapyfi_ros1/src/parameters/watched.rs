@@ -160,8 +160,8 @@ fn for_each(node: &Node, path: &str, mut act: impl FnMut(&Watched, &str)) {
 pub(crate) struct ParameterListener {
     node: Arc<Node>,
     watched: Arc<Watched>,
-    /// Something was told.
-    told: bool,
+    /// Something was reported.
+    has_reported: bool,
     /// The next message is all that is known: who is told now was not told what led there.
     whole: bool,
 }
@@ -174,7 +174,7 @@ impl ParameterListener {
             state: Mutex::default(),
         });
         node.watch(key, &watched);
-        Self { node: Arc::clone(node), watched, told: false, whole: false }
+        Self { node: Arc::clone(node), watched, has_reported: false, whole: false }
     }
 }
 
@@ -190,12 +190,12 @@ impl Listener for ParameterListener {
             return Ok(None);
         }
         let changes = std::mem::take(&mut state.parameters.untold);
-        let told = if self.whole { state.parameters.known.clone() } else { changes };
+        let news = if self.whole { state.parameters.known.clone() } else { changes };
         self.whole = false;
-        self.told = true;
+        self.has_reported = true;
         let received_at = state.received_at.unwrap_or_else(Instant::now);
-        let wire_bytes = told.size();
-        Ok(Some(Sample { payload: told.into(), wire_bytes, received_at, origin: None }))
+        let wire_bytes = news.size();
+        Ok(Some(Sample { payload: news.into(), wire_bytes, received_at, origin: None }))
     }
 
     fn discard(&mut self) -> bool {
@@ -204,7 +204,7 @@ impl Listener for ParameterListener {
             return true;
         }
         // Whoever comes later begins with all of them. What nobody was told yet still waits.
-        self.whole = self.told;
+        self.whole = self.has_reported;
         false
     }
 

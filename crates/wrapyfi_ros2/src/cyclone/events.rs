@@ -8,8 +8,8 @@
 //!
 //! Contract: the argument of every callback is a pointer to an [`Events`] whose `Arc` the endpoint
 //! keeps until Cyclone can call no more; a callback holds one more `Arc` while it runs. Callbacks take no lock of
-//! ours and never panic into C. What a callback drops is deleted after it, by another thread ([`delete`]):
-//! Cyclone's deletion waits for callbacks under way, and would wait for its own caller for ever.
+//! ours and never panic into C. Endpoints that a callback drops are deleted after it, by another thread
+//! ([`delete`]): Cyclone's deletion waits for callbacks under way, and would wait for its own caller for ever.
 #![allow(unsafe_code)]
 
 use std::cell::RefCell;

@@ -4,11 +4,11 @@
 //!   DATA, DATA_FRAG ─ writerSN ─▶ from_ser ─▶ sample.twrite = -number ─▶ take ─▶ Gaps ─▶ lost
 //! ```
 //!
-//! Cyclone reports a sample as lost only when its reader has no room. What the network dropped, or a
-//! writer overwrote before it was sent again, it passes over, and no call tells the sequence numbers.
-//! They are in the packet that a sample is made from; the field of a sample in which Cyclone keeps when
-//! it was written, in nanoseconds from 0 on, has no use in a received one and takes them as negative
-//! numbers.
+//! Cyclone reports a sample as lost only when its reader has no room. It passes over samples that the
+//! network dropped, or a writer overwrote before they were sent again, and no call tells the sequence
+//! numbers. They are in the packet that a sample is made from; the field of a sample in which Cyclone
+//! keeps when it was written, in nanoseconds from 0 on, has no use in a received one and takes them as
+//! negative numbers.
 //!
 //! Contract: `Fragment` and `Packet` are as in Cyclone's public header `dds/ddsi/ddsi_radmin.h` of the
 //! one version of `cyclors` that Cargo.toml allows.

@@ -121,9 +121,9 @@ pub trait CdrClient: Send {
     /// Servers there are now.
     fn servers(&self) -> Peers;
 
-    /// When to look at [`CdrClient::servers`] again though nothing is notified: when it last looked,
-    /// what is matched had not confirmed yet that it hears. `None` while only a match, which is
-    /// notified, can change what it said.
+    /// Time until [`CdrClient::servers`] is looked at again though nothing is notified: a matched
+    /// server had not confirmed yet that it hears. `None` while only a match, which is notified, can
+    /// change what it said.
     fn look_again(&self) -> Option<Duration> {
         None
     }

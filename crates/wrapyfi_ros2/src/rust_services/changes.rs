@@ -54,7 +54,7 @@ impl Changes {
         self.notify();
     }
 
-    /// Reports a change that is not reported yet. Where another thread is reporting, that one goes on with it.
+    /// Reports a change that is not reported yet. Another thread that is reporting goes on with it.
     pub(super) fn notify(&self) {
         let mut state = self.0.lock();
         if state.notifying {

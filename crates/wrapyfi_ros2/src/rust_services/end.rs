@@ -42,8 +42,8 @@ impl End {
         &self.opened.pair
     }
 
-    /// Opens the endpoints anew where RustDDS has ended beneath them; true where it did. Where that fails, it is tried
-    /// again at a later call.
+    /// Opens the endpoints anew where RustDDS has ended beneath them; true where it did. A failure is followed by
+    /// another try at a later call.
     pub(super) fn renew(&mut self) -> GraphResult<bool> {
         let now = Instant::now();
         if !self.opened.has_ended() || self.not_before.is_some_and(|at| now < at) {

@@ -141,8 +141,8 @@ impl Pair {
     }
 
     /// Forgets the endpoints of others that discovery does not know any more; true when there were
-    /// some. What discovery says is read after the events were: it forgets an endpoint before it
-    /// says that it is lost.
+    /// some. Discovery is read after the events were: it forgets an endpoint before it says that it
+    /// is lost.
     pub(super) fn forget_ghosts(&self, discovered: &BTreeSet<Gid>) -> bool {
         // Those of our own participant are not discovered.
         let own = self.writer_guid().to_bytes();

@@ -5,7 +5,7 @@
 //!   index 1   discovery free, data free   ─▶ what RustDDS takes
 //! ```
 //!
-//! RustDDS 0.15 takes the first index whose discovery port is free. Where the port for data beside it is taken, it
+//! RustDDS 0.15 takes the first index whose discovery port is free. If the port for data beside it is taken, it
 //! listens on any other one, but its writers go on to announce the one that it does not have: no acknowledgement
 //! reaches them, so that a sample that was not heard at once is never repeated, and its call waits in vain. On Linux
 //! the ports of domains from 102 on are among those that any socket may be given.

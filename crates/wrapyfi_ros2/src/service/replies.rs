@@ -109,8 +109,8 @@ impl Replies {
         Ok(())
     }
 
-    /// Sends what was kept and is heard now. What could not be sent is counted and logged, and
-    /// returned, so that its client can be told.
+    /// Sends what was kept and is heard now. A reply that could not be sent is counted and logged,
+    /// and returned, so that its client can be told.
     pub(in super::super) fn flush(&mut self) -> Vec<Unsent> {
         let now = self.clock.now();
         let (mut unsent, mut heard) = (Vec::new(), false);

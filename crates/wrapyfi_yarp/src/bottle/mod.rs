@@ -171,8 +171,8 @@ impl Bottle {
     }
 
     /// The value that belongs to `key`: in `(speed 3) name arm`, 3 to `speed` and `arm` to `name`.
-    /// The key may be a string, a vocab or a number. Where the first element that matches has
-    /// nothing behind it, there is no value, as in YARP.
+    /// The key may be a string, a vocab or a number. A first match with nothing behind it has no
+    /// value, as in YARP.
     #[must_use]
     pub fn find(&self, key: &str) -> Option<&Value> {
         let (index, element) = self.keyed(key)?;

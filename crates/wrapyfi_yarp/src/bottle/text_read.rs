@@ -98,7 +98,8 @@ fn string(word: &[u8]) -> Value {
     }
 }
 
-/// Bytes as decimal numbers. What is no number counts as 0, and of a larger one the low byte.
+/// Bytes as decimal numbers. A word that is no number counts as 0, and of a larger one the low
+/// byte.
 fn blob(text: &[u8]) -> Bytes {
     let byte = |word: &[u8]| match scalar(word) {
         Some(Value::Float64(number)) => number as i32 as u8,

@@ -46,7 +46,7 @@
 //! YARP waits for ever otherwise. `Network::serve` answers by a function on the connection's own task,
 //! which is the fastest way.
 //!
-//! # What is refused
+//! # Refusals
 //!
 //! Sizes are checked before anything is kept (`Limits`), and every refusal has a counter:
 //!

@@ -43,15 +43,16 @@ type Known = Arc<dyn Fn(&str) -> Option<Registration> + Send + Sync>;
 /// Settings of a [`Network`]: by default a [`NameTable`] of its own, YARP 3 and the default limits.
 #[derive(Clone)]
 pub struct NetworkOptions {
-    /// Where names are looked up and registered.
+    /// Registry of the names of ports.
     pub names: Arc<dyn Names>,
     /// Places of ports that the name server does not know, or does not tell because it is away.
     pub known: Known,
-    /// How bottles are encoded and decoded. [`Network::probe_dialect`] finds out what a port speaks.
+    /// Codes of bottles that are written and read. [`Network::probe_dialect`] finds out what a port
+    /// speaks.
     pub dialect: Dialect,
     /// Limits of everything that is read; what exceeds them is refused.
     pub limits: Limits,
-    /// How long ports wait.
+    /// Times that ports wait.
     pub timeouts: Timeouts,
     /// Address to listen on; all of them unless it says so.
     pub listen: IpAddr,

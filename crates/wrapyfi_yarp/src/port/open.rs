@@ -28,7 +28,7 @@ pub struct PortOptions {
     pub type_name: Option<String>,
     /// Tell those who ask what the port is that it answers requests, as YARP's `setRpcMode` does.
     pub rpc: bool,
-    /// Take connections of carrier mjpeg. Where the messages are no pictures it brings nothing: such a
+    /// Take connections of carrier mjpeg. It brings nothing if the messages are no pictures: such a
     /// connection is then refused, and the log says why.
     pub pictures: bool,
     /// Programs that may connect to the port; everybody where there is none.

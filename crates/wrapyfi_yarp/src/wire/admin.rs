@@ -5,7 +5,7 @@
 //!   list in             ─▶ "/golden/src" admin
 //! ```
 //!
-//! Verbs come as vocabs or as strings. What a port does for a request is `port::administration`.
+//! Verbs come as vocabs or as strings. A port answers by `port::administration`.
 
 use crate::{Bottle, Value};
 

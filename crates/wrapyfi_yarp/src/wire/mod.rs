@@ -10,9 +10,9 @@
 //! ```
 //!
 //! Every reader has one method, `poll`, over a buffer: it takes off what it understood and yields an
-//! event, or says how many bytes more it needs at least. What it yields are slices of that buffer,
-//! so that the payload of a large message is read by the socket straight into the place where it
-//! stays. Nothing here waits, allocates by a length that was not checked, or panics.
+//! event, or says how many bytes more it needs at least. Events are slices of that buffer, so that
+//! the payload of a large message is read by the socket straight into the place where it stays.
+//! Nothing here waits, allocates by a length that was not checked, or panics.
 //!
 //! * [`number`], [`header`], [`sender`]: the beginning of a connection.
 //! * [`command`], [`message`], [`bare`], [`text`], [`datagram`]: messages.

@@ -6,7 +6,7 @@
 //!
 //! That is how YARP's `frameTransformGet_nws_yarp` streams them: whether it went well, then all that it
 //! knows. One transform alone, or a list of them, is read as well. A transform without a time of its
-//! own has that of the message. Whether it is static is a matter of the topic in ROS: what is written says
+//! own has that of the message. Being static is a matter of the topic in ROS: a written transform says
 //! that it is not.
 
 use bytes::Bytes;

@@ -64,7 +64,7 @@ pub(super) fn write(fields: &DynamicMessage, writer: Writer<'_>) -> EncodeResult
 /// As [`write`], with success as `[ok]` or `[fail]`.
 pub(super) fn write_reply(fields: &DynamicMessage, writer: Writer<'_>) -> EncodeResult<Bottle> {
     let mut bottle = write(fields, writer)?;
-    if let Some((success, message)) = verdict(fields) {
+    if let Some((success, message)) = success_and_message(fields) {
         let [word, _] = if success { GOOD } else { BAD };
         bottle.values = vec![Element::vocab(word)];
         if !message.is_empty() {
@@ -75,7 +75,7 @@ pub(super) fn write_reply(fields: &DynamicMessage, writer: Writer<'_>) -> Encode
 }
 
 /// Success and message of a reply that has these fields and no others: most services of ROS.
-fn verdict(fields: &DynamicMessage) -> Option<(bool, &str)> {
+fn success_and_message(fields: &DynamicMessage) -> Option<(bool, &str)> {
     let mut fields = fields.fields();
     match (fields.next()?, fields.next()?, fields.next()) {
         (("success", DynamicValue::Bool(success)), ("message", message), None) => {
@@ -107,7 +107,7 @@ pub(super) fn read_reply(
     rules: Rules<'_>,
 ) -> DecodeResult<Result<Value, String>> {
     let defaults = ros_type.plan().default_message();
-    let given = match verdict(&defaults).and_then(|_| judged(bottle)) {
+    let given = match success_and_message(&defaults).and_then(|_| judged(bottle)) {
         Some(fields) => fields,
         None => match requests::failure(bottle) {
             Some(text) => return Ok(Err(text)),

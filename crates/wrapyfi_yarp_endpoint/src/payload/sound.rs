@@ -5,9 +5,9 @@
 //!   AudioChunk  a0 b0 a1 b1 a2 b2 …     interleaved; one channel is shared, several are copied
 //! ```
 //!
-//! Wrapyfi makes samples of floats by `int(x * 32767)` and floats of samples by `i / 32767`. What
-//! is received stays integers; floats are written as Wrapyfi does. Its publishers begin with a sound
-//! of zeros that tells the rate: it is sound like any other.
+//! Wrapyfi makes samples of floats by `int(x * 32767)` and floats of samples by `i / 32767`.
+//! Received samples stay integers; floats are written as Wrapyfi does. Its publishers begin with a
+//! sound of zeros that tells the rate: it is sound like any other.
 
 use bytes::Bytes;
 use wrapyfi_yarp::Dialect;

@@ -1,5 +1,5 @@
-//! Mirroring, Wrapyfi's hello world: one program, run several times. Where it publishes, its method
-//! asks for a message; everywhere else the method returns what was typed there.
+//! Mirroring, Wrapyfi's hello world: one program, run several times. The method of the one that
+//! publishes asks for a message; everywhere else it returns what was typed there.
 //!
 //! ```text
 //!   hello_world --mode publish   read_msg() asks ─┬─▶ returns {msg, msg_ip}

@@ -1,6 +1,6 @@
 //! Mirroring of a whole pipeline: the same program runs several times, and every one goes through the
-//! same calls and gets the same results. Which of them does the work, and which mirrors it, is chosen
-//! when they start.
+//! same calls and gets the same results. The one that does the work, and those that mirror it, are
+//! chosen when they start.
 //!
 //! ```text
 //!                 --here sense         --here think          (neither)

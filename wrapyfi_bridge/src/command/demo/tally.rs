@@ -11,7 +11,7 @@ pub(super) struct Tally {
     pub(super) count: u64,
     bytes: u64,
     /// Number and bytes when the row was written last.
-    shown: (u64, u64),
+    printed: (u64, u64),
     latency: Latency,
 }
 
@@ -28,7 +28,7 @@ impl Tally {
     /// Writes a row, with rates over `elapsed`, the time since the last one.
     pub(super) fn row(&mut self, out: &mut String, name: &str, type_name: &str, elapsed: Duration) {
         let seconds = elapsed.as_secs_f64().max(1e-9);
-        let before = std::mem::replace(&mut self.shown, (self.count, self.bytes));
+        let before = std::mem::replace(&mut self.printed, (self.count, self.bytes));
         let latency = self.latency.summary();
         // Writing to a String cannot fail.
         let _infallible = writeln!(

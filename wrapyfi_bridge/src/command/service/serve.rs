@@ -86,8 +86,8 @@ pub fn run(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Replies, then prints the request: a client does not wait for whoever reads our output. What
-/// `print` returns.
+/// Replies, then prints the request: a client does not wait for whoever reads our output. Returns
+/// the result of `print`.
 fn answer_first(
     reply: impl FnOnce() -> ServeResult<usize>,
     request: u64,

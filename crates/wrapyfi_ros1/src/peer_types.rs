@@ -34,14 +34,14 @@ const MAX_ASKED: usize = 64;
 pub(super) type Whom = (Role, String, String);
 
 /// Questions and answers.
-pub(super) type Probes = Mutex<BTreeMap<Whom, Answer>>;
+pub(super) type PeerTypes = Mutex<BTreeMap<Whom, Answer>>;
 
 /// State of a question.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Answer {
     /// Question that was asked and has no answer yet.
     Asked,
-    Told(TypeInfo),
+    Known(TypeInfo),
     /// Failed question: the reason and the time.
     Failed(String, Instant),
 }
@@ -61,7 +61,7 @@ pub(super) struct TypeInfo {
 /// none is known.
 pub(super) fn ask(core: &Arc<Core>, role: Role, name: &str, node: &str) -> Answer {
     let whom = (role, name.to_owned(), node.to_owned());
-    let mut answers = core.probes.lock();
+    let mut answers = core.peer_types.lock();
     match answers.get(&whom) {
         Some(Answer::Failed(_, at)) if at.elapsed() >= AGAIN => {}
         Some(answer) => return answer.clone(),
@@ -88,10 +88,10 @@ pub(super) fn ask(core: &Arc<Core>, role: Role, name: &str, node: &str) -> Answe
         });
         let silent = || Err(format!("it did not answer within {} s", ANSWER.as_secs()));
         let answer = match told.await.unwrap_or_else(|_elapsed| silent()) {
-            Ok(told) => Answer::Told(told),
+            Ok(told) => Answer::Known(told),
             Err(reason) => Answer::Failed(shortened(&reason), Instant::now()),
         };
-        core.probes.lock().insert(whom, answer);
+        core.peer_types.lock().insert(whom, answer);
     });
     // The failure before stands until a better answer is known.
     before.unwrap_or(Answer::Asked)
@@ -99,7 +99,7 @@ pub(super) fn ask(core: &Arc<Core>, role: Role, name: &str, node: &str) -> Answe
 
 /// Forgets whoever is not named: a node that comes back may have another type.
 pub(super) fn keep_only(core: &Core, there: impl Fn(Role, &str, &str) -> bool) {
-    core.probes
+    core.peer_types
         .lock()
         .retain(|(role, name, node), answer| *answer == Answer::Asked || there(*role, name, node));
 }
@@ -107,7 +107,7 @@ pub(super) fn keep_only(core: &Core, there: impl Fn(Role, &str, &str) -> bool) {
 /// Forgets what servers of a service have told: the one there is of another type.
 pub(super) fn forget_service(core: &Core, service: &str) {
     let is_of = |role: &Role, name: &str| *role == Role::Server && name == service;
-    core.probes
+    core.peer_types
         .lock()
         .retain(|(role, name, _), answer| *answer == Answer::Asked || !is_of(role, name));
 }
@@ -165,24 +165,24 @@ pub(super) async fn request_topic(
 async fn service(core: &Core, name: &str) -> Result<TypeInfo, String> {
     let place = core.master.lookup_service(name).await.map_err(|error| error.to_string())?;
     let place = place.ok_or("the master knows it no more")?;
-    let header = greeted(&place, &probe_of(core, name)).await?;
+    let header = greeted(&place, &probe_header(core, name)).await?;
     Ok(TypeInfo { type_name: type_in(&header)?, latches: false, place })
 }
 
 /// True when a server that has told its type still answers for the service at the same address.
 pub(super) async fn still_serves(core: &Core, service: &str, node: &str) -> bool {
     let whom = (Role::Server, service.to_owned(), node.to_owned());
-    let told = match core.probes.lock().get(&whom) {
-        Some(Answer::Told(told)) => told.clone(),
+    let told = match core.peer_types.lock().get(&whom) {
+        Some(Answer::Known(told)) => told.clone(),
         _ => return false,
     };
-    let own = probe_of(core, service);
+    let own = probe_header(core, service);
     let greeting = timeout(ANSWER, greeted(&told.place, &own));
     greeting.await.is_ok_and(|header| header.is_ok_and(|header| header.get("error").is_none()))
 }
 
 /// Header with which a server is asked for its type, without a call.
-pub(super) fn probe_of(core: &Core, service: &str) -> Header {
+pub(super) fn probe_header(core: &Core, service: &str) -> Header {
     core.header().with("service", service).with("md5sum", "*").with("probe", "1")
 }
 

@@ -19,7 +19,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(500);
 
 /// A doorbell, and the number of threads and tasks that wait for it.
 #[derive(Debug, Default)]
-pub(super) struct Bell {
+pub(super) struct Notifier {
     wake: Wake,
     waiters: AtomicUsize,
 }
@@ -33,12 +33,12 @@ pub(super) enum Look<T> {
 }
 
 /// One thread or task that waits. Dropping it passes the ring on to the others.
-struct Waiting<'a>(&'a Bell);
+struct Waiting<'a>(&'a Notifier);
 
 impl<'a> Waiting<'a> {
-    fn new(bell: &'a Bell) -> Self {
-        bell.waiters.fetch_add(1, SeqCst);
-        Self(bell)
+    fn new(notifier: &'a Notifier) -> Self {
+        notifier.waiters.fetch_add(1, SeqCst);
+        Self(notifier)
     }
 }
 
@@ -50,7 +50,7 @@ impl Drop for Waiting<'_> {
     }
 }
 
-impl Bell {
+impl Notifier {
     pub(super) fn new(wake: Wake) -> Self {
         Self { wake, waiters: AtomicUsize::new(0) }
     }
@@ -129,10 +129,10 @@ mod tests {
 
     #[test]
     fn two_who_wait_are_both_served_by_rings_that_fall_together() {
-        let (bell, goods) = (Arc::new(Bell::default()), Arc::new(Mutex::new(0)));
+        let (notifier, goods) = (Arc::new(Notifier::default()), Arc::new(Mutex::new(0)));
         let waiters: Vec<_> = (0..2)
             .map(|_| {
-                let (bell, goods) = (Arc::clone(&bell), Arc::clone(&goods));
+                let (notifier, goods) = (Arc::clone(&notifier), Arc::clone(&goods));
                 std::thread::spawn(move || {
                     let stop = Stop::default();
                     let mut wait = Wait::new("A::b", &stop, Some(Duration::from_secs(60)));
@@ -144,12 +144,12 @@ mod tests {
                         *goods -= 1;
                         Look::Found(())
                     };
-                    at_once(bell.wait(&mut wait, None, || "goods".into(), look))
+                    at_once(notifier.wait(&mut wait, None, || "goods".into(), look))
                 })
             })
             .collect();
         *goods.lock().unwrap() = 2;
-        bell.ring();
+        notifier.ring();
         for waiter in waiters {
             assert!(waiter.join().unwrap().is_ok());
         }
@@ -163,17 +163,17 @@ mod tests {
                 self.0.store(true, SeqCst);
             }
         }
-        let (bell, stop, runtime) = (Bell::default(), Stop::default(), Runtime::start());
+        let (notifier, stop, runtime) = (Notifier::default(), Stop::default(), Runtime::start());
         let mut wait = Wait::new("A::b", &stop, None);
         let found = AtomicBool::new(false);
         let look = || if found.load(SeqCst) { Look::Found(7) } else { Look::Again(None) };
-        let mut wait = pin!(bell.wait(&mut wait, Some(&runtime), || "seven".into(), look));
+        let mut wait = pin!(notifier.wait(&mut wait, Some(&runtime), || "seven".into(), look));
         let flag = Arc::new(Flag(AtomicBool::new(false)));
         let waker = Arc::clone(&flag).into();
         let mut task = std::task::Context::from_waker(&waker);
         assert!(wait.as_mut().poll(&mut task).is_pending());
         found.store(true, SeqCst);
-        bell.ring();
+        notifier.ring();
         assert!(flag.0.load(SeqCst));
         assert!(matches!(wait.as_mut().poll(&mut task), Poll::Ready(Ok(7))));
     }

@@ -1,7 +1,7 @@
 //! A middleware that could not start yet: its start is tried again, and its endpoints wait.
 //!
 //! ```text
-//!   start ── no ──▶ Late ── a thread tries again, with back-off ──▶ the middleware
+//!   start ── no ──▶ DeferredMiddleware ── a thread tries again, with back-off ──▶ the middleware
 //!                    └ open: OpenError::NotStarted ─▶ the route waits and says why
 //! ```
 
@@ -35,10 +35,10 @@ pub enum StartFault {
 ///
 /// ```
 /// use std::sync::Arc;
-/// use wrapyfi_endpoint::{Late, Middleware, StartFault, memory::Memory};
+/// use wrapyfi_endpoint::{DeferredMiddleware, Middleware, StartFault, memory::Memory};
 /// # let is_there = |_: &str| false;
 /// let fault = "nobody answers at 192.168.1.7";
-/// let late = Late::new("memory", fault.into(), move || match is_there("192.168.1.7") {
+/// let late = DeferredMiddleware::new("memory", fault.into(), move || match is_there("192.168.1.7") {
 ///     true => Ok(Arc::new(Memory::new("memory")) as _),
 ///     false => Err(StartFault::Absent(fault.into())),
 /// })?;
@@ -46,7 +46,7 @@ pub enum StartFault {
 /// assert_eq!(error.to_string(), "memory to start: nobody answers at 192.168.1.7");
 /// # Ok::<(), std::io::Error>(())
 /// ```
-pub struct Late {
+pub struct DeferredMiddleware {
     name: &'static str,
     shared: Arc<Shared>,
 }
@@ -64,7 +64,7 @@ impl Shared {
     }
 }
 
-impl Late {
+impl DeferredMiddleware {
     /// A middleware called `name` that did not start because of `reason`; `start` is called again
     /// until it succeeds, on a thread of its own.
     ///
@@ -138,14 +138,14 @@ fn keep_trying(
     }
 }
 
-impl Drop for Late {
+impl Drop for DeferredMiddleware {
     fn drop(&mut self) {
         self.shared.over.store(true, Relaxed);
         self.shared.bell.ring();
     }
 }
 
-impl Middleware for Late {
+impl Middleware for DeferredMiddleware {
     fn name(&self) -> &str {
         self.name
     }
@@ -232,7 +232,7 @@ mod tests {
     use crate::memory::Memory;
     use wrapyfi_data::types::MessageType;
 
-    fn opened(late: &Late) -> OpenResult<()> {
+    fn opened(late: &DeferredMiddleware) -> OpenResult<()> {
         let spec = TopicSpec::new("/t", MessageType::NativeObject);
         late.open_listener(&spec, &Context::default()).map(drop)
     }
@@ -240,7 +240,7 @@ mod tests {
     #[test]
     fn what_needs_it_waits_and_is_told_why_until_it_is_there() {
         let (let_go, held) = std::sync::mpsc::channel::<()>();
-        let late = Late::new("memory", "nobody is there".to_owned(), move || {
+        let late = DeferredMiddleware::new("memory", "nobody is there".to_owned(), move || {
             held.recv().map_err(|_closed| StartFault::Absent("closed".to_owned()))?;
             Ok(Arc::new(Memory::new("memory")))
         });
@@ -262,7 +262,7 @@ mod tests {
     fn a_start_that_panics_is_told_and_tried_again() {
         let (let_go, held) = std::sync::mpsc::channel::<()>();
         let mut starts = 0;
-        let late = Late::new("memory", "nobody is there".to_owned(), move || {
+        let late = DeferredMiddleware::new("memory", "nobody is there".to_owned(), move || {
             starts += 1;
             assert!(starts > 1, "on purpose");
             held.recv().map_err(|_closed| StartFault::Absent("closed".to_owned()))?;
@@ -282,7 +282,7 @@ mod tests {
     #[test]
     fn what_can_never_work_is_not_tried_again() {
         let (told, tries) = std::sync::mpsc::channel::<()>();
-        let late = Late::new("memory", "nobody is there".to_owned(), move || {
+        let late = DeferredMiddleware::new("memory", "nobody is there".to_owned(), move || {
             told.send(()).unwrap();
             Err(StartFault::Hopeless("not allowed".to_owned()))
         });

@@ -11,14 +11,14 @@ use crate::why::{OTHER_NODE, same_node};
 const LOOK_EVERY: Duration = Duration::from_secs(5);
 
 /// Looks for other bridges of the name, and warns of them once, until they are gone.
-pub(super) struct Namesakes {
+pub(super) struct DuplicateNodes {
     discovery: Box<dyn Discovery>,
     node: String,
     next: Instant,
     is_told: bool,
 }
 
-impl Namesakes {
+impl DuplicateNodes {
     /// Begins to look; `None` where ROS 2 tells no endpoints.
     pub(super) fn new(node: &Node, registry: &Registry) -> Option<Self> {
         let discovery = registry.get("ros2").ok()?.discover().ok()?;

@@ -11,19 +11,19 @@ use wrapyfi_core::types::MessageType;
 const LOOK_EVERY: Duration = Duration::from_millis(500);
 
 /// Tells in words who announces another type on a topic; each endpoint once.
-pub(super) struct Strangers {
+pub(super) struct OtherTypes {
     discovery: Option<Box<dyn Discovery>>,
     topic: String,
     type_name: &'static str,
     /// Hash of the definition; `None` where the endpoint itself tells who has another.
     type_hash: Option<&'static str>,
-    told: BTreeSet<String>,
+    reported: BTreeSet<String>,
     next_look: Instant,
 }
 
-impl Strangers {
+impl OtherTypes {
     /// Watches a topic; where types are not announced by their names in ROS 2, or nothing is told, there
-    /// are no strangers.
+    /// are no other_types.
     pub(super) fn new(middleware: &dyn Middleware, topic: &str, message_type: MessageType) -> Self {
         let topic = format!("/{}", topic.trim_start_matches('/'));
         let has_type = middleware.name() == "ros2" && message_type != MessageType::Properties;
@@ -36,7 +36,7 @@ impl Strangers {
             topic,
             type_name: message_type.ros_type(),
             type_hash: Some(ros::type_hash(message_type)),
-            told: BTreeSet::new(),
+            reported: BTreeSet::new(),
             next_look: Instant::now(),
         }
     }
@@ -60,7 +60,7 @@ impl Strangers {
             Ok(found) => {
                 for endpoint in found.iter().filter(|endpoint| endpoint.name == self.topic) {
                     if let Some(text) = contradiction(endpoint, self.type_name, self.type_hash)
-                        && self.told.insert(text.clone())
+                        && self.reported.insert(text.clone())
                     {
                         tracing::warn!("{text}");
                     }

@@ -14,8 +14,8 @@ use super::ledger::Ledger;
 use super::options::{self, StopSignal};
 use super::supervisor::Supervised;
 
-/// Both sides of a broker, bound, and the socket that stops its thread.
-pub(super) struct Sides {
+/// Both ports of a broker, bound, and the socket that stops its thread.
+pub(super) struct BrokerPorts {
     pub(super) front: Front,
     pub(super) back: Front,
     pub(super) stop: zmq::Socket,
@@ -30,7 +30,7 @@ pub(super) struct Bound {
     pub(super) stop_signal: StopSignal,
 }
 
-impl Sides {
+impl BrokerPorts {
     /// Binds both ports. Messages wait for a peer as far as `hwm` of its side; clients may always have `own_topic`.
     pub(super) fn bind<B: Supervised>(
         config: &ZeroMqConfig,
@@ -69,7 +69,7 @@ impl Sides {
         Ok((Self { front, back, stop, ledger: Arc::clone(ledger) }, bound))
     }
 
-    /// Waits for something to happen at a side; the sides where it did, `None` when it is time to stop.
+    /// Waits for something to happen at a port; the ports where it did, `None` when it is time to stop.
     pub(super) fn wait(&self, wait_ms: i64) -> zmq::Result<Option<[bool; 2]>> {
         let [front_unread, back_unread] = [&self.front, &self.back].map(Front::is_unread);
         let wait_ms = if front_unread || back_unread { 0 } else { wait_ms };
