@@ -243,7 +243,9 @@ fn a_master_that_was_restarted_is_not_believed_before_the_bridge() -> Result {
         roscore.kill()?;
         let file = env.path("bridge.yaml").display().to_string();
         let told = answered(env, ["chat", "--config", &file])?;
-        assert_eq!(told["cause"], "server_away", "{told}");
+        let passed = told["passed"].to_string();
+        assert!(told["cause"].is_null(), "{told}");
+        assert!(passed.contains("messages pass, but ROS 1 master"), "{told}");
         let _again = env.roscore()?;
         let told = answered(env, ["chat", "--config", &file])?;
         let passed = told["passed"].to_string();

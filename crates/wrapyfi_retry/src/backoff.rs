@@ -5,8 +5,8 @@ use std::time::Duration;
 
 /// First wait before a lost peer or a failed opening is tried again.
 pub const FIRST: Duration = Duration::from_millis(100);
-/// Longest wait between two tries.
-pub const LONGEST: Duration = Duration::from_secs(5);
+/// Longest wait between two tries: a peer that comes back after a long time is found within two seconds, too.
+pub const LONGEST: Duration = Duration::from_millis(1500);
 
 /// Exponential back-off from [`FIRST`] to [`LONGEST`] with jitter from a seed, so that a run can be repeated.
 #[derive(Debug, Clone)]

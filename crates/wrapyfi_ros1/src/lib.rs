@@ -237,16 +237,18 @@ impl Ros1 {
         })
     }
 
-    /// False where the node whose API is at this address says nothing for as long as `patience`: it hangs, or is stopped.
-    /// Blocks until then.
+    /// False where the API of a node says nothing for as long as `patience`: it hangs, or is stopped. Blocks until then.
     #[must_use]
-    pub fn answers_within(&self, patience: Duration, host: &str, port: u16) -> bool {
-        let uri = NodeUri { host: host.to_owned(), port };
+    pub fn answers_within(&self, patience: Duration, node: &str) -> bool {
         let caller = vec![xmlrpc::text(self.node.name.full())];
-        let asked =
-            async { tokio::time::timeout(patience, http::call(&uri, "getPid", caller)).await };
-        // A refusal is an answer, too.
-        self.node.handle.block_on(asked).is_ok()
+        let asked = async {
+            if let Ok(Some(uri)) = self.node.master.lookup_node(node).await {
+                // A refusal is an answer, too.
+                _ = http::call(&uri, "getPid", caller).await;
+            }
+        };
+        let answered = async { tokio::time::timeout(patience, asked).await };
+        self.node.handle.block_on(answered).is_ok()
     }
 
     /// The ROS 2 type `name`: as installed, else made from what a publisher that was asked has shown, a

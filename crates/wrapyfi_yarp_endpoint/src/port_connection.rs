@@ -1,7 +1,7 @@
 //! Keeps one connection between a port of ours and another one.
 //!
 //! ```text
-//!   persistent   name server: subscribe /cam ─▶ /cam:in7        it connects whenever both are there
+//!   persistent   name server: subscribe /cam ─▶ /cam:in7        it connects whenever both are there, else as below
 //!   otherwise    /cam: [add] tcp://cam:in7                      we ask, and ask again
 //!   neither      nobody called /cam: waits for its name, without asking
 //! ```
@@ -83,6 +83,7 @@ impl PortConnection {
         let bell = shared.directory.watch(self.other());
         let (mut backoff, mut subscribed) =
             (Backoff::of_name(self.other()).starting_at(PATIENCE), None);
+        let mut is_reminded = false;
         loop {
             let reached = shared.directory.reached();
             if reached.is_none() {
@@ -116,6 +117,7 @@ impl PortConnection {
             changed.mark_unchanged();
             if is_connected() {
                 backoff.reset();
+                is_reminded = false;
                 tokio::select! {
                     () = bell.notified() => {}
                     Ok(()) = changed.changed() => {}
@@ -131,7 +133,8 @@ impl PortConnection {
                 continue;
             }
             let mut failure = None;
-            if !persistent {
+            // A name server that is not told of the end of a connection, as where a cable was cut, makes no other one.
+            if !persistent || is_reminded {
                 let (from, to) = (&self.source, &self.destination);
                 let asked = shared.network.connect(from, to, Some(carrier));
                 failure = unless_slow(asked, || say(self.missing(""))).await.err();
@@ -156,6 +159,7 @@ impl PortConnection {
                 if let Err(error) = shared.registrar.client().announce(&self.own, true).await {
                     tracing::debug!(own = self.own, %error, "the name server was not reminded");
                 }
+                is_reminded = true;
             }
         }
     }

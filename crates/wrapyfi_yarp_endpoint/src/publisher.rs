@@ -343,14 +343,14 @@ async fn serve(
         connection
             .keep(shared, changes.clone(), is_connected, |why| {
                 // A connection needs no name server: messages go on while it is away.
-                if destination.is_some() && changes.borrow().outputs == 0 {
+                if changes.borrow().outputs == 0 {
                     state.link_state.waiting(why);
                 }
             })
             .await;
     };
     tokio::select! {
-        () = count_readers(shared, &name, changes.clone(), state, destination.is_some()) => {}
+        () = count_readers(shared, &name, changes.clone(), state, connection.is_some()) => {}
         () = kept => {}
         () = state.device.follow(shared, changes.clone(), || changes.borrow().outputs > 0) => {}
     }

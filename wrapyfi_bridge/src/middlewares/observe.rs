@@ -6,7 +6,7 @@
 //!             └ observer ─▶ a middleware that only looks
 //! ```
 
-use std::net::IpAddr;
+use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
 
 use wrapyfi_core::Limits;
@@ -74,9 +74,13 @@ pub struct Reach {
 
 /// Command that has a server listen at a host and on ports, each with its option; what is usual is left out.
 fn start_at(program: &str, host: &str, ports: &[(&str, u16, u16)]) -> String {
-    let is_here = |ip: IpAddr| ip.is_loopback() || ip.is_unspecified();
-    let is_usual = matches!(host, "*" | "localhost") || host.parse().is_ok_and(is_here);
-    let at = if is_usual { String::new() } else { format!(" --ip {host} --insecure") };
+    let ip = host.parse::<IpAddr>().ok();
+    let is_usual = ip.is_some_and(|ip| ip.is_unspecified() || ip == Ipv4Addr::LOCALHOST);
+    let at = match ip {
+        _ if is_usual || matches!(host, "*" | "localhost") => String::new(),
+        Some(ip) if ip.is_loopback() => format!(" --ip {host}"),
+        _ => format!(" --ip {host} --insecure"),
+    };
     let others = ports.iter().filter(|(_, port, usual)| port != usual);
     let options: String = others.map(|(option, port, _)| format!(" {option} {port}")).collect();
     format!("{program}{at}{options}")
@@ -271,6 +275,11 @@ mod tests {
                 "zeromq",
                 "zeromq: { ip: 10.0.0.2, broker: foreign, pub_port: 6555, req_port: 6559 }",
                 "wrapyfi broker --ip 10.0.0.2 --insecure --pub-port 6555 --req-port 6559",
+            ),
+            (
+                "zeromq",
+                "zeromq: { ip: 127.0.0.9, broker: foreign }",
+                "wrapyfi broker --ip 127.0.0.9",
             ),
             (
                 "yarp",

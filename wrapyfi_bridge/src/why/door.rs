@@ -91,6 +91,8 @@ fn connected(host: &str, port: u16, hosts: &Hosts) -> (Answer, Option<IpAddr>, O
         Ok(stream) => return (Answer::Open, Some(ip), Some(stream)),
         Err(error) => match error.kind() {
             ErrorKind::ConnectionRefused => Answer::Refused,
+            // The system accepts for a program that is stopped, until as many wait as it may have.
+            ErrorKind::TimedOut | ErrorKind::WouldBlock if is_of_this_machine(ip) => Answer::Mute,
             ErrorKind::TimedOut | ErrorKind::WouldBlock => Answer::Silent,
             _ => Answer::NoWay(error.to_string()),
         },

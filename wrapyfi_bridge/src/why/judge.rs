@@ -7,6 +7,7 @@
 
 use wrapyfi_core::endpoint::{AnnouncedQos, Discovered, Role, mismatches};
 use wrapyfi_core::middleware::ros2::remedy;
+use wrapyfi_core::middleware::yarp;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
 use crate::middlewares::Server;
@@ -18,8 +19,8 @@ use super::ends::is_told;
 use super::names::nearest;
 use super::reach::{opened, reachable};
 use super::state::{
-    broken, brought, hears_others, is_carried, is_met, is_provider, is_used, other_mapping, rate,
-    refused, refused_alone, runs, state, unopened,
+    broken, brought, flows, hears_others, is_carried, is_met, is_provider, is_used, other_mapping,
+    rate, refused, refused_alone, runs, state, unopened,
 };
 use super::words::{between, example, is_same_type, nobody, owner, people, provider, types_differ};
 use super::{Cause, Elsewhere, End, Finding, Graph, Registered, Step, Verdict, Way, roles};
@@ -142,14 +143,20 @@ impl Walk<'_> {
     fn side(&mut self, end: &End) -> Step {
         let does = if end.away.is_some() { "accepts a connection" } else { "answers" };
         for knock in &end.doors {
-            opened(knock, &end.address, self.way)?;
-            self.pass(format!("{} {does}", knock.words()));
+            match opened(knock, &end.address, self.way) {
+                Ok(()) => self.pass(format!("{} {does}", knock.words())),
+                // A connection needs neither a master nor a name server.
+                Err(away) if flows(self.way) => {
+                    self.pass(format!("messages pass, but {}", away.what));
+                }
+                Err(away) => return Err(away),
+            }
         }
         if let Some(graph) = end.graph.as_ref().filter(|it| !it.carried_by.is_empty()) {
             let Graph { domain_id, carried_by, .. } = graph;
             self.pass(format!("ROS 2 in domain {domain_id}, on {carried_by}"));
         }
-        let Some(away) = &end.away else { return Ok(()) };
+        let Some(away) = end.away.as_ref().filter(|_| !flows(self.way)) else { return Ok(()) };
         if let Some(stopped) = &self.way.stopped {
             return Err(stopped.clone());
         }
@@ -266,8 +273,9 @@ impl Walk<'_> {
                 true => "messages pass".to_owned(),
                 false => format!("the bridge {} has it", self.way.node),
             };
-            // Of a mere name the bridge is one that takes it.
-            self.pass(match registry(end).filter(|_| !is_bare || is_provider(role)) {
+            // Of a mere name the bridge is one that takes it; readers of a port of YARP are told to nobody.
+            let is_told = !is_bare && address.middleware != yarp::NAME;
+            self.pass(match registry(end).filter(|_| is_told || is_provider(role)) {
                 Some(server) => format!("{has}, but {}", forgotten(server)),
                 None => has,
             });
@@ -319,12 +327,11 @@ impl Walk<'_> {
     fn reached(&mut self, end: &End, role: Role) -> Step {
         let registered: Vec<_> = end.registered.iter().filter(|one| one.role == role).collect();
         let there = registered.iter().find(|one| reachable(end, one).is_ok());
-        let passes = self.way.running.as_ref().is_some_and(|running| running.messages_per_s > 0.0);
         for one in &registered {
             let Err(gone) = reachable(end, one) else { continue };
             // What it was registered for is known to pass: another one of its name does that. One that hangs keeps its
             // connections, and only what comes tells.
-            if is_carried(self.way) && (passes || one.answer != Answer::Mute) {
+            if is_carried(self.way) && (flows(self.way) || one.answer != Answer::Mute) {
                 self.pass(format!("messages pass all the same, but {}", gone.what));
                 return Ok(());
             }
@@ -350,6 +357,10 @@ impl Walk<'_> {
         };
         if told.iter().any(same) {
             self.pass(format!("its type is {wanted}"));
+            return Ok(());
+        }
+        // The type of a port of YARP is the one that its name tells.
+        if end.address.middleware == yarp::NAME && flows(self.way) {
             return Ok(());
         }
         let theirs = first.type_name.as_deref().unwrap_or_default();

@@ -392,7 +392,7 @@ fn addresses(end: &mut End, endpoints: &Endpoints, ros1: Option<&Ros1>) {
             .map(|(role, who, host, port)| {
                 scope.spawn(move || {
                     let answer = match connect(&host, port, &endpoints.hosts) {
-                        Answer::Open if !answers(ros1, role, &host, port, endpoints) => {
+                        Answer::Open if !answers(ros1, &who, &host, port, endpoints) => {
                             Answer::Mute
                         }
                         answer => answer,
@@ -405,12 +405,11 @@ fn addresses(end: &mut End, endpoints: &Endpoints, ros1: Option<&Ros1>) {
     });
 }
 
-/// True where whoever accepts connections at a registered address answers there: on ROS 1 the API of a node, else a port
-/// of YARP. Servers of ROS 1 have an API of their own, which tells nothing.
-fn answers(ros1: Option<&Ros1>, role: Role, host: &str, port: u16, endpoints: &Endpoints) -> bool {
+/// True where whoever accepts connections at a registered address answers: on ROS 1 the API of the node, else the port of
+/// YARP.
+fn answers(ros1: Option<&Ros1>, node: &str, host: &str, port: u16, endpoints: &Endpoints) -> bool {
     match ros1 {
-        Some(_) if role == Role::Server => true,
-        Some(ros1) => ros1.answers_within(LISTEN, host, port),
+        Some(ros1) => ros1.answers_within(LISTEN, node),
         None => {
             let host = endpoints.hosts.resolve(host).map_or(host.to_owned(), |ip| ip.to_string());
             let at = Registration { name: String::new(), host, port, carrier: "tcp".to_owned() };

@@ -63,11 +63,20 @@ pub(super) fn route(
     let make = |made: fn(&Route, &EndpointAddress) -> Option<Route>| {
         plan.routes.iter().find_map(|pattern| made(pattern, &address))
     };
-    let written = index.written_at(&address).cloned();
+    // A bridge may have another name for it than the file.
+    let is_written = |one: &&Route| [&one.from, &one.to].contains(&&address);
+    let written = index.written_at(&address).or_else(|| plan.routes.iter().find(is_written));
+    let written = written.cloned();
     let any = || make(Route::made_from).or_else(|| make(Route::made_to));
     if let Some(route) = written.or_else(runs).or_else(any) {
         return with_written(route);
     }
+    left_out(plan, &address)
+}
+
+/// Pattern that leaves a name out, at either end, and why.
+pub(super) fn left_out(plan: &Plan, address: &EndpointAddress) -> Option<(Route, LeftOutName)> {
+    let text = address.to_string();
     let mut many = plan.routes.iter().filter(|one| one.from.middleware == address.middleware);
     let left_out = |pattern: &Route| Some((pattern.clone(), pattern.left_out(&address.name)?));
     if let Some((pattern, why)) = many.find_map(left_out) {

@@ -21,7 +21,7 @@ use super::drops::count;
 use super::ends::{entry, listens_on, qos_at, shown, type_at};
 use super::judge::may_be_bridge;
 use super::look::{LOOK, Sight, Wanted, graph, look, patience, widen};
-use super::meaning::{address, of_other_kind, route};
+use super::meaning::{address, left_out, of_other_kind, route};
 use super::state::{came, leads_to, takes};
 use super::{
     End, Finding, Limited, RouteFacts, Unheard, Way, bridges, elsewhere, roles, running, stopped,
@@ -33,7 +33,6 @@ use crate::in_force::{InForce, Running};
 use crate::lifecycle::State;
 use crate::middlewares::{self, Endpoints, Loaded, Undefined, is_ros};
 use crate::node::Node;
-use crate::on_graph::info::{is_destination, is_source};
 
 /// Time within which most bridges have told their routes: they are heard for as long even where the answer is known.
 const AT_ONCE: Duration = Duration::from_millis(300);
@@ -144,7 +143,23 @@ impl Configured<'_> {
                 let title = format!("{name} in {}", facts.name);
                 Ok(Way { title, route: Some(facts), ..Way::default() })
             }
-            Some((route, facts)) => Ok(self.of_route(&route, facts, &mut types)),
+            Some((route, facts)) => {
+                let way = self.of_route(&route, facts, &mut types);
+                // A pattern of the other kind may leave the name out.
+                let (provider, _) = roles(way.is_service);
+                let is_there = |end: &End| end.of(provider).next().is_some();
+                let is_written = plan.routes.iter().any(|one| one.name == route.name);
+                let is_found = is_written
+                    || way.running.is_some()
+                    || way.source.as_ref().is_some_and(is_there);
+                let found = || left_out(plan, &address(name).ok().filter(|_| !is_found)?);
+                let Some((pattern, left_out)) = found() else { return Ok(way) };
+                let asked = name;
+                let (name, file) = (pattern.name, file.to_owned());
+                let title = format!("{asked} in {name}");
+                let facts = RouteFacts { name, file, left_out, ..RouteFacts::default() };
+                Ok(Way { title, route: Some(facts), ..Way::default() })
+            }
             None => match address(name) {
                 Ok(address) => {
                     let way = of_address(&address, sight, &mut types);
@@ -217,6 +232,15 @@ impl Configured<'_> {
         }
         drop(ros2);
         facts.name.clone_from(&route.name);
+        let is_renamed = |(written, there): &(&EndpointAddress, &EndpointAddress)| {
+            node.resolve(written) != **there && !route.is_many()
+        };
+        let renamed = [&route.from, &route.to].into_iter().zip(&ends).filter(is_renamed);
+        let known: Vec<_> = renamed
+            .map(|(written, there)| {
+                format!("the bridge has {there} for {written}, by its namespace or a remap rule")
+            })
+            .collect();
         let is_service = matches!(route.kind, Kind::Service(_));
         let (provider, taker) = roles(is_service);
         let is_learned = route.typing == Typing::Learned && !route.is_many();
@@ -279,11 +303,14 @@ impl Configured<'_> {
             true => route.ends(),
             false => format!("{}: {}", route.name, route.ends()),
         };
-        let stopped = running.is_none().then(|| stopped::bridge(Some(&facts.file))).flatten();
+        let stopped = running
+            .is_none()
+            .then(|| stopped::bridge(Some(&facts.file), graph(sight.endpoints).domain_id))
+            .flatten();
         let (route, source) = (Some(facts), Some(source));
         let running::Heard { others, also, foreign, afar, .. } = heard;
         let way = Way { title, is_service, route, source, destination, ..Way::default() };
-        Way { node, running, others, also, foreign, stopped, afar, ..way }
+        Way { node, running, others, also, foreign, stopped, afar, known, ..way }
     }
 
     /// Looks at the two ends of a route, which have these names, until it is known that they have others.
@@ -425,9 +452,9 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, types: &mut TypeStore
     };
     let text = address.to_string();
     let find = |all: Vec<RouteInfo>| {
-        let refuses = |one: &RouteInfo| is_source(one, &text) && !one.refused.is_empty();
+        let refuses = |one: &RouteInfo| one.resolved_source == text && !one.refused.is_empty();
         // No broker of ZeroMQ tells who serves.
-        let calls = |one: &RouteInfo| one.kind == "service" && is_destination(one, &text);
+        let calls = |one: &RouteInfo| one.kind == "service" && one.resolved_destination == text;
         all.into_iter()
             .find(|one| leads_to(one, &text) || refuses(one) || calls(one) || takes(one, &text))
     };
@@ -450,7 +477,8 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, types: &mut TypeStore
             let is_one = there.iter().map(|one| one.count.max(1)).sum::<u64>() <= 1;
             is_one && there.iter().all(|one| may_be_bridge(one, &address.middleware, node))
         };
-        is_missing || takes(running, &text) || (running.state != "active" && is_bridge())
+        let is_needed = is_missing || !heard.also.is_empty() || takes(running, &text);
+        is_needed || (running.state != "active" && is_bridge())
     });
     let also = if told.is_some() { heard.also } else { Vec::new() };
     let (node, running) = told.map(|(node, running)| (node, Some(running))).unwrap_or_default();
@@ -460,7 +488,7 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, types: &mut TypeStore
     };
     // Its broker may be in the bridge that is stopped.
     let is_silent = end.away.is_some() && end.address.middleware == "zeromq";
-    let stopped = is_silent.then(|| stopped::bridge(None)).flatten();
+    let stopped = is_silent.then(|| stopped::bridge(None, 0)).flatten();
     let mut known = Vec::new();
     if running.is_none() && is_missing {
         let begins = heard.others.iter().find_map(bridges::unconfigured);

@@ -52,7 +52,13 @@ pub(super) fn opened(knock: &Knock, address: &EndpointAddress, way: &Way) -> Ste
                 Server::Master => format!("on {host}: ROS_IP={host} {start}"),
             },
         ),
-        Answer::Silent | Answer::Mute | Answer::NoWay(_) => {
+        Answer::Mute => (
+            Cause::ServerAway,
+            format!("{words} does not answer: what listens on port {port} hangs or is stopped"),
+            format!("a {server}"),
+            format!("kill -CONT PID, if it is stopped; else end it, and {start}"),
+        ),
+        Answer::Silent | Answer::NoWay(_) => {
             let why = match &knock.answer {
                 Answer::NoWay(why) => why,
                 _ => "nothing comes back: the machine is off, or a firewall is between",

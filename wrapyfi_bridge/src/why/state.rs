@@ -9,7 +9,6 @@ use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 use super::drops::{count, drops, meaning, mends};
 use super::words::example;
 use super::{Cause, End, Finding, Limited, Step, Way};
-use crate::on_graph::info::{is_destination, is_source};
 
 /// A step that may be in place.
 pub(super) type Passed = Result<Option<String>, Finding>;
@@ -30,12 +29,19 @@ pub(super) fn is_carried(way: &Way) -> bool {
     is_used(way) && way.running.as_ref().is_some_and(|running| running.state == "active")
 }
 
+/// True where messages pass now.
+pub(super) fn flows(way: &Way) -> bool {
+    is_carried(way) && way.running.as_ref().is_some_and(|running| running.messages_per_s > 0.0)
+}
+
 /// True where a bridge knows somebody in the role at the end, whatever the server of names says: its route runs there,
 /// or takes from there.
 pub(super) fn is_met(way: &Way, at: &EndpointAddress, role: Role) -> bool {
     let Some(running) = &way.running else { return false };
     if way.route.is_none() {
-        return takes(running, &at.to_string());
+        // On ROS 2 who looks sees as much as the bridge, which may not have missed yet who left.
+        let is_seen = at.middleware == "ros2" && !flows(way);
+        return !is_seen && takes(running, &at.to_string());
     }
     let is_found = is_provider(role) && running.has_source;
     is_found || matches!(running.state.as_str(), "active" | "degraded")
@@ -63,14 +69,15 @@ pub(super) fn unopened(running: &RouteInfo) -> Option<&str> {
 /// True for a route that gets what an address has, messages or replies, or would, if it understood the servers there.
 pub(super) fn takes(running: &RouteInfo, address: &str) -> bool {
     let is_service = running.kind == "service";
-    let is_from = if is_service { is_destination } else { is_source };
-    is_from(running, address) && (running.has_source || other_mapping(running).is_some())
+    let from = if is_service { &running.resolved_destination } else { &running.resolved_source };
+    from == address && (running.has_source || other_mapping(running).is_some())
 }
 
 /// True for a route that brings to an address what it carries, or answers there, once it is active.
 pub(super) fn leads_to(running: &RouteInfo, address: &str) -> bool {
-    let is_to = if running.kind == "service" { is_source } else { is_destination };
-    is_to(running, address)
+    let is_service = running.kind == "service";
+    let to = if is_service { &running.resolved_source } else { &running.resolved_destination };
+    to == address
 }
 
 /// Route of a bridge that brings to a mere name what it carries, or answers there.
@@ -211,12 +218,11 @@ pub(super) fn rate(way: &Way) -> Passed {
     if dropped < MOST {
         return Ok(Some(what));
     }
-    let enough = came_hz.unwrap_or(max_rate_hz / (1.0 - dropped).max(0.001));
-    let remedy = format!(
-        "write `max_rate_hz: {:.0}` or more on the route in {}, or leave it out",
-        enough.max(max_rate_hz).ceil(),
-        route.file
-    );
+    let remedy = match came_hz {
+        Some(hz) => format!("write `max_rate_hz: {:.0}` or more", hz.max(max_rate_hz).ceil()),
+        None => format!("write more than `max_rate_hz: {max_rate_hz}`"),
+    };
+    let remedy = format!("{remedy} on the route in {}, or leave it out", route.file);
     Err(Finding::new(Cause::RateLimit, what, "the route", remedy))
 }
 

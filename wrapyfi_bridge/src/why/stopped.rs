@@ -1,4 +1,5 @@
-//! A bridge of this machine whose process is stopped (Ctrl-Z, a debugger): nothing of it is found on the graph.
+//! A bridge of this machine that is not found on the graph: its process is stopped (Ctrl-Z, a debugger), or it is in another
+//! domain.
 
 use std::fs;
 use std::path::Path;
@@ -6,8 +7,9 @@ use std::path::Path;
 use super::{Cause, Finding};
 use crate::exit::Failure;
 
-/// The bridge that was started with a file, any where that is `None`, if it is stopped.
-pub(super) fn bridge(file: Option<&str>) -> Option<Finding> {
+/// The bridge that was started with a file, any where that is `None`, if it is stopped; with the file also if it is not in
+/// the `domain`.
+pub(super) fn bridge(file: Option<&str>, domain: u32) -> Option<Finding> {
     let file = file.map(fs::canonicalize).transpose().ok()?;
     let mut numbers =
         fs::read_dir("/proc").ok()?.filter_map(|it| it.ok()?.file_name().to_str()?.parse().ok());
@@ -15,24 +17,36 @@ pub(super) fn bridge(file: Option<&str>) -> Option<Finding> {
         let folder = Path::new("/proc").join(pid.to_string());
         let text = |name| fs::read_to_string(folder.join(name));
         let (stat, line) = (text("stat").ok()?, text("cmdline").ok()?);
-        let is_stopped = stat.rsplit(") ").next()?.starts_with(['T', 't']);
         let words: Vec<_> = line.split_terminator('\0').collect();
         let is_ours = words.first()?.ends_with("wrapyfi") && words.contains(&"bridge");
         let files = words.iter().map(|word| fs::canonicalize(folder.join("cwd").join(word)));
         let mut files = files.flatten();
-        let is_it =
-            is_stopped && is_ours && file.as_ref().is_none_or(|it| files.any(|one| one == *it));
-        is_it.then(|| {
-            let command = words.join(" ");
+        if !is_ours || !file.as_ref().is_none_or(|it| files.any(|one| one == *it)) {
+            return None;
+        }
+        let command = words.join(" ");
+        if stat.rsplit(") ").next()?.starts_with(['T', 't']) {
             let what = format!("`{command}` is stopped and does not answer: its routes rest");
             let remedy = format!("kill -CONT {pid}, or `fg` in its shell");
-            Finding::new(Cause::NoBridge, what, "whoever stopped it", remedy)
+            return Some(Finding::new(Cause::NoBridge, what, "whoever stopped it", remedy));
+        }
+        let environment = text("environ").ok()?;
+        let mut variables = environment.split('\0');
+        let there = variables.find_map(|one| one.strip_prefix("ROS_DOMAIN_ID=")).unwrap_or("0");
+        (file.is_some() && there != domain.to_string()).then(|| {
+            let what = format!("`{command}` runs in domain {there} of ROS 2, and this shell looks in {domain}");
+            let remedy = format!(
+                "export ROS_DOMAIN_ID={there} in this shell, where that is the robot's; else end process {pid}, and start it \
+                 with ROS_DOMAIN_ID={domain}"
+            );
+            let who = "this shell, or whoever starts the bridge";
+            Finding::new(Cause::OtherDomain, what, who, remedy)
         })
     })
 }
 
-/// Why no bridge has answered: one of this machine is stopped, or else the `failure`.
+/// Cause that no bridge has answered: one of this machine is stopped, or else the `failure`.
 pub(crate) fn or(failure: Failure) -> Failure {
-    let stopped = bridge(None).filter(|_| matches!(failure, Failure::TimedOut(_)));
+    let stopped = bridge(None, 0).filter(|_| matches!(failure, Failure::TimedOut(_)));
     stopped.map_or(failure, |it| Failure::TimedOut(format!("{}: {}", it.what, it.remedy)))
 }
