@@ -203,7 +203,7 @@ impl Administered for Arc<Core> {
     }
 
     fn set_property(&self, key: &str, values: Bottle) -> Bottle {
-        if key.starts_with('/') && key != self.name && !self.set_service(key, &values) {
+        if key.starts_with('/') && key != self.name && !set_service(self, key, &values) {
             return admin::fail(None);
         }
         let mut connections = self.connections.lock();
@@ -223,7 +223,7 @@ impl Administered for Arc<Core> {
     fn property(&self, key: Option<&str>) -> Bottle {
         let connections = self.connections.lock();
         match key {
-            Some(key) if key == self.name => self.about(),
+            Some(key) if key == self.name => about(self),
             Some(key) if key.starts_with('/') => {
                 let output = connections.outputs.iter().find(|output| output.name == key);
                 if output.is_none() && !connections.inputs.iter().any(|input| input.name == key) {
@@ -248,48 +248,46 @@ impl Administered for Arc<Core> {
     }
 }
 
-impl Core {
-    /// Sets the type of service of the connection with `peer`; whether there is one that took it.
-    fn set_service(&self, peer: &str, values: &Bottle) -> bool {
-        let service = admin::type_of_service(values);
-        if service.is_none() && values.find("qos").is_some() {
-            return false;
-        }
-        let connections = self.connections.lock();
-        let output = connections.outputs.iter().find(|output| output.name == peer);
-        if let (Some(output), Some(service)) = (output, service)
-            && let Some(socket) = &output.socket
-        {
-            return socket2::SockRef::from(&**socket).set_tos_v4(service).is_ok();
-        }
-        output.is_some() || connections.inputs.iter().any(|input| input.name == peer)
+/// Sets the type of service of the connection with `peer`; whether there is one that took it.
+fn set_service(core: &Core, peer: &str, values: &Bottle) -> bool {
+    let service = admin::type_of_service(values);
+    if service.is_none() && values.find("qos").is_some() {
+        return false;
     }
+    let connections = core.connections.lock();
+    let output = connections.outputs.iter().find(|output| output.name == peer);
+    if let (Some(output), Some(service)) = (output, service)
+        && let Some(socket) = &output.socket
+    {
+        return socket2::SockRef::from(&**socket).set_tos_v4(service).is_ok();
+    }
+    output.is_some() || connections.inputs.iter().any(|input| input.name == peer)
+}
 
-    /// Description of the port, as YARP's ports give it to `yarpconnectionsinfo` and to bridges.
-    fn about(&self) -> Bottle {
-        let program = std::env::args_os().next().map(std::path::PathBuf::from);
-        let program = program.as_deref().and_then(std::path::Path::file_name);
-        let program = program.map_or_else(|| "unknown".into(), |name| name.to_string_lossy());
-        let host = self.contact.rsplit_once(':').map_or(&*self.contact, |(host, _)| host);
-        let flag = |set: bool| Value::from(i32::from(set));
-        let process = [
-            ("pid", i64::from(std::process::id()).into()),
-            ("name", Value::string(program.as_ref())),
-            // Whatever stands behind a command is nobody's business.
-            ("arguments", Value::string("")),
-            ("priority", 0.into()),
-            ("policy", 0.into()),
-        ];
-        let platform = [("os", Value::string("Linux")), ("hostname", Value::string(host))];
-        let port = [
-            ("is_input", flag(!matches!(self.sink, Sink::Nobody))),
-            ("is_output", flag(self.role.outputs)),
-            ("is_rpc", flag(self.rpc)),
-            ("type", self.type_name.as_deref().unwrap_or_default().into()),
-        ];
-        let process = admin::dict("process", process);
-        [sched(), process, admin::dict("platform", platform), admin::dict("port", port)]
-            .into_iter()
-            .collect()
-    }
+/// Description of the port, as YARP's ports give it to `yarpconnectionsinfo` and to bridges.
+fn about(core: &Core) -> Bottle {
+    let program = std::env::args_os().next().map(std::path::PathBuf::from);
+    let program = program.as_deref().and_then(std::path::Path::file_name);
+    let program = program.map_or_else(|| "unknown".into(), |name| name.to_string_lossy());
+    let host = core.contact.rsplit_once(':').map_or(&*core.contact, |(host, _)| host);
+    let flag = |set: bool| Value::from(i32::from(set));
+    let process = [
+        ("pid", i64::from(std::process::id()).into()),
+        ("name", Value::string(program.as_ref())),
+        // Whatever stands behind a command is nobody's business.
+        ("arguments", Value::string("")),
+        ("priority", 0.into()),
+        ("policy", 0.into()),
+    ];
+    let platform = [("os", Value::string("Linux")), ("hostname", Value::string(host))];
+    let port = [
+        ("is_input", flag(!matches!(core.sink, Sink::Nobody))),
+        ("is_output", flag(core.role.outputs)),
+        ("is_rpc", flag(core.rpc)),
+        ("type", core.type_name.as_deref().unwrap_or_default().into()),
+    ];
+    let process = admin::dict("process", process);
+    [sched(), process, admin::dict("platform", platform), admin::dict("port", port)]
+        .into_iter()
+        .collect()
 }

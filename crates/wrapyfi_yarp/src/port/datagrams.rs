@@ -41,69 +41,69 @@ pub(super) fn widen(socket: &UdpSocket) {
     socket.set_send_buffer_size(SOCKET_BUFFER).ok();
 }
 
-impl Core {
-    /// The group of this port on the interface that leads to `contact`; made when it is the first.
-    pub(super) async fn group(self: &Arc<Self>, contact: &str) -> Result<Arc<Group>, LinkError> {
-        let interface = interface_to(contact).await?;
-        let known = self.connections.lock().outputs.iter().find_map(|output| match &output.kind {
-            Kind::Group(group) if group.interface == interface => Some(Arc::clone(group)),
-            _ => None,
-        });
-        if let Some(group) = known {
-            return Ok(group);
-        }
-        let names = self.network.names();
-        let request = NameRequest {
-            name: "...".to_owned(),
-            carrier: Some("mcast".to_owned()),
-            ..NameRequest::default()
-        };
-        let (mut name, mut address) = (None, DEFAULT_GROUP);
-        match names.register(&request).await {
-            Ok(found) => {
-                let ip = found.host.parse::<Ipv4Addr>().ok().filter(Ipv4Addr::is_multicast);
-                if let Some(ip) = ip.filter(|_| found.port > 0) {
-                    address = SocketAddrV4::new(ip, found.port);
-                }
-                // Whoever removes this port's name removes the group with it.
-                names.set(&self.name, "owns", std::slice::from_ref(&found.name)).await.ok();
-                name = Some(found.name);
-            }
-            Err(error) => {
-                tracing::warn!(target: "wrapyfi_yarp::port", name = self.name, %error, "no group");
-            }
-        }
-        let socket = group_sender(interface, address)?;
-        let outbox = Arc::new(self.new_outbox());
-        let group = Arc::new(Group { interface, address, name, outbox: Arc::clone(&outbox) });
-        let core = Arc::clone(self);
-        tokio::spawn(async move {
-            let way = Way::Datagrams { socket, pace: Pace::new() };
-            if let Err(error) = target::run(way, &outbox).await {
-                let name = &core.name;
-                tracing::warn!(target: "wrapyfi_yarp::port", name, %error, "group ended");
-                core.counters.add("output_ended");
-            }
-            outbox.end();
-        });
-        Ok(group)
+/// The group of a port on the interface that leads to `contact`; made when it is the first.
+pub(super) async fn group(core: &Arc<Core>, contact: &str) -> Result<Arc<Group>, LinkError> {
+    let interface = interface_to(contact).await?;
+    let known = core.connections.lock().outputs.iter().find_map(|output| match &output.kind {
+        Kind::Group(group) if group.interface == interface => Some(Arc::clone(group)),
+        _ => None,
+    });
+    if let Some(group) = known {
+        return Ok(group);
     }
+    let names = core.network.names();
+    let request = NameRequest {
+        name: "...".to_owned(),
+        carrier: Some("mcast".to_owned()),
+        ..NameRequest::default()
+    };
+    let (mut name, mut address) = (None, DEFAULT_GROUP);
+    match names.register(&request).await {
+        Ok(found) => {
+            let ip = found.host.parse::<Ipv4Addr>().ok().filter(Ipv4Addr::is_multicast);
+            if let Some(ip) = ip.filter(|_| found.port > 0) {
+                address = SocketAddrV4::new(ip, found.port);
+            }
+            // Whoever removes this port's name removes the group with it.
+            names.set(&core.name, "owns", std::slice::from_ref(&found.name)).await.ok();
+            name = Some(found.name);
+        }
+        Err(error) => {
+            tracing::warn!(target: "wrapyfi_yarp::port", name = core.name, %error, "no group");
+        }
+    }
+    let socket = group_sender(interface, address)?;
+    let outbox = Arc::new(core.new_outbox());
+    let group = Arc::new(Group { interface, address, name, outbox: Arc::clone(&outbox) });
+    let core = Arc::clone(core);
+    tokio::spawn(async move {
+        let way = Way::Datagrams { socket, pace: Pace::new() };
+        if let Err(error) = target::run(way, &outbox).await {
+            let name = &core.name;
+            tracing::warn!(target: "wrapyfi_yarp::port", name, %error, "group ended");
+            core.counters.add("output_ended");
+        }
+        outbox.end();
+    });
+    Ok(group)
+}
 
-    /// Ends the group when nobody is left to send to.
-    pub(super) async fn leave_group(&self, group: Arc<Group>) {
-        let used =
-            self.connections.lock().outputs.iter().any(
-                |output| matches!(&output.kind, Kind::Group(other) if Arc::ptr_eq(other, &group)),
-            );
-        if used {
-            return;
-        }
-        group.outbox.close();
-        if let Some(name) = &group.name
-            && let Err(error) = self.network.names().unregister(name).await
-        {
-            tracing::debug!(target: "wrapyfi_yarp::port", name, %error, "group stays registered");
-        }
+/// Ends the group when nobody is left to send to.
+pub(super) async fn leave_group(core: &Core, group: Arc<Group>) {
+    let used = core
+        .connections
+        .lock()
+        .outputs
+        .iter()
+        .any(|output| matches!(&output.kind, Kind::Group(other) if Arc::ptr_eq(other, &group)));
+    if used {
+        return;
+    }
+    group.outbox.close();
+    if let Some(name) = &group.name
+        && let Err(error) = core.network.names().unregister(name).await
+    {
+        tracing::debug!(target: "wrapyfi_yarp::port", name, %error, "group stays registered");
     }
 }
 

@@ -6,11 +6,7 @@
 //!   ─▶ [list] [in]
 //! ```
 
-use tokio::time::timeout;
-
-use super::link::{Link, LinkError};
-use super::network::Network;
-use super::tools::AdminError;
+use super::link::{Link, LinkError, LinkOptions};
 use crate::wire::Command;
 use crate::{Bottle, Value};
 
@@ -38,59 +34,28 @@ pub struct Inspection {
     pub outputs: Vec<String>,
 }
 
-impl Network {
-    /// Asks a port how it is connected and, where `whole`, what it is: a port of YARP starts
-    /// `lsb_release` before it says that. `contact` is its address (`127.0.0.1:10002`); the name
-    /// server is asked for it where there is none.
-    ///
-    /// # Errors
-    /// As [`AdminError`].
-    pub async fn inspect(
-        &self,
-        name: &str,
-        contact: Option<&str>,
-        whole: bool,
-    ) -> Result<Inspection, AdminError> {
-        let contact = self.contact(name, contact).await?;
-        let limit = self.0.timeouts.admin;
-        let asked = timeout(limit, self.interview(name, &contact, whole)).await;
-        let asked = asked.unwrap_or(Err(LinkError::Timeout(limit)));
-        asked.map_err(|error| AdminError::Port { name: name.to_owned(), error })
-    }
-
-    /// Waits until the port at an address closes a connection on which nothing is asked, as it does when its program is
-    /// killed.
-    ///
-    /// # Errors
-    /// When there is no such connection.
-    pub async fn until_closed(&self, contact: &str) -> Result<(), LinkError> {
-        let why = Link::admin(contact, &self.link_options()).await?.ended().await;
-        tracing::debug!(target: "wrapyfi_yarp::port", contact, %why, "watched port");
-        Ok(())
-    }
-
-    async fn interview(
-        &self,
-        name: &str,
-        contact: &str,
-        whole: bool,
-    ) -> Result<Inspection, LinkError> {
-        let mut link = Link::admin(contact, &self.link_options()).await?;
-        let mut ask = async |request: Bottle| link.ask(&Command::Admin, &request).await;
-        let words = |words: [&str; 2]| words.map(Value::vocab);
-        let mut itself: Bottle = words(["prop", "get"]).into_iter().collect();
-        itself.push(name);
-        let itself = if whole { ask(itself).await? } else { Bottle::new() };
-        let outputs = ask(words(["list", "out"]).into_iter().collect()).await?;
-        let inputs = ask(words(["list", "in"]).into_iter().collect()).await?;
-        link.quit().await.ok();
-        let names = |list: Bottle| {
-            let names = list.into_iter().filter_map(|value| value.as_str().map(str::to_owned));
-            names.filter(|name| name.starts_with('/')).collect()
-        };
-        let (modes, type_name) = read(&itself);
-        Ok(Inspection { modes, type_name, inputs: names(inputs), outputs: names(outputs) })
-    }
+/// Asks the port `name` on a connection to `contact`.
+pub(super) async fn interview(
+    options: &LinkOptions,
+    name: &str,
+    contact: &str,
+    whole: bool,
+) -> Result<Inspection, LinkError> {
+    let mut link = Link::admin(contact, options).await?;
+    let mut ask = async |request: Bottle| link.ask(&Command::Admin, &request).await;
+    let words = |words: [&str; 2]| words.map(Value::vocab);
+    let mut itself: Bottle = words(["prop", "get"]).into_iter().collect();
+    itself.push(name);
+    let itself = if whole { ask(itself).await? } else { Bottle::new() };
+    let outputs = ask(words(["list", "out"]).into_iter().collect()).await?;
+    let inputs = ask(words(["list", "in"]).into_iter().collect()).await?;
+    link.quit().await.ok();
+    let names = |list: Bottle| {
+        let names = list.into_iter().filter_map(|value| value.as_str().map(str::to_owned));
+        names.filter(|name| name.starts_with('/')).collect()
+    };
+    let (modes, type_name) = read(&itself);
+    Ok(Inspection { modes, type_name, inputs: names(inputs), outputs: names(outputs) })
 }
 
 /// The group `port` of an answer.
@@ -111,7 +76,7 @@ fn read(itself: &Bottle) -> (Option<Modes>, Option<String>) {
 mod tests {
     use super::*;
     use crate::Limits;
-    use crate::port::{Answer, NetworkOptions, OutputOptions, PortOptions};
+    use crate::port::{Answer, Network, NetworkOptions, OutputOptions, PortOptions};
 
     #[test]
     fn what_yarps_ports_say_is_read() {

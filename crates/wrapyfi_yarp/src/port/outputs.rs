@@ -19,6 +19,7 @@ use super::open::Admission;
 use super::outbox::{Outbox, Put};
 use super::output::{Group, Kind, Output};
 use super::pace::Pace;
+use super::pictures;
 use super::rpc_link::RpcLink;
 use super::target::{self, Way};
 use crate::wire::{Carrier, Fault, Sender, UnknownCarrier, admin, header};
@@ -84,7 +85,7 @@ impl Core {
         let carrier = carrier.qualified(&sender);
         let contact = found.contact();
         let made = if pull {
-            self.pull(&name, &contact).await
+            pictures::pull(self, &name, &contact).await
         } else {
             Self::remove_output(self, &name).await;
             self.make_output(&name, carrier, &sender, contact).await
@@ -119,10 +120,10 @@ impl Core {
             return Ok(());
         }
         if carrier == Carrier::Mcast {
-            let group = self.group(&contact).await?;
+            let group = datagrams::group(self, &contact).await?;
             let behind = header::encode_group(group.address);
             if let Err(error) = Link::open(&contact, carrier, sender, &behind, &options).await {
-                self.leave_group(group).await;
+                datagrams::leave_group(self, group).await;
                 return Err(error);
             }
             self.enter_output(name, carrier, carrier_text, contact, Kind::Group(group), None);
@@ -251,7 +252,7 @@ impl Core {
             }
         }
         if let Kind::Group(group) = kind {
-            self.leave_group(group).await;
+            datagrams::leave_group(self, group).await;
         }
     }
 

@@ -78,7 +78,7 @@ impl Owner {
             closing: watch::Sender::new(false),
             closed: watch::Sender::new(false),
         });
-        tokio::spawn(Arc::clone(&core).keep(opened.listener));
+        tokio::spawn(keep(Arc::clone(&core), opened.listener));
         if options.register {
             open::announce(network, &core.name, opened.address.ip()).await;
         }
@@ -94,70 +94,68 @@ impl Owner {
     }
 }
 
-impl Core {
-    /// Takes connections until the port closes, then ends what it has.
-    async fn keep(self: Arc<Self>, listener: TcpListener) {
-        let (port, listener) = (Arc::clone(&self), Arc::new(listener));
-        let counted = Arc::clone(&self);
-        restarted(
-            format!("YARP port {}", self.name),
-            move |_why| counted.counters.add("port_panicked"),
-            move || Arc::clone(&port).attend(Arc::clone(&listener)),
-        )
-        .await;
-        // Those that said no goodbye in time: what waits for them is lost.
-        self.outboxes().iter().for_each(|outbox| outbox.abort());
-        if self.registered
-            && let Err(error) = self.network.names().unregister(&self.name).await
-        {
-            tracing::warn!(target: "wrapyfi_yarp::port", name = self.name, %error, "unregister");
-        }
-        self.closed.send_replace(true);
+/// Takes connections until the port closes, then ends what it has.
+async fn keep(core: Arc<Core>, listener: TcpListener) {
+    let (port, listener) = (Arc::clone(&core), Arc::new(listener));
+    let counted = Arc::clone(&core);
+    restarted(
+        format!("YARP port {}", core.name),
+        move |_why| counted.counters.add("port_panicked"),
+        move || attend(Arc::clone(&port), Arc::clone(&listener)),
+    )
+    .await;
+    // Those that said no goodbye in time: what waits for them is lost.
+    core.outboxes().iter().for_each(|outbox| outbox.abort());
+    if core.registered
+        && let Err(error) = core.network.names().unregister(&core.name).await
+    {
+        tracing::warn!(target: "wrapyfi_yarp::port", name = core.name, %error, "unregister");
     }
+    core.closed.send_replace(true);
+}
 
-    /// Takes connections until the port closes, and says goodbye.
-    async fn attend(self: Arc<Self>, listener: Arc<TcpListener>) {
-        let mut closing = self.closing.subscribe();
-        // Connections are taken until it is done: some peers say goodbye on one of their own.
-        let goodbye = async {
-            // The sender lives as long as this port.
-            closing.wait_for(|closing| *closing).await.ok();
-            let limit = self.network.0.timeouts.close;
-            if timeout(limit, self.say_goodbye()).await.is_err() {
-                self.counters.add("goodbye_timeout");
+/// Takes connections until the port closes, and says goodbye.
+async fn attend(core: Arc<Core>, listener: Arc<TcpListener>) {
+    let mut closing = core.closing.subscribe();
+    // Connections are taken until it is done: some peers say goodbye on one of their own.
+    let goodbye = async {
+        // The sender lives as long as this port.
+        closing.wait_for(|closing| *closing).await.ok();
+        let limit = core.network.0.timeouts.close;
+        if timeout(limit, say_goodbye(&core)).await.is_err() {
+            core.counters.add("goodbye_timeout");
+        }
+    };
+    let serve = |stream, _| connection::run(Arc::clone(&core), stream);
+    let limit = core.session.limits.max_connections;
+    let mut tasks = accept(&core.name, &listener, limit, &core.counters, serve, goodbye).await;
+    drop(listener);
+    tasks.shutdown().await;
+}
+
+/// Asks those who send to this port to stop, and ends the outputs.
+async fn say_goodbye(core: &Arc<Core>) {
+    let (senders, outputs) = {
+        let connections = core.connections.lock();
+        let inputs = connections.inputs.iter().filter(|input| input.push);
+        let rooted = inputs.filter(|input| input.name.starts_with('/'));
+        let senders: Vec<_> = rooted.map(|input| input.name.clone()).collect();
+        let outputs: Vec<_> = connections.outputs.iter().map(|output| output.id).collect();
+        (senders, outputs)
+    };
+    let mut goodbyes = JoinSet::new();
+    for sender in senders {
+        let core = Arc::clone(core);
+        goodbyes.spawn(async move {
+            if let Err(error) = core.network.disconnect(&sender, &core.name).await {
+                let name = &core.name;
+                tracing::debug!(target: "wrapyfi_yarp::port", name, sender, %error, "goodbye");
             }
-        };
-        let serve = |stream, _| connection::run(Arc::clone(&self), stream);
-        let limit = self.session.limits.max_connections;
-        let mut tasks = accept(&self.name, &listener, limit, &self.counters, serve, goodbye).await;
-        drop(listener);
-        tasks.shutdown().await;
+        });
     }
-
-    /// Asks those who send to this port to stop, and ends the outputs.
-    async fn say_goodbye(self: &Arc<Self>) {
-        let (senders, outputs) = {
-            let connections = self.connections.lock();
-            let inputs = connections.inputs.iter().filter(|input| input.push);
-            let rooted = inputs.filter(|input| input.name.starts_with('/'));
-            let senders: Vec<_> = rooted.map(|input| input.name.clone()).collect();
-            let outputs: Vec<_> = connections.outputs.iter().map(|output| output.id).collect();
-            (senders, outputs)
-        };
-        let mut goodbyes = JoinSet::new();
-        for sender in senders {
-            let core = Arc::clone(self);
-            goodbyes.spawn(async move {
-                if let Err(error) = core.network.disconnect(&sender, &core.name).await {
-                    let name = &core.name;
-                    tracing::debug!(target: "wrapyfi_yarp::port", name, sender, %error, "goodbye");
-                }
-            });
-        }
-        for id in outputs {
-            let core = Arc::clone(self);
-            goodbyes.spawn(async move { core.end_output(id).await });
-        }
-        while goodbyes.join_next().await.is_some() {}
+    for id in outputs {
+        let core = Arc::clone(core);
+        goodbyes.spawn(async move { core.end_output(id).await });
     }
+    while goodbyes.join_next().await.is_some() {}
 }

@@ -17,47 +17,45 @@ use crate::wire::mjpeg::{self, MjpegReader};
 use crate::wire::{Carrier, Step};
 use wrapyfi_retry::liveness;
 
-impl Core {
-    /// Asks the port `name` for its pictures; they come to this port's sink as they arrive.
-    pub(super) async fn pull(self: &Arc<Self>, name: &str, contact: &str) -> Result<(), LinkError> {
-        let connect = |error| LinkError::Connect { address: contact.to_owned(), error };
-        let limit = self.network.0.timeouts.connect;
-        let opening = async {
-            let mut stream = TcpStream::connect(contact).await.map_err(connect)?;
-            liveness::set_reader(&stream);
-            let host = contact.rsplit_once(':').map_or(contact, |(host, _)| host);
-            stream.write_all(&mjpeg::request(host)).await?;
-            let mut reader = MjpegReader::new(self.network.limits());
-            let mut buffer = BytesMut::new();
-            // Whoever has no pictures says so here, and this connection is not made.
-            while !reader.poll_answer(&mut buffer)? {
-                if stream.read_buf(&mut buffer).await? == 0 {
-                    return Err(LinkError::Closed);
-                }
+/// Asks the port `name` for its pictures; they come to the sink of `core` as they arrive.
+pub(super) async fn pull(core: &Arc<Core>, name: &str, contact: &str) -> Result<(), LinkError> {
+    let connect = |error| LinkError::Connect { address: contact.to_owned(), error };
+    let limit = core.network.0.timeouts.connect;
+    let opening = async {
+        let mut stream = TcpStream::connect(contact).await.map_err(connect)?;
+        liveness::set_reader(&stream);
+        let host = contact.rsplit_once(':').map_or(contact, |(host, _)| host);
+        stream.write_all(&mjpeg::request(host)).await?;
+        let mut reader = MjpegReader::new(core.network.limits());
+        let mut buffer = BytesMut::new();
+        // Whoever has no pictures says so here, and this connection is not made.
+        while !reader.poll_answer(&mut buffer)? {
+            if stream.read_buf(&mut buffer).await? == 0 {
+                return Err(LinkError::Closed);
             }
-            Ok((stream, reader, buffer))
+        }
+        Ok((stream, reader, buffer))
+    };
+    let opened = timeout(limit, opening).await;
+    let opened = opened.unwrap_or(Err(LinkError::Timeout(limit)))?;
+    let carrier = Carrier::Mjpeg.name().to_owned();
+    let entered = Entered::new(core, name.to_owned(), carrier, false, false);
+    let core = Arc::clone(core);
+    let mut closing = core.closing.subscribe();
+    tokio::spawn(async move {
+        let ended = tokio::select! {
+            biased;
+            () = entered.stop.notified() => Ok(()),
+            _ = closing.wait_for(|closing| *closing) => Ok(()),
+            ended = read(&core, &entered, opened) => ended,
         };
-        let opened = timeout(limit, opening).await;
-        let opened = opened.unwrap_or(Err(LinkError::Timeout(limit)))?;
-        let carrier = Carrier::Mjpeg.name().to_owned();
-        let entered = Entered::new(self, name.to_owned(), carrier, false, false);
-        let core = Arc::clone(self);
-        let mut closing = self.closing.subscribe();
-        tokio::spawn(async move {
-            let ended = tokio::select! {
-                biased;
-                () = entered.stop.notified() => Ok(()),
-                _ = closing.wait_for(|closing| *closing) => Ok(()),
-                ended = read(&core, &entered, opened) => ended,
-            };
-            if let Err(error) = ended {
-                let (name, from) = (&core.name, &*entered.name);
-                tracing::debug!(target: "wrapyfi_yarp::port", name, from, %error, "pictures ended");
-                core.counters.add("connection_failed");
-            }
-        });
-        Ok(())
-    }
+        if let Err(error) = ended {
+            let (name, from) = (&core.name, &*entered.name);
+            tracing::debug!(target: "wrapyfi_yarp::port", name, from, %error, "pictures ended");
+            core.counters.add("connection_failed");
+        }
+    });
+    Ok(())
 }
 
 async fn read(

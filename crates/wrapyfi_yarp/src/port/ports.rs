@@ -8,17 +8,14 @@ use std::net::SocketAddr;
 
 use tokio::sync::watch;
 
-use super::core::{Connected, Role, Sink};
+use super::core::Connected;
 use super::counters::Counters;
-use super::message::{Message, PortPayload, Received};
-use super::network::Network;
-use super::open::{OpenError, PortOptions};
+use super::message::{Message, PortPayload};
+use super::open::PortOptions;
 use super::outbox::Overflow;
 use super::outputs::{ConnectError, ConnectionStatus, Written};
 use super::owner::Owner;
 use super::rpc_client::RpcClient;
-use super::rpc_server::RpcServer;
-use super::session::Answer;
 use crate::Bottle;
 use crate::bottle::EncodeError;
 use crate::wire::Carrier;
@@ -43,50 +40,13 @@ impl Default for OutputOptions {
 /// A port that sends to any number of others.
 #[derive(Debug)]
 pub struct OutputPort {
-    owner: Owner,
+    pub(super) owner: Owner,
 }
 
-impl Network {
-    /// Opens a port that sends. `...` as a name lets the name server choose one.
-    ///
-    /// # Errors
-    /// As [`OpenError`].
-    pub async fn open_output(
-        &self,
-        name: &str,
-        options: &OutputOptions,
-    ) -> Result<OutputPort, OpenError> {
-        self.open_sending(name, options, Sink::Nobody).await
-    }
-
-    /// Opens a port for both directions, YARP's plain `Port`: it sends, and what comes is handed to a function as by
-    /// [`Network::serve`].
-    ///
-    /// # Errors
-    /// As [`OpenError`].
-    pub async fn open_port<F, A>(
-        &self,
-        name: &str,
-        options: &OutputOptions,
-        handler: F,
-    ) -> Result<OutputPort, OpenError>
-    where
-        F: Fn(Received, bool) -> A + Send + Sync + 'static,
-        A: Future<Output = Answer> + Send + 'static,
-    {
-        self.open_sending(name, options, Sink::handler(handler)).await
-    }
-
-    async fn open_sending(
-        &self,
-        name: &str,
-        options: &OutputOptions,
-        sink: Sink,
-    ) -> Result<OutputPort, OpenError> {
-        let OutputOptions { port, queue, overflow } = options;
-        let role = Role { outputs: true, queue: *queue, overflow: *overflow, ..Role::default() };
-        Ok(OutputPort { owner: Owner::open(self, name, port, role, sink).await? })
-    }
+/// A port that answers requests; YARP's `RpcServer`. It takes data that want no reply, too.
+#[derive(Debug)]
+pub struct RpcServer {
+    pub(super) owner: Owner,
 }
 
 macro_rules! every_port {

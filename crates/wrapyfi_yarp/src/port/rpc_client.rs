@@ -11,10 +11,8 @@ use std::time::Duration;
 use bytes::Bytes;
 use tokio::time::timeout;
 
-use super::core::{Core, Role, Sink};
+use super::core::Core;
 use super::link::LinkError;
-use super::network::Network;
-use super::open::{OpenError, PortOptions};
 use super::output::Kind;
 use super::outputs::ConnectError;
 use super::owner::Owner;
@@ -60,21 +58,6 @@ pub enum RpcError {
 #[derive(Debug)]
 pub struct RpcClient {
     pub(super) owner: Owner,
-}
-
-impl Network {
-    /// Opens a port for requests to another one.
-    ///
-    /// # Errors
-    /// As [`OpenError`].
-    pub async fn open_rpc_client(
-        &self,
-        name: &str,
-        options: &PortOptions,
-    ) -> Result<RpcClient, OpenError> {
-        let role = Role { outputs: true, client: true, ..Role::default() };
-        Ok(RpcClient { owner: Owner::open(self, name, options, role, Sink::Nobody).await? })
-    }
 }
 
 impl RpcClient {

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use tokio::time::timeout;
 
+use super::inspect::{self, Inspection};
 use super::link::{ADMIN, Link, LinkError, LinkOptions};
 use super::names::Registration;
 use super::network::Network;
@@ -216,6 +217,37 @@ impl Network {
             [20, 1, 0, 0, ..] => Ok(Dialect::V4),
             _ => Err(AdminError::Probe { name: name.to_owned(), answer: answer.to_vec() }),
         }
+    }
+
+    /// Asks a port how it is connected and, where `whole`, what it is: a port of YARP starts
+    /// `lsb_release` before it says that. `contact` is its address (`127.0.0.1:10002`); the name
+    /// server is asked for it where there is none.
+    ///
+    /// # Errors
+    /// As [`AdminError`].
+    pub async fn inspect(
+        &self,
+        name: &str,
+        contact: Option<&str>,
+        whole: bool,
+    ) -> Result<Inspection, AdminError> {
+        let contact = self.contact(name, contact).await?;
+        let limit = self.0.timeouts.admin;
+        let asked =
+            timeout(limit, inspect::interview(&self.link_options(), name, &contact, whole)).await;
+        let asked = asked.unwrap_or(Err(LinkError::Timeout(limit)));
+        asked.map_err(|error| AdminError::Port { name: name.to_owned(), error })
+    }
+
+    /// Waits until the port at an address closes a connection on which nothing is asked, as it does when its program is
+    /// killed.
+    ///
+    /// # Errors
+    /// When there is no such connection.
+    pub async fn until_closed(&self, contact: &str) -> Result<(), LinkError> {
+        let why = Link::admin(contact, &self.link_options()).await?.ended().await;
+        tracing::debug!(target: "wrapyfi_yarp::port", contact, %why, "watched port");
+        Ok(())
     }
 
     async fn registered(&self, name: &str) -> Result<Registration, AdminError> {
