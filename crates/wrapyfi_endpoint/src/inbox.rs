@@ -22,7 +22,7 @@ use std::time::Duration;
 use super::Context;
 use super::budget::Share;
 use super::counters::{Counters, DropReason};
-use crate::Mutex;
+use wrapyfi_retry::Mutex;
 
 /// Policy by which a full queue treats the next message.
 ///

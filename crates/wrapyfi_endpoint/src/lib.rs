@@ -20,6 +20,7 @@ mod budget;
 pub mod calls;
 mod clock;
 pub mod codec;
+mod context;
 mod conventions;
 mod counters;
 mod deferred;
@@ -29,6 +30,7 @@ mod inbox;
 mod latched;
 mod latency;
 mod learn;
+mod link;
 mod mark;
 pub mod memory;
 pub mod network;
@@ -49,7 +51,6 @@ mod wake;
 pub mod wire_client;
 pub mod wire_server;
 
-use std::sync::Arc;
 use std::time::Instant;
 
 pub use wrapyfi_retry::Mutex;
@@ -61,6 +62,7 @@ pub use address::{EndpointAddress, ParseAddressError};
 pub use budget::{Budget, PROGRESS, Share, WAITING};
 pub use calls::Ticket;
 pub use clock::{Clock, RosNow};
+pub use context::Context;
 pub use conventions::Conventions;
 pub use counters::{Counters, CountersSnapshot, DropReason, QosEvent, Refused};
 pub use deferred::{DeferredMiddleware, StartFault};
@@ -74,6 +76,7 @@ pub use latched::{Latched, MAX_ORIGINS};
 pub use latency::{Latency, LatencySummary};
 pub use learn::{LearnError, LearnResult, Learned};
 pub use learn::{service_of_name, topic_of_name};
+pub use link::Link;
 pub use mark::{BridgeMark, ParseMarkError};
 pub use origin::{Origin, SourceDurability};
 pub use peers::Peers;
@@ -421,29 +424,6 @@ impl Waits for Sample {
     }
 }
 
-/// State of an endpoint's connection, for status tables and for waiting.
-///
-/// ```
-/// use wrapyfi_endpoint::{Context, Link, Middleware, TopicSpec, memory::Memory};
-/// use wrapyfi_data::types::MessageType;
-/// let spec = TopicSpec::new("/x", MessageType::Image);
-/// let listener = Memory::new("memory").open_listener(&spec, &Context::default())?;
-/// let Link { peers, waiting_for, .. } = listener.link();
-/// assert_eq!((peers, waiting_for), (Some(0), None)); // no publisher, and nothing is in its way
-/// # Ok::<(), wrapyfi_endpoint::OpenError>(())
-/// ```
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Link {
-    /// Number of matched peers: listeners of a publisher, publishers of a listener. `None` where
-    /// the transport cannot know.
-    pub peers: Option<usize>,
-    /// Reason that nothing can flow at the moment (`broker tcp://127.0.0.1:5555 does not answer`);
-    /// `None` when the way is open.
-    pub waiting_for: Option<String>,
-    /// True when the last message is kept for listeners that come later (transient local).
-    pub keeps_last: bool,
-}
-
 /// A topic to open, with its type and the settings of the endpoint.
 ///
 /// ```
@@ -508,28 +488,4 @@ impl TopicSpec {
             ignore_through: None,
         }
     }
-}
-
-/// Bell and counters that an endpoint shares with its owner.
-///
-/// ```
-/// use wrapyfi_endpoint::{Context, Middleware, TopicSpec, memory::Memory};
-/// use wrapyfi_data::types::{MessageType, Value};
-/// let bus = Memory::new("memory");
-/// let spec = TopicSpec::new("/x", MessageType::NativeObject);
-/// let context = Context::default();
-/// let _listener = bus.open_listener(&spec, &context)?;
-/// bus.open_publisher(&spec, &Context::default())?.publish(&Value::from(1).into())?;
-/// assert_eq!(context.counters.received_so_far(), 1); // the listener shares the counters
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
-#[derive(Debug, Clone, Default)]
-pub struct Context {
-    /// Bell that rings when a message arrives or the link changes.
-    pub wake: Wake,
-    /// Counters of messages received, sent and dropped. A listener counts the messages that it
-    /// receives and that its queue drops; the owner counts everything after [`Listener::take`].
-    pub counters: Arc<Counters>,
-    /// The time that decides.
-    pub clock: Clock,
 }

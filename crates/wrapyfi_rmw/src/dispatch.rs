@@ -18,7 +18,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
-use super::{Fault, Notify};
+use super::Fault;
+
+/// Called from a thread of the node when something has changed. It must not block: all endpoints of the node share
+/// that thread.
+pub type Notify = Arc<dyn Fn() + Send + Sync>;
 
 /// The queue of calls of one node. The thread behind it ends with the last callback.
 #[derive(Clone)]

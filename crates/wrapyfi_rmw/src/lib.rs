@@ -31,11 +31,9 @@ mod subscription;
 mod sys;
 mod types;
 
-use std::sync::Arc;
-use std::time::Duration;
-
+pub use dispatch::Notify;
 pub use endpoint::{Endpoint, EndpointType, Gid};
-pub use event::EventCounts;
+pub use event::{EventCounts, MATCH_SETTLES};
 use fault::c_text;
 pub use fault::{Fault, SendFault};
 pub use node::{DiscoveryRange, Node, NodeOptions, implementation};
@@ -43,11 +41,3 @@ pub use publisher::Publisher;
 pub use service::{Client, Received, RequestId, Server, Service};
 pub use subscription::{Message, Subscription, Taken};
 pub use types::TypeHash;
-
-/// Time that the other side may take to match what is matched here: rmw tells of this side alone, and what is sent
-/// before is lost. On Fast DDS, between two nodes of one process, that was one first request in three.
-pub const MATCH_SETTLES: Duration = Duration::from_millis(100);
-
-/// Called from a thread of the node when something has changed. It must not block: all endpoints of the node share
-/// that thread.
-pub type Notify = Arc<dyn Fn() + Send + Sync>;

@@ -14,10 +14,9 @@ use std::time::{Duration, Instant};
 
 use super::cyclone::{RawReader, RawWriter, Taken};
 use super::graph::{
-    CdrClient, CdrReply, CdrRequest, CdrSample, CdrServer, GraphError, Peers, RequestId,
-    ServiceMapping,
+    CdrClient, CdrReply, CdrRequest, CdrSample, CdrServer, GraphError, LOOK_AGAIN, Peers,
+    RequestId, ServiceMapping,
 };
-use super::service::LOOK_AGAIN;
 use super::service_header::{self, HEADER, LEAST};
 use super::vendor::{EndKey, pair};
 

@@ -21,6 +21,7 @@ use wrapyfi_interfaces::Message;
 use wrapyfi_endpoint::{AnnouncedQos, BridgeMark, Qos, Wake};
 use wrapyfi_node::NodeName;
 
+pub(crate) use service::LOOK_AGAIN;
 pub use service::{
     CdrClient, CdrReply, CdrRequest, CdrServer, Peers, RequestId, ServiceDescription,
     ServiceMapping,

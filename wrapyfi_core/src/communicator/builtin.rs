@@ -39,22 +39,6 @@ pub(super) fn missing_feature(name: &str) -> Option<&'static str> {
     }
 }
 
-/// Number of messages that a subscription of Wrapyfi on ROS holds: as `variable` says, or 5.
-#[cfg(any(feature = "ros1", feature = "ros2"))]
-fn queue_size(variable: &str) -> usize {
-    const USUAL: usize = 5;
-    match std::env::var(variable) {
-        Err(_) => USUAL,
-        Ok(text) => match text.trim().parse() {
-            Ok(depth) if depth > 0 => depth,
-            _ => {
-                tracing::warn!("{variable}={text:?} is no number from 1: using {USUAL}");
-                USUAL
-            }
-        },
-    }
-}
-
 #[cfg(feature = "zeromq")]
 mod zeromq {
     //! ZeroMQ: publishers run the broker where there is none, listeners never do.
@@ -116,9 +100,8 @@ mod ros1 {
 
     use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
-    use super::queue_size;
     use crate::communicator::resolve::Side;
-    use crate::communicator::source::{EndpointNeeds, Planned, Source, StartError};
+    use crate::communicator::source::{EndpointNeeds, Planned, Source, StartError, queue_size};
     use crate::middleware::ros1::{NAME, Ros1Config};
     use crate::network::Place;
 
@@ -176,9 +159,8 @@ mod ros2 {
     use std::sync::Arc;
     use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
-    use super::queue_size;
     use crate::communicator::resolve::Side;
-    use crate::communicator::source::{EndpointNeeds, Planned, Source, StartError};
+    use crate::communicator::source::{EndpointNeeds, Planned, Source, StartError, queue_size};
     use crate::node::args::RosArgs;
     use crate::node::{NodeName, NodeOptions};
     use crate::start::Ros2Settings;

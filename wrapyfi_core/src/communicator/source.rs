@@ -40,6 +40,22 @@ pub trait Source: Send + Sync {
     }
 }
 
+/// Number of messages that a subscription of Wrapyfi on ROS holds: as `variable` says, or 5.
+#[cfg(any(feature = "ros1", feature = "ros2"))]
+pub(super) fn queue_size(variable: &str) -> usize {
+    const USUAL: usize = 5;
+    match std::env::var(variable) {
+        Err(_) => USUAL,
+        Ok(text) => match text.trim().parse() {
+            Ok(depth) if depth > 0 => depth,
+            _ => {
+                tracing::warn!("{variable}={text:?} is no number from 1: using {USUAL}");
+                USUAL
+            }
+        },
+    }
+}
+
 /// Needs of an endpoint, by which a [`Source`] chooses the instance of its middleware.
 #[derive(Debug)]
 pub struct EndpointNeeds<'a> {

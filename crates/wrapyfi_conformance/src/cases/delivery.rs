@@ -2,7 +2,7 @@
 
 use wrapyfi_core::endpoint::QosPreset;
 
-use super::text;
+use super::topic::text;
 use crate::ends::ready;
 use crate::payloads::{number, numbers};
 use crate::{Sink, Source, Testbed, WireEnd, connect, wait_until};

@@ -2,7 +2,7 @@
 
 use wrapyfi_core::endpoint::{Discovered, Discovery, Role, Wake};
 
-use super::text;
+use super::topic::text;
 use crate::payloads::number;
 use crate::{Testbed, WireEnd, connect, wait_until};
 

@@ -3,7 +3,7 @@
 use wrapyfi_core::endpoint::{Context, DropReason, OpenError, PublishError, TopicSpec};
 use wrapyfi_core::types::{Encoding, MessageType};
 
-use super::text;
+use super::topic::text;
 use crate::ends::ready;
 use crate::payloads::{frame, number, small};
 use crate::{Sink, Source, Testbed, TypeCheck, WireEnd, connect, wait_until};

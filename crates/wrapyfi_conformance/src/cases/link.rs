@@ -1,6 +1,6 @@
 //! Endpoints know their peers, and their owner is told of changes.
 
-use super::text;
+use super::topic::text;
 use crate::ends::ready;
 use crate::payloads::number;
 use crate::{Sink, Source, TIMEOUT, Testbed, WireEnd, connect};

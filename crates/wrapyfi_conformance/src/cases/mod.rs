@@ -8,6 +8,7 @@ mod link;
 mod queue;
 mod restart;
 mod services;
+mod topic;
 
 pub use content::*;
 pub use delivery::*;
@@ -17,11 +18,3 @@ pub use link::*;
 pub use queue::*;
 pub use restart::*;
 pub use services::*;
-
-use wrapyfi_core::endpoint::TopicSpec;
-use wrapyfi_core::types::MessageType;
-
-/// A topic of numbered native objects.
-fn text(topic: &str) -> TopicSpec {
-    TopicSpec::new(topic, MessageType::StringJson)
-}

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use wrapyfi_core::endpoint::{DropReason, Overflow, QueueSpec, TopicSpec};
 
-use super::text;
+use super::topic::text;
 use crate::payloads::{number, numbers};
 use crate::{TIMEOUT, Testbed, WireEnd, connect, wait_until};
 

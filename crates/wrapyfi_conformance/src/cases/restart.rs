@@ -6,7 +6,7 @@ use std::time::Instant;
 use wrapyfi_core::Limits;
 use wrapyfi_core::endpoint::{Overflow, PublishError, Wake};
 
-use super::text;
+use super::topic::text;
 use crate::alone::{run_alone, threads};
 use crate::ends::ready;
 use crate::payloads::{number, numbers};

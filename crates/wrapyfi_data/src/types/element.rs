@@ -2,7 +2,7 @@
 
 use bytes::Bytes;
 use half::{bf16, f16};
-use zerocopy::{Immutable, IntoBytes, TryFromBytes};
+use zerocopy::{IntoBytes, TryFromBytes};
 
 use super::dtype::Dtype;
 
@@ -28,7 +28,9 @@ pub trait Element: sealed::Sealed + Copy + Send + Sync + 'static {
 }
 
 mod sealed {
-    pub trait Sealed: super::TryFromBytes + super::IntoBytes + super::Immutable {
+    use zerocopy::{Immutable, IntoBytes, TryFromBytes};
+
+    pub trait Sealed: TryFromBytes + IntoBytes + Immutable {
         fn read(little_endian: &[u8]) -> Option<Self>
         where
             Self: Sized;

@@ -21,14 +21,11 @@ mod writer;
 
 pub use error::CdrError;
 pub(crate) use error::{path_in_element, path_in_field};
-pub use parts::CdrParts;
+pub use parts::{CdrParts, ENCAPSULATION_SIZE};
 pub use primitive::{ByteOrder, CdrPrimitive};
 pub use reader::CdrReader;
 pub use value::CdrValue;
 pub use writer::CdrWriter;
-
-/// Size of the encapsulation header in bytes.
-pub const ENCAPSULATION_SIZE: usize = 4;
 
 #[cfg(test)]
 mod tests;

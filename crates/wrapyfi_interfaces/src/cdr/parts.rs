@@ -2,6 +2,9 @@
 
 use bytes::{Bytes, BytesMut};
 
+/// Size of the encapsulation header in bytes.
+pub const ENCAPSULATION_SIZE: usize = 4;
+
 /// A serialised message: pieces whose concatenation is encapsulation header and body. Large
 /// `uint8[]` fields are pieces that share the message's own bytes.
 #[derive(Debug, Clone, Default)]

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use hmac_sha256::Hash;
 use serde_json::Value;
 
-use super::standard::names;
+use super::standard_text::names;
 use super::tests::service_plan;
 use super::{Options, PairPlan, Rules, Transcoded, Types};
 use crate::parser::{Dialect, TypeName};

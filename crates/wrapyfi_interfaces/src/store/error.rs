@@ -2,11 +2,14 @@
 
 use std::{fmt, io};
 
-use super::MAX_DEFINITION_SIZE;
+use super::generated;
 use crate::description::DescribeError;
 use crate::did_you_mean;
 use crate::parser::{InterfaceKind, ParseError, ParseFault, TypeName};
-use crate::ros1::standard;
+use crate::ros1::standard_text;
+
+/// Largest definition in bytes: a file, or a full definition text.
+pub const MAX_DEFINITION_SIZE: usize = 1 << 20;
 
 /// Error of finding and reading the definition of a type.
 #[derive(Debug, thiserror::Error)]
@@ -136,7 +139,7 @@ fn needed_by(user: &Option<TypeName>) -> String {
 fn hint(name: &TypeName) -> String {
     let known = || {
         let kind = name.kind().as_str();
-        let all = super::generated_names().chain(standard::names());
+        let all = generated::names().chain(standard_text::names());
         all.filter(move |known| known.0 == kind).map(|(_, package, name)| (package, name))
     };
     let of_package = known().filter(|(package, _)| *package == name.package());

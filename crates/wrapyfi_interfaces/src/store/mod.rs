@@ -15,11 +15,12 @@
 mod bundled;
 mod error;
 mod files;
+mod generated;
 mod md5;
 mod resolved;
 mod text;
 
-pub use error::{Looked, ResolveError};
+pub use error::{Looked, MAX_DEFINITION_SIZE, ResolveError};
 pub use files::{Disk, FileAccess};
 pub use md5::Md5Error;
 pub use resolved::ResolvedType;
@@ -30,11 +31,9 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::{fmt, io};
 
+use self::generated::GENERATED;
 use crate::parser::{Dialect, InterfaceKind, MessageDefinition, TypeName, parse_interface};
 use crate::type_description_interfaces::msg::TypeSource;
-
-/// Largest definition in bytes: a file, or a full definition text.
-pub const MAX_DEFINITION_SIZE: usize = 1 << 20;
 
 /// Definitions of types, and the places that are searched for further ones.
 ///
@@ -72,18 +71,6 @@ pub struct TypeStore {
 
 /// Makes the definition of a type that is defined nowhere, where it can.
 type Make = dyn FnMut(&TypeName) -> Option<MessageDefinition> + Send + Sync;
-
-/// Definitions of the types that this crate has structs for, by path below a folder of packages.
-const GENERATED: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/definitions.rs"));
-
-/// Kind, package and name of the types in [`GENERATED`].
-fn generated_names() -> impl Iterator<Item = (&'static str, &'static str, &'static str)> {
-    GENERATED.iter().filter_map(|(path, _)| {
-        let (package, file) = path.split_once('/')?;
-        let (kind, file) = file.split_once('/')?;
-        Some((kind, package, file.split_once('.')?.0))
-    })
-}
 
 /// Place that is searched, in the order in which they were added.
 #[derive(Debug)]

@@ -16,6 +16,7 @@ mod descriptor;
 mod error;
 mod event;
 mod from_outside;
+mod limits;
 mod list;
 mod message;
 mod parameter;
@@ -27,6 +28,7 @@ mod watch;
 
 pub use descriptor::{ParameterDescriptor, ParameterRange};
 pub use error::{DeclareError, GetError, SetError};
+pub use limits::{MAX_EVENTS, MAX_NAME_BYTES, MAX_PARAMETERS, MAX_REPLY_BYTES, MAX_VALUE_BYTES};
 pub use parameter::Parameter;
 pub use qos_overrides::{
     DurabilityOverride, EndpointRole, HistoryOverride, LivelinessOverride, QosOverrideError,
@@ -37,19 +39,7 @@ pub use store::ParameterStore;
 pub use watch::ParameterWatch;
 pub use wrapyfi_data::types::UnknownType;
 
-/// Most parameters of a node, and most names in one request.
-pub const MAX_PARAMETERS: usize = 4096;
-/// Longest name of a parameter in bytes.
-pub const MAX_NAME_BYTES: usize = 1024;
-/// Largest value of a parameter in bytes.
-pub const MAX_VALUE_BYTES: usize = 1 << 20;
-/// Largest reply to one request, in bytes and about. A request may name a large parameter many
-/// times.
-pub const MAX_REPLY_BYTES: usize = 16 << 20;
-/// Most events that wait to be published: the depth of `/parameter_events`.
-pub const MAX_EVENTS: usize = 1000;
-/// Longest part of a name or value that an error shows, in characters.
-const SHOWN: usize = 100;
+use limits::SHOWN;
 
 #[cfg(test)]
 mod golden_tests;

@@ -101,6 +101,10 @@ pub enum Peers {
     Foreign(ServiceMapping),
 }
 
+/// Shortest time to the next look at things that nobody is notified of: see
+/// [`CdrClient::look_again`].
+pub(crate) const LOOK_AGAIN: Duration = Duration::from_millis(1);
+
 /// Sends requests to one service.
 pub trait CdrClient: Send {
     /// Sends a request, given in pieces that are concatenated: 4-byte encapsulation header first.

@@ -9,10 +9,8 @@ use wrapyfi_interfaces::rcl_interfaces::srv::{
 };
 
 use super::asker::Asker;
-use super::{
-    CHUNK, MAX_NAMES, ParameterClientError, ParameterResult, RefusedParameter, ServiceOptions,
-    node_name,
-};
+use super::options::{CHUNK, MAX_NAMES, ServiceOptions, node_name};
+use super::{ParameterClientError, ParameterResult, RefusedParameter};
 use crate::graph::Peers;
 use crate::ros2::Ros2;
 use wrapyfi_data::types::{ParameterType, ParameterValue, Properties};

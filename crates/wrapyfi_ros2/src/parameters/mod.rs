@@ -12,46 +12,13 @@ mod client;
 mod error;
 mod event;
 mod listener;
+mod options;
 mod publisher;
 mod remote;
 
 pub use client::ParameterClient;
 pub use error::{ParameterClientError, ParameterResult, RefusedParameter};
 pub(super) use listener::PropertiesListener;
+pub use options::ServiceOptions;
 pub(super) use publisher::PropertiesPublisher;
 pub use remote::RemoteParameters;
-
-use std::time::Duration;
-
-use super::ros2::Ros2;
-use wrapyfi_data::Limits;
-use wrapyfi_endpoint::ServiceSpec;
-use wrapyfi_node::NodeName;
-
-/// Names that are asked for in one request.
-const CHUNK: usize = 256;
-/// Names of one node that are read.
-const MAX_NAMES: usize = 65_536;
-
-/// Full name of the node that `name` means to ours: relative to our namespace, unless absolute.
-fn node_name(ros2: &Ros2, name: &str) -> Result<String, ParameterClientError> {
-    let invalid = |reason: String| ParameterClientError::Name { node: name.to_owned(), reason };
-    let expanded = ros2.graph().node().expand(name).map_err(|error| invalid(error.to_string()))?;
-    NodeName::check_topic(&expanded).map_err(|error| invalid(error.to_string()))?;
-    Ok(expanded)
-}
-
-/// Settings of the calls to the parameter services of a node.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct ServiceOptions {
-    /// Time that a call has, from its begin to its reply: 5 s.
-    pub timeout: Duration,
-    /// Largest request or reply in bytes.
-    pub max_bytes: usize,
-}
-
-impl Default for ServiceOptions {
-    fn default() -> Self {
-        Self { timeout: ServiceSpec::TIMEOUT, max_bytes: Limits::default().message_bytes }
-    }
-}

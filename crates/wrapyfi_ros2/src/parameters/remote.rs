@@ -25,7 +25,8 @@ use wrapyfi_interfaces::rcl_interfaces::srv::{
 use super::asker::Asker;
 use super::client::too_many;
 use super::event::changes_by;
-use super::{CHUNK, MAX_NAMES, ParameterClientError, ParameterResult, ServiceOptions, node_name};
+use super::options::{CHUNK, MAX_NAMES, ServiceOptions, node_name};
+use super::{ParameterClientError, ParameterResult};
 use crate::diagnosis::Names;
 use crate::graph::{CdrReader, GraphError, PeerWatch, Peers, TopicDescription, ringing};
 use crate::ros2::Ros2;

@@ -13,9 +13,8 @@ use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 
-use super::codec::ServiceCodec;
-use super::{LOOK_AGAIN, SPEAKS_NOT};
-use crate::graph::{CdrClient, Graph, GraphError, Peers, ServiceMapping, ringing};
+use super::codec::{ServiceCodec, drop_reason};
+use crate::graph::{CdrClient, Graph, GraphError, LOOK_AGAIN, Peers, ServiceMapping, ringing};
 use crate::names::service_type_from_dds;
 use crate::ros2::{Ros2, no_service};
 use wrapyfi_data::EncodeError;
@@ -31,6 +30,9 @@ const TYPES: Duration = Duration::from_secs(5);
 /// Servers that were matched when their types were looked at, the time of that, and the type that all of them have
 /// where it is another.
 type Looked = (Peers, Instant, Option<String>);
+
+/// Words before the RMW that no server of a service speaks, in what a client waits for.
+pub const SPEAKS_NOT: &str = " that does not speak ";
 
 /// Calls one service.
 pub(in super::super) struct Ros2Client {
@@ -153,7 +155,7 @@ impl ClientWire for Ros2Client {
                         let service = &self.codec.spec.service;
                         tracing::warn!(service, unlogged_before, "dropped a reply: {error}");
                     }
-                    let Some(reason) = super::drop_reason(&error) else { return };
+                    let Some(reason) = drop_reason(&error) else { return };
                     self.context.counters.received(0);
                     self.context.counters.dropped(reason);
                 }

@@ -15,7 +15,7 @@ use wrapyfi_interfaces::description::HIDDEN_FIELD;
 use wrapyfi_interfaces::dynamic::{DynamicMessage, DynamicValue, TypePlan, ValueError};
 use wrapyfi_interfaces::store::TypeStore;
 
-use crate::graph::ServiceDescription;
+use crate::graph::{GraphError, ServiceDescription};
 use crate::payload;
 use crate::ros2::no_service;
 use wrapyfi_data::types::{
@@ -23,7 +23,7 @@ use wrapyfi_data::types::{
 };
 use wrapyfi_data::{DecodeError, DecodeResult, EncodeError, EncodeResult};
 use wrapyfi_endpoint::codec::{json, requests, ros};
-use wrapyfi_endpoint::{OpenError, Request, ServiceSpec};
+use wrapyfi_endpoint::{DropReason, OpenError, Request, ServiceSpec};
 
 /// Codec of one service: how its requests and replies are written.
 pub(super) struct ServiceCodec {
@@ -278,3 +278,13 @@ fn mismatch(expected: DataType, actual: DataType) -> DecodeError {
 #[cfg(test)]
 #[path = "codec_tests.rs"]
 mod tests;
+
+/// Reason as which a message that cannot be used is counted; `None` where DDS itself fails.
+pub(super) fn drop_reason(error: &GraphError) -> Option<DropReason> {
+    match error {
+        GraphError::TooLarge { .. } => Some(DropReason::Oversize),
+        GraphError::NoIdentity { .. } => Some(DropReason::Malformed),
+        GraphError::ForeignMapping { .. } => Some(DropReason::ServiceMapping),
+        _ => None,
+    }
+}

@@ -15,8 +15,7 @@ use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 
-use super::LOOK_AGAIN;
-use crate::graph::{CdrRequest, CdrServer, GraphError, Peers, RequestId};
+use crate::graph::{CdrRequest, CdrServer, GraphError, LOOK_AGAIN, Peers, RequestId};
 use wrapyfi_endpoint::{Clock, Share, Throttle};
 
 /// Time between two tries where clients do not acknowledge; each try waits in DDS as well.

@@ -13,7 +13,7 @@ use std::time::Instant;
 
 use bytes::Bytes;
 
-use super::codec::ServiceCodec;
+use super::codec::{ServiceCodec, drop_reason};
 use super::replies::{Replies, Reply, Unsent};
 use crate::graph::{GraphError, Peers, RequestId, ringing};
 use crate::ros2::{Ros2, no_service};
@@ -111,7 +111,7 @@ impl ServerWire for Ros2Server {
             Ok(None) => return Ok(()),
             Ok(Some(taken)) => taken,
             Err(error) => {
-                let Some(reason) = super::drop_reason(&error) else {
+                let Some(reason) = drop_reason(&error) else {
                     return Err(self.transport(&error));
                 };
                 self.context.counters.received(0);

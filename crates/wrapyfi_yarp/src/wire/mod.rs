@@ -33,38 +33,13 @@ pub mod text;
 
 mod carrier;
 mod fault;
+mod step;
 
 pub use carrier::{Carrier, UnknownCarrier};
 pub use command::{Body, Command, Incoming};
 pub use fault::Fault;
 pub use header::Opening;
 pub use sender::Sender;
+pub use step::Step;
 
-/// Result of a reader on the bytes that it has.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Step<T> {
-    /// Something is complete; its bytes are off the buffer.
-    Event(T),
-    /// Least number of further bytes that are needed, never 0.
-    Need(usize),
-}
-
-impl<T> Step<T> {
-    pub(crate) fn map<U>(self, make: impl FnOnce(T) -> U) -> Step<U> {
-        match self {
-            Self::Event(event) => Step::Event(make(event)),
-            Self::Need(more) => Step::Need(more),
-        }
-    }
-}
-
-/// The first `count` bytes, off the buffer; `None` when there are fewer.
-fn take(buffer: &mut bytes::BytesMut, count: usize) -> Option<bytes::BytesMut> {
-    (buffer.len() >= count).then(|| buffer.split_to(count))
-}
-
-/// The little-endian number at `at`.
-fn i32_at(bytes: &[u8], at: usize) -> Option<i32> {
-    let four = bytes.get(at..at.checked_add(4)?)?;
-    Some(i32::from_le_bytes(four.try_into().ok()?))
-}
+use step::{i32_at, take};

@@ -26,6 +26,7 @@ use serde::de::DeserializeOwned;
 pub use error::TypedError;
 #[cfg(feature = "ndarray")]
 pub use foreign::as_tensor;
+pub use ser::MAX_DEPTH;
 
 use super::Value;
 
@@ -67,9 +68,6 @@ pub fn to_value<T: Serialize + ?Sized>(value: &T) -> Result<Value, TypedError> {
 pub fn from_value<T: DeserializeOwned>(value: Value) -> Result<T, TypedError> {
     T::deserialize(de::FromValue { value, key: false })
 }
-
-/// Deepest nesting that [`to_value`] follows: Python's decoder raises beyond about three times this.
-pub const MAX_DEPTH: usize = 300;
 
 #[cfg(test)]
 mod tests;

@@ -5,8 +5,11 @@ use serde::Serialize;
 use serde::ser::Serializer;
 
 use super::ser_compound::{Fields, Items};
-use super::{MAX_DEPTH, TypedError, exact};
+use super::{TypedError, exact};
 use crate::types::{Map, Value};
+
+/// Deepest nesting that [`to_value`](super::to_value) follows: Python's decoder raises beyond about three times this.
+pub const MAX_DEPTH: usize = 300;
 
 /// Makes a value of whatever is serialised.
 #[derive(Debug, Clone, Copy)]

@@ -319,7 +319,7 @@ proptest! {
         seq in any::<u32>(),
     ) {
         let mut types = Types::new(Rules::built_in(), TypeStore::empty());
-        let names: Vec<_> = crate::ros1::standard::names()
+        let names: Vec<_> = crate::ros1::standard_text::names()
             .filter(|(kind, _, _)| *kind == "msg")
             .collect();
         let (_, package, name) = names[which.index(names.len())];

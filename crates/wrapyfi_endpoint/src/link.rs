@@ -1,0 +1,24 @@
+//! The connection of an endpoint.
+
+/// State of an endpoint's connection, for status tables and for waiting.
+///
+/// ```
+/// use wrapyfi_endpoint::{Context, Link, Middleware, TopicSpec, memory::Memory};
+/// use wrapyfi_data::types::MessageType;
+/// let spec = TopicSpec::new("/x", MessageType::Image);
+/// let listener = Memory::new("memory").open_listener(&spec, &Context::default())?;
+/// let Link { peers, waiting_for, .. } = listener.link();
+/// assert_eq!((peers, waiting_for), (Some(0), None)); // no publisher, and nothing is in its way
+/// # Ok::<(), wrapyfi_endpoint::OpenError>(())
+/// ```
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Link {
+    /// Number of matched peers: listeners of a publisher, publishers of a listener. `None` where
+    /// the transport cannot know.
+    pub peers: Option<usize>,
+    /// Reason that nothing can flow at the moment (`broker tcp://127.0.0.1:5555 does not answer`);
+    /// `None` when the way is open.
+    pub waiting_for: Option<String>,
+    /// True when the last message is kept for listeners that come later (transient local).
+    pub keeps_last: bool,
+}
