@@ -33,6 +33,8 @@ pub(super) struct Resolved {
 }
 
 /// Direction of a message.
+///
+/// See [`Wanted::side`](super::Wanted::side).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Side {
     /// Outgoing: a publisher, a server.
