@@ -39,6 +39,15 @@ pub struct RouteKey {
 }
 
 /// A route that is to run, or a pattern that means many.
+///
+/// ```
+/// use wrapyfi_data::types::MessageType;
+/// use wrapyfi_engine::Route;
+/// let route = Route::topic("zeromq:/camera".parse()?, "ros2:/camera".parse()?, MessageType::Image);
+/// assert_eq!((route.from.middleware.as_str(), route.to.middleware.as_str()), ("zeromq", "ros2"));
+/// assert!(route.to_string().starts_with("zeromq:/camera -> ros2:/camera  sensor_msgs/msg/Image"));
+/// # Ok::<(), wrapyfi_endpoint::ParseAddressError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Route {
     /// Name in tables, logs and errors.

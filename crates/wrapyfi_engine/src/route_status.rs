@@ -68,6 +68,8 @@ impl fmt::Display for RouteState {
 }
 
 /// Status of a route at one moment.
+///
+/// See the example of the [crate](crate), which reads the counters of one.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RouteStatus {
     /// Name from the configuration.
