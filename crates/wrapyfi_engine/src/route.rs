@@ -72,6 +72,14 @@ pub struct Route {
 }
 
 /// Messages or requests, as the kind of a route.
+///
+/// ```
+/// use wrapyfi_data::types::MessageType;
+/// use wrapyfi_engine::{Kind, Route, Types};
+/// let route = Route::topic("zeromq:/a".parse()?, "ros2:/a".parse()?, MessageType::Image);
+/// assert_eq!(route.kind, Kind::Topic(Types::from(MessageType::Image)));
+/// # Ok::<(), wrapyfi_endpoint::ParseAddressError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Kind {
     /// Messages.
@@ -81,6 +89,8 @@ pub enum Kind {
 }
 
 /// Types of a route's messages.
+///
+/// See [`Kind`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Types {
     /// Type at the source.
