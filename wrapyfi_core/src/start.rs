@@ -17,6 +17,26 @@ use crate::middleware::yarp::{Yarp, YarpConfig, YarpError};
 use crate::middleware::zeromq::{ZeroMq, ZeroMqConfig};
 
 /// Settings of a middleware that is not started yet.
+///
+/// ```
+/// use wrapyfi_core::endpoint::Middleware;
+/// use wrapyfi_core::middleware::memory::Memory;
+/// use wrapyfi_core::start::{MiddlewareSettings, StartError};
+///
+/// struct BusSettings { name: String }
+/// impl MiddlewareSettings for BusSettings {
+///     type Middleware = Memory;
+///     fn start(&self) -> Result<Memory, StartError> {
+///         match self.name.as_str() {
+///             "" => Err(StartError::refused("the bus needs a name")),
+///             name => Ok(Memory::new(name)),
+///         }
+///     }
+/// }
+///
+/// assert_eq!(BusSettings { name: "bus".into() }.start()?.name(), "bus");
+/// # Ok::<(), StartError>(())
+/// ```
 pub trait MiddlewareSettings {
     /// The middleware that they are for.
     type Middleware: Middleware + 'static;
@@ -30,6 +50,18 @@ pub trait MiddlewareSettings {
 }
 
 /// Error of starting a middleware.
+///
+/// ```
+/// use wrapyfi_core::middleware::zeromq::BrokerMode;
+/// use wrapyfi_core::start::StartError;
+/// let zeromq = wrapyfi_core::zeromq().with(|settings| {
+///     settings.broker = BrokerMode::Foreign;
+///     settings.pub_port = 0;
+/// });
+/// let error = zeromq.start().err().unwrap();
+/// assert!(matches!(error, StartError::Refused(_)));
+/// assert_eq!(error.to_string(), "with a foreign broker pub_port must be its port, not 0");
+/// ```
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StartError {
@@ -163,6 +195,15 @@ mod ros2 {
     type Remap = dyn Fn(&str) -> Result<String, String> + Send + Sync;
 
     /// Settings of a node on ROS 2.
+    ///
+    /// ```
+    /// use wrapyfi_core::node::NodeName;
+    /// use wrapyfi_core::start::Ros2Settings;
+    /// let domain = |name: &str| (name == "ROS_DOMAIN_ID").then(|| "7".to_owned());
+    /// let settings = Ros2Settings::of_node(NodeName::new("camera", "/lab")?, domain)?;
+    /// assert_eq!(settings.cyclone.domain_id, 7);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     #[derive(Clone)]
     #[non_exhaustive]
     pub struct Ros2Settings {

@@ -26,7 +26,17 @@ use wrapyfi_retry::Mutex;
 
 /// Policy by which a full queue treats the next message.
 ///
-/// See [`QueueSpec`], which it is a part of.
+/// ```
+/// use std::time::Duration;
+/// use wrapyfi_endpoint::{Context, Overflow, QueueSpec, inbox};
+/// # struct Frame;
+/// # impl wrapyfi_endpoint::Waits for Frame { fn bytes(&self) -> usize { 1 } }
+/// let overflow = Overflow::Block(Duration::from_millis(50));
+/// let (sender, receiver) = inbox(QueueSpec { depth: 1, overflow }, &Context::default());
+/// assert!(sender.push(Frame).is_ok());
+/// assert!(sender.push(Frame).is_err()); // handed back, to be offered again
+/// assert_eq!(receiver.len(), 1);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Overflow {
     /// Drops the message that waited longest: right for streams, where the newest counts.

@@ -31,7 +31,11 @@ pub enum Durability {
 
 /// Number of messages that an endpoint keeps until they are delivered.
 ///
-/// See [`Qos`].
+/// ```
+/// use wrapyfi_endpoint::{History, Qos};
+/// let all = Qos { history: History::KeepAll, ..Qos::default() };
+/// assert_eq!(all.to_string(), "reliable volatile keep_all");
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum History {

@@ -45,6 +45,16 @@ const SETTINGS: [&str; 12] = [
 
 /// A configuration file. `E` describes the endpoints section, because the program knows the
 /// middlewares and the engine does not.
+///
+/// ```
+/// use std::collections::BTreeMap;
+/// use wrapyfi_engine::Config;
+/// let text = "routes:\n  - from: zeromq:/camera\n    to: ros2:/camera\n    type: Image\n";
+/// let config: Config<BTreeMap<String, String>> = Config::from_yaml(text, "bridge.yaml")?;
+/// let from = config.routes[0].value.from.as_ref().unwrap();
+/// assert_eq!((from.value.as_str(), from.referenced.line()), ("zeromq:/camera", 2));
+/// # Ok::<(), wrapyfi_engine::ConfigError>(())
+/// ```
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, bound = "E: DeserializeOwned + Default")]
 pub struct Config<E> {
@@ -88,6 +98,15 @@ pub struct PageConfig {
 }
 
 /// Values for routes that do not set their own.
+///
+/// ```
+/// use std::collections::BTreeMap;
+/// use wrapyfi_engine::Config;
+/// let text = "defaults:\n  queue_depth: 1\n  overflow: { block_ms: 50 }\nroutes: []\n";
+/// let config: Config<BTreeMap<String, String>> = Config::from_yaml(text, "bridge.yaml")?;
+/// assert_eq!(config.defaults.queue_depth.unwrap().value, 1);
+/// # Ok::<(), wrapyfi_engine::ConfigError>(())
+/// ```
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Defaults {
@@ -102,6 +121,8 @@ pub struct Defaults {
 }
 
 /// One entry of `routes`.
+///
+/// See [`Config`].
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RouteConfig {
@@ -167,6 +188,8 @@ pub struct RouteConfig {
 }
 
 /// Policy of a full queue: `drop_oldest`, `drop_newest` or `{ block_ms: N }`.
+///
+/// See [`Defaults`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct OverflowConfig(pub Overflow);
 

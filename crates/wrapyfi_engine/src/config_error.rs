@@ -6,6 +6,15 @@ use wrapyfi_data::did_you_mean;
 pub const MAX_CONFIG_BYTES: usize = 1 << 20;
 
 /// All faults of a configuration, in the order of their lines. The file is refused as a whole.
+///
+/// ```
+/// use std::collections::BTreeMap;
+/// use wrapyfi_engine::Config;
+/// let text = "routes:\n  - frm: zeromq:/camera\n    to: ros2:/camera\n";
+/// let error = Config::<BTreeMap<String, String>>::from_yaml(text, "bridge.yaml").unwrap_err();
+/// assert_eq!(error.problems[0].position, Some((2, 5)));
+/// assert!(error.to_string().starts_with("bridge.yaml:2:5: "), "{error}");
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{}", lines(.file, .problems))]
 pub struct ConfigError {
@@ -16,6 +25,8 @@ pub struct ConfigError {
 }
 
 /// One fault.
+///
+/// See [`ConfigError`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Problem {
     /// Line and column, from 1; `None` for a fault of the whole file.

@@ -15,6 +15,16 @@ use super::config_words::word_or_map;
 use wrapyfi_endpoint::{Durability, History, Liveliness, PinnedQos, Qos, QosPreset, Reliability};
 
 /// Quality of service of a route's ends, where their middleware has one.
+///
+/// ```
+/// use std::collections::BTreeMap;
+/// use wrapyfi_endpoint::QosPreset;
+/// use wrapyfi_engine::{Config, QosConfig};
+/// let text = "routes:\n  - { from: ros2:/a, to: zeromq:/a, qos: sensor_data }\n";
+/// let config: Config<BTreeMap<String, String>> = Config::from_yaml(text, "bridge.yaml")?;
+/// assert_eq!(config.routes[0].value.qos, Some(QosConfig::Fixed(QosPreset::SensorData.into())));
+/// # Ok::<(), wrapyfi_engine::ConfigError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum QosConfig {
     /// Follows the peers when they come and change. The value is used while there are none; its

@@ -14,6 +14,19 @@ use super::running::Running;
 use wrapyfi_endpoint::{Registry, UnknownMiddleware};
 
 /// The routes of a plan, not running yet.
+///
+/// ```
+/// use std::sync::Arc;
+/// use wrapyfi_data::types::MessageType;
+/// use wrapyfi_endpoint::{Registry, memory::Memory};
+/// use wrapyfi_engine::{Engine, Plan, Route};
+/// let mut registry = Registry::new();
+/// registry.register(Arc::new(Memory::new("memory")));
+/// let route = Route::topic("memory:/in".parse()?, "memory:/out".parse()?, MessageType::Image);
+/// let running = Engine::new(Plan { routes: vec![route] }, &registry).start()?;
+/// assert_eq!(running.status().len(), 1); // dropping it stops the routes
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Engine {
     driver: Arc<Driver>,
     look_at: Option<Instant>,

@@ -11,6 +11,19 @@ use wrapyfi_endpoint::{EndpointAddress, Role};
 use wrapyfi_interfaces::store::TypeStore;
 
 /// The routes of a configuration, checked.
+///
+/// ```
+/// use std::collections::BTreeMap;
+/// use wrapyfi_engine::{Available, Config, Plan};
+/// use wrapyfi_interfaces::store::TypeStore;
+/// let text = "routes:\n  - from: zeromq:/camera\n    to: ros2:/camera\n    type: Image\n";
+/// let config: Config<BTreeMap<String, String>> = Config::from_yaml(text, "bridge.yaml")?;
+/// let middlewares = ["zeromq", "ros2"].map(|name| Available { name, ..Available::default() });
+/// let plan = Plan::new(&config, &middlewares, &mut TypeStore::generated(), "bridge.yaml")?;
+/// assert_eq!(plan.routes[0].to.to_string(), "ros2:/camera");
+/// assert!(plan.uses("zeromq") && !plan.uses("yarp"));
+/// # Ok::<(), wrapyfi_engine::ConfigError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Plan {
     /// Routes and patterns, in the order of the file.

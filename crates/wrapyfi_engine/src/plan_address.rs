@@ -9,6 +9,8 @@ use wrapyfi_endpoint::pattern::is_pattern;
 use wrapyfi_endpoint::{Conventions, EndpointAddress, ParseAddressError};
 
 /// A middleware that routes may name.
+///
+/// See [`Plan`](super::Plan).
 #[derive(Clone, Copy)]
 pub struct Available<'a> {
     /// Name in addresses.

@@ -15,6 +15,15 @@ use super::route::Route;
 
 /// Changes from one plan to the next: an entry for each route or pattern, in the order of their
 /// ends.
+///
+/// ```
+/// use wrapyfi_engine::{Plan, Route};
+/// use wrapyfi_data::types::MessageType;
+/// let route = Route::topic("zeromq:/a".parse()?, "ros2:/a".parse()?, MessageType::Image);
+/// let diff = Plan::default().diff(&Plan { routes: vec![route] });
+/// assert_eq!((diff.added.len(), diff.removed.len(), diff.kept), (1, 0, 0));
+/// # Ok::<(), wrapyfi_endpoint::ParseAddressError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct PlanDiff {
     /// Routes and patterns that only the new plan has.

@@ -39,6 +39,15 @@ pub struct RouteKey {
 }
 
 /// A route that is to run, or a pattern that means many.
+///
+/// ```
+/// use wrapyfi_data::types::MessageType;
+/// use wrapyfi_engine::Route;
+/// let route = Route::topic("zeromq:/camera".parse()?, "ros2:/camera".parse()?, MessageType::Image);
+/// assert_eq!((route.from.middleware.as_str(), route.to.middleware.as_str()), ("zeromq", "ros2"));
+/// assert!(route.to_string().starts_with("zeromq:/camera -> ros2:/camera  sensor_msgs/msg/Image"));
+/// # Ok::<(), wrapyfi_endpoint::ParseAddressError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Route {
     /// Name in tables, logs and errors.
@@ -63,6 +72,14 @@ pub struct Route {
 }
 
 /// Messages or requests, as the kind of a route.
+///
+/// ```
+/// use wrapyfi_data::types::MessageType;
+/// use wrapyfi_engine::{Kind, Route, Types};
+/// let route = Route::topic("zeromq:/a".parse()?, "ros2:/a".parse()?, MessageType::Image);
+/// assert_eq!(route.kind, Kind::Topic(Types::from(MessageType::Image)));
+/// # Ok::<(), wrapyfi_endpoint::ParseAddressError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Kind {
     /// Messages.
@@ -72,6 +89,8 @@ pub enum Kind {
 }
 
 /// Types of a route's messages.
+///
+/// See [`Kind`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Types {
     /// Type at the source.

@@ -8,6 +8,13 @@ use super::route::{Kind, Route};
 use wrapyfi_endpoint::{CountersSnapshot, EndpointAddress, Qos};
 
 /// State of a route. Every state but [`RouteState::Active`] says why.
+///
+/// ```
+/// use wrapyfi_engine::RouteState;
+/// let state = RouteState::Waiting("a publisher of zeromq:/camera".into());
+/// assert_eq!((state.word(), state.reason()), ("waiting", Some("a publisher of zeromq:/camera")));
+/// assert_eq!(state.to_string(), "waiting for a publisher of zeromq:/camera");
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[serde(tag = "state", content = "reason", rename_all = "snake_case")]
 pub enum RouteState {
@@ -68,6 +75,8 @@ impl fmt::Display for RouteState {
 }
 
 /// Status of a route at one moment.
+///
+/// See the example of the [crate](crate), which reads the counters of one.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RouteStatus {
     /// Name from the configuration.

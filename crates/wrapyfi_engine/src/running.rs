@@ -22,6 +22,8 @@ const CLOSE_AT_ONCE: usize = 16;
 const IDLE: Duration = Duration::from_secs(3600);
 
 /// Routes at work. Dropping it stops them.
+///
+/// See [`Engine`](super::Engine).
 pub struct Running {
     applier: Applier,
     stop: Arc<AtomicBool>,
@@ -36,6 +38,22 @@ impl std::ops::Deref for Running {
 }
 
 /// Handle of routes that turns them to another plan, as long as they run.
+///
+/// ```
+/// use std::sync::Arc;
+/// use wrapyfi_data::types::MessageType;
+/// use wrapyfi_endpoint::{Registry, memory::Memory};
+/// use wrapyfi_engine::{Engine, Plan, Route};
+/// use wrapyfi_interfaces::store::TypeStore;
+/// let mut registry = Registry::new();
+/// registry.register(Arc::new(Memory::new("memory")));
+/// let running = Engine::new(Plan::default(), &registry).start()?;
+/// let route = Route::topic("memory:/in".parse()?, "memory:/out".parse()?, MessageType::Image);
+/// let plan = Plan { routes: vec![route] };
+/// let diff = running.applier().apply(plan, TypeStore::generated(), registry)?;
+/// assert_eq!(diff.added.len(), 1);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub type Applier = Arc<Driver>;
 
 impl Running {

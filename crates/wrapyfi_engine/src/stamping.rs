@@ -17,6 +17,16 @@ use wrapyfi_data::types::{HeaderChange, Payload, RosValueError, Stamp};
 use wrapyfi_endpoint::{Clock, Traits};
 
 /// Source of the time in the header of a route's messages.
+///
+/// ```
+/// use std::collections::BTreeMap;
+/// use wrapyfi_engine::{Config, StampSource};
+/// let text = "routes:\n  - { from: zeromq:/a, to: ros2:/a, stamp: arrival }\n";
+/// let config: Config<BTreeMap<String, String>> = Config::from_yaml(text, "bridge.yaml")?;
+/// let stamp = config.routes[0].value.stamp.as_ref().unwrap();
+/// assert_eq!(stamp.value, StampSource::Arrival);
+/// # Ok::<(), wrapyfi_engine::ConfigError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StampSource {

@@ -100,6 +100,15 @@ impl NodeOptions {
 }
 
 /// Error of the options with which a node is to start.
+///
+/// ```
+/// use wrapyfi_node::{NodeOptions, args::RosArgs, read_params_file};
+/// let words = ["--ros-args", "-p", "use_sim_time:=5"].map(str::to_owned);
+/// let args = RosArgs::parse(words, read_params_file)?;
+/// let error = NodeOptions::resolve("camera", "/", &args).unwrap_err().to_string();
+/// assert!(error.starts_with("Trying to set parameter 'use_sim_time' to '5' of type 'INTEGER'"));
+/// # Ok::<(), wrapyfi_node::args::RosArgsError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum NodeOptionsError {

@@ -4,6 +4,13 @@ use wrapyfi_interfaces::named;
 
 named! {
     /// Severity of a line, or least severity that a logger lets through; numbered as in ROS 2.
+    ///
+    /// ```
+    /// use wrapyfi_node::LogLevel;
+    /// assert_eq!(LogLevel::from_name("warn"), Some(LogLevel::Warn));
+    /// assert_eq!(LogLevel::from_number(40), Some(LogLevel::Error));
+    /// assert!(LogLevel::Warn > LogLevel::Info && LogLevel::Warn.number() == 30);
+    /// ```
     #[derive(PartialOrd, Ord, Default)]
     pub enum LogLevel {
         /// The level of the logger above holds.

@@ -137,6 +137,12 @@ impl fmt::Display for NodeName {
 const TOPIC: &str = "topic name";
 
 /// Error of a name that is not valid, in the words of ROS 2.
+///
+/// ```
+/// use wrapyfi_node::NodeName;
+/// let error = NodeName::new("1camera", "/").unwrap_err();
+/// assert!(error.to_string().contains("must not"), "{error}");
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{what} {rule}")]
 pub struct NameError {

@@ -42,6 +42,15 @@ pub struct RosTime {
 }
 
 /// Error of a message of `/clock` that is not used.
+///
+/// ```
+/// use wrapyfi_interfaces::{builtin_interfaces::msg::Time, rosgraph_msgs::msg::Clock};
+/// use wrapyfi_node::{ClockError, RosTime};
+/// let before = Clock { clock: Time { sec: -1, nanosec: 0 } };
+/// let error = RosTime::new(true).on_clock(&before).unwrap_err();
+/// assert_eq!(error, ClockError(-1));
+/// assert!(error.to_string().starts_with("/clock says -1 s; ROS time is not negative"));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
     "/clock says {0} s; ROS time is not negative, so the message is dropped: correct its publisher"

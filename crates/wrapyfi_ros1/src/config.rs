@@ -23,6 +23,18 @@ pub const NAME: &str = "ros";
 pub const MASTER_PORT: u16 = 11311;
 
 /// Settings of [`Ros1`](super::Ros1).
+///
+/// ```
+/// use wrapyfi_ros1::Ros1Config;
+/// let settings = Ros1Config {
+///     master_uri: "http://robot:11311".into(),
+///     node: Some("camera".into()),
+///     remaps: vec![("image".into(), "/head/image".into())],
+///     ..Ros1Config::default()
+/// };
+/// assert_eq!(Ros1Config::default().master_uri, "http://localhost:11311");
+/// assert_eq!((settings.namespace.as_str(), settings.hostname), ("/", None));
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Ros1Config {
     /// Address of the master (`ROS_MASTER_URI`).
@@ -65,6 +77,13 @@ impl Default for Ros1Config {
 }
 
 /// Error of the settings of a ROS 1 node.
+///
+/// ```
+/// use wrapyfi_ros1::{Ros1, Ros1Config};
+/// let settings = Ros1Config { master_uri: "robot:11311".into(), ..Ros1Config::default() };
+/// let error = Ros1::start(&settings).err().unwrap().to_string();
+/// assert!(error.starts_with("master_uri \"robot:11311\" (ROS_MASTER_URI) is no address of a master"));
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ConfigError {

@@ -108,6 +108,19 @@ const GOODBYE: Duration = Duration::from_millis(1500);
 /// The middleware `ros`.
 ///
 /// Dropping it tells the master, sends what is queued, and closes all connections, within two seconds.
+///
+/// ```
+/// use wrapyfi_endpoint::{Context, Middleware, TopicSpec};
+/// use wrapyfi_data::types::MessageType;
+/// use wrapyfi_ros1::{Ros1, Ros1Config};
+/// // A master that is not there yet is waited for.
+/// let master_uri = "http://127.0.0.1:11399".to_owned();
+/// let ros1 = Ros1::start(&Ros1Config { master_uri, ..Ros1Config::default() })?;
+/// let spec = TopicSpec::new("/camera/image_raw", MessageType::Image);
+/// let mut listener = ros1.open_listener(&spec, &Context::default())?;
+/// assert_eq!((ros1.name(), listener.take()?), ("ros", None));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Ros1 {
     node: Arc<Node>,
     /// `None` once it is dropped.
@@ -115,6 +128,8 @@ pub struct Ros1 {
 }
 
 /// A node that the master has under the name of a topic or service.
+///
+/// See [`Ros1::registered`], which lists them.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Registered {
     /// Role of the node there.
@@ -128,6 +143,14 @@ pub struct Registered {
 }
 
 /// Error of starting ROS 1.
+///
+/// ```
+/// use wrapyfi_ros1::{Ros1, Ros1Config};
+/// let node = Some("no name".to_owned());
+/// let error = Ros1::start(&Ros1Config { node, ..Ros1Config::default() }).err().unwrap();
+/// assert!(error.is_hopeless()); // no later try can succeed
+/// assert!(error.to_string().starts_with("ROS 1 name \"no name\" is not valid: "));
+/// ```
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Ros1Error {

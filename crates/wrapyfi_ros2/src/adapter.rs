@@ -52,6 +52,8 @@ pub enum JoinError {
 }
 
 /// A node on the graph.
+///
+/// See [`Ros2::joined`](super::Ros2::joined).
 pub struct Joined {
     /// The graph.
     pub graph: Arc<dyn Graph>,

@@ -41,6 +41,17 @@ const SLACK: usize = 4;
 const MAX_SAMPLE: usize = i32::MAX as usize;
 
 /// Settings of a node on CycloneDDS.
+///
+/// ```
+/// use wrapyfi_node::NodeName;
+/// use wrapyfi_ros2::CycloneConfig;
+/// let config = CycloneConfig {
+///     max_message_bytes: 256 << 20,
+///     ..CycloneConfig::loopback(NodeName::new("camera", "/lab")?, 7)
+/// };
+/// assert_eq!((config.domain_id, config.interface.as_deref()), (7, Some("lo")));
+/// # Ok::<(), wrapyfi_node::NameError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CycloneConfig {
     /// Name of the node.

@@ -23,6 +23,8 @@ pub const MAX_DOMAIN_ID: u32 = 232;
 
 named! {
     /// Range in which a node looks for others, `ROS_AUTOMATIC_DISCOVERY_RANGE`.
+    ///
+    /// See [`Environment`].
     #[derive(Default)]
     #[non_exhaustive]
     pub enum DiscoveryRange {
@@ -41,6 +43,8 @@ named! {
 }
 
 /// Settings by which other participants are found.
+///
+/// See [`Environment`].
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct DiscoverySettings {
     /// Range in which participants are looked for.
@@ -51,6 +55,13 @@ pub struct DiscoverySettings {
 
 named! {
     /// Library that carries the graph of a node.
+    ///
+    /// ```
+    /// use wrapyfi_ros2::environment::{self, Adapter};
+    /// let of_rmw = |name: &str| (name == "WRAPYFI_ROS2_GRAPH").then(|| "rmw".to_owned());
+    /// assert_eq!(environment::read(of_rmw)?.graph, Some(Adapter::Rmw));
+    /// # Ok::<(), environment::EnvironmentError>(())
+    /// ```
     #[derive(Deserialize)]
     #[serde(rename_all = "snake_case")]
     pub enum Adapter {
@@ -64,6 +75,14 @@ named! {
 }
 
 /// Use of keys of SROS 2 that the environment asks for, `ROS_SECURITY_ENABLE` and `ROS_SECURITY_STRATEGY`.
+///
+/// ```
+/// use wrapyfi_ros2::environment::{self, Security};
+/// let enabled = |name: &str| (name == "ROS_SECURITY_ENABLE").then(|| "true".to_owned());
+/// assert_eq!(environment::read(enabled)?.security, Security::Permissive);
+/// assert_eq!(environment::read(|_| None)?.security, Security::Off);
+/// # Ok::<(), environment::EnvironmentError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Security {
@@ -86,6 +105,18 @@ macro_rules! build {
 pub(super) use build;
 
 /// Settings that were read from the environment.
+///
+/// ```
+/// use wrapyfi_ros2::environment::{self, DiscoveryRange};
+/// let environment = environment::read(|name| match name {
+///     "ROS_DOMAIN_ID" => Some("7".to_owned()),
+///     "ROS_AUTOMATIC_DISCOVERY_RANGE" => Some("LOCALHOST".to_owned()),
+///     _ => None,
+/// })?;
+/// assert_eq!(environment.domain_id, 7);
+/// assert_eq!(environment.discovery.range, DiscoveryRange::Localhost);
+/// # Ok::<(), environment::EnvironmentError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Environment {
     /// DDS domain.
@@ -117,6 +148,13 @@ impl Environment {
 }
 
 /// A value with which no ROS 2 node starts.
+///
+/// ```
+/// use wrapyfi_ros2::environment;
+/// let error = environment::read(|name| (name == "ROS_DOMAIN_ID").then(|| "300".to_owned()));
+/// let error = error.unwrap_err().to_string();
+/// assert_eq!(error, "ROS_DOMAIN_ID=300 is out of range: domains are 0 to 232");
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum EnvironmentError {

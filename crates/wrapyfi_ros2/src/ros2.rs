@@ -17,6 +17,21 @@ type Remap = Arc<dyn Fn(&str) -> Result<String, String> + Send + Sync>;
 /// The middleware `ros2`: topics of one node, and with
 /// [`MessageType::Properties`](wrapyfi_data::types::MessageType::Properties) the parameters of others. Copies are the
 /// same node.
+///
+/// ```no_run
+/// use wrapyfi_endpoint::{Context, Middleware, TopicSpec};
+/// use wrapyfi_data::types::MessageType;
+/// use wrapyfi_node::NodeName;
+/// use wrapyfi_ros2::{CycloneConfig, Ros2, environment, join};
+/// let environment = environment::read(|name| std::env::var(name).ok())?;
+/// let cyclone = CycloneConfig::from_environment(NodeName::new("camera", "/")?, &environment);
+/// let joined = join(&cyclone, &environment, None, "/")?;
+/// let ros2 = Ros2::joined(joined, |topic| Ok(topic.to_owned()));
+/// let spec = TopicSpec::new("/camera/image_raw", MessageType::Image);
+/// let mut listener = ros2.open_listener(&spec, &Context::default())?;
+/// assert_eq!(listener.take()?, None);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone)]
 pub struct Ros2 {
     pub(super) graph: Arc<dyn Graph>,

@@ -13,6 +13,12 @@
 ///
 /// Integers, strings, vocabs, blobs and lists of them are the same in both, and so is all that
 /// Wrapyfi sends as native objects.
+///
+/// ```
+/// use wrapyfi_yarp::Dialect;
+/// assert_eq!("v4".parse(), Ok(Dialect::V4));
+/// assert_eq!((Dialect::default(), Dialect::V3.other()), (Dialect::V3, Dialect::V4));
+/// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, strum::Display, strum::EnumString)]
 #[strum(parse_err_ty = UnknownDialect, parse_err_fn = UnknownDialect::of)]
 pub enum Dialect {

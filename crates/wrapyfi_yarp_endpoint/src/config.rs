@@ -26,6 +26,18 @@ use wrapyfi_endpoint::network::{
 const INSECURE: &str = "WRAPYFI_YARP_INSECURE";
 
 /// Settings of [`Yarp`](super::Yarp).
+///
+/// ```
+/// use wrapyfi_yarp_endpoint::{Convention, YarpConfig};
+/// let config = YarpConfig {
+///     embedded: true,
+///     ip: Some("127.0.0.1".parse()?),
+///     conventions: vec![Convention::new("(.*/)?depth:o", "sensor_msgs/msg/Image")?],
+///     ..YarpConfig::default()
+/// };
+/// assert!(config.conventions[0].names.matches("/head/depth:o"));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct YarpConfig {
     /// Address of the name server. `None`: what YARP's own configuration says (`yarp.conf` in

@@ -107,6 +107,19 @@ const NAMES_TIMEOUT: Duration = Duration::from_secs(5);
 /// The middleware `yarp`.
 ///
 /// Dropping it closes the ports of all its endpoints and ends its name server, within two seconds.
+///
+/// ```
+/// use wrapyfi_endpoint::{Context, Middleware, TopicSpec};
+/// use wrapyfi_data::types::MessageType;
+/// use wrapyfi_yarp_endpoint::{Yarp, YarpConfig};
+/// // A name server of its own, on any free port.
+/// let name_server = Some(([127, 0, 0, 1], 0).into());
+/// let yarp = Yarp::start(&YarpConfig { name_server, embedded: true, ..YarpConfig::default() })?;
+/// let spec = TopicSpec::new("/head/camera:o", MessageType::Image);
+/// let mut listener = yarp.open_listener(&spec, &Context::default())?;
+/// assert_eq!((yarp.name(), listener.take()?), ("yarp", None));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Yarp {
     shared: Arc<Shared>,
     server: Option<NameServer>,

@@ -86,6 +86,17 @@ pub enum Axis {
 }
 
 /// Settings of one YARP topic or service. Each has a default.
+///
+/// ```
+/// use wrapyfi_data::types::{Map, MessageType, Value};
+/// use wrapyfi_endpoint::TopicSpec;
+/// use wrapyfi_yarp_endpoint::options::{Control, YarpOptions};
+/// let options = Map::from([("carrier", Value::from("udp")), ("control", "velocity".into())]);
+/// let spec = TopicSpec { options, ..TopicSpec::new("/arm/command:i", MessageType::NativeObject) };
+/// let options = YarpOptions::of_topic(&spec)?;
+/// assert_eq!((options.carrier.as_deref(), options.control), (Some("udp"), Some(Control::Velocity)));
+/// # Ok::<(), wrapyfi_endpoint::OpenError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct YarpOptions {
     /// `carrier`: of connections that we ask for; Wrapyfi's default is `tcp`. Qualifiers may follow

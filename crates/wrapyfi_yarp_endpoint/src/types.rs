@@ -22,6 +22,13 @@ const NUMBERS: &str = "std_msgs/msg/Float64MultiArray";
 const SCAN: &str = "sensor_msgs/msg/LaserScan";
 
 /// Ports whose names tell what they send.
+///
+/// ```
+/// use wrapyfi_yarp_endpoint::Convention;
+/// let usual = Convention::usual();
+/// let joints = usual.iter().find(|one| one.names.matches("/icub/head/state:o")).unwrap();
+/// assert_eq!(joints.message_type, "sensor_msgs/msg/JointState");
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Convention {
     /// Whole names of ports, without their first slash.

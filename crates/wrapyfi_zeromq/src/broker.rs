@@ -32,6 +32,15 @@ use super::zmtp::Kind;
 use wrapyfi_endpoint::{Mutex, Throttle};
 
 /// A running broker with counters `S`: a [`Broker`] or a [`ServiceBroker`]. Dropping it ends it and frees its ports.
+///
+/// ```
+/// use wrapyfi_zeromq::{Broker, ZeroMqConfig};
+/// let free = ZeroMqConfig { pub_port: 0, sub_port: 0, ..ZeroMqConfig::default() };
+/// let broker = Broker::start(&free)?;
+/// assert_ne!(broker.pub_port(), broker.sub_port());
+/// assert_eq!(broker.status().messages, 0);
+/// # Ok::<(), wrapyfi_zeromq::BrokerError>(())
+/// ```
 #[derive(Debug)]
 pub struct RunningBroker<S> {
     ip: IpAddr,
@@ -41,8 +50,12 @@ pub struct RunningBroker<S> {
 }
 
 /// The meeting point of publishers and listeners.
+///
+/// See [`RunningBroker`].
 pub type Broker = RunningBroker<BrokerStatus>;
 /// The meeting point of clients and servers.
+///
+/// See [`RunningBroker`].
 pub type ServiceBroker = RunningBroker<ServiceBrokerStatus>;
 
 #[allow(private_bounds)] // what the supervisor needs to know of both is nobody else's

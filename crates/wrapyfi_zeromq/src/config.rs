@@ -22,6 +22,8 @@ use wrapyfi_endpoint::network::{
 pub const NAME: &str = "zeromq";
 
 /// Permission for this process to run the broker.
+///
+/// See [`ZeroMqConfig`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BrokerMode {
@@ -40,6 +42,16 @@ impl BrokerMode {
 }
 
 /// Settings of [`ZeroMq`](super::ZeroMq).
+///
+/// ```
+/// use wrapyfi_zeromq::{BrokerMode, ZeroMqConfig};
+/// let there = ZeroMqConfig {
+///     ip: "192.168.1.7".into(),
+///     broker: BrokerMode::Foreign,
+///     ..ZeroMqConfig::default()
+/// };
+/// assert_eq!((there.pub_port, there.sub_port), (5555, 5556)); // Wrapyfi's own
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ZeroMqConfig {
     /// Host of the broker, an address or a name (`WRAPYFI_ZEROMQ_SOCKET_IP`).

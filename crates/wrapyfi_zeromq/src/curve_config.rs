@@ -12,6 +12,22 @@ pub(super) const SECRET_KEY_FILE: &str = "WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE";
 pub(super) const SERVER_KEY: &str = "WRAPYFI_ZEROMQ_CURVE_SERVER_KEY";
 
 /// Keys of this process on ZeroMQ, and what other keys may do at a broker of ours.
+///
+/// ```
+/// use wrapyfi_zeromq::{CurveClient, CurveConfig, ZeroMqConfig};
+/// let camera = CurveClient {
+///     key: "/etc/wrapyfi/camera.key".into(),
+///     publish: vec!["/camera/.*".into()],
+///     ..CurveClient::default()
+/// };
+/// let curve = CurveConfig {
+///     secret_key_file: Some("/etc/wrapyfi/broker.key_secret".into()),
+///     clients: Some(vec![camera, CurveClient::of_all("/etc/wrapyfi/operator.key")]),
+///     ..CurveConfig::default()
+/// };
+/// let config = ZeroMqConfig { curve: Some(curve), ..ZeroMqConfig::default() };
+/// assert!(!config.curve.unwrap().clients.unwrap()[0].call);
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct CurveConfig {
     /// File with the secret key of this process, which nobody else may read
@@ -43,6 +59,8 @@ impl CurveConfig {
 }
 
 /// A client that a broker takes.
+///
+/// See [`CurveConfig`].
 #[derive(Debug, Clone, PartialEq, Eq, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CurveClient {
@@ -72,6 +90,17 @@ impl CurveClient {
 }
 
 /// Error of the keys of CURVE.
+///
+/// ```
+/// use wrapyfi_zeromq::CurveConfig;
+/// let file = Some("/nowhere/broker.key_secret".into());
+/// let error = CurveConfig { secret_key_file: file, ..CurveConfig::default() }.check(true).unwrap_err();
+/// let expected = match cfg!(feature = "curve") {
+///     true => "the CURVE key file /nowhere/broker.key_secret cannot be read: ",
+///     false => "this program was built without CURVE: ",
+/// };
+/// assert!(error.to_string().starts_with(expected), "{error}");
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CurveError {

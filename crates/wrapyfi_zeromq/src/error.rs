@@ -7,6 +7,13 @@ use super::port_check::Answer;
 use wrapyfi_endpoint::network::ReachedByOthers;
 
 /// Error of starting a broker.
+///
+/// ```
+/// use wrapyfi_zeromq::{Broker, ZeroMqConfig};
+/// let same = ZeroMqConfig { pub_port: 5557, sub_port: 5557, ..ZeroMqConfig::default() };
+/// let error = Broker::start(&same).err().unwrap();
+/// assert!(error.to_string().ends_with("are both 5557: give the two sides of the broker two ports"));
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BrokerError {
@@ -44,6 +51,14 @@ pub enum BrokerError {
 }
 
 /// Error of starting ZeroMQ.
+///
+/// ```
+/// use wrapyfi_zeromq::{BrokerMode, ZeroMq, ZeroMqConfig};
+/// let broker = BrokerMode::Foreign;
+/// let error = ZeroMq::start(&ZeroMqConfig { broker, sub_port: 0, ..ZeroMqConfig::default() });
+/// let error = error.err().unwrap();
+/// assert_eq!(error.to_string(), "with a foreign broker sub_port must be its port, not 0");
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ZeroMqError {

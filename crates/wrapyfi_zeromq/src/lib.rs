@@ -97,6 +97,18 @@ const MAX_TOPIC_BYTES: usize = 1024;
 /// The middleware `zeromq`.
 ///
 /// Dropping it closes the sockets of all its endpoints and ends its broker, within a second.
+///
+/// ```
+/// use wrapyfi_endpoint::{Context, Middleware, TopicSpec};
+/// use wrapyfi_data::types::MessageType;
+/// use wrapyfi_zeromq::{ZeroMq, ZeroMqConfig};
+/// // A broker of its own, on any free ports.
+/// let zeromq = ZeroMq::start(&ZeroMqConfig { pub_port: 0, sub_port: 0, ..ZeroMqConfig::default() })?;
+/// let spec = TopicSpec::new("/camera", MessageType::Image);
+/// let mut listener = zeromq.open_listener(&spec, &Context::default())?;
+/// assert_eq!(listener.take()?, None); // no publisher yet
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct ZeroMq {
     // Dropped in this order: sockets may still send while the broker runs.
     shared: Shared,

@@ -21,6 +21,12 @@ pub(super) const TIMEOUT: Duration = Duration::from_secs(1);
 const MAX_COMMAND: usize = 4096;
 
 /// Kind of program that answers on a port.
+///
+/// ```
+/// use wrapyfi_zeromq::Answer;
+/// let answer = Answer::Socket("REP".into());
+/// assert_eq!(answer.to_string(), "a ZeroMQ socket of type REP");
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Answer {

@@ -7,6 +7,8 @@ use serde::Serialize;
 use super::traffic::TopicTraffic;
 
 /// A broker at one moment.
+///
+/// See [`ZeroMq::broker_status`](super::ZeroMq::broker_status).
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct BrokerStatus {
     /// Messages passed on to listeners.
@@ -35,6 +37,8 @@ pub struct BrokerStatus {
 }
 
 /// A broker of requests and replies at one moment.
+///
+/// See [`ZeroMq::service_broker_status`](super::ZeroMq::service_broker_status).
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct ServiceBrokerStatus {
     /// Requests passed on to servers.

@@ -32,6 +32,8 @@ const MAX_TOPICS: usize = 4096;
 const MAX_TOPIC_BYTES: usize = 1024;
 
 /// Traffic of one topic.
+///
+/// See [`BrokerStatus::topics`](super::BrokerStatus::topics).
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TopicTraffic {
     /// Messages passed on.

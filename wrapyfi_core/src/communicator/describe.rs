@@ -5,6 +5,8 @@ use crate::types::DataType;
 use wrapyfi_data::did_you_mean;
 
 /// A type with registered methods.
+///
+/// See [`Method`].
 #[derive(Debug)]
 pub struct Class {
     /// Bare name of the type, as configurations write it.
@@ -14,6 +16,8 @@ pub struct Class {
 }
 
 /// A registered method.
+///
+/// See [`Method`].
 #[derive(Debug)]
 pub struct MethodSpec {
     /// Name of the method.
@@ -27,6 +31,8 @@ pub struct MethodSpec {
 }
 
 /// Arguments of one `#[register]`.
+///
+/// See [`Method`].
 #[derive(Debug)]
 pub struct Register {
     /// Kind of the value.
@@ -42,6 +48,8 @@ pub struct Register {
 }
 
 /// The value of an option as written.
+///
+/// See [`Method`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Literal {
     /// `true` or `false`.
@@ -57,6 +65,26 @@ pub enum Literal {
 }
 
 /// The enum of a type's registered methods; implemented by `#[communicator]`.
+///
+/// ```
+/// use wrapyfi_core::communicator::{Class, Literal, Method, communicator};
+///
+/// struct Mirror;
+/// #[communicator]
+/// impl Mirror {
+///     #[register(NativeObject, "zeromq", "/msg", should_wait = false)]
+///     fn read(&self) -> String { "hello".to_owned() }
+/// }
+///
+/// fn topics(class: &Class) -> impl Iterator<Item = &str> {
+///     class.methods.iter().flat_map(|method| method.registers).map(|register| register.topic)
+/// }
+///
+/// assert_eq!((MirrorMethod::Read.name(), MirrorMethod::CLASS.name), ("read", "Mirror"));
+/// assert_eq!(topics(MirrorMethod::CLASS).collect::<Vec<_>>(), ["/msg"]);
+/// let options = MirrorMethod::CLASS.methods[0].registers[0].options;
+/// assert_eq!(options, [("should_wait", Literal::Switch(false))]);
+/// ```
 pub trait Method: Copy + Send + Sync + 'static {
     /// Description of the type.
     const CLASS: &'static Class;
@@ -73,6 +101,25 @@ pub trait Method: Copy + Send + Sync + 'static {
 }
 
 /// Argument of `activate` that names a method: a value of the enum, or its name.
+///
+/// ```
+/// use wrapyfi_core::communicator::{ActivateError, NamesMethod, communicator};
+///
+/// struct Mirror;
+/// #[communicator]
+/// impl Mirror {
+///     #[register(NativeObject, "zeromq", "/msg", should_wait = false)]
+///     fn read(&self) -> String { "hello".to_owned() }
+/// }
+///
+/// fn place(method: impl NamesMethod<MirrorMethod>) -> Result<usize, ActivateError> {
+///     method.find()
+/// }
+///
+/// assert_eq!(place("read")?, place(MirrorMethod::Read)?);
+/// assert!(place("raed").is_err());
+/// # Ok::<(), ActivateError>(())
+/// ```
 pub trait NamesMethod<M> {
     /// Place of the method in [`Class::methods`].
     ///

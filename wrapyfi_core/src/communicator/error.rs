@@ -8,6 +8,24 @@ use crate::endpoint::{self, OpenError, PublishError};
 use wrapyfi_data::returned::PayloadError;
 
 /// Error of choosing a mode.
+///
+/// ```
+/// use std::sync::Arc;
+/// use wrapyfi_core::communicator::{CommunicatorContext, communicator};
+/// use wrapyfi_core::middleware::memory::Memory;
+///
+/// struct Mirror;
+/// #[communicator]
+/// impl Mirror {
+///     #[register(NativeObject, "memory", "/msg", should_wait = false)]
+///     fn read(&self) -> String { "hello".to_owned() }
+/// }
+///
+/// # let context = CommunicatorContext::builder().only(Arc::new(Memory::new("memory"))).build();
+/// let mut mirror = Mirror.communicator_in(&context);
+/// let error = mirror.activate("raed", "listen").unwrap_err().to_string();
+/// assert!(error.starts_with("Mirror has no registered method \"raed\"; did you mean `read`? "));
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ActivateError {
@@ -61,6 +79,27 @@ pub enum ActivateError {
 }
 
 /// Error of a call of a registered method.
+///
+/// ```
+/// use std::sync::Arc;
+/// use wrapyfi_core::communicator::{CommunicatorContext, MethodError, Mode, communicator};
+/// use wrapyfi_core::middleware::memory::Memory;
+///
+/// struct Mirror;
+/// #[communicator]
+/// impl Mirror {
+///     #[register(NativeObject, "$mware", "/msg")]
+///     fn read(&self, mware: &str) -> String { format!("hello on {mware}") }
+/// }
+///
+/// # let context = CommunicatorContext::builder().only(Arc::new(Memory::new("memory"))).build();
+/// let mut mirror = Mirror.communicator_in(&context);
+/// mirror.activate(MirrorMethod::Read, Mode::Listen)?;
+/// let error = mirror.read("memroy").unwrap_err();
+/// assert!(matches!(error, MethodError::UnknownMiddleware { .. }));
+/// assert!(error.to_string().starts_with("Mirror::read: \"memroy\" is no middleware; did you mean"));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MethodError {

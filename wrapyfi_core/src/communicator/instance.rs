@@ -120,6 +120,27 @@ impl<M: Method> fmt::Debug for Instance<M> {
 }
 
 /// Changes modes, closes, and ends waits from any thread, while calls go on elsewhere.
+///
+/// ```
+/// use std::sync::Arc;
+/// use wrapyfi_core::communicator::{CommunicatorContext, Mode, communicator};
+/// use wrapyfi_core::middleware::memory::Memory;
+///
+/// struct Mirror;
+/// #[communicator]
+/// impl Mirror {
+///     #[register(NativeObject, "memory", "/msg", should_wait = false)]
+///     fn read(&self) -> String { "hello".to_owned() }
+/// }
+///
+/// # let context = CommunicatorContext::builder().only(Arc::new(Memory::new("memory"))).build();
+/// let mut mirror = Mirror.communicator_in(&context);
+/// let control = mirror.control();
+/// let other = std::thread::spawn(move || control.activate(MirrorMethod::Read, Mode::Disable));
+/// other.join().unwrap()?;
+/// assert_eq!(mirror.read()?, None);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Control<M> {
     shared: Arc<Shared>,
     methods: PhantomData<M>,

@@ -19,6 +19,14 @@ named! {
     /// | `transceive` | yes | each value | received values |
     /// | `request` | no | the arguments | replies |
     /// | `reply` | yes, with the client's arguments | the reply | own values |
+    ///
+    /// ```
+    /// use wrapyfi_core::communicator::Mode;
+    /// let mode: Mode = "transceive".parse()?;
+    /// assert!(mode == Mode::Transceive && mode.sends() && mode.listens());
+    /// assert!(!Mode::Listen.sends());
+    /// # Ok::<(), wrapyfi_core::communicator::ParseModeError>(())
+    /// ```
     #[derive(Default)]
     pub enum Mode {
         /// The method as if it were not registered; `null` in a configuration.
@@ -77,6 +85,12 @@ impl Mode {
 }
 
 /// Error of reading a mode; the text lists the modes.
+///
+/// ```
+/// use wrapyfi_core::communicator::Mode;
+/// let error = "pulbish".parse::<Mode>().unwrap_err().to_string();
+/// assert!(error.starts_with("\"pulbish\" is no mode; did you mean `publish`? modes are none, "));
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{word:?} is no mode; {hint}modes are {}", Mode::ALL.map(Mode::name).join(", "))]
 pub struct ParseModeError {
@@ -97,6 +111,28 @@ impl FromStr for Mode {
 }
 
 /// A mode for all instances of a type, or one for each in the order in which they were made.
+///
+/// ```
+/// use std::sync::Arc;
+/// use wrapyfi_core::communicator::{CommunicatorContext, Configuration, Mode, Modes, communicator};
+/// # use wrapyfi_core::middleware::memory::Memory;
+///
+/// struct Mirror;
+/// #[communicator]
+/// impl Mirror {
+///     #[register(NativeObject, "memory", "/msg")]
+///     fn read(&self) -> String { "hello".to_owned() }
+/// }
+///
+/// let modes = Modes::ByInstance(vec![Mode::Publish, Mode::Listen]);
+/// let context = CommunicatorContext::builder()
+///     .only(Arc::new(Memory::new("memory")))
+///     .configuration(Configuration::default().with("Mirror", "read", modes))
+///     .build();
+/// let (first, second) = (Mirror.communicator_in(&context), Mirror.communicator_in(&context));
+/// assert_eq!(first.mode(MirrorMethod::Read), Mode::Publish);
+/// assert_eq!(second.mode(MirrorMethod::Read), Mode::Listen);
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Modes {
     /// The same mode for all instances.
@@ -113,6 +149,13 @@ impl From<Mode> for Modes {
 
 /// Argument of `activate` that names modes: a [`Mode`] or its name, or a list of either by
 /// instance.
+///
+/// ```
+/// use wrapyfi_core::communicator::{Mode, Modes, NamesMode};
+/// assert_eq!("publish".modes(), Ok(Modes::All(Mode::Publish)));
+/// let by_instance = Modes::ByInstance(vec![Mode::Publish, Mode::Listen]);
+/// assert_eq!(["publish", "listen"].modes(), Ok(by_instance));
+/// ```
 pub trait NamesMode {
     /// Reads the modes.
     ///
@@ -146,6 +189,11 @@ impl NamesMode for &String {
 }
 
 /// One entry of a list by instance.
+///
+/// ```
+/// use wrapyfi_core::communicator::{Mode, NamesOneMode};
+/// assert_eq!(("listen".mode(), Mode::Listen.mode()), (Ok(Mode::Listen), Ok(Mode::Listen)));
+/// ```
 pub trait NamesOneMode {
     /// Reads the mode.
     ///

@@ -7,6 +7,12 @@ use super::describe::Literal;
 use crate::types::Value;
 
 /// The value of an option.
+///
+/// ```
+/// use wrapyfi_core::communicator::OptionValue;
+/// assert_eq!(OptionValue::Text("tcp".into()).to_string(), "\"tcp\"");
+/// assert_eq!(OptionValue::Nothing.to_string(), "None");
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum OptionValue {
@@ -73,10 +79,26 @@ impl OptionValue {
 }
 
 /// Options by name.
+///
+/// ```
+/// use wrapyfi_core::communicator::{OptionValue, Options};
+/// let options = Options::default()
+///     .with("queue_size", OptionValue::Integer(5))
+///     .with("should_wait", OptionValue::Switch(false));
+/// assert_eq!(options.number::<u16>("queue_size"), Ok(Some(5)));
+/// assert_eq!(options.text("carrier"), Ok(None)); // not written
+/// ```
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Options(BTreeMap<String, OptionValue>);
 
 /// Error of an option with a value that it cannot have.
+///
+/// ```
+/// use wrapyfi_core::communicator::{OptionValue, Options};
+/// let options = Options::default().with("should_wait", OptionValue::Integer(1));
+/// let error = options.switch("should_wait").unwrap_err();
+/// assert_eq!(error.to_string(), "option should_wait is 1, and should be true or false");
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("option {name} is {found}, and should be {wanted}")]
 pub struct OptionError {

@@ -55,6 +55,8 @@ impl std::fmt::Debug for Channel {
 pub struct GatheredMessages(pub(super) Vec<Option<types::Payload>>);
 
 /// One end of a value, for status tables.
+///
+/// See [`ValueStatus`].
 #[derive(Debug, Clone)]
 pub struct EndStatus {
     /// Address of the endpoint.
@@ -66,6 +68,29 @@ pub struct EndStatus {
 }
 
 /// Status of the endpoints of one returned value.
+///
+/// ```
+/// use std::sync::Arc;
+/// use wrapyfi_core::communicator::{CommunicatorContext, Mode, communicator};
+/// use wrapyfi_core::middleware::memory::Memory;
+///
+/// struct Mirror;
+/// #[communicator]
+/// impl Mirror {
+///     #[register(NativeObject, "memory", "/msg", should_wait = false)]
+///     fn read(&self) -> String { "hello".to_owned() }
+/// }
+///
+/// # let context = CommunicatorContext::builder().only(Arc::new(Memory::new("memory"))).build();
+/// let mut mirror = Mirror.communicator_in(&context);
+/// mirror.activate(MirrorMethod::Read, Mode::Listen)?;
+/// assert_eq!(mirror.read()?, None); // opens the listener; nothing was said yet
+/// let status = mirror.status(MirrorMethod::Read);
+/// let end = &status[0].ends[0];
+/// assert_eq!((end.endpoint.to_string().as_str(), end.link.peers), ("memory:/msg", Some(0)));
+/// assert_eq!(end.counters.received, 0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Default)]
 pub struct ValueStatus {
     /// Endpoints of the value: none before the first call, two in `transceive` and `reemit`.

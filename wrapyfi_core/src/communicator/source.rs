@@ -17,6 +17,25 @@ pub use crate::start::StartError;
 ///
 /// A middleware that runs already is its own source: see
 /// [`ContextBuilder::middleware`](super::ContextBuilder::middleware).
+///
+/// ```
+/// use std::sync::Arc;
+/// use wrapyfi_core::communicator::{CommunicatorContext, Planned, Source, StartError, Wanted};
+/// use wrapyfi_core::middleware::memory::Memory;
+///
+/// /// A bus for each name in the option `bus`.
+/// struct Buses;
+/// impl Source for Buses {
+///     fn name(&self) -> &str { "bus" }
+///     fn plan(&self, wanted: &Wanted<'_>) -> Result<Planned, StartError> {
+///         let key = wanted.options.text("bus")?.unwrap_or("main").to_owned();
+///         Ok(Planned { key, start: Box::new(|| Ok(Arc::new(Memory::new("bus")) as _)) })
+///     }
+/// }
+///
+/// let context = CommunicatorContext::builder().source(Arc::new(Buses)).build();
+/// assert!(context.middlewares().contains(&"bus".to_owned()));
+/// ```
 pub trait Source: Send + Sync {
     /// Name in `#[register]`.
     fn name(&self) -> &str;
@@ -57,6 +76,8 @@ pub(super) fn queue_size(variable: &str) -> usize {
 }
 
 /// Needs of an endpoint, by which a [`Source`] chooses the instance of its middleware.
+///
+/// See [`Source`].
 #[derive(Debug)]
 pub struct EndpointNeeds<'a> {
     /// Direction of the endpoint. The two directions of one process are kept apart where a
@@ -72,6 +93,8 @@ pub struct EndpointNeeds<'a> {
 }
 
 /// An instance of a middleware, not started yet.
+///
+/// See [`Source`].
 pub struct Planned {
     /// Key of the instance: endpoints with equal keys share one.
     pub key: String,

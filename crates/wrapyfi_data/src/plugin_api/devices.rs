@@ -96,7 +96,13 @@ impl DeviceMap {
 
 /// An option about devices, as a script passes it to Wrapyfi's `register`.
 ///
-/// See [`DeviceMaps`], which is made of options.
+/// ```
+/// use wrapyfi_data::plugin::{DeviceMaps, DeviceOption};
+/// let map = DeviceOption::Map(vec![("cuda:0".into(), "cpu".into())]);
+/// let maps = DeviceMaps::from_options([("map_torch_devices", map)])?;
+/// assert_eq!(maps.target("PytorchTensor", "cuda:0"), Some("cpu"));
+/// # Ok::<(), wrapyfi_data::plugin::DeviceError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum DeviceOption {
     /// Value of `load_<library>_device`.

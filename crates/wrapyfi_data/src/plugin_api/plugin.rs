@@ -11,7 +11,30 @@ use crate::types::Value;
 /// Both directions work on bytes of strangers and values of users: they never panic, allocate only
 /// in proportion to received bytes, and never run an object that they read.
 ///
-/// See the example of [`crate::plugin`], which implements it; [`Plugins::with`] adds it.
+/// [`Plugins::with`] adds it.
+///
+/// ```
+/// use wrapyfi_data::plugin::{Body, Part, Plugin, PluginError, Unpacking};
+/// use wrapyfi_data::types::Value;
+///
+/// /// Text that travels as a file: `{"__wrapyfi__": ["Note", "aGk="]}`.
+/// struct Note;
+/// impl Plugin for Note {
+///     fn key(&self) -> &str { "Note" }
+///     fn decode(&self, body: &Body<'_>, _: &Unpacking<'_>) -> Result<Value, PluginError> {
+///         let text = String::from_utf8(body.base64(0)?.to_vec());
+///         text.map(Value::from).map_err(|error| PluginError::malformed(0, error.to_string()))
+///     }
+///     fn encode(&self, value: &Value) -> Result<Vec<Part>, PluginError> {
+///         let text = value.as_str().ok_or_else(|| PluginError::not_mine("note", value))?;
+///         Ok(vec![Part::base64(text.to_owned())])
+///     }
+/// }
+///
+/// assert_eq!(Note.encode(&"hi".into())?, [Part::base64("hi")]);
+/// assert!(Note.encode(&5.into()).is_err());
+/// # Ok::<(), PluginError>(())
+/// ```
 pub trait Plugin: Send + Sync {
     /// Key on the wire: in Python, the name of the plug-in's class.
     fn key(&self) -> &str;

@@ -11,7 +11,14 @@ use std::net::IpAddr;
 
 /// Place at which a setting is given.
 ///
-/// See [`Insecure`].
+/// ```
+/// use wrapyfi_endpoint::network::{Insecure, Place};
+/// let mut insecure = Insecure::default();
+/// insecure.said(Place::Keyword, true, false);
+/// let error = insecure.check("zeromq", "the broker", "0.0.0.0".parse()?).unwrap_err();
+/// assert_eq!(error.remedy, "pass insecure=true beside it"); // where the address was given
+/// # Ok::<(), std::net::AddrParseError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Place {
     /// No place: the setting is a default, or follows from the address of the master or name

@@ -6,6 +6,15 @@ use std::{fmt, io};
 use crate::NameError;
 
 /// A refused command line, with the warnings that came before it was refused.
+///
+/// ```
+/// use wrapyfi_node::args::{RosArgs, RosArgsErrorKind};
+/// use wrapyfi_node::read_params_file;
+/// let words = ["--ros-args", "--remap"].map(str::to_owned);
+/// let error = RosArgs::parse(words, read_params_file).unwrap_err();
+/// assert!(matches!(error.kind, RosArgsErrorKind::TrailingFlag { .. }));
+/// assert!(error.to_string().starts_with("Couldn't parse trailing --remap flag. "));
+/// ```
 #[derive(Debug)]
 pub struct RosArgsError {
     /// The reason.
@@ -31,6 +40,8 @@ impl Error for RosArgsError {
 }
 
 /// Error of a command line.
+///
+/// See [`RosArgsError`].
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RosArgsErrorKind {
@@ -224,6 +235,14 @@ pub enum LogLevelError {
 }
 
 /// Warning about words that were accepted or passed on, for their author.
+///
+/// ```
+/// use wrapyfi_node::args::{RosArgs, RosArgsWarning};
+/// use wrapyfi_node::read_params_file;
+/// let args = RosArgs::parse(["chatter:=/chat".to_owned()], read_params_file)?;
+/// assert_eq!(args.warnings, [RosArgsWarning::DeprecatedRule("chatter:=/chat".into())]);
+/// # Ok::<(), wrapyfi_node::args::RosArgsError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RosArgsWarning {

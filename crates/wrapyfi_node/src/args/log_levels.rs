@@ -7,6 +7,14 @@ use super::lexer::{Cursor, Lexeme};
 use crate::LogLevel;
 
 /// Levels of loggers by name; of several for one logger the last.
+///
+/// ```
+/// use wrapyfi_node::{LogLevel, args::LogLevels};
+/// let mut levels = LogLevels::default();
+/// levels.set("camera", LogLevel::Debug);
+/// assert_eq!(levels.effective("camera.driver"), LogLevel::Debug); // that of the logger above it
+/// assert_eq!(levels.effective("arm"), LogLevel::Info);
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct LogLevels {
     default: LogLevel,

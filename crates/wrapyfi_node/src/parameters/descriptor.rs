@@ -36,6 +36,12 @@ pub struct ParameterDescriptor {
 }
 
 /// Values that a number may have. The ends are allowed whatever the step.
+///
+/// ```
+/// use wrapyfi_node::parameters::{ParameterDescriptor, ParameterRange};
+/// let gain = ParameterDescriptor::new("gain").with_double_range(0.0, 4.0, 0.5);
+/// assert_eq!(gain.range, Some(ParameterRange::Double { from: 0.0, to: 4.0, step: 0.5 }));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ParameterRange {
     /// Range of an `INTEGER`.

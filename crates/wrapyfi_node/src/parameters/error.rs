@@ -4,6 +4,17 @@
 use crate::ParameterType;
 
 /// Error of declaring a parameter.
+///
+/// ```
+/// use std::collections::BTreeMap;
+/// use wrapyfi_node::parameters::{ParameterDescriptor, ParameterStore};
+/// use wrapyfi_node::NodeName;
+/// let mut store = ParameterStore::new(&NodeName::new("camera", "/")?, BTreeMap::new())?;
+/// store.declare(ParameterDescriptor::new("rate"), 30)?;
+/// let error = store.declare(ParameterDescriptor::new("rate"), 30).unwrap_err();
+/// assert_eq!(error.to_string(), "parameter rate is declared already; declare it once");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DeclareError {
@@ -22,6 +33,15 @@ pub enum DeclareError {
 }
 
 /// Error of reading a parameter.
+///
+/// ```
+/// use std::collections::BTreeMap;
+/// use wrapyfi_node::parameters::{GetError, ParameterStore};
+/// use wrapyfi_node::NodeName;
+/// let store = ParameterStore::new(&NodeName::new("camera", "/")?, BTreeMap::new())?;
+/// assert_eq!(store.get("rate"), Err(GetError::NotDeclared("rate".into())));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum GetError {
@@ -34,6 +54,17 @@ pub enum GetError {
 }
 
 /// Error of setting a parameter.
+///
+/// ```
+/// use std::collections::BTreeMap;
+/// use wrapyfi_node::parameters::{ParameterDescriptor, ParameterStore};
+/// use wrapyfi_node::NodeName;
+/// let mut store = ParameterStore::new(&NodeName::new("camera", "/")?, BTreeMap::new())?;
+/// store.declare(ParameterDescriptor::new("rate"), 30)?;
+/// let error = store.set("rate", "fast").unwrap_err();
+/// assert!(error.to_string().starts_with("parameter rate: Wrong parameter type, expected "));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SetError {

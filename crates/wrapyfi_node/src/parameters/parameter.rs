@@ -3,6 +3,13 @@
 use crate::ParameterValue;
 
 /// A parameter with a value.
+///
+/// ```
+/// use wrapyfi_node::ParameterValue;
+/// use wrapyfi_node::parameters::Parameter;
+/// let rate = Parameter::new("camera.rate", 30);
+/// assert_eq!(rate.value, ParameterValue::Integer(30));
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parameter {
     /// Name; groups end with dots, as in `camera.rate`.

@@ -13,6 +13,8 @@ use crate::ParameterValue;
 
 named! {
     /// End of a topic that an endpoint is.
+    ///
+    /// See [`QosOverrides`].
     #[allow(missing_docs)]
     pub enum EndpointRole {
         Publisher => "publisher",
@@ -24,6 +26,8 @@ named! {
 
 named! {
     /// Delivery effort.
+    ///
+    /// See [`QosOverrides`].
     #[allow(missing_docs)] // the names are the documentation
     pub enum ReliabilityOverride {
         SystemDefault => "system_default",
@@ -37,6 +41,8 @@ named! {
 
 named! {
     /// Treatment of a listener that comes late: transient local sends it the last messages.
+    ///
+    /// See [`QosOverrides`].
     #[allow(missing_docs)] // the names are the documentation
     pub enum DurabilityOverride {
         SystemDefault => "system_default",
@@ -50,6 +56,8 @@ named! {
 
 named! {
     /// Number of messages that an endpoint keeps until they are delivered.
+    ///
+    /// See [`QosOverrides`].
     #[allow(missing_docs)] // the names are the documentation
     pub enum HistoryOverride {
         SystemDefault => "system_default",
@@ -62,6 +70,8 @@ named! {
 
 named! {
     /// Way in which a publisher asserts that it is alive.
+    ///
+    /// See [`QosOverrides`].
     #[allow(missing_docs)] // the names are the documentation
     pub enum LivelinessOverride {
         SystemDefault => "system_default",
@@ -77,6 +87,20 @@ named! {
 ///
 /// As the argument of [`ParameterStore::declare_qos_overrides`] these are the policies that may be
 /// changed, with what holds otherwise; as its result, those that were changed.
+///
+/// ```
+/// use std::collections::BTreeMap;
+/// use wrapyfi_node::parameters::{EndpointRole, ParameterStore, QosOverrides, ReliabilityOverride};
+/// use wrapyfi_node::{NodeName, ParameterValue};
+/// // As `-p qos_overrides./camera.publisher.depth:=3` gives it.
+/// let depth = ("qos_overrides./camera.publisher.depth".to_owned(), ParameterValue::Integer(3));
+/// let mut store = ParameterStore::new(&NodeName::new("camera", "/")?, BTreeMap::from([depth]))?;
+/// let reliability = Some(ReliabilityOverride::Reliable);
+/// let profile = QosOverrides { depth: Some(10), reliability, ..QosOverrides::default() };
+/// let changed = store.declare_qos_overrides("/camera", EndpointRole::Publisher, &profile)?;
+/// assert_eq!(changed, QosOverrides { depth: Some(3), ..QosOverrides::default() });
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct QosOverrides {
     /// Longest time between two messages, in nanoseconds; 0 is no limit.

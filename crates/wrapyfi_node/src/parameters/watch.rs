@@ -11,6 +11,8 @@ use wrapyfi_endpoint::Wake;
 
 /// Parameters that changed since the last [`ParameterWatch::take`]. Only the newest value of each
 /// is kept, so that a watch that is never taken holds no more than the parameters it watches.
+///
+/// See [`ParameterStore`](super::ParameterStore).
 #[derive(Debug)]
 pub struct ParameterWatch(Arc<Inbox>);
 

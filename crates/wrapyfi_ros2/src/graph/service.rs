@@ -35,6 +35,15 @@ pub struct ServiceDescription {
 }
 
 /// Place of a request's identity on the wire, which differs between DDS vendors.
+///
+/// ```
+/// use wrapyfi_ros2::environment;
+/// use wrapyfi_ros2::graph::ServiceMapping;
+/// let fast = |name: &str| (name == "RMW_IMPLEMENTATION").then(|| "rmw_fastrtps_cpp".to_owned());
+/// let mapping = environment::read(fast)?.services;
+/// assert_eq!((mapping, mapping.rmw()), (ServiceMapping::FastDds, "rmw_fastrtps_cpp"));
+/// # Ok::<(), environment::EnvironmentError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ServiceMapping {
     /// `rmw_cyclonedds_cpp`: 16 bytes, client and sequence number, in front of the body.

@@ -6,6 +6,12 @@ use crate::graph::GraphError;
 use wrapyfi_endpoint::{CallError, OpenError};
 
 /// A parameter that a node did not set.
+///
+/// ```
+/// use wrapyfi_ros2::RefusedParameter;
+/// let refused = RefusedParameter { name: "gain".into(), reason: "it is read-only".into() };
+/// assert_eq!(refused.to_string(), "gain: it is read-only");
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RefusedParameter {
     /// Name of the parameter.

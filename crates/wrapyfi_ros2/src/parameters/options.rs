@@ -22,6 +22,13 @@ pub(super) fn node_name(ros2: &Ros2, name: &str) -> Result<String, ParameterClie
 }
 
 /// Settings of the calls to the parameter services of a node.
+///
+/// ```
+/// use std::time::Duration;
+/// use wrapyfi_ros2::ServiceOptions;
+/// let patient = ServiceOptions { timeout: Duration::from_secs(30), ..ServiceOptions::default() };
+/// assert!(patient.timeout > ServiceOptions::default().timeout);
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ServiceOptions {
     /// Time that a call has, from its begin to its reply: 5 s.

@@ -23,6 +23,12 @@ pub const DEFAULT_NAMESPACE: &str = "/root";
 const MAX_CONF_BYTES: u64 = 64 * 1024;
 
 /// Address of a name server.
+///
+/// ```
+/// use wrapyfi_yarp::name::NameServerConf;
+/// let here = NameServerConf::from(([127, 0, 0, 1], 10000));
+/// assert_eq!((here.host.as_str(), here.port), ("127.0.0.1", 10000));
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct NameServerConf {
     /// Address or name of its machine.
