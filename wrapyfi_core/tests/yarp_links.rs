@@ -371,6 +371,30 @@ fn names_are_waited_for() {
     assert_eq!(here.counters.snapshot().dropped(), 1);
 }
 
+/// A name server that holds a connection for made, as after a cable was cut, does not make it anew.
+#[test]
+fn a_connection_that_the_name_server_does_not_make_anew_is_made() {
+    let net = YarpNetwork::new();
+    let (yarp, network, names) = (net.yarp(), net.network(), net.names());
+    let there = Context::default();
+    let (reader, _messages) = net.runtime.block_on(input(&network, "/view/in"));
+    let options = Map::from([
+        ("port", Value::from("/bridge/view:o")),
+        ("out_topic_connect", "/view/in".into()),
+    ]);
+    let source = yarp.open_publisher(&topic("/view", options), &there).unwrap();
+    open_way(&there, || source.link());
+    net.runtime.block_on(async {
+        names.unsubscribe("/bridge/view:o", "/view/in").await.unwrap();
+        network.disconnect("/bridge/view:o", "/view/in").await.unwrap();
+    });
+    until(&there, "the connection is missed", || source.link().peers != Some(1));
+    open_way(&there, || source.link());
+    until(&there, "the reader has it", || reader.connected().borrow().inputs == 1);
+    drop(source);
+    net.runtime.block_on(reader.close());
+}
+
 /// `port` names our port, so that others connect it; `out_topic_connect` connects it ourselves.
 #[test]
 fn ports_have_the_names_that_are_asked_for() {

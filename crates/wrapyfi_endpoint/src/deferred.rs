@@ -22,7 +22,7 @@ use wrapyfi_retry::contained;
 
 /// Fault of a try to start a middleware.
 ///
-/// See [`Late::new`].
+/// See [`DeferredMiddleware::new`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum StartFault {
     /// The program or network that the middleware needs is not there; it may come.

@@ -187,6 +187,9 @@ impl Walk<'_> {
                 knock.door.host,
                 knock.door.server
             ),
+            None if middleware == yarp::NAME => {
+                "start a name server: yarpserver --write; or find the one that runs: wrapyfi detect --write".to_owned()
+            }
             None => "see the reason; `wrapyfi list` shows the same".to_owned(),
         };
         let who = format!("the settings of {middleware}, or its server");
@@ -268,7 +271,12 @@ impl Walk<'_> {
             self.pass(format!("the route {key} of {} brings it", self.way.node));
             return Ok(());
         }
-        if (is_bare || registry(end).is_some()) && is_met(self.way, address, role) {
+        // On ROS 2 who looks sees as much as the bridge, which may not have missed yet who left.
+        let is_believed = match is_bare {
+            true => address.middleware != "ros2" || flows(self.way),
+            false => registry(end).is_some(),
+        };
+        if is_believed && is_met(self.way, address, role) {
             let has = match is_carried(self.way) && !is_bare {
                 true => "messages pass".to_owned(),
                 false => format!("the bridge {} has it", self.way.node),

@@ -181,6 +181,8 @@ fn a_mere_name_that_a_bridge_takes_is_there() {
         way.source = way.destination.take();
         let [source, destination, kind] = ["ros2:/x", "ros:/out", "service"].map(str::to_owned);
         let state = running("active", "", 0, 0).unwrap();
+        let (resolved_source, resolved_destination) = (source.clone(), destination.clone());
+        let state = RouteInfo { resolved_source, resolved_destination, ..state };
         way.running = Some(RouteInfo { source, destination, kind, has_source, ..state });
         (way.node, way.route, way.is_service) = ("/eye".to_owned(), None, true);
         way.source.as_mut().unwrap().address = self::address(address);
@@ -202,6 +204,8 @@ fn a_mere_name_to_which_a_bridge_brings_messages_lacks_no_publisher() {
         way.source = way.destination.take();
         let [source, destination, kind] = ["ros2:/x", "ros:/out", "topic"].map(str::to_owned);
         let state = running(state, reason, 9, 9).unwrap();
+        let (resolved_source, resolved_destination) = (source.clone(), destination.clone());
+        let state = RouteInfo { resolved_source, resolved_destination, ..state };
         way.running = Some(RouteInfo { source, destination, kind, ..state });
         (way.node, way.route) = ("/eye".to_owned(), None);
         judge(&way)
@@ -324,7 +328,8 @@ fn a_server_is_judged_by_the_mapping_of_the_bridge_that_runs_the_route() {
     way.source.as_mut().unwrap().foreign = None;
     let [kind, to] = ["service", "ros2:/in"].map(str::to_owned);
     let status = way.running.take().unwrap();
-    way.running = Some(RouteInfo { kind, destination: to, ..status });
+    way.running =
+        Some(RouteInfo { kind, destination: to.clone(), resolved_destination: to, ..status });
     let bare = Way { route: None, destination: None, ..way.clone() };
     for way in [way, bare] {
         let found = judge(&way).finding.unwrap();

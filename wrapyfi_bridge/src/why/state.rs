@@ -39,9 +39,7 @@ pub(super) fn flows(way: &Way) -> bool {
 pub(super) fn is_met(way: &Way, at: &EndpointAddress, role: Role) -> bool {
     let Some(running) = &way.running else { return false };
     if way.route.is_none() {
-        // On ROS 2 who looks sees as much as the bridge, which may not have missed yet who left.
-        let is_seen = at.middleware == "ros2" && !flows(way);
-        return !is_seen && takes(running, &at.to_string());
+        return takes(running, &at.to_string());
     }
     let is_found = is_provider(role) && running.has_source;
     is_found || matches!(running.state.as_str(), "active" | "degraded")
