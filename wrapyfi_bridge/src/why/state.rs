@@ -29,9 +29,11 @@ pub(super) fn is_carried(way: &Way) -> bool {
     is_used(way) && way.running.as_ref().is_some_and(|running| running.state == "active")
 }
 
-/// True where messages pass now.
+/// True where messages of a topic pass now.
 pub(super) fn flows(way: &Way) -> bool {
-    is_carried(way) && way.running.as_ref().is_some_and(|running| running.messages_per_s > 0.0)
+    !way.is_service
+        && is_carried(way)
+        && way.running.as_ref().is_some_and(|running| running.messages_per_s > 0.0)
 }
 
 /// True where a bridge knows somebody in the role at the end, whatever the server of names says: its route runs there,
