@@ -35,9 +35,9 @@ pub(super) struct Resolved {
 /// Direction of a message.
 ///
 /// ```
-/// use wrapyfi_core::communicator::{Options, Side, Wanted};
+/// use wrapyfi_core::communicator::{Options, Side, EndpointNeeds};
 /// /// Name of the node for an endpoint: a node does not hear itself.
-/// fn node(wanted: &Wanted<'_>) -> &'static str {
+/// fn node(wanted: &EndpointNeeds<'_>) -> &'static str {
 ///     match wanted.side {
 ///         Side::Publisher => "camera",
 ///         Side::Listener => "camera_in",
@@ -46,7 +46,7 @@ pub(super) struct Resolved {
 ///
 /// let options = Options::default();
 /// let (is_service, max_message_bytes) = (false, 1 << 20);
-/// let wanted = Wanted { side: Side::Listener, is_service, options: &options, max_message_bytes };
+/// let wanted = EndpointNeeds { side: Side::Listener, is_service, options: &options, max_message_bytes };
 /// assert_eq!(node(&wanted), "camera_in");
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -20,14 +20,14 @@ pub use crate::start::StartError;
 ///
 /// ```
 /// use std::sync::Arc;
-/// use wrapyfi_core::communicator::{CommunicatorContext, Planned, Source, StartError, Wanted};
+/// use wrapyfi_core::communicator::{CommunicatorContext, Planned, Source, StartError, EndpointNeeds};
 /// use wrapyfi_core::middleware::memory::Memory;
 ///
 /// /// A bus for each name in the option `bus`.
 /// struct Buses;
 /// impl Source for Buses {
 ///     fn name(&self) -> &str { "bus" }
-///     fn plan(&self, wanted: &Wanted<'_>) -> Result<Planned, StartError> {
+///     fn plan(&self, wanted: &EndpointNeeds<'_>) -> Result<Planned, StartError> {
 ///         let key = wanted.options.text("bus")?.unwrap_or("main").to_owned();
 ///         Ok(Planned { key, start: Box::new(|| Ok(Arc::new(Memory::new("bus")) as _)) })
 ///     }
