@@ -107,7 +107,7 @@ unset WRAPYFI_REQUIRE_PEERS
 # Python tells about it on standard error.
 unset PYTHONDONTWRITEBYTECODE
 "$tree/scripts/lo-namespace.sh" colcon build --base-paths "${paths[@]}" --event-handlers console_direct+ \
-    --cmake-args -DPython3_EXECUTABLE="${PYTHON3:-/usr/bin/python3}" -DWRAPYFI_CARGO_PROFILE="$profile" \
+    --cmake-args --no-warn-unused-cli -DPython3_EXECUTABLE="${PYTHON3:-/usr/bin/python3}" -DWRAPYFI_CARGO_PROFILE="$profile" \
     -DWRAPYFI_TESTED_CRATES="${tested:-}" >>"$log" 2>&1
 # colcon reports every such package, and users look for a fault.
 for package in $packages; do
