@@ -303,10 +303,13 @@ impl Configured<'_> {
             true => route.ends(),
             false => format!("{}: {}", route.name, route.ends()),
         };
-        let stopped = running
-            .is_none()
-            .then(|| stopped::bridge(Some(&facts.file), graph(sight.endpoints).domain_id))
-            .flatten();
+        // The file's own domain goes before that of the environment, here as in the bridge.
+        let of_environment = match &sight.endpoints.ros2.domain_id {
+            Some(_) => None,
+            None => Some(graph(sight.endpoints).domain_id),
+        };
+        let stopped =
+            running.is_none().then(|| stopped::bridge(Some(&facts.file), of_environment)).flatten();
         let (route, source) = (Some(facts), Some(source));
         let running::Heard { others, also, foreign, afar, .. } = heard;
         let way = Way { title, is_service, route, source, destination, ..Way::default() };
@@ -488,7 +491,7 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, types: &mut TypeStore
     };
     // Its broker may be in the bridge that is stopped.
     let is_silent = end.away.is_some() && end.address.middleware == "zeromq";
-    let stopped = is_silent.then(|| stopped::bridge(None, 0)).flatten();
+    let stopped = is_silent.then(|| stopped::bridge(None, None)).flatten();
     let mut known = Vec::new();
     if running.is_none() && is_missing {
         let begins = heard.others.iter().find_map(bridges::unconfigured);

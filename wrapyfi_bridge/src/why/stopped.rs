@@ -7,9 +7,9 @@ use std::path::Path;
 use super::{Cause, Finding};
 use crate::exit::Failure;
 
-/// The bridge that was started with a file, any where that is `None`, if it is stopped; with the file also if it is not in
-/// the `domain`.
-pub(super) fn bridge(file: Option<&str>, domain: u32) -> Option<Finding> {
+/// The bridge that was started with a file, any where that is `None`, if it is stopped, or by its environment not in the
+/// `domain`, where one is told.
+pub(super) fn bridge(file: Option<&str>, domain: Option<u32>) -> Option<Finding> {
     let file = file.map(fs::canonicalize).transpose().ok()?;
     let mut numbers =
         fs::read_dir("/proc").ok()?.filter_map(|it| it.ok()?.file_name().to_str()?.parse().ok());
@@ -33,7 +33,7 @@ pub(super) fn bridge(file: Option<&str>, domain: u32) -> Option<Finding> {
         let environment = text("environ").ok()?;
         let mut variables = environment.split('\0');
         let there = variables.find_map(|one| one.strip_prefix("ROS_DOMAIN_ID=")).unwrap_or("0");
-        (file.is_some() && there != domain.to_string()).then(|| {
+        domain.filter(|domain| there != domain.to_string()).map(|domain| {
             let what = format!("`{command}` runs in domain {there} of ROS 2, and this shell looks in {domain}");
             let remedy = format!(
                 "export ROS_DOMAIN_ID={there} in this shell, where that is the robot's; else end process {pid}, and start it \
@@ -47,6 +47,6 @@ pub(super) fn bridge(file: Option<&str>, domain: u32) -> Option<Finding> {
 
 /// Cause that no bridge has answered: one of this machine is stopped, or else the `failure`.
 pub(crate) fn or(failure: Failure) -> Failure {
-    let stopped = bridge(None, 0).filter(|_| matches!(failure, Failure::TimedOut(_)));
+    let stopped = bridge(None, None).filter(|_| matches!(failure, Failure::TimedOut(_)));
     stopped.map_or(failure, |it| Failure::TimedOut(format!("{}: {}", it.what, it.remedy)))
 }
