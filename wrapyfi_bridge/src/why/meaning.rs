@@ -113,17 +113,17 @@ pub(super) fn of_other_kind(plan: &Plan, made: &Route) -> Option<Route> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::middlewares::load_text;
     use crate::node::Node;
 
-    fn plan(routes: &[&str]) -> Plan {
+    pub(in crate::why) fn plan(routes: &[&str]) -> Plan {
         let lines = routes.iter().map(|route| format!("  - {{ {route} }}\n")).collect::<String>();
         load_text(&format!("routes:\n{lines}"), "x.yaml").unwrap().plan
     }
 
-    fn index(plan: &Plan) -> RouteIndex<'_> {
+    pub(in crate::why) fn index(plan: &Plan) -> RouteIndex<'_> {
         let node = Node::bridge().unwrap();
         plan.index(|address| node.resolve(address))
     }

@@ -528,17 +528,7 @@ impl Running {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::middlewares::load_text;
-
-    fn plan(routes: &[&str]) -> Plan {
-        let lines = routes.iter().map(|route| format!("  - {{ {route} }}\n")).collect::<String>();
-        load_text(&format!("routes:\n{lines}"), "x.yaml").unwrap().plan
-    }
-
-    fn index(plan: &Plan) -> RouteIndex<'_> {
-        let node = Node::bridge().unwrap();
-        plan.index(|address| node.resolve(address))
-    }
+    use crate::why::meaning::tests::{index, plan};
 
     #[test]
     fn a_circle_is_found_and_a_pair_is_none() {
