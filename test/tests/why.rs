@@ -132,12 +132,20 @@ fn silent_publisher() -> Result {
 /// Answer about a route of the test's `bridge.yaml`, which a bridge runs, once it has `cause`; none where that is empty.
 fn of_running(env: &TestEnv, name: &str, cause: &str) -> Result<Value> {
     let file = env.path("bridge.yaml").display().to_string();
+    let is_it = |answer: &Value| answer["cause"].as_str().unwrap_or_default() == cause;
+    asked_until(env, [name, "--config", &file], is_it)
+}
+
+/// Answer to a question once it is the one that `is_it`.
+fn asked_until<const N: usize>(
+    env: &TestEnv,
+    args: [&str; N],
+    is_it: impl Fn(&Value) -> bool,
+) -> Result<Value> {
     let deadline = std::time::Instant::now() + TIMEOUT;
     loop {
-        let mut why = env.wrapyfi(["why", name, "--config", &file, "--json"])?;
-        why.exit_code()?;
-        let answer: Value = serde_json::from_str(why.stdout().trim())?;
-        if answer["cause"].as_str().unwrap_or_default() == cause {
+        let answer = answered(env, args)?;
+        if is_it(&answer) {
             return Ok(answer);
         }
         let is_late = std::time::Instant::now() >= deadline;
@@ -496,10 +504,69 @@ fn a_subscriber_of_another_type_on_ros_1_is_named() -> Result {
         let answer = of_running(env, "talk", "state")?;
         let what = answer["what"].as_str().unwrap_or_default();
         assert!(what.contains("/ear wants geometry_msgs/Point"), "{answer}");
-        // Who only looks whether somebody is there is no refused subscriber.
+        // Who only looks whether somebody is there is no refused subscriber, nor one who is waited for.
         answered(env, [&ros1(&topic)])?;
+        let answer = of_running(env, "talk", "state")?;
+        assert!(answer["remedy"].to_string().contains("`type: geometry_msgs/Point`"), "{answer}");
         let log = bridge.stderr();
         assert!(!log.contains("refused a connection"), "{log}");
+        Ok(())
+    })
+}
+
+/// A mere name, whose bridge tells what keeps a route from it.
+#[test]
+fn a_name_from_which_a_route_takes_nothing_is_told_with_the_cause() -> Result {
+    run("a_name_from_which_a_route_takes_nothing_is_told_with_the_cause", WITH_ROS, |env| {
+        let _roscore = env.roscore()?;
+        let [typed, limited, denied] = ["typed", "limited", "denied"].map(|it| env.topic(it));
+        let of_type = Route::new(&ros1(&typed), &ros2(&typed), "std_msgs/msg/Int32");
+        let of_peers = Route::new(&ros1(&limited), &ros2(&limited), "std_msgs/msg/String");
+        let of_peers = of_peers.with("options", "{ from_peers: [/friend] }");
+        let pattern = Route::untyped("ros:/(.*denied.*)", "ros2:/$1");
+        let pattern = pattern
+            .with("name", "all")
+            .with("deny", &format!("[{}]", denied.trim_start_matches('/')));
+        let config = env.embedded().route(of_type).route(of_peers).route(pattern);
+        let _bridge = env.bridge(&config)?;
+        let mut talkers = Vec::new();
+        for (topic, node) in [(&typed, "odd"), (&limited, "stranger"), (&denied, "other")] {
+            let talk = format!("publish --topic {topic} --node {node} --rate 20");
+            talkers.push(env.rospy(&talk, Some("{\"data\": \"hello\"}"))?);
+        }
+        let _int = env.dds_subscriber(&typed, "std_msgs/msg/Int32", "")?;
+        let _text = env.dds_subscriber(&limited, "std_msgs/msg/String", "")?;
+        let told = |topic: &str, cause: &str, what: &str, remedy: &str| {
+            asked_until(env, [&ros1(topic)], |answer| {
+                let has = |key: &str, words: &str| answer[key].to_string().contains(words);
+                answer["cause"] == cause && has("what", what) && has("remedy", remedy)
+            })
+        };
+        told(&typed, "state", "std_msgs/String", "`type: std_msgs/String`")?;
+        told(&limited, "refused", "/stranger", "from_peers")?;
+        told(&denied, "left_out", "the pattern all of", "--node /wrapyfi_bridge")?;
+        let by_node = answered(env, [&ros1(&denied), "--node", "/wrapyfi_bridge"])?;
+        assert!(by_node["what"].to_string().contains("left out by deny"), "{by_node}");
+        let mut none = env.wrapyfi(["why", "x", "--node", "/none"])?;
+        assert_eq!(none.exit_code()?, 3);
+        assert!(none.stderr().contains("there: /wrapyfi_bridge"), "{}", none.stderr());
+        Ok(())
+    })
+}
+
+/// A program that was stopped by Ctrl-Z sends nothing, and DDS forgets it.
+#[test]
+fn a_stopped_program_is_told_where_nobody_has_the_name() -> Result {
+    run("a_stopped_program_is_told_where_nobody_has_the_name", NEEDS, |env| {
+        let name = ros2(&env.topic("rests"));
+        let talker =
+            env.wrapyfi(["pub", &name, "--type", "Text", "--value", "\"x\"", "--rate", "20"])?;
+        asked_until(env, [&name], |answer| answer["cause"] != "nobody_publishes")?;
+        talker.pause()?;
+        let told = asked_until(env, [&name], |answer| answer["cause"] == "nobody_publishes");
+        talker.resume()?;
+        let who = told?["who"].to_string();
+        assert!(who.contains("kill -CONT") && who.contains(&name), "{who}");
         Ok(())
     })
 }

@@ -149,7 +149,8 @@ pub struct ListArgs {
 /// Arguments of `wrapyfi why`.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Exit codes: 0 nothing is missing, 1 a cause was found, 2 bad usage or configuration."
+    after_help = "Exit codes: 0 nothing is missing, 1 a cause was found, 2 bad usage or configuration, 3 the bridge of \
+                  --node does not answer."
 )]
 pub struct WhyArgs {
     /// Name of a route of the configuration, its ends or one of them; without one an endpoint such as

@@ -59,6 +59,8 @@ const STOP_WITHIN: Duration = Duration::from_millis(500);
 const CLOSE_WITHIN: Duration = Duration::from_secs(2);
 /// Time that the reply to the transition which finalizes the node has to reach its client.
 const REPLY_WITHIN: Duration = Duration::from_millis(500);
+/// Warning of a file with another `page.port` than that of the start.
+const OTHER_PAGE_PORT: &str = "page.port is another: start the program anew for that";
 /// Most changes that get a line each in the log.
 const FEW: usize = 10;
 
@@ -121,6 +123,8 @@ pub struct Reload {
     pub edits: Edits,
     /// Port of the live page since the start.
     pub page_port: Option<u16>,
+    /// Another port that the file has for it now.
+    pub other_page_port: Option<u16>,
     /// State of the node.
     pub lifecycle: Lifecycle,
     /// Asked to end the program once the node is finalized.
@@ -175,8 +179,9 @@ impl Reload {
         let removed = edits.removed();
         self.edits = edits;
         WAITING.set_limit(loaded.waiting_bytes);
-        if loaded.page_port.is_some() && loaded.page_port != self.page_port {
-            tracing::warn!("{name}: page.port is another: start the program anew for that");
+        self.other_page_port = loaded.page_port.filter(|port| Some(*port) != self.page_port);
+        if self.other_page_port.is_some() {
+            tracing::warn!("{name}: {OTHER_PAGE_PORT}");
         }
         let told = endpoints.clone();
         let mut in_force = in_force.lock();
@@ -464,7 +469,10 @@ fn answer(service: Asked, offered: &mut Offered, reload: &mut Reload, known: &mu
         let text = call.kwargs.get(field).and_then(Value::as_str).unwrap_or_default();
         let told = reload.serve(service, text, known);
         let success = told.is_ok();
-        let message = told.map_or_else(|why| why.to_string(), |diff| diff.to_string());
+        let mut message = told.map_or_else(|why| why.to_string(), |diff| diff.to_string());
+        if success && reload.other_page_port.is_some() {
+            message = format!("{message}\n{OTHER_PAGE_PORT}");
+        }
         let fields: Map = [("success", Value::from(success)), ("message", message.into())].into();
         offered.answer(asked.id, Payload::from(Value::Map(fields)));
     }

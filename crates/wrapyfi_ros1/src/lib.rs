@@ -93,6 +93,11 @@ use wrapyfi_endpoint::{
 /// Names of the options of a topic that are read here: what a configuration may write.
 pub const OPTIONS: &[&str] = &[Peers::FROM, Peers::TO];
 
+/// End of a reason to wait: a subscriber has the type, and another definition of it.
+pub const OTHER_DEFINITION: &str = " of another definition";
+/// Middle of a reason to wait: a publisher, and then the cause for which it refuses the connection.
+pub const REFUSES: &str = "it refuses: ";
+
 /// Conventions of ROS 1, where `set_parameters` and its like are dynamic_reconfigure's.
 pub const CONVENTIONS: Conventions = Conventions {
     has_text_type: true,

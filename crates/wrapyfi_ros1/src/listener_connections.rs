@@ -28,7 +28,7 @@ use super::peer_types::request_topic;
 use super::splitter::{self, Piece, Splitter};
 use super::subscriber::BusLink;
 use super::xmlrpc::shortened;
-use super::{conversion, tcpros};
+use super::{REFUSES, conversion, tcpros};
 use wrapyfi_data::types::MessageType;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::codec::ros1::Ros1Type;
@@ -408,7 +408,7 @@ impl Connection {
         let unlike =
             |there: &str| Closed::Fault(tcpros::unlike(there, &wire_type.name, &wire_type.md5));
         if let Some(error) = header.get("error") {
-            return Err(unlike(&format!("it refuses: {}", shortened(error))));
+            return Err(unlike(&format!("{REFUSES}{}", shortened(error))));
         }
         if let Some(peers) = &self.connections.wanted.peers {
             let caller = header.get("callerid").unwrap_or_default();

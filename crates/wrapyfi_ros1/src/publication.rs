@@ -11,6 +11,7 @@ use std::sync::Arc;
 
 use tokio::io::AsyncWriteExt as _;
 
+use super::OTHER_DEFINITION;
 use super::core::Core;
 use super::header::MARK;
 use super::subscriber::{BusLink, Frame, Subscriber};
@@ -132,7 +133,7 @@ impl Publication {
 
     /// Notes that a node wants another type.
     pub(super) fn misfits(&self, caller: &str, wanted: &str) {
-        let other = if wanted == self.wire_type.name { " of another definition" } else { "" };
+        let other = if wanted == self.wire_type.name { OTHER_DEFINITION } else { "" };
         self.state.lock().misfit = Some(format!("{caller} wants {wanted}{other}"));
         self.ring();
     }
@@ -175,7 +176,9 @@ impl Publication {
         let caller = accepted.caller().to_owned();
         let Accepted { mut stream, header, peer, place } = accepted;
         let asked = header.get("type").unwrap_or("*");
-        if asked != "*" && asked != self.wire_type.name && header.get("md5sum") != Some("*") {
+        // Who takes any type is somebody that looks, `rostopic` or `wrapyfi why`.
+        let is_typed = asked != "*";
+        if is_typed && asked != self.wire_type.name && header.get("md5sum") != Some("*") {
             // The same fields under another name: usable, and odd.
             tracing::debug!(
                 topic = self.topic,
@@ -205,6 +208,9 @@ impl Publication {
             return;
         }
         tracing::debug!(topic = self.topic, "ROS 1: {caller} subscribes");
+        if is_typed {
+            self.state.lock().misfit = None;
+        }
         self.ring();
         subscriber.run().await;
         self.state.lock().subscribers.retain(|one| !Arc::ptr_eq(one, &subscriber));
@@ -224,7 +230,6 @@ impl Publication {
             }
         }
         state.subscribers.push(Arc::clone(subscriber));
-        state.misfit = None;
         true
     }
 }

@@ -90,6 +90,7 @@ pub fn run(
         handle: node.as_ref().map(|node| node.handle().clone()),
         edits: Edits::default(),
         page_port,
+        other_page_port: None,
         lifecycle: lifecycle.clone(),
         shutdown: shutdown.clone(),
     })?;

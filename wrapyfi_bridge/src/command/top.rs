@@ -7,7 +7,6 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event, KeyEventKind};
-use wrapyfi_core::middleware::ros2::Ros2;
 use wrapyfi_core::types::Map;
 use wrapyfi_interfaces::wrapyfi_msgs::srv::ListRoutes_Response;
 
@@ -15,7 +14,7 @@ use super::WAIT_SLICE;
 use crate::cli::TopArgs;
 use crate::exit::Failure;
 use crate::middlewares::Ros2Section;
-use crate::on_graph::client::{Asker, LIST_ROUTES, bridges};
+use crate::on_graph::client::{Asker, LIST_ROUTES, the_bridge};
 use crate::output;
 use crate::shutdown::Shutdown;
 use crate::top::routes::Routes;
@@ -24,8 +23,8 @@ use crate::why::{OTHER_NODE, same_node, stopped};
 
 /// Longest time that a reply may take: with it, the program still ends in the time that is promised.
 const ANSWER: Duration = Duration::from_millis(1500);
-/// Longest time in which a bridge is looked for.
-const LOOK: Duration = Duration::from_secs(3);
+/// Longest time that the first reply may take.
+const ANSWERED_WITHIN: Duration = Duration::from_secs(3);
 
 /// Shows the routes until `q`, or prints them once.
 ///
@@ -38,14 +37,11 @@ pub fn run(args: &TopArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         return Err(Failure::usage(text));
     }
     let ros2 = Ros2Section::default().hidden()?;
-    let (node, bridges) = match &args.node {
-        Some(node) => (format!("/{}", node.trim_matches('/')), 1),
-        None => only_bridge(&ros2, shutdown).map_err(stopped::or)?,
-    };
+    let (node, bridges) = the_bridge(&ros2, args.node.as_deref(), "top", &|| shutdown.requested())?;
     let mut asker = Asker::<ListRoutes_Response>::open(&ros2, &node, LIST_ROUTES)?;
     let mut routes = Routes::new(args.sort, args.filter.clone());
     // The first answer before the terminal is taken: a wrong name is told as any other fault.
-    routes.update(asker.ask(Map::new(), LOOK).map_err(stopped::or)?.routes);
+    routes.update(asker.ask(Map::new(), ANSWERED_WITHIN).map_err(stopped::or)?.routes);
     if args.once {
         let duplicates = (bridges > 1).then(|| format!("\n{}; {OTHER_NODE}", same_node(&node)));
         return output::line(&(routes.table() + &duplicates.unwrap_or_default()));
@@ -115,30 +111,4 @@ fn watch(
         }
     }
     Ok(())
-}
-
-/// Name of the node of the bridge that is on the graph, and the number of bridges that have it.
-fn only_bridge(ros2: &Ros2, shutdown: &Shutdown) -> Result<(String, usize), Failure> {
-    let begin = Instant::now();
-    let is_over = |is_there: bool, has_told: bool| {
-        begin.elapsed() >= LOOK || shutdown.requested() || (is_there && has_told)
-    };
-    let found = bridges(ros2, is_over).context("cannot look for bridges")?;
-    let found: Vec<_> = found.into_iter().collect();
-    match &found[..] {
-        [only] => Ok(only.clone()),
-        [(first, _), ..] => {
-            let all: Vec<_> = found.iter().map(|(node, _)| node.as_str()).collect();
-            Err(Failure::Usage(format!(
-                "there are {} bridges: name one, for instance `wrapyfi top {first}`; all: {}",
-                all.len(),
-                all.join(", ")
-            )))
-        }
-        [] => Err(Failure::TimedOut(format!(
-            "no bridge is on the graph (domain {}): start one with `wrapyfi bridge --config FILE`, or export the \
-             ROS_DOMAIN_ID of the one that runs",
-            std::env::var("ROS_DOMAIN_ID").unwrap_or_else(|_| "0".to_owned())
-        ))),
-    }
 }

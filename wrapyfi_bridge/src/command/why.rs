@@ -10,7 +10,7 @@ use wrapyfi_interfaces::wrapyfi_msgs::srv::Explain_Response;
 use crate::cli::WhyArgs;
 use crate::exit::Failure;
 use crate::middlewares::Ros2Section;
-use crate::on_graph::client::Asker;
+use crate::on_graph::client::{Asker, the_bridge};
 use crate::output;
 use crate::why::judge::judge;
 use crate::why::question::ask;
@@ -36,7 +36,8 @@ pub fn run(args: &WhyArgs) -> Result<(), Failure> {
 /// Answer of a bridge that runs elsewhere on the graph.
 fn elsewhere(node: &str, name: &str) -> Result<Verdict, Failure> {
     let ros2 = Ros2Section::default().hidden()?;
-    let mut asker = Asker::<Explain_Response>::open(&ros2, node, "explain")?;
+    let (node, _) = the_bridge(&ros2, Some(node), "why", &|| false)?;
+    let mut asker = Asker::<Explain_Response>::open(&ros2, &node, "explain")?;
     let reply = asker.ask(Map::from([("name", Value::from(name))]), ELSEWHERE);
     let reply = reply.map_err(stopped::or)?;
     let Explain_Response { known, way, passed, cause, what, who, remedy, .. } = reply;

@@ -1,8 +1,9 @@
 //! Questions to a bridge that runs elsewhere on the graph.
 
 use std::collections::BTreeMap;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
+use anyhow::Context as _;
 use wrapyfi_core::endpoint::{
     CallError, Client, Context, DiscoverError, Middleware as _, Request, Role, ServiceSpec, Wake,
 };
@@ -14,22 +15,25 @@ use wrapyfi_interfaces::wrapyfi_msgs::srv::ListRoutes_Response;
 
 use crate::discovery_watch::DiscoveryWatch;
 use crate::exit::Failure;
+use crate::why::stopped;
 
 /// Name of the service that tells the routes, within a bridge's node.
 pub const LIST_ROUTES: &str = "list_routes";
 /// Time between two looks for bridges.
 const LOOK: Duration = Duration::from_millis(50);
+/// Time in which a bridge is looked for; twice as long where ROS 2 has not told all by then.
+const FOUND_WITHIN: Duration = Duration::from_millis(1500);
 /// Most bytes of a reply that are read.
 const MAX_BYTES: usize = 16 << 20;
 
 /// Names of the nodes of bridges, each with the number of bridges that have it, as they are found until it `is_over`,
-/// which is told whether there are any and whether ROS 2 has told all.
+/// which is told them and whether ROS 2 has told all.
 ///
 /// # Errors
 /// When ROS 2 tells no endpoints.
 pub fn bridges(
     ros2: &Ros2,
-    is_over: impl Fn(bool, bool) -> bool,
+    is_over: impl Fn(&BTreeMap<String, usize>, bool) -> bool,
 ) -> Result<BTreeMap<String, usize>, DiscoverError> {
     let (mut watch, wake) = (DiscoveryWatch::new(ros2.discover()?), Wake::new());
     let kind = ListRoutes_Response::ROS_TYPE.trim_end_matches("_Response");
@@ -43,10 +47,55 @@ pub fn bridges(
         for node in servers {
             *nodes.entry(node.to_owned()).or_default() += 1;
         }
-        if is_over(!nodes.is_empty(), watch.has_told_all()) {
+        if is_over(&nodes, watch.has_told_all()) {
             return Ok(nodes);
         }
         wake.wait(LOOK);
+    }
+}
+
+/// Full name of the node of the bridge that a `command` is for, the one that is `named` or the only one on the graph, and
+/// the number of bridges that have it.
+///
+/// # Errors
+/// Exit code 2 where there are several and none was named; 3 where it is not there, once it has been looked for or
+/// `is_ended`.
+pub fn the_bridge(
+    ros2: &Ros2,
+    named: Option<&str>,
+    command: &str,
+    is_ended: &dyn Fn() -> bool,
+) -> Result<(String, usize), Failure> {
+    let begin = Instant::now();
+    let named = named.map(|node| format!("/{}", node.trim_matches('/')));
+    let is_over = |nodes: &BTreeMap<String, usize>, has_told: bool| {
+        let is_there = match &named {
+            Some(node) => nodes.contains_key(node),
+            None => !nodes.is_empty() && has_told,
+        };
+        let late = if has_told { FOUND_WITHIN } else { 2 * FOUND_WITHIN };
+        is_there || begin.elapsed() >= late || is_ended()
+    };
+    let found = bridges(ros2, is_over).context("cannot look for bridges")?;
+    let all = found.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
+    let domain = std::env::var("ROS_DOMAIN_ID").unwrap_or_else(|_| "0".to_owned());
+    let mut each = found.into_iter();
+    match (named, each.next(), each.len()) {
+        (Some(node), first, _) => {
+            let bridge = first.into_iter().chain(each).find(|(one, _)| *one == node);
+            let there = if all.is_empty() { "none is" } else { &all };
+            let text = format!("no bridge has the node {node} (domain {domain}); there: {there}");
+            bridge.ok_or_else(|| stopped::or(Failure::TimedOut(text)))
+        }
+        (None, Some(only), 0) => Ok(only),
+        (None, Some((first, _)), more) => Err(Failure::Usage(format!(
+            "there are {} bridges: name one, for instance `wrapyfi {command} {first}`; all: {all}",
+            more + 1
+        ))),
+        (None, None, _) => Err(stopped::or(Failure::TimedOut(format!(
+            "no bridge is on the graph (domain {domain}): start one with `wrapyfi bridge --config FILE`, or export the \
+             ROS_DOMAIN_ID of the one that runs"
+        )))),
     }
 }
 

@@ -180,6 +180,9 @@ impl Routes {
     #[must_use]
     pub fn table(&self) -> String {
         let rows = self.shown();
+        if self.rows.is_empty() {
+            return "no routes: the file has none, or the bridge is not configured yet (ros2 lifecycle get NODE)".to_owned();
+        }
         let cells = std::iter::once(COLUMNS.map(str::to_owned));
         let cells: Vec<_> = cells.chain(rows.iter().map(|row| row.cells())).collect();
         let mut lines = aligned(&cells, TEXTS).into_iter();

@@ -2,10 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use wrapyfi_core::endpoint::Role;
+use wrapyfi_core::endpoint::pattern::{NamePattern, is_pattern};
+use wrapyfi_core::endpoint::{EndpointAddress, Role};
 use wrapyfi_core::engine::TO_BE_ACTIVATED;
 use wrapyfi_core::middleware::ros2::graph::ServiceMapping;
-use wrapyfi_interfaces::wrapyfi_msgs::msg::BridgeStatus;
+use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
 
 use super::door::Answer;
 use super::state::Passed;
@@ -34,6 +35,39 @@ fn is_unconfigured(status: &BridgeStatus) -> bool {
 pub(super) fn unconfigured(others: &BTreeMap<String, BridgeStatus>) -> Option<Finding> {
     let (node, _) = others.iter().find(|(_, status)| is_unconfigured(status))?;
     Some(not_active(State::Unconfigured, node, None))
+}
+
+/// The finding that a pattern makes no route of a mere name which somebody has.
+pub(super) fn passed_over(way: &Way, end: &End) -> Option<Finding> {
+    let (node, pattern) = way.passed_over.as_ref()?;
+    let address = &end.address;
+    let what =
+        format!("the pattern {pattern} of {node} matches {address}, and makes no route of it");
+    let remedy = format!("`wrapyfi why {address} --node {node}` tells the reason");
+    Some(Finding::new(Cause::LeftOut, what, "that bridge", remedy))
+}
+
+/// Bridge and its pattern that matches a name, where none has a route of it.
+pub(super) fn pattern_of(
+    address: &EndpointAddress,
+    all: &BTreeMap<String, BridgeStatus>,
+) -> Option<(String, String)> {
+    let matches = |source: &str| {
+        let source = source.parse::<EndpointAddress>().ok();
+        let source =
+            source.filter(|it| it.middleware == address.middleware && is_pattern(&it.name));
+        source
+            .and_then(|it| NamePattern::new(&it.name).ok())
+            .is_some_and(|it| it.matches(&address.name))
+    };
+    let source = |one: &RouteInfo| match one.kind == "service" {
+        true => one.destination.clone(),
+        false => one.source.clone(),
+    };
+    all.iter().find_map(|(node, status)| {
+        let pattern = status.routes.iter().find(|one| matches(&source(one)))?;
+        Some((node.clone(), pattern.key.clone()))
+    })
 }
 
 /// Finding about any way through a bridge whose routes are closed. `foreign` is the mapping of its services, where who asks

@@ -12,7 +12,7 @@ use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
 use crate::middlewares::Server;
 
-use super::bridges::{inactive, lacking, several};
+use super::bridges::{inactive, lacking, passed_over, several};
 use super::configured::{by_parameters, defined, limit, of_file};
 use super::door::Answer;
 use super::ends::is_told;
@@ -35,12 +35,24 @@ struct Walk<'w> {
 #[must_use]
 pub fn judge(way: &Way) -> Verdict {
     let mut walk = Walk { way, passed: way.known.clone() };
-    let finding = inactive(way).or_else(|| walk.walk().err());
+    let finding = inactive(way).or_else(|| walk.walk().err()).map(|finding| resting(finding, way));
     let finding = finding.map(|finding| match way.is_of_parameters {
         true => by_parameters(finding, way),
         false => finding,
     });
     Verdict { way: way.title.clone(), passed: walk.passed, finding }
+}
+
+/// The finding that nobody is there, with the programs that may be and are stopped.
+fn resting(finding: Finding, way: &Way) -> Finding {
+    use Cause::{Idle, NobodyListens, NobodyOffers, NobodyPublishes};
+    if !matches!(finding.cause, NobodyPublishes | NobodyOffers | NobodyListens | Idle) {
+        return finding;
+    }
+    let stopped = way.resting.iter().map(|(pid, command)| {
+        format!("; or `{command}`, which is stopped and goes on by kill -CONT {pid}")
+    });
+    Finding { who: finding.who + &stopped.collect::<String>(), ..finding }
 }
 
 /// True for a publisher that the bridge with the ROS 2 node `own` may be itself. Only ROS names the nodes of
@@ -103,11 +115,17 @@ impl Walk<'_> {
                 self.callers(source)?;
                 self.among_themselves(source, provider, taker)?;
                 if !way.is_service {
-                    self.somebody(source, taker)?;
+                    let nobody = self.somebody(source, taker);
+                    // A pattern of the bridge might have listened.
+                    nobody.map_err(|nobody| passed_over(way, source).unwrap_or(nobody))?;
                     self.reached(source, taker)?;
                     self.messages(source)?;
                 }
+                if way.running.as_ref().is_some_and(|it| it.state == "degraded") {
+                    state(way)?;
+                }
                 several(way, &[source])?;
+                passed_over(way, source).map_or(Ok(()), Err)?;
             }
             Some(destination) => {
                 self.passed.extend(lacking(way, source, Some(destination))?);

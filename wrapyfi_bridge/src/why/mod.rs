@@ -82,6 +82,10 @@ pub struct Way {
     pub foreign: BTreeMap<String, ServiceMapping>,
     /// The finding that the bridge of the file is stopped, where none that answers has the route.
     pub stopped: Option<Finding>,
+    /// Programs of this machine that are stopped while they have connections, by process.
+    pub resting: Vec<(u32, String)>,
+    /// Bridge and its pattern that matches a mere name which somebody has, and makes no route of it.
+    pub passed_over: Option<(String, String)>,
     /// Domain of ROS 2 in which a bridge has the route, and its node, where there is no bridge in the own.
     pub afar: Option<(u32, String)>,
     /// True where the parameters of the bridge's node made its routes, which stand in no file.

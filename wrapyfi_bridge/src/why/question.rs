@@ -42,10 +42,15 @@ const AT_ONCE: Duration = Duration::from_millis(300);
 /// # Errors
 /// Exit code 2 where the name means nothing, or the configuration has other faults.
 pub fn ask(asked: &WhyArgs) -> Result<Way, Failure> {
+    let way = match &asked.config {
+        Some(file) => of_file(asked, file)?,
+        None => of_name(asked)?,
+    };
+    Ok(Way { resting: stopped::programs(), ..way })
+}
+
+fn of_name(asked: &WhyArgs) -> Result<Way, Failure> {
     let name = asked.name.as_str();
-    if let Some(file) = &asked.config {
-        return of_file(asked, file);
-    }
     match name.split('/').collect::<Vec<_>>()[..] {
         [package, "msg" | "srv", _] if !package.contains(':') => of_type(asked),
         _ => {
@@ -454,12 +459,20 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, types: &mut TypeStore
         ..Wanted::new(address.clone(), false)
     };
     let text = address.to_string();
+    let lacks = |one: &RouteInfo| {
+        one.kind != "service" && one.state == "waiting" && one.resolved_source == text
+    };
     let find = |all: Vec<RouteInfo>| {
         let refuses = |one: &RouteInfo| one.resolved_source == text && !one.refused.is_empty();
         // No broker of ZeroMQ tells who serves.
         let calls = |one: &RouteInfo| one.kind == "service" && one.resolved_destination == text;
-        all.into_iter()
-            .find(|one| leads_to(one, &text) || refuses(one) || calls(one) || takes(one, &text))
+        let is_one = |one: &RouteInfo| {
+            leads_to(one, &text) || refuses(one) || calls(one) || takes(one, &text)
+        };
+        // What runs tells the name's type, and who is there.
+        let found =
+            all.iter().find(|one| is_one(one)).or_else(|| all.iter().find(|one| lacks(one)));
+        found.cloned()
     };
     let (ros2, is_answered) = (observed(sight, true), AtomicBool::new(false));
     let from = Sight { ros2: ros2.as_ref(), is_answered: &is_answered, ..sight };
@@ -480,8 +493,11 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, types: &mut TypeStore
             let is_one = there.iter().map(|one| one.count.max(1)).sum::<u64>() <= 1;
             is_one && there.iter().all(|one| may_be_bridge(one, &address.middleware, node))
         };
-        let is_needed = is_missing || !heard.also.is_empty() || takes(running, &text);
-        is_needed || (running.state != "active" && is_bridge())
+        // Where somebody publishes, it is not what the route takes; where nobody does, its waiting tells nothing.
+        let lacks = lacks(running);
+        let is_needed = lacks != is_missing || !running.refused.is_empty();
+        let is_used = !heard.also.is_empty() || takes(running, &text);
+        is_needed || is_used || (running.state != "active" && !lacks && is_bridge())
     });
     let also = if told.is_some() { heard.also } else { Vec::new() };
     let (node, running) = told.map(|(node, running)| (node, Some(running))).unwrap_or_default();
@@ -497,8 +513,10 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, types: &mut TypeStore
         let begins = heard.others.iter().find_map(bridges::unconfigured);
         known.extend(begins.map(|it| format!("{}; {}", it.what, it.remedy)));
     }
+    let others = heard.others.as_ref().filter(|_| !is_missing && running.is_none());
+    let passed_over = others.and_then(|all| bridges::pattern_of(address, all));
     let (source, foreign) = (Some(end), heard.foreign);
-    let (title, rest) = (text, Way::default());
+    let (title, rest) = (text, Way { passed_over, ..Way::default() });
     Way { title, is_service, node, running, also, source, foreign, stopped, known, ..rest }
 }
 
@@ -521,7 +539,7 @@ impl Running {
         };
         let way = configured.way(name, definitions::of_command(definitions)?)?;
         let (node, is_of_parameters) = (self.node.name().fqn(), *is_of_parameters);
-        Ok(Way { node, is_of_parameters, ..way })
+        Ok(Way { node, is_of_parameters, resting: stopped::programs(), ..way })
     }
 }
 

@@ -1,13 +1,14 @@
 //! Findings about a route that runs: what its bridge tells of it.
 
 use wrapyfi_core::endpoint::{DropReason, EndpointAddress, Peers, Role};
+use wrapyfi_core::middleware::ros1::{OTHER_DEFINITION, REFUSES};
 use wrapyfi_core::middleware::ros2::graph::ServiceMapping;
 use wrapyfi_core::middleware::ros2::{ACKNOWLEDGES_NOTHING, SPEAKS_NOT};
 use wrapyfi_core::middleware::yarp::UNOPENED;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
 use super::drops::{count, drops, meaning, mends};
-use super::words::example;
+use super::words::{example, provider};
 use super::{Cause, End, Finding, Limited, Step, Way};
 
 /// A step that may be in place.
@@ -131,6 +132,39 @@ pub(super) fn is_used(way: &Way) -> bool {
     way.running.as_ref().is_some_and(|running| came(running) > 0 && running.sent > 0)
 }
 
+/// Program that a waiting route needs, and the remedy.
+fn awaited(way: &Way, running: &RouteInfo) -> (String, String) {
+    let reason = &running.reason;
+    if let (Some(end), port @ Some(_)) = (&way.destination, unopened(running)) {
+        return (provider(end, Role::Listener), example(end, Role::Listener, port));
+    }
+    let misfit = reason.split_once(" wants ").and_then(|(before, wanted)| {
+        let (any, node) = before.rsplit_once(": ")?;
+        Some((node, wanted, any.rsplit(' ').next()?))
+    });
+    if let Some((node, wanted, ours)) = misfit {
+        let remedy = match wanted.strip_suffix(OTHER_DEFINITION) {
+            Some(_) => format!("have {node} and the bridge use the same definition of {ours}"),
+            None => format!("write `type: {wanted}` on the route, or have {node} use {ours}"),
+        };
+        return (format!("{node}, or the route"), remedy);
+    }
+    let between = |before, after| Some(reason.split_once(before)?.1.split_once(after)?.0);
+    let theirs = between(" vs. [", "]").or_else(|| between(": it sends ", ","));
+    if theirs.is_some() || reason.contains(REFUSES) {
+        let remedy = match theirs {
+            Some(theirs) => format!("write `type: {theirs}` on the route, or change it there"),
+            None => "give both the same type: `type` on the route says its own".to_owned(),
+        };
+        return ("that publisher, or the route".to_owned(), remedy);
+    }
+    let more = match &way.route {
+        Some(_) => String::new(),
+        None => format!("; `wrapyfi why {:?} --node {}` looks there", running.key, way.node),
+    };
+    ("whoever provides that".to_owned(), format!("start it: the route begins by itself{more}"))
+}
+
 /// State of a route in a bridge, and the messages that it drops.
 pub(super) fn state(way: &Way) -> Passed {
     /// Share of messages from which on a route that calls itself active drops too many.
@@ -156,11 +190,8 @@ pub(super) fn state(way: &Way) -> Passed {
                 remedy,
             ));
         }
-        let remedy = match (&way.destination, unopened(running)) {
-            (Some(end), port @ Some(_)) => example(end, Role::Listener, port),
-            _ => "provide it; the route begins by itself".to_owned(),
-        };
-        return Err(Finding::new(Cause::State, what, "see the reason", remedy));
+        let (who, remedy) = awaited(way, running);
+        return Err(Finding::new(Cause::State, what, who, remedy));
     }
     if is_degraded && let Some((reader, _)) = reason.split_once(ACKNOWLEDGES_NOTHING) {
         let node = reader.split(' ').next().filter(|node| node.starts_with('/'));
@@ -176,7 +207,7 @@ pub(super) fn state(way: &Way) -> Passed {
         }
         let what = format!("{route} is degraded: {reason}");
         let remedy = "remove what the reason names";
-        return Err(Finding::new(Cause::State, what, "see the reason", remedy));
+        return Err(Finding::new(Cause::State, what, "a program at an end of the route", remedy));
     };
     let count: u64 = lost.iter().map(|(_, count, _)| count).sum();
     let all: Vec<_> = lost.iter().map(|(reason, count, _)| format!("{count} {reason}")).collect();

@@ -45,6 +45,24 @@ pub(super) fn bridge(file: Option<&str>, domain: Option<u32>) -> Option<Finding>
     })
 }
 
+/// Programs of this machine that are stopped while they have connections, by process.
+pub(super) fn programs() -> Vec<(u32, String)> {
+    let folders = fs::read_dir("/proc").into_iter().flatten().flatten();
+    let stopped = folders.filter_map(|folder| {
+        let (pid, folder) = (folder.file_name().to_str()?.parse().ok()?, folder.path());
+        let text = |name| fs::read_to_string(folder.join(name)).ok();
+        if !text("stat")?.rsplit(") ").next()?.starts_with(['T', 't']) {
+            return None;
+        }
+        // Those of others cannot be read.
+        let mut open = fs::read_dir(folder.join("fd")).ok()?.flatten();
+        let is_socket = |path: &Path| path.to_string_lossy().starts_with("socket:");
+        open.any(|file| fs::read_link(file.path()).is_ok_and(|to| is_socket(&to)))
+            .then_some((pid, text("cmdline")?.replace('\0', " ").trim_end().to_owned()))
+    });
+    stopped.collect()
+}
+
 /// Cause that no bridge has answered: one of this machine is stopped, or else the `failure`.
 pub(crate) fn or(failure: Failure) -> Failure {
     let stopped = bridge(None, None).filter(|_| matches!(failure, Failure::TimedOut(_)));

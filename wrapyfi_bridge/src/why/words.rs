@@ -81,6 +81,8 @@ fn sample(type_name: &str) -> &'static str {
 pub(super) fn owner(one: &Discovered) -> String {
     match &one.node {
         Some(node) => node.clone(),
+        // Elsewhere endpoints have no nodes.
+        None if one.qos.is_none() => format!("the {}", one.role),
         None => format!("a {} whose node has not told its name", one.role),
     }
 }
