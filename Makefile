@@ -81,6 +81,7 @@ lint: | target/COLCON_IGNORE
 	@$(CARGO) clippy --workspace --all-targets --locked $(CAMERAS) -- -D warnings
 	@scripts/dependencies.sh
 	@$(PYTHON3) scripts/sentences.py
+	@$(PYTHON3) scripts/circles.py
 
 # `scripts/dependencies.sh`, a part of `make lint`, compares the licences that crates name and their sources with deny.toml.
 # cargo-deny also reads the texts of licences; not in `make test`, because it takes minutes to compile where it is not installed.

@@ -75,8 +75,10 @@ use wrapyfi_interfaces::ros1::PairError;
 use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
 
 pub use config::{ConfigError, MASTER_PORT, NAME, Ros1Config};
+pub use listener_connections::REFUSES;
 pub use master::MasterError;
 pub use names::{NameError, NodeName, check_name};
+pub use publication::OTHER_DEFINITION;
 
 use self::config::{NodeUri, Resolved};
 use self::core::Core;
@@ -92,11 +94,6 @@ use wrapyfi_endpoint::{
 
 /// Names of the options of a topic that are read here: what a configuration may write.
 pub const OPTIONS: &[&str] = &[Peers::FROM, Peers::TO];
-
-/// End of a reason to wait: a subscriber has the type, and another definition of it.
-pub const OTHER_DEFINITION: &str = " of another definition";
-/// Middle of a reason to wait: a publisher, and then the cause for which it refuses the connection.
-pub const REFUSES: &str = "it refuses: ";
 
 /// Conventions of ROS 1, where `set_parameters` and its like are dynamic_reconfigure's.
 pub const CONVENTIONS: Conventions = Conventions {

@@ -28,7 +28,7 @@ use super::peer_types::request_topic;
 use super::splitter::{self, Piece, Splitter};
 use super::subscriber::BusLink;
 use super::xmlrpc::shortened;
-use super::{REFUSES, conversion, tcpros};
+use super::{conversion, tcpros};
 use wrapyfi_data::types::MessageType;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::codec::ros1::Ros1Type;
@@ -38,6 +38,8 @@ use wrapyfi_endpoint::{
     SourceDurability, Waits, Wake,
 };
 
+/// Middle of a reason to wait: a publisher, and then the cause for which it refuses the connection.
+pub const REFUSES: &str = "it refuses: ";
 /// Most publishers of one topic.
 const MAX_PUBLISHERS: usize = 256;
 /// Longest time that the latched message of a publisher waits for room, whatever the queue's

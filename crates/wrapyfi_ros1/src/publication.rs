@@ -11,13 +11,15 @@ use std::sync::Arc;
 
 use tokio::io::AsyncWriteExt as _;
 
-use super::OTHER_DEFINITION;
 use super::core::Core;
 use super::header::MARK;
 use super::subscriber::{BusLink, Frame, Subscriber};
 use super::tcpros::Accepted;
 use wrapyfi_endpoint::codec::ros1::Ros1Type;
 use wrapyfi_endpoint::{BridgeMark, Counters, Latched, MAX_ORIGINS, Mutex, Peers, Wake};
+
+/// End of a reason to wait: a subscriber has the type, and another definition of it.
+pub const OTHER_DEFINITION: &str = " of another definition";
 
 /// Messages that a publisher without a depth keeps for a slow subscriber.
 pub(super) const KEEP_ALL: usize = 1000;

@@ -9,11 +9,11 @@ use std::borrow::Cow;
 
 use bytes::Bytes;
 
+use super::error::{DecodeError, EncodeError, EncodeResult};
 #[cfg(not(feature = "jpeg"))]
 pub use super::jpeg_absent::{decode, encode};
 #[cfg(feature = "jpeg")]
 pub use super::jpeg_file::{decode, encode};
-use super::{DecodeError, EncodeError, EncodeResult};
 use crate::Limits;
 use crate::types::{CompressedFormat, Encoding, Image, MessageType, Payload, Pixels, RawPixels};
 

@@ -13,7 +13,7 @@
 //! | [`ros`] | the ROS messages of the data model | docs/reference/wire/ros2.md |
 //! | [`ros1`] | the ROS 1 messages of the data model | docs/reference/ros1.md |
 //! | [`jpeg`] | JPEG files, with feature `jpeg` | |
-//! | [`image_file`] | image files of other formats | |
+//! | `image_file` | with feature `pictures`, image files of other formats | |
 //! | [`pickle`] | pickles of plug-in objects, as data | docs/reference/wire/pickle.md |
 
 #[cfg(any(feature = "torch", feature = "zarr"))]

@@ -125,7 +125,7 @@ impl Tensor {
         element_count(&self.shape).unwrap_or_default()
     }
 
-    /// The elements in place, in row-major order; conditions as for [`Tensor::view`].
+    /// The elements in place, in row-major order; conditions as for `Tensor::view`, with the feature `ndarray`.
     #[must_use]
     pub fn as_slice<T: Element>(&self) -> Option<&[T]> {
         if T::DTYPE != self.dtype { None } else { element::from_bytes(&self.data) }

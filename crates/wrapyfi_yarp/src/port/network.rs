@@ -1,19 +1,12 @@
-//! Settings that the ports of a process have in common, and how ports are opened by them.
+//! Settings that the ports of a process have in common.
 
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::core::{Role, Sink};
 use super::link::LinkOptions;
-use super::message::Received;
 use super::names::{NameTable, Names, Registration};
-use super::open::{OpenError, PortOptions};
-use super::owner::Owner;
-use super::ports::{OutputOptions, OutputPort, RpcServer};
 use super::room::{Boundless, Rooms};
-use super::rpc_client::RpcClient;
-use super::session::Answer;
 use crate::name::Environment;
 use crate::{Dialect, Limits};
 
@@ -155,79 +148,5 @@ impl Network {
             timeout: self.0.timeouts.connect,
             runtime_folder: self.0.environment.runtime_folder(),
         }
-    }
-
-    /// Opens a port that sends. `...` as a name lets the name server choose one.
-    ///
-    /// # Errors
-    /// As [`OpenError`].
-    pub async fn open_output(
-        &self,
-        name: &str,
-        options: &OutputOptions,
-    ) -> Result<OutputPort, OpenError> {
-        self.open_sending(name, options, Sink::Nobody).await
-    }
-
-    /// Opens a port for both directions, YARP's plain `Port`: it sends, and what comes is handed to a function as by
-    /// [`Network::serve`].
-    ///
-    /// # Errors
-    /// As [`OpenError`].
-    pub async fn open_port<F, A>(
-        &self,
-        name: &str,
-        options: &OutputOptions,
-        handler: F,
-    ) -> Result<OutputPort, OpenError>
-    where
-        F: Fn(Received, bool) -> A + Send + Sync + 'static,
-        A: Future<Output = Answer> + Send + 'static,
-    {
-        self.open_sending(name, options, Sink::handler(handler)).await
-    }
-
-    async fn open_sending(
-        &self,
-        name: &str,
-        options: &OutputOptions,
-        sink: Sink,
-    ) -> Result<OutputPort, OpenError> {
-        let OutputOptions { port, queue, overflow } = options;
-        let role = Role { outputs: true, queue: *queue, overflow: *overflow, ..Role::default() };
-        Ok(OutputPort { owner: Owner::open(self, name, port, role, sink).await? })
-    }
-
-    /// Opens a port for requests to another one.
-    ///
-    /// # Errors
-    /// As [`OpenError`].
-    pub async fn open_rpc_client(
-        &self,
-        name: &str,
-        options: &PortOptions,
-    ) -> Result<RpcClient, OpenError> {
-        let role = Role { outputs: true, client: true, ..Role::default() };
-        Ok(RpcClient { owner: Owner::open(self, name, options, role, Sink::Nobody).await? })
-    }
-
-    /// Opens a port that answers requests by a function: the fastest way, since the request stays
-    /// on its connection's task. The second argument says whether a reply is wanted; without one,
-    /// answer [`Answer::Nothing`].
-    ///
-    /// # Errors
-    /// As [`OpenError`].
-    pub async fn serve<F, A>(
-        &self,
-        name: &str,
-        options: &PortOptions,
-        handler: F,
-    ) -> Result<RpcServer, OpenError>
-    where
-        F: Fn(Received, bool) -> A + Send + Sync + 'static,
-        A: Future<Output = Answer> + Send + 'static,
-    {
-        let (role, sink) = (Role::default(), Sink::handler(handler));
-        Ok(RpcServer { owner: Owner::open(self, name, options, role, sink).await? })
     }
 }

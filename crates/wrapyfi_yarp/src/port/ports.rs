@@ -1,4 +1,4 @@
-//! The ports that programs hold.
+//! The ports that programs hold, and how a network opens them.
 //!
 //! ```text
 //!   OutputPort::write ─▶ a queue for each target ─▶ … ─▶ the function of an RpcServer
@@ -8,14 +8,16 @@ use std::net::SocketAddr;
 
 use tokio::sync::watch;
 
-use super::core::Connected;
+use super::core::{Connected, Role, Sink};
 use super::counters::Counters;
-use super::message::{Message, PortPayload};
-use super::open::PortOptions;
+use super::message::{Message, PortPayload, Received};
+use super::network::Network;
+use super::open::{OpenError, PortOptions};
 use super::outbox::Overflow;
 use super::outputs::{ConnectError, ConnectionStatus, Written};
 use super::owner::Owner;
 use super::rpc_client::RpcClient;
+use super::session::Answer;
 use crate::Bottle;
 use crate::bottle::EncodeError;
 use crate::wire::Carrier;
@@ -47,6 +49,82 @@ pub struct OutputPort {
 #[derive(Debug)]
 pub struct RpcServer {
     pub(super) owner: Owner,
+}
+
+impl Network {
+    /// Opens a port that sends. `...` as a name lets the name server choose one.
+    ///
+    /// # Errors
+    /// As [`OpenError`].
+    pub async fn open_output(
+        &self,
+        name: &str,
+        options: &OutputOptions,
+    ) -> Result<OutputPort, OpenError> {
+        self.open_sending(name, options, Sink::Nobody).await
+    }
+
+    /// Opens a port for both directions, YARP's plain `Port`: it sends, and what comes is handed to a function as by
+    /// [`Network::serve`].
+    ///
+    /// # Errors
+    /// As [`OpenError`].
+    pub async fn open_port<F, A>(
+        &self,
+        name: &str,
+        options: &OutputOptions,
+        handler: F,
+    ) -> Result<OutputPort, OpenError>
+    where
+        F: Fn(Received, bool) -> A + Send + Sync + 'static,
+        A: Future<Output = Answer> + Send + 'static,
+    {
+        self.open_sending(name, options, Sink::handler(handler)).await
+    }
+
+    async fn open_sending(
+        &self,
+        name: &str,
+        options: &OutputOptions,
+        sink: Sink,
+    ) -> Result<OutputPort, OpenError> {
+        let OutputOptions { port, queue, overflow } = options;
+        let role = Role { outputs: true, queue: *queue, overflow: *overflow, ..Role::default() };
+        Ok(OutputPort { owner: Owner::open(self, name, port, role, sink).await? })
+    }
+
+    /// Opens a port for requests to another one.
+    ///
+    /// # Errors
+    /// As [`OpenError`].
+    pub async fn open_rpc_client(
+        &self,
+        name: &str,
+        options: &PortOptions,
+    ) -> Result<RpcClient, OpenError> {
+        let role = Role { outputs: true, client: true, ..Role::default() };
+        Ok(RpcClient { owner: Owner::open(self, name, options, role, Sink::Nobody).await? })
+    }
+
+    /// Opens a port that answers requests by a function: the fastest way, since the request stays
+    /// on its connection's task. The second argument says whether a reply is wanted; without one,
+    /// answer [`Answer::Nothing`].
+    ///
+    /// # Errors
+    /// As [`OpenError`].
+    pub async fn serve<F, A>(
+        &self,
+        name: &str,
+        options: &PortOptions,
+        handler: F,
+    ) -> Result<RpcServer, OpenError>
+    where
+        F: Fn(Received, bool) -> A + Send + Sync + 'static,
+        A: Future<Output = Answer> + Send + 'static,
+    {
+        let (role, sink) = (Role::default(), Sink::handler(handler));
+        Ok(RpcServer { owner: Owner::open(self, name, options, role, sink).await? })
+    }
 }
 
 macro_rules! every_port {

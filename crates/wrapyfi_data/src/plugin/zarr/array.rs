@@ -13,8 +13,8 @@ use super::chunk::{Compressor, Fault, unknown};
 use super::store::Store;
 use crate::Limits;
 use crate::codec::{json, npy};
-use crate::plugin::{PluginError, Plugins};
 use crate::plugin_api::malformed;
+use crate::plugin_api::{PluginError, Plugins};
 use crate::types::{Dtype, NumpyArray, Tensor, Value, element_count, swap_byte_order};
 
 /// Most bytes of a `.zarray`: it has a handful of members.

@@ -5,7 +5,7 @@ use std::io::Read;
 use bytes::Bytes;
 
 use super::blosc;
-use crate::plugin::PluginError;
+use crate::plugin_api::PluginError;
 use crate::plugin_api::malformed;
 use crate::types::Value;
 

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use super::store::Store;
 use super::{Files, KEY, array};
-use crate::plugin::PluginError;
+use crate::plugin_api::PluginError;
 use crate::plugin_api::malformed;
 use crate::types::{PluginObject, Value};
 

@@ -23,9 +23,9 @@ mod store;
 pub use group::ZarrGroup;
 
 use self::store::Store;
-use super::{Body, Part, Plugin, PluginError, Unpacking};
 use crate::codec::archive::{Archive, Writer};
 use crate::plugin_api::malformed;
+use crate::plugin_api::{Body, Part, Plugin, PluginError, Unpacking};
 use crate::types::{ForeignObject, Origin, Value};
 
 /// zarr's `Array` and `Group`.

@@ -2,8 +2,8 @@
 
 use crate::codec::archive::Archive;
 use crate::codec::json;
-use crate::plugin::{PluginError, Plugins, Unpacking};
 use crate::plugin_api::malformed;
+use crate::plugin_api::{PluginError, Plugins, Unpacking};
 use crate::types::Value;
 
 /// The folder that the zip holds.
