@@ -82,9 +82,11 @@ lint: | target/COLCON_IGNORE
 	@scripts/dependencies.sh
 	@$(PYTHON3) scripts/sentences.py
 	@$(PYTHON3) scripts/circles.py
+	@if command -v cargo-deny >/dev/null; then $(MAKE) deny; fi
 
 # `scripts/dependencies.sh`, a part of `make lint`, compares the licences that crates name and their sources with deny.toml.
-# cargo-deny also reads the texts of licences; not in `make test`, because it takes minutes to compile where it is not installed.
+# cargo-deny also reads the texts of licences; in `make lint` and `make test` where it is installed, because it takes minutes
+# to compile where it is not.
 deny:
 	@command -v cargo-deny >/dev/null || cargo install --locked cargo-deny --target-dir target/cargo-deny
 	@cargo deny --offline --log-level error check licenses bans sources
