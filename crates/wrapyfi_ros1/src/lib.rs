@@ -52,6 +52,7 @@ mod peer_types;
 mod presence;
 mod publication;
 mod publisher;
+mod recall;
 mod registrar;
 mod registrations;
 mod server;

@@ -173,8 +173,15 @@ impl Publication {
         Some(refused.who)
     }
 
-    /// Serves a subscriber until either end closes.
-    pub(super) async fn serve(&self, accepted: Accepted, core: &Arc<Core>) {
+    /// True where a subscriber is wanted that has no connection.
+    pub(super) fn lacks(&self, subscriber: &str) -> bool {
+        let state = self.state.lock();
+        let has_it = state.subscribers.iter().any(|one| one.peer() == subscriber);
+        !state.closed && !state.publishers.is_empty() && !has_it
+    }
+
+    /// Serves a subscriber until either end closes; true where the connection was lost.
+    pub(super) async fn serve(&self, accepted: Accepted, core: &Core) -> bool {
         let caller = accepted.caller().to_owned();
         let Accepted { mut stream, header, peer, place } = accepted;
         let asked = header.get("type").unwrap_or("*");
@@ -200,24 +207,27 @@ impl Publication {
             Some(mark) => own.with(MARK, mark.to_string()),
             None => own,
         };
-        let Ok(own) = own.encode() else { return };
+        let Ok(own) = own.encode() else { return false };
         if stream.write_all(&own).await.is_err() {
-            return;
+            return false;
         }
         let lingers = core.lingering.subscribe();
-        let subscriber = Arc::new(Subscriber::new(core.next_id(), &caller, peer, stream));
+        let caller_id = header.get("callerid").unwrap_or_default();
+        let (id, names) = (core.next_id(), [caller.as_str(), caller_id]);
+        let subscriber = Arc::new(Subscriber::new(id, names, peer, stream));
         if !self.enter(&subscriber) {
-            return;
+            return false;
         }
         tracing::debug!(topic = self.topic, "ROS 1: {caller} subscribes");
         if is_typed {
             self.state.lock().misfit = None;
         }
         self.ring();
-        subscriber.run().await;
+        let is_lost = subscriber.run().await;
         self.state.lock().subscribers.retain(|one| !Arc::ptr_eq(one, &subscriber));
         self.ring();
         drop((place, lingers));
+        is_lost
     }
 
     /// Lets a subscriber in: it gets what is kept first, and then every message.
@@ -231,6 +241,9 @@ impl Publication {
                 subscriber.push(kept, KEEP_ALL, &entry.counters);
             }
         }
+        // A node has one connection for a topic: it has lost the other, or is about to close it.
+        let others = state.subscribers.extract_if(.., |one| one.is_same(subscriber));
+        others.for_each(|other| other.finish());
         state.subscribers.push(Arc::clone(subscriber));
         true
     }

@@ -89,6 +89,8 @@ pub(super) struct BusLink {
 pub(super) struct Subscriber {
     id: u64,
     peer: String,
+    /// Name under which it connected; empty where it gave none.
+    caller_id: String,
     address: SocketAddr,
     stream: TcpStream,
     queue: Mutex<Queue>,
@@ -110,14 +112,22 @@ struct Queue {
     finishing: bool,
     /// The connection is gone.
     broken: bool,
+    /// Fault of a write that ended it.
+    fault: Option<io::ErrorKind>,
 }
 
 impl Subscriber {
-    pub(super) fn new(id: u64, peer: &str, address: SocketAddr, stream: TcpStream) -> Self {
+    pub(super) fn new(
+        id: u64,
+        [peer, caller_id]: [&str; 2],
+        address: SocketAddr,
+        stream: TcpStream,
+    ) -> Self {
         liveness::set_writer(&stream);
         Self {
             id,
             peer: peer.to_owned(),
+            caller_id: caller_id.to_owned(),
             address,
             stream,
             queue: Mutex::default(),
@@ -128,6 +138,11 @@ impl Subscriber {
     /// Name of the node at the other end.
     pub(super) fn peer(&self) -> &str {
         &self.peer
+    }
+
+    /// True for another connection of the same subscriber.
+    pub(super) fn is_same(&self, other: &Self) -> bool {
+        !self.caller_id.is_empty() && self.caller_id == other.caller_id
     }
 
     /// Address of its machine.
@@ -188,9 +203,9 @@ impl Subscriber {
     }
 
     /// Writes what the publisher's thread could not, until either end closes. Messages that wait then
-    /// are lost.
-    pub(super) async fn run(&self) {
-        self.write().await;
+    /// are lost. True where the network ended the connection, not the program at the other end.
+    pub(super) async fn run(&self) -> bool {
+        let ended = self.write().await;
         let mut queue = self.queue.lock();
         queue.broken = true;
         let reason = queue.end();
@@ -198,15 +213,17 @@ impl Subscriber {
             queue.share.give(frame.len());
             frame.missed(reason, &counters);
         }
+        let of_program = [io::ErrorKind::ConnectionReset, io::ErrorKind::BrokenPipe];
+        ended.is_err_and(|fault| !of_program.contains(&fault.kind()))
     }
 
-    async fn write(&self) {
+    async fn write(&self) -> io::Result<()> {
         let (mut heard, mut silence) = (0_usize, Silence::default());
         loop {
             let (pending, finishing) = {
                 let queue = self.queue.lock();
                 if queue.broken {
-                    return;
+                    return queue.fault.map_or(Ok(()), |kind| Err(kind.into()));
                 }
                 if queue.is_watched {
                     silence.sent();
@@ -217,7 +234,7 @@ impl Subscriber {
                 if pending {
                     _ = timeout(LINGER, self.drain()).await;
                 }
-                return;
+                return Ok(());
             }
             let interest =
                 if pending { Interest::READABLE | Interest::WRITABLE } else { Interest::READABLE };
@@ -229,16 +246,16 @@ impl Subscriber {
                     Err(error) => {
                         let Self { peer, address, .. } = self;
                         tracing::info!(peer, %address, "ROS 1: a subscriber is gone: {error}");
-                        return;
+                        return Err(io::ErrorKind::TimedOut.into());
                     }
                 },
                 ready = self.stream.ready(interest) => {
-                    let Ok(ready) = ready else { break };
+                    let ready = ready?;
                     if ready.is_writable() {
                         self.queue.lock().flush(&self.stream);
                     }
-                    if ready.is_readable() && !self.listen(&mut heard) {
-                        break;
+                    if ready.is_readable() && !self.listen(&mut heard)? {
+                        return Ok(());
                     }
                 }
             }
@@ -256,18 +273,19 @@ impl Subscriber {
     }
 
     /// Reads what a subscriber has no business to send; false when it is gone.
-    fn listen(&self, heard: &mut usize) -> bool {
+    fn listen(&self, heard: &mut usize) -> io::Result<bool> {
         let mut bytes = [0; 256];
         match self.stream.try_read(&mut bytes) {
-            Ok(0) => false,
+            Ok(0) => Ok(false),
             Ok(read) => {
                 *heard += read;
                 if *heard > CHATTER {
                     tracing::warn!(peer = self.peer, "ROS 1: a subscriber that sends was cut off");
                 }
-                *heard <= CHATTER
+                Ok(*heard <= CHATTER)
             }
-            Err(error) => error.kind() == io::ErrorKind::WouldBlock,
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => Ok(true),
+            Err(error) => Err(error),
         }
     }
 }
@@ -296,8 +314,8 @@ impl Queue {
                     self.bytes += bytes as u64;
                 }
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => return,
-                Err(_) => {
-                    self.broken = true;
+                Err(error) => {
+                    (self.broken, self.fault) = (true, Some(error.kind()));
                     return;
                 }
             }

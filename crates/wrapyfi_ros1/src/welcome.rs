@@ -16,6 +16,7 @@ use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::timeout;
 
 use super::node::Node;
+use super::recall::recall;
 use super::tcpros::{
     Accepted, CONNECT, GreetingError, Port, accepted, accepting, hear, prepare, refuse,
 };
@@ -103,7 +104,16 @@ async fn welcome(
     let fitting = all.iter().find(|one| one.wire_type.fits(wanted));
     match (fitting, all.first()) {
         (Some(publication), _) => match publication.refusal(&accepted) {
-            None => publication.serve(accepted, &node.core).await,
+            None => {
+                let subscriber = accepted.caller().to_owned();
+                if !publication.serve(accepted, &node.core).await {
+                    return;
+                }
+                let (core, publication) = (Arc::clone(&node.core), Arc::downgrade(publication));
+                // Neither lives on for a subscriber that is lost.
+                drop((node, all));
+                recall(&core, &publication, &subscriber).await;
+            }
             Some(text) => {
                 tell(&refusals.subscribers, peer, "subscriber", &text);
                 refuse(&mut accepted.stream, &text).await;
