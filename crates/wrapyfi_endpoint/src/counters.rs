@@ -229,6 +229,11 @@ impl Counters {
         self.undelivered.load(Relaxed)
     }
 
+    /// Number of messages dropped for a reason.
+    pub fn dropped_so_far(&self, reason: DropReason) -> u64 {
+        self.drops.get(reason as usize).map_or(0, |count| count.load(Relaxed))
+    }
+
     /// Number of messages received.
     #[must_use]
     pub fn received_so_far(&self) -> u64 {

@@ -59,6 +59,8 @@ pub struct Relay {
     /// Number of messages that the destination took and did not deliver, as far as they are in
     /// `last_loss`.
     undelivered: u64,
+    /// Number of messages that were too large, as far as they are in `last_loss`: the source drops them itself.
+    oversize: u64,
     /// Throttle for losses and for objects passed on as they came: all are counted, few are logged.
     losses: Throttle,
     unread: Throttle,
@@ -92,6 +94,7 @@ impl Relay {
             in_hand: false,
             slowed: None,
             undelivered: 0,
+            oversize: 0,
             losses: Throttle::default(),
             unread: Throttle::default(),
             tap: Arc::default(),
@@ -143,7 +146,14 @@ impl Relay {
     pub fn step(&mut self, now: Instant) -> Step {
         self.reconcile(now);
         let review_at = self.review(now);
+        let oversize = self.context.counters.dropped_so_far(DropReason::Oversize);
+        if oversize > self.oversize {
+            let most = self.spec.policy.limits.message_bytes >> 20;
+            let text = format!("a message on {} was larger than {most} MiB", self.spec.from);
+            self.last_loss = Some((now, text));
+        }
         let moved = self.propagate(now);
+        self.oversize = self.context.counters.dropped_so_far(DropReason::Oversize);
         let undelivered = self.context.counters.undelivered_messages();
         if undelivered > self.undelivered {
             let text = format!(

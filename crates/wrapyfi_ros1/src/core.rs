@@ -75,6 +75,19 @@ impl Core {
         Header::new().with("callerid", format!("{node}/{part}")).with(NODE, node)
     }
 
+    /// Hint for what waits for others: the remedy where the node is announced at an address that other machines have,
+    /// too, else an empty text.
+    pub(super) fn own_hint(&self) -> String {
+        let host = &self.api.host;
+        if self.master.whereabouts.hint(host).is_empty() {
+            return String::new();
+        }
+        format!(
+            ": the nodes of other machines do not reach ours, which is announced at {host}: set ROS_IP, and no ROS_HOSTNAME, \
+             where it starts"
+        )
+    }
+
     /// A number that nothing else in this node has.
     pub(super) fn next_id(&self) -> u64 {
         self.next.fetch_add(1, Relaxed)

@@ -215,6 +215,10 @@ impl Ros1 {
             move || registrar::keep(Arc::clone(&registering)),
         ));
         tracing::info!(node = node.name.full(), master = %node.master.uri, "ROS 1: node started");
+        match node.core.own_hint() {
+            hint if hint.is_empty() => {}
+            hint => tracing::warn!(node = node.name.full(), "ROS 1{hint}"),
+        }
         Ok(Self { node, runtime: Some(runtime) })
     }
 

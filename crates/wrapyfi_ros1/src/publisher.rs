@@ -117,8 +117,8 @@ impl Publisher for Ros1Publisher {
 
     fn link(&self) -> Link {
         let peers = self.publication.subscribers();
-        let waiting_for =
-            (peers == 0).then(|| self.node.fault().unwrap_or_else(|| self.publication.awaited()));
+        let awaited = || self.publication.awaited() + &self.node.core.own_hint();
+        let waiting_for = (peers == 0).then(|| self.node.fault().unwrap_or_else(awaited));
         let keeps_last = self.latches || self.source_latches;
         Link { peers: Some(peers), waiting_for, keeps_last }
     }

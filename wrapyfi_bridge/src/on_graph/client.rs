@@ -85,7 +85,8 @@ pub fn the_bridge(
             let bridge = first.into_iter().chain(each).find(|(one, _)| *one == node);
             let there = if all.is_empty() { "none is" } else { &all };
             let text = format!("no bridge has the node {node} (domain {domain}); there: {there}");
-            bridge.ok_or_else(|| stopped::or(Failure::TimedOut(text)))
+            let missing = Failure::TimedOut(text);
+            bridge.ok_or_else(|| if all.is_empty() { stopped::or(missing) } else { missing })
         }
         (None, Some(only), 0) => Ok(only),
         (None, Some((first, _)), more) => Err(Failure::Usage(format!(

@@ -83,6 +83,28 @@ pub(crate) fn not_active(state: State, node: &str, foreign: Option<ServiceMappin
     Finding::new(Cause::State, what, "whoever manages the node", remedy)
 }
 
+/// The finding that the bridge of the route is in another domain of ROS 2.
+pub(super) fn elsewhere(way: &Way) -> Option<Finding> {
+    if way.running.is_some() || way.route.is_none() {
+        return None;
+    }
+    let of_process = || way.stopped.clone().filter(|it| it.cause == Cause::OtherDomain);
+    let (domain, bridge) = match &way.afar {
+        Some(afar) => afar,
+        None => return of_process(),
+    };
+    let mut graphs = way.source.iter().chain(&way.destination).filter_map(|end| end.graph.as_ref());
+    let own = graphs.next().map_or(String::new(), |it| format!(" (domain {})", it.domain_id));
+    let what =
+        format!("no bridge runs the route here{own}: {bridge} does in domain {domain} of ROS 2");
+    let remedy = format!(
+        "export ROS_DOMAIN_ID={domain} in this shell, where that is the robot's; else end {bridge}, and start it in the \
+         domain of its peers"
+    );
+    let who = "this shell, or whoever starts the bridge";
+    Some(Finding::new(Cause::OtherDomain, what, who, remedy))
+}
+
 /// The finding that no bridge runs the route; else what is known instead of that. A pattern has no destination.
 pub(super) fn lacking(way: &Way, source: &End, destination: Option<&End>) -> Passed {
     let Way { running: None, others, route: Some(route), .. } = way else { return Ok(None) };
@@ -97,20 +119,6 @@ pub(super) fn lacking(way: &Way, source: &End, destination: Option<&End>) -> Pas
             route.file
         );
         return Err(Finding::new(Cause::NoBridge, what, "whoever took it out", remedy));
-    }
-    if let Some((domain, bridge)) = &way.afar {
-        let mut graphs =
-            std::iter::once(source).chain(destination).filter_map(|end| end.graph.as_ref());
-        let own = graphs.next().map_or(String::new(), |it| format!(" (domain {})", it.domain_id));
-        let what = format!(
-            "no bridge runs the route here{own}: {bridge} does in domain {domain} of ROS 2"
-        );
-        let remedy = format!(
-            "export ROS_DOMAIN_ID={domain} in this shell, where that is the robot's; else end {bridge}, and start it in the \
-             domain of its peers"
-        );
-        let who = "this shell, or whoever starts the bridge";
-        return Err(Finding::new(Cause::OtherDomain, what, who, remedy));
     }
     let remedy = format!("wrapyfi bridge --config {}", route.file);
     if let Some(others) = others {

@@ -12,15 +12,15 @@ use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
 use crate::middlewares::Server;
 
-use super::bridges::{inactive, lacking, passed_over, several};
+use super::bridges::{elsewhere, inactive, lacking, passed_over, several};
 use super::configured::{by_parameters, defined, limit, of_file};
 use super::door::Answer;
 use super::ends::is_told;
 use super::names::nearest;
 use super::reach::{opened, reachable};
 use super::state::{
-    broken, brought, flows, hears_others, is_carried, is_met, is_provider, is_used, other_mapping,
-    rate, refused, refused_alone, runs, state, unopened,
+    broken, brought, came, flows, hears_others, is_carried, is_met, is_provider, is_used,
+    other_mapping, rate, refused, refused_alone, runs, state, unopened,
 };
 use super::words::{between, example, is_same_type, nobody, owner, people, provider, types_differ};
 use super::{Cause, Elsewhere, End, Finding, Graph, Registered, Step, Verdict, Way, roles};
@@ -76,6 +76,8 @@ impl Walk<'_> {
                 .extend(way.running.as_ref().filter(|_| way.destination.is_some()).map(runs));
         }
         broken(way)?;
+        // Of what is in another domain than its bridge, nothing here tells.
+        elsewhere(way).map_or(Ok(()), Err)?;
         let refused = refused(way);
         if let Some(found) = refused.clone().filter(|_| !is_used(way)) {
             return Err(found);
@@ -199,6 +201,9 @@ impl Walk<'_> {
                  WRAPYFI_ZEROMQ_CURVE_SERVER_KEY and WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE for what that leaves out"
                     .to_owned()
             }
+            Some(_) if away.contains("--insecure") => {
+                "add --insecure to this command, where the network may be trusted".to_owned()
+            }
             Some(knock) => format!(
                 "look what runs on port {} of {}; it has to be a {}, which goes on with kill -CONT PID where it is stopped",
                 knock.door.port,
@@ -206,7 +211,8 @@ impl Walk<'_> {
                 knock.door.server
             ),
             None if middleware == yarp::NAME => {
-                "start a name server: yarpserver --write; or find the one that runs: wrapyfi detect --write".to_owned()
+                "start a name server: yarpserver --write, or wrapyfi yarpserver --write where there is no YARP; or find the one that runs: \
+                 wrapyfi detect --write".to_owned()
             }
             None => "see the reason; `wrapyfi list` shows the same".to_owned(),
         };
@@ -292,7 +298,9 @@ impl Walk<'_> {
         // On ROS 2 who looks sees as much as the bridge, which may not have missed yet who left.
         let is_believed = match is_bare {
             true => address.middleware != "ros2" || flows(self.way),
-            false => registry(end).is_some(),
+            // A broker of others does not tell who listens, but to who publishes.
+            false if address.middleware == "zeromq" => true,
+            false => registry(end).is_some() || (is_provider(role) && flows(self.way)),
         };
         if is_believed && is_met(self.way, address, role) {
             let has = match is_carried(self.way) && !is_bare {
@@ -344,7 +352,11 @@ impl Walk<'_> {
             };
             return Err(Finding::new(cause, what, who, remedy));
         }
-        let remedy = example(end, role, self.way.running.as_ref().and_then(unopened));
+        let mut remedy = example(end, role, self.way.running.as_ref().and_then(unopened));
+        if is_bare && role == Role::Publisher && address.middleware == "zeromq" {
+            // It sends nothing before somebody listens.
+            remedy = format!("{remedy}, and beside it: wrapyfi echo {address}");
+        }
         let nobody = Finding::new(cause_of_nobody(role), nobody, provider(end, role), remedy);
         Err(refused_alone(self.way, role, nobody))
     }
@@ -533,12 +545,38 @@ impl Walk<'_> {
         Err(Finding::new(Cause::Qos, what, "either program", between(policy, &offered, &asked)))
     }
 
+    /// Messages that the bridge has counted, of a source to which nobody else can listen.
+    fn counted(&mut self, source: &End) -> Step {
+        let running = self.way.running.as_ref();
+        let Some(running) = running.filter(|it| source.heard == 0 && it.kind != "service") else {
+            return Ok(());
+        };
+        let address = &source.address;
+        if running.messages_per_s > 0.0 || address.to_string() != running.resolved_source {
+            return Ok(());
+        }
+        if came(running) > 0 {
+            self.pass(format!("nothing came on {address} in the last second"));
+            return Ok(());
+        }
+        let what = format!(
+            "everything is in place, and no message has come on {address} since the route {} began: the connection is open \
+             and idle",
+            running.key
+        );
+        let who =
+            source.of(Role::Publisher).next().map_or_else(|| "its publisher".to_owned(), owner);
+        Err(Finding::new(Cause::Idle, what, who, "look at that program"))
+    }
+
     /// Messages that come.
     fn messages(&mut self, source: &End) -> Step {
         if source.heard > 0 {
             self.pass(format!("{} messages came while we listened", source.heard));
         }
-        let Some(time) = source.silent.filter(|_| source.heard == 0) else { return Ok(()) };
+        let Some(time) = source.silent.filter(|_| source.heard == 0) else {
+            return self.counted(source);
+        };
         if self.way.running.as_ref().is_some_and(|running| running.messages_per_s > 0.0) {
             self.pass(format!("none came here within {} ms, but at the bridge", time.as_millis()));
             return Ok(());

@@ -26,7 +26,7 @@ use wrapyfi_yarp::port::{Network, NetworkOptions};
 
 use super::door::{Answer, Knock, connect};
 use super::names::kinship;
-use super::{End, Graph, PATIENCE, Registered, elsewhere};
+use super::{End, Graph, PATIENCE, Registered, elsewhere, roles};
 use crate::discovery_watch::DiscoveryWatch;
 use crate::exit::Failure;
 use crate::middlewares::{self, Endpoints, Observer, Server};
@@ -46,7 +46,7 @@ const NEWS: Duration = Duration::from_millis(1000);
 const SLOW: Duration = Duration::from_millis(400);
 /// Time within which a broker tells what passes there, once it is reached.
 const BROKER_TELLS_WITHIN: Duration = Duration::from_secs(1);
-/// Time for which messages are listened for.
+/// Time for which messages are listened for, at least.
 const LISTEN: Duration = Duration::from_millis(600);
 /// Time that a look takes at most, with its listening: what is left of two seconds is for the rest of the command.
 const MOST: Duration = Duration::from_millis(1900);
@@ -80,11 +80,14 @@ impl Wanted {
         end.found.iter().any(|one| self.is_met(one))
     }
 
-    /// True where somebody has the name in the role, and more is to be told of it: the name of a node, or the client
-    /// of a server that is asked about by its mere name.
+    /// True where somebody has the name in the role, and more is to be told of it: the name of a node, or who takes
+    /// from it, where it is asked about by its mere name.
     fn is_half_told(&self, end: &End) -> bool {
-        let is_there = |role| end.of(role).next().is_some();
-        let is_alone = self.is_open && is_there(Role::Server) && !is_there(Role::Client);
+        let lacks = |(provider, taker)| {
+            let mut of_provider = end.of(provider);
+            of_provider.next().is_some() && end.of(taker).next().is_none()
+        };
+        let is_alone = self.is_open && [false, true].map(roles).into_iter().any(lacks);
         is_alone || end.found.iter().any(|one| self.is_met(one) && one.node.is_none())
     }
 
@@ -247,7 +250,7 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
         learn(&mut end, observer.as_ref(), wanted, types);
     }
     if wanted.listens && end.of(Role::Publisher).next().is_some() {
-        listen(&mut end, observer.as_ref(), types, looked_since + MOST - LISTEN);
+        listen(&mut end, observer.as_ref(), types, looked_since + MOST);
     }
     if wanted.is_there(&end) {
         end.elsewhere.clear();
@@ -493,14 +496,9 @@ fn learn(end: &mut End, middleware: &dyn Middleware, wanted: &Wanted, types: &mu
     }
 }
 
-/// Listens for a while, where that tells anything: a publisher that keeps its last message sends seldom. The connection
-/// is waited for until `opened_until`.
-fn listen(
-    end: &mut End,
-    middleware: &dyn Middleware,
-    types: &mut TypeStore,
-    opened_until: Instant,
-) {
+/// Listens for a while, until `until` where nothing comes, where that tells anything: a publisher that keeps its last
+/// message sends seldom.
+fn listen(end: &mut End, middleware: &dyn Middleware, types: &mut TypeStore, until: Instant) {
     let keeps = |one: &Discovered| {
         one.qos.is_some_and(|qos| qos.durability != AnnouncedDurability::Volatile)
     };
@@ -520,18 +518,14 @@ fn listen(
     };
     let context = Context::default();
     let Ok(mut listener) = middleware.open_listener(&spec, &context) else { return };
-    let mut begin = Instant::now();
-    let opened_until = opened_until.min(begin + LISTEN);
-    while begin.elapsed() < LISTEN && end.heard == 0 {
+    let begin = Instant::now();
+    let until = until.max(begin + LISTEN);
+    while Instant::now() < until && end.heard == 0 {
         while listener.discard() {
             end.heard += 1;
         }
-        // The time begins with the connection, whose handshake takes as long on a busy machine.
-        if listener.link().waiting_for.is_some() && Instant::now() < opened_until {
-            begin = Instant::now();
-        }
         context.wake.wait(LOOK);
     }
-    end.silent = Some(LISTEN);
+    end.silent = Some(begin.elapsed());
     end.unconnected = listener.link().waiting_for;
 }

@@ -470,9 +470,9 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, types: &mut TypeStore
             leads_to(one, &text) || refuses(one) || calls(one) || takes(one, &text)
         };
         // What runs tells the name's type, and who is there.
-        let found =
-            all.iter().find(|one| is_one(one)).or_else(|| all.iter().find(|one| lacks(one)));
-        found.cloned()
+        let is_from = |one: &RouteInfo| one.kind != "service" && one.resolved_source == text;
+        let found = all.iter().find(|one| is_one(one));
+        found.or_else(|| all.iter().find(|one| is_from(one))).cloned()
     };
     let (ros2, is_answered) = (observed(sight, true), AtomicBool::new(false));
     let from = Sight { ros2: ros2.as_ref(), is_answered: &is_answered, ..sight };
@@ -497,7 +497,9 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, types: &mut TypeStore
         let lacks = lacks(running);
         let is_needed = lacks != is_missing || !running.refused.is_empty();
         let is_used = !heard.also.is_empty() || takes(running, &text);
-        is_needed || is_used || (running.state != "active" && !lacks && is_bridge())
+        // Not every side tells who listens.
+        let is_unseen = running.state == "active" && end.of(Role::Listener).next().is_none();
+        is_needed || is_used || is_unseen || (running.state != "active" && !lacks && is_bridge())
     });
     let also = if told.is_some() { heard.also } else { Vec::new() };
     let (node, running) = told.map(|(node, running)| (node, Some(running))).unwrap_or_default();

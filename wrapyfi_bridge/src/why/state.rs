@@ -42,7 +42,10 @@ pub(super) fn flows(way: &Way) -> bool {
 pub(super) fn is_met(way: &Way, at: &EndpointAddress, role: Role) -> bool {
     let Some(running) = &way.running else { return false };
     if way.route.is_none() {
-        return takes(running, &at.to_string());
+        let at = at.to_string();
+        // What is sent there has a listener; what comes from there has the bridge.
+        let is_end = leads_to(running, &at) || running.resolved_source == at;
+        return takes(running, &at) || (!is_provider(role) && is_end && is_carried(way));
     }
     let is_found = is_provider(role) && running.has_source;
     is_found || matches!(running.state.as_str(), "active" | "degraded")
@@ -162,6 +165,11 @@ fn awaited(way: &Way, running: &RouteInfo) -> (String, String) {
         Some(_) => String::new(),
         None => format!("; `wrapyfi why {:?} --node {}` looks there", running.key, way.node),
     };
+    // A part behind the name tells what is wrong with who is there.
+    if reason.contains(" (") || reason.contains(": ") || reason.starts_with("a definition of ") {
+        let remedy = format!("mend what the reason names: the route begins by itself then{more}");
+        return ("the program or setting that the reason names".to_owned(), remedy);
+    }
     ("whoever provides that".to_owned(), format!("start it: the route begins by itself{more}"))
 }
 

@@ -65,6 +65,7 @@ pub(super) fn programs() -> Vec<(u32, String)> {
 
 /// Cause that no bridge has answered: one of this machine is stopped, or else the `failure`.
 pub(crate) fn or(failure: Failure) -> Failure {
-    let stopped = bridge(None, None).filter(|_| matches!(failure, Failure::TimedOut(_)));
+    let domain = std::env::var("ROS_DOMAIN_ID").ok().and_then(|it| it.parse().ok()).unwrap_or(0);
+    let stopped = bridge(None, Some(domain)).filter(|_| matches!(failure, Failure::TimedOut(_)));
     stopped.map_or(failure, |it| Failure::TimedOut(format!("{}: {}", it.what, it.remedy)))
 }
