@@ -197,6 +197,7 @@ pub struct ServiceSpec {
     pub options: Map,
     /// Mark of the bridge that makes the server by pattern; announced where the wire has room for
     /// it.
+    #[doc(hidden)]
     pub mark: Option<BridgeMark>,
 }
 

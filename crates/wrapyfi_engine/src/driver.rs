@@ -264,6 +264,7 @@ impl Driver {
     /// Window on the messages of a route that carries a topic, by its name and its ends as its status has
     /// them.
     #[must_use]
+    #[doc(hidden)]
     pub fn tap(&self, name: &str, from: &str, to: &str) -> Option<Arc<Tap>> {
         self.members.lock().running.values().find_map(|member| member.tap_of([name, from, to]))
     }

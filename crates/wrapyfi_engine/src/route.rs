@@ -63,11 +63,13 @@ pub struct Route {
     /// Messages or requests, and their types.
     pub kind: Kind,
     /// Origin of the types in `kind`.
+    #[doc(hidden)]
     pub typing: Typing,
     /// Settings of the route.
     pub policy: Policy,
     /// Mark that the destination announces, of a route that a pattern made. Its source then passes
     /// over messages that came through the destination's middleware before.
+    #[doc(hidden)]
     pub mark: Option<BridgeMark>,
 }
 
@@ -127,6 +129,7 @@ pub struct Names {
     pub deny: Vec<NamePattern>,
     /// Conventions of the source by which hidden names and those that every program has are left out;
     /// `None` where none is.
+    #[doc(hidden)]
     pub default_deny: Option<Conventions>,
     /// Largest number of routes.
     pub max_routes: usize,
@@ -138,8 +141,10 @@ pub struct Policy {
     /// Quality of service on middlewares that have one.
     pub qos: QosConfig,
     /// Changes to `qos` at the source, from the start of the program.
+    #[doc(hidden)]
     pub from_override: QosOverride,
     /// Changes to `qos` at the destination, from the start of the program.
+    #[doc(hidden)]
     pub to_override: QosOverride,
     /// Queue between source and conversion.
     pub queue: QueueSpec,
@@ -227,6 +232,7 @@ impl Route {
 
     /// Key of the route.
     #[must_use]
+    #[doc(hidden)]
     pub fn key(&self) -> RouteKey {
         RouteKey { role: self.role(), from: self.from.clone(), to: self.to.clone() }
     }

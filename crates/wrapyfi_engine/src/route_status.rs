@@ -110,6 +110,7 @@ pub struct RouteStatus {
     pub panics: u64,
     /// Numbers of routes and names, of a pattern.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[doc(hidden)]
     pub pattern: Option<PatternCounts>,
 }
 

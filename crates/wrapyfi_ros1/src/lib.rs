@@ -74,9 +74,9 @@ use wrapyfi_interfaces::parser::TypeName;
 use wrapyfi_interfaces::ros1::PairError;
 use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
 
-pub use config::{ConfigError, MASTER_PORT, NAME, Ros1Config};
+pub use config::{MASTER_PORT, NAME, Ros1Config, Ros1ConfigError};
 pub use master::MasterError;
-pub use names::{NameError, NodeName, check_name};
+pub use names::{NodeName, Ros1NameError, check_name};
 
 use self::config::{NodeUri, Resolved};
 use self::core::Core;
@@ -156,7 +156,7 @@ pub struct Registered {
 pub enum Ros1Error {
     /// The settings cannot work.
     #[error(transparent)]
-    Config(#[from] ConfigError),
+    Config(#[from] Ros1ConfigError),
     /// The system gave no socket or no thread.
     #[error("ROS 1 could not start: {0}")]
     System(#[from] std::io::Error),
@@ -166,7 +166,7 @@ impl Ros1Error {
     /// True when no later try can succeed, because the settings are wrong.
     #[must_use]
     pub fn is_hopeless(&self) -> bool {
-        matches!(self, Self::Config(error) if !matches!(error, ConfigError::Host { .. }))
+        matches!(self, Self::Config(error) if !matches!(error, Ros1ConfigError::Host { .. }))
     }
 }
 
@@ -232,6 +232,7 @@ impl Ros1 {
     ///
     /// # Errors
     /// When the master does not answer.
+    #[doc(hidden)]
     pub fn registered(&self, name: &str) -> Result<Vec<Registered>, MasterError> {
         let master = &self.node.master;
         self.node.handle.block_on(async {
@@ -279,6 +280,7 @@ impl Ros1 {
     ///
     /// # Errors
     /// When nobody has it, or a definition is there and cannot be used.
+    #[doc(hidden)]
     pub fn type_named(&self, name: &TypeName) -> Result<ResolvedType, PairError> {
         self.node.types().ros2_type_named(name)
     }

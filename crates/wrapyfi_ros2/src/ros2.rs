@@ -54,6 +54,7 @@ impl Ros2 {
 
     /// The middleware of a node that has joined its graph: [`Ros2::new`] that can tell what carries it.
     #[must_use]
+    #[doc(hidden)]
     pub fn joined(
         joined: Joined,
         remap: impl Fn(&str) -> Result<String, String> + Send + Sync + 'static,

@@ -184,6 +184,7 @@ impl ZeroMq {
 
     /// State of the broker, where it is this process that runs it now.
     #[must_use]
+    #[doc(hidden)]
     pub fn broker_status(&self) -> Option<BrokerStatus> {
         self.supervisor.own(Broker::status)
     }
@@ -212,6 +213,7 @@ impl ZeroMq {
 
     /// State of the broker of requests and replies, where it is this process that runs it now.
     #[must_use]
+    #[doc(hidden)]
     pub fn service_broker_status(&self) -> Option<ServiceBrokerStatus> {
         let services = self.services.lock();
         services.as_ref().and_then(|supervisor| supervisor.own(ServiceBroker::status))

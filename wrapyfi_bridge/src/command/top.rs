@@ -7,9 +7,9 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event, KeyEventKind};
-use wrapyfi_core::middleware::ros2::Ros2;
-use wrapyfi_core::types::Map;
+use wrapyfi_data::types::Map;
 use wrapyfi_interfaces::wrapyfi_msgs::srv::ListRoutes_Response;
+use wrapyfi_ros2::Ros2;
 
 use super::WAIT_SLICE;
 use crate::cli::TopArgs;

@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use wrapyfi_core::endpoint::Role;
-use wrapyfi_core::engine::TO_BE_ACTIVATED;
-use wrapyfi_core::middleware::ros2::graph::ServiceMapping;
+use wrapyfi_endpoint::Role;
+use wrapyfi_engine::TO_BE_ACTIVATED;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::BridgeStatus;
+use wrapyfi_ros2::graph::ServiceMapping;
 
 use super::door::Answer;
 use super::state::Passed;
