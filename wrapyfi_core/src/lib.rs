@@ -149,6 +149,10 @@ pub mod node {
 
 /// The data model: values of Python, tensors, pictures, sound and messages of ROS.
 pub mod types {
+    #[cfg(feature = "candle")]
+    pub use wrapyfi_data::types::CandleError;
+    #[cfg(feature = "ndarray")]
+    pub use wrapyfi_data::types::as_tensor;
     #[doc(inline)]
     pub use wrapyfi_data::types::{
         AudioChunk, CompressedFormat, DataType, DateTime, Dtype, Element, Encoding, ForeignObject,
@@ -156,7 +160,7 @@ pub mod types {
         NumpyArray, Origin, ParameterType, ParameterValue, ParseDateTimeError, ParseTypeError,
         Payload, Picture, Pixels, PluginObject, Properties, PropertiesError, Quantity, RawPixels,
         RosMessage, RosService, RosType, RosTypeError, RosValueError, SampleFormat, ServiceKind,
-        ShapeError, Stamp, Table, Tagged, Tensor, TypedError, Value, Variable, as_tensor,
-        fields_of, fields_of_call, fields_of_return, from_value, nested_list, to_value, value_of,
+        ShapeError, Stamp, Table, Tagged, Tensor, TypedError, Value, Variable, fields_of,
+        fields_of_call, fields_of_return, from_value, nested_list, to_value, value_of,
     };
 }
