@@ -14,16 +14,18 @@
 //!                 types: Value, Tensor, Image, AudioChunk. No sockets, no clocks
 //! ```
 //!
-//! * [`types`]: the data model.
-//! * [`codec`]: Wrapyfi's JSON and frames, `.npy`, JPEG, CDR of the ROS messages.
+//! * [`types`]: the data model. [`codec`]: Wrapyfi's JSON, image files.
 //! * [`plugin`]: pandas, torch, Pillow, … and objects of your own.
-//! * [`endpoint`]: the traits every middleware implements, bounded queues, counters.
-//! * [`middleware`]: the transports.
-//! * [`network`]: names of machines, and who may reach our sockets.
+//! * [`endpoint`]: the traits every middleware implements, queues, counters, quality of service.
+//! * [`middleware`]: the transports. [`network`]: names of machines, and who may reach our sockets.
 //! * `engine`, with the feature of that name: configuration, routes and the loop that moves messages.
 //! * [`communicator`]: registered methods, Wrapyfi's programming model.
 //! * [`start`]: one builder for each middleware. `stream`, with the feature of that name: listeners as streams.
-//! * [`node`]: what makes a process a ROS 2 node: names, `--ros-args`.
+//! * `node`, with `ros1` or `ros2`: what makes a process a ROS 2 node: names, `--ros-args`.
+//!
+//! These modules have all that a program names. Types are defined in crates below this one, which are not for programs, and examples
+//! of types name those: `wrapyfi_data::types` is [`types`] here, `wrapyfi_endpoint` is [`endpoint`], `wrapyfi_zeromq` is
+//! `middleware::zeromq`. Definitions of ROS (`TypeStore`) are in `wrapyfi_interfaces`, a crate that programs use beside this one.
 //!
 //! The way of one image through these modules, and the threads: ARCHITECTURE.md in the repository.
 //!

@@ -25,7 +25,7 @@ use super::stamping::StampSource;
 use wrapyfi_endpoint::Overflow;
 
 /// Largest number of entries in `routes`. An entry of two bytes takes some thousand in memory.
-pub const MAX_ROUTES: usize = 10_000;
+pub(crate) const MAX_ROUTES: usize = 10_000;
 
 /// Keys of a route without which the others mean what they meant.
 const SETTINGS: [&str; 12] = [

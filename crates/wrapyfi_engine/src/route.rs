@@ -93,6 +93,13 @@ pub enum Kind {
 /// Types of a route's messages.
 ///
 /// See [`Kind`].
+///
+/// ```
+/// use wrapyfi_data::types::MessageType;
+/// use wrapyfi_engine::Types;
+/// let pictures = Types { from: MessageType::Image, to: MessageType::CompressedImage };
+/// assert_ne!(pictures.from, Types::from(MessageType::CompressedImage).from);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Types {
     /// Type at the source.
@@ -119,6 +126,20 @@ pub enum Typing {
 }
 
 /// Names that a pattern means.
+///
+/// ```
+/// use wrapyfi_data::types::MessageType;
+/// use wrapyfi_engine::{NamePattern, Names, Route};
+/// let mut route = Route::topic("ros2:/".parse()?, "zeromq:/".parse()?, MessageType::Image);
+/// route.names = Some(Names {
+///     pattern: NamePattern::new("/camera/.*")?,
+///     allow: vec![],
+///     deny: vec![NamePattern::new(".*/depth")?],
+///     default_deny: None,
+///     max_routes: 8,
+/// });
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Names {
     /// Pattern that names must match.
@@ -136,6 +157,14 @@ pub struct Names {
 }
 
 /// Settings of a route.
+///
+/// ```
+/// use wrapyfi_data::types::MessageType;
+/// use wrapyfi_engine::{Policy, Route};
+/// let mut route = Route::topic("yarp:/camera".parse()?, "ros2:/camera".parse()?, MessageType::Image);
+/// route.policy = Policy { max_rate_hz: Some(10.0), lazy: true, ..Policy::default() };
+/// # Ok::<(), wrapyfi_endpoint::ParseAddressError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Policy {
     /// Quality of service on middlewares that have one.

@@ -45,7 +45,7 @@ mod marks;
 mod master;
 mod names;
 mod node;
-#[doc(hidden)]
+#[cfg(feature = "fuzzing")]
 pub mod offline;
 mod parameters;
 mod peer_types;

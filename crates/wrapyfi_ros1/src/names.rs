@@ -58,6 +58,12 @@ pub struct NodeName {
 }
 
 /// Error of a name that breaks ROS 1's rules.
+///
+/// ```
+/// use wrapyfi_ros1::{NodeName, Ros1NameError};
+/// let Ros1NameError { name, .. } = NodeName::new("left-eye", "/").unwrap_err();
+/// assert_eq!(name, "left-eye");
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("ROS 1 name {name:?} is not valid: {reason}")]
 pub struct Ros1NameError {

@@ -45,6 +45,7 @@ impl Ros2 {
     /// returns the one to use: the node's remapping rules, or the name as it is. Its error is
     /// shown as the reason why the name is invalid.
     #[must_use]
+    #[doc(hidden)]
     pub fn new(
         graph: Arc<dyn Graph>,
         remap: impl Fn(&str) -> Result<String, String> + Send + Sync + 'static,
@@ -70,6 +71,7 @@ impl Ros2 {
 
     /// The graph underneath.
     #[must_use]
+    #[doc(hidden)]
     pub fn graph(&self) -> &Arc<dyn Graph> {
         &self.graph
     }

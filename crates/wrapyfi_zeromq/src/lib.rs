@@ -54,7 +54,7 @@ mod listener;
 mod mechanism;
 mod message;
 mod monitor;
-#[doc(hidden)]
+#[cfg(feature = "fuzzing")]
 pub mod offline;
 mod options;
 mod own_messages;

@@ -57,6 +57,13 @@ pub struct GatheredMessages(pub(super) Vec<Option<types::Payload>>);
 /// One end of a value, for status tables.
 ///
 /// See [`ValueStatus`].
+///
+/// ```
+/// use wrapyfi_core::communicator::{EndStatus, ValueStatus};
+/// fn heard(status: &ValueStatus) -> u64 {
+///     status.ends.iter().map(|EndStatus { counters, .. }| counters.received).sum()
+/// }
+/// ```
 #[derive(Debug, Clone)]
 pub struct EndStatus {
     /// Address of the endpoint.

@@ -24,9 +24,6 @@ pub mod ros2 {
         environment::{DiscoveryRange, DiscoverySettings},
         graph::{GraphError, Peers, ServiceMapping},
     };
-    // Opaque: handed on from `Ros2::graph`.
-    #[doc(hidden)]
-    pub use wrapyfi_ros2::graph::Graph;
 }
 
 /// YARP: ports of robots, and the name server that knows them.
