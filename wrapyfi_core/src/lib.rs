@@ -111,13 +111,13 @@ pub mod codec {
 pub mod endpoint {
     #[doc(inline)]
     pub use wrapyfi_endpoint::{
-        Call, CallError, Client, Clock, Context, Counters, CountersSnapshot, DiscoverError,
-        Discovered, Discovery, DropReason, Durability, EndpointAddress, History, IncomingRequest,
-        LatencySummary, Link, Listener, Liveliness, Middleware, NameFilter, OpenError, OpenResult,
-        Opened, Overflow, ParseAddressError, PublishError, Published, Publisher, Qos, QosEvent,
-        QosPreset, QueueSpec, Refusal, Refused, Registry, Reliability, Reply, Request, RequestId,
-        Role, RosNow, Sample, ServeError, ServeResult, Server, ServiceSpec, TakeError, Ticket,
-        TopicSpec, Traits, UnknownMiddleware, Wake,
+        Call, CallError, Client, Clock, Context, Conventions, Counters, CountersSnapshot,
+        DiscoverError, Discovered, Discovery, DropReason, Durability, EndpointAddress, History,
+        IncomingRequest, LatencySummary, Link, Listener, Liveliness, Middleware, NameFilter,
+        OpenError, OpenResult, Opened, Overflow, ParseAddressError, PublishError, Published,
+        Publisher, Qos, QosEvent, QosPreset, QueueSpec, Refusal, Refused, Registry, Reliability,
+        Reply, Request, RequestId, Role, RosNow, Sample, SampleOrigin, ServeError, ServeResult,
+        Server, ServiceSpec, TakeError, Ticket, TopicSpec, Traits, UnknownMiddleware, Wake,
     };
 }
 
@@ -138,7 +138,7 @@ pub mod network {
     pub use wrapyfi_endpoint::network::{Hosts, Insecure, Place, ReachedByOthers, VariableError};
 }
 
-/// What makes a process a ROS 2 node: names, `--ros-args`.
+/// Names of nodes, and `--ros-args`, which make a process a ROS 2 node.
 #[cfg(any(feature = "ros1", feature = "ros2"))]
 pub mod node {
     #[doc(inline)]

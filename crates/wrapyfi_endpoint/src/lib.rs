@@ -78,7 +78,7 @@ pub use learn::{LearnError, LearnResult, Learned};
 pub use learn::{service_of_name, topic_of_name};
 pub use link::Link;
 pub use mark::{BridgeMark, ParseMarkError};
-pub use origin::{Origin, SourceDurability};
+pub use origin::{SampleOrigin, SourceDurability};
 pub use peers::Peers;
 pub use qos::{Durability, History, Liveliness, Qos, QosPreset, Reliability};
 pub use qos_match::{MatchedQos, QosPolicy, QosWarning, listener_qos, mismatches, publisher_qos};
@@ -421,8 +421,7 @@ pub struct Sample {
     /// Instant at which the last byte arrived.
     pub received_at: Instant,
     /// Publisher that sent the message, where the listener can tell.
-    #[doc(hidden)]
-    pub origin: Option<Origin>,
+    pub origin: Option<SampleOrigin>,
 }
 
 impl Waits for Sample {

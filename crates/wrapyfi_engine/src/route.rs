@@ -150,7 +150,6 @@ pub struct Names {
     pub deny: Vec<NamePattern>,
     /// Conventions of the source by which hidden names and those that every program has are left out;
     /// `None` where none is.
-    #[doc(hidden)]
     pub default_deny: Option<Conventions>,
     /// Largest number of routes.
     pub max_routes: usize,

@@ -3,10 +3,9 @@
 use std::time::{Duration, Instant};
 
 use wrapyfi_data::types::{Map, MessageType, Payload};
-use wrapyfi_endpoint::Throttle;
 use wrapyfi_endpoint::{
     Context, DropReason, EndpointAddress, LearnError, Learned, Middleware, Overflow, Qos,
-    QueueSpec, TopicSpec,
+    QueueSpec, Throttle, TopicSpec,
 };
 
 use super::other_types::OtherTypes;

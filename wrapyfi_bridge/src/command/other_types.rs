@@ -4,8 +4,7 @@ use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
 use wrapyfi_data::types::MessageType;
-use wrapyfi_endpoint::codec::ros;
-use wrapyfi_endpoint::{Discovered, Discovery, Middleware};
+use wrapyfi_endpoint::{Discovered, Discovery, Middleware, codec::ros};
 
 /// Time between two looks at discovery while messages go on.
 const LOOK_EVERY: Duration = Duration::from_millis(500);

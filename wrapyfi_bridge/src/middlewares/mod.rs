@@ -39,8 +39,7 @@ use wrapyfi_endpoint::{DeferredMiddleware, EndpointAddress, Middleware, Registry
 use wrapyfi_engine::Plan;
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_node::parameters::ParameterStore;
-use wrapyfi_ros2::graph::Graph;
-use wrapyfi_ros2::{NodeEndpoints, NodeHandle};
+use wrapyfi_ros2::{NodeEndpoints, NodeHandle, graph::Graph};
 
 pub use self::available::{check_topic, is_ros, names, option_names};
 pub(crate) use self::available::{unknown, waits};

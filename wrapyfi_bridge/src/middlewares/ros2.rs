@@ -5,8 +5,7 @@ use wrapyfi_core::start::Ros2Settings;
 use wrapyfi_data::Limits;
 use wrapyfi_endpoint::Conventions;
 use wrapyfi_engine::{Available, Problem, Spanned};
-use wrapyfi_ros2::environment::MAX_DOMAIN_ID;
-use wrapyfi_ros2::{Adapter, Ros2};
+use wrapyfi_ros2::{Adapter, Ros2, environment::MAX_DOMAIN_ID};
 
 use super::start::start;
 use crate::exit::Failure;

@@ -1,8 +1,7 @@
 //! Descriptions of a type's registered methods, which `#[communicator]` writes as constants.
 
 use super::error::ActivateError;
-use wrapyfi_data::did_you_mean;
-use wrapyfi_data::types::DataType;
+use wrapyfi_data::{did_you_mean, types::DataType};
 
 /// A type with registered methods.
 ///

@@ -13,8 +13,7 @@ use std::time::{Duration, Instant};
 use bytes::Bytes;
 use wrapyfi_data::Limits;
 use wrapyfi_data::types::{RosMessage, ServiceKind, Value};
-use wrapyfi_endpoint::codec::json;
-use wrapyfi_endpoint::{EndpointAddress, Wake};
+use wrapyfi_endpoint::{EndpointAddress, Wake, codec::json};
 
 use super::{WAIT_SLICE, definitions, yaml};
 use crate::cli::ServiceName;
