@@ -79,7 +79,7 @@ pub struct Config<E> {
     /// Folders with definitions of ROS types that are installed nowhere: `package/msg/Type.msg` below.
     #[serde(default)]
     pub definitions: Vec<Spanned<String>>,
-    /// Routes and patterns: [`MAX_ROUTES`] entries at most.
+    /// Routes and patterns: 10 000 entries at most.
     #[serde(deserialize_with = "routes")]
     #[doc(hidden)]
     pub routes: Vec<Spanned<RouteConfig>>,
