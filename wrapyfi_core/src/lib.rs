@@ -80,10 +80,15 @@ pub use wrapyfi_data::{DecodeError, EncodeError, Limits, plugin};
 
 /// Bytes of values: Wrapyfi's JSON, and files of pictures.
 pub mod codec {
-    #[cfg(feature = "pictures")]
-    pub use wrapyfi_data::codec::image_file;
     #[doc(inline)]
     pub use wrapyfi_data::{DecodeResult, EncodeResult};
+
+    /// Image files, with the feature `pictures`.
+    #[cfg(feature = "pictures")]
+    pub mod image_file {
+        #[doc(inline)]
+        pub use wrapyfi_data::codec::image_file::{decode, encode};
+    }
 
     /// Native objects as the JSON that Wrapyfi writes, tags of arrays and plug-ins included.
     pub mod json {
