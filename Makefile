@@ -107,10 +107,14 @@ test-oldest: | target/COLCON_IGNORE
 
 # Public interfaces against the last release: what breaks them is a new version in Cargo.toml.
 LAST_RELEASE = $(shell git describe --tags --abbrev=0 2>/dev/null)
+# cargo-semver-checks does not follow what wrapyfi_core shows of the crates below: changes there are for the reviewer of its lists.
+# Until a release has a tag: the commit since which the public interface is compared.
+SEMVER_BASE := 03f132631ba96b99f066ddf618dacebe2afbb824
 test-semver: | target/COLCON_IGNORE
-	@if [ -z "$(LAST_RELEASE)" ]; then echo "SKIPPED test-semver: no release has a tag yet" >&2; \
-	elif cargo semver-checks --version >/dev/null 2>&1; then \
-		cargo semver-checks check-release --workspace --baseline-rev $(LAST_RELEASE); \
+	@if ! git cat-file -e "$(or $(LAST_RELEASE),$(SEMVER_BASE))^{commit}" 2>/dev/null; then \
+		echo "SKIPPED test-semver: this clone lacks the commit to compare with, $(or $(LAST_RELEASE),$(SEMVER_BASE))" >&2; \
+	elif cargo semver-checks --version >/dev/null 2>&1; then cargo semver-checks check-release --package wrapyfi_core \
+		--only-explicit-features --features full --baseline-rev $(or $(LAST_RELEASE),$(SEMVER_BASE)); \
 	else echo "SKIPPED test-semver: run cargo install --locked cargo-semver-checks" >&2; fi
 
 # Each feature alone, which no other build compiles: one must not need another.

@@ -17,10 +17,10 @@ use std::time::Duration;
 use anyhow::{Context as _, Result};
 use rustix::time::{ClockId, clock_gettime};
 use serde::{Deserialize, Serialize};
-use wrapyfi_core::endpoint::{Context, Listener, Middleware as _, Publisher, Registry, TopicSpec};
-use wrapyfi_core::engine::{Engine, Plan, Route};
-use wrapyfi_core::middleware::memory::Memory;
-use wrapyfi_core::types::Payload;
+use wrapyfi_data::types::Payload;
+use wrapyfi_endpoint::memory::Memory;
+use wrapyfi_endpoint::{Context, Listener, Middleware as _, Publisher, Registry, TopicSpec};
+use wrapyfi_engine::{Engine, Plan, Route};
 
 use crate::child::Child;
 use crate::clock;

@@ -13,13 +13,13 @@ use bytes::Bytes;
 use clap::ValueEnum;
 use memchr::memmem;
 use serde::{Deserialize, Serialize};
-use wrapyfi_core::Limits;
-use wrapyfi_core::codec::{self, frames, jpeg, ros};
-use wrapyfi_core::endpoint::TopicSpec;
-use wrapyfi_core::types::{
+use wrapyfi_data::Limits;
+use wrapyfi_data::types::{
     AudioChunk, CompressedFormat, Dtype, Encoding, Image, Map, MessageType, Payload, Pixels,
     RawPixels, SampleFormat, Stamp, Tensor, Value,
 };
+use wrapyfi_endpoint::TopicSpec;
+use wrapyfi_endpoint::codec::{self, frames, jpeg, ros};
 
 /// Numbers are counted from here: ten digits, and a plausible time.
 pub(crate) const BASE: u32 = 1_700_000_000;

@@ -1,8 +1,8 @@
 //! Targets of what nodes announce of themselves and of their endpoints.
 
 use bytes::Bytes;
-use wrapyfi_core::endpoint::BridgeMark;
-use wrapyfi_core::middleware::{ros1, ros2};
+use wrapyfi_endpoint::BridgeMark;
+use {wrapyfi_ros1 as ros1, wrapyfi_ros2 as ros2};
 
 use crate::{LIMITS, bounded};
 

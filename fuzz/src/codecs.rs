@@ -1,12 +1,14 @@
-//! Targets of `wrapyfi_core::codec`.
+//! Targets of `wrapyfi_endpoint::codec`.
 
 use bytes::Bytes;
-use wrapyfi_core::Limits;
-use wrapyfi_core::codec::npy::NpyArray;
-use wrapyfi_core::codec::{frames as zeromq, jpeg as jpeg_file, json as text, npy as file, ros};
-use wrapyfi_core::endpoint::TopicSpec;
-use wrapyfi_core::plugin::Plugins;
-use wrapyfi_core::types::{Encoding, MessageType, Properties, Stamp};
+use wrapyfi_data::Limits;
+use wrapyfi_data::plugin::Plugins;
+use wrapyfi_data::types::{Encoding, MessageType, Properties, Stamp};
+use wrapyfi_endpoint::TopicSpec;
+use wrapyfi_endpoint::codec::npy::NpyArray;
+use wrapyfi_endpoint::codec::{
+    frames as zeromq, jpeg as jpeg_file, json as text, npy as file, ros,
+};
 
 use crate::{LIMITS, bounded};
 

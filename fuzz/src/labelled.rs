@@ -3,9 +3,9 @@
 use std::io::Write as _;
 
 use bytes::Bytes;
-use wrapyfi_core::Limits;
-use wrapyfi_core::codec::{image_file, json as text};
-use wrapyfi_core::types::{CompressedFormat, Encoding, Pixels, Value};
+use wrapyfi_data::Limits;
+use wrapyfi_data::types::{CompressedFormat, Encoding, Pixels, Value};
+use wrapyfi_endpoint::codec::{image_file, json as text};
 
 use crate::tensors::base64;
 use crate::{LIMITS, bounded};

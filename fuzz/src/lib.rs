@@ -53,7 +53,7 @@ pub use yarp_payload::yarp_payload;
 pub use yarp_wire::yarp_connection;
 pub use zeromq::{zeromq_counts, zeromq_peer, zeromq_probe};
 
-use wrapyfi_core::Limits;
+use wrapyfi_data::Limits;
 
 /// Limits of the targets: small, so that what exceeds them is small, too.
 pub const LIMITS: Limits = Limits { message_bytes: 1 << 20, depth: 64 };

@@ -1,9 +1,9 @@
-//! Target of `wrapyfi_core::codec::pickle`.
+//! Target of `wrapyfi_endpoint::codec::pickle`.
 
 use std::collections::HashSet;
 
 use bytes::Bytes;
-use wrapyfi_core::codec::pickle::{self as codec, Allowed, Node, Pickle, View};
+use wrapyfi_endpoint::codec::pickle::{self as codec, Allowed, Node, Pickle, View};
 
 use crate::{LIMITS, bounded};
 

@@ -1,10 +1,10 @@
 //! The target of requests and replies on ZeroMQ.
 
 use bytes::Bytes;
-use wrapyfi_core::Limits;
-use wrapyfi_core::codec::requests::{self, mark};
-use wrapyfi_core::endpoint::ServiceSpec;
-use wrapyfi_core::types::{Encoding, ServiceKind, Stamp};
+use wrapyfi_data::Limits;
+use wrapyfi_data::types::{Encoding, ServiceKind, Stamp};
+use wrapyfi_endpoint::ServiceSpec;
+use wrapyfi_endpoint::codec::requests::{self, mark};
 
 use crate::{LIMITS, bounded};
 

@@ -3,10 +3,7 @@
 use std::collections::BTreeMap;
 
 use bytes::Bytes;
-use wrapyfi_core::node::parameters::{ParameterDescriptor, ParameterService, ParameterStore};
-use wrapyfi_core::node::type_description::TypeDescriptions;
-use wrapyfi_core::node::{NodeName, ParameterType, ParameterValue};
-use wrapyfi_core::types::Stamp;
+use wrapyfi_data::types::Stamp;
 use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::cdr::CdrParts;
 use wrapyfi_interfaces::rcl_interfaces::srv::{
@@ -15,6 +12,9 @@ use wrapyfi_interfaces::rcl_interfaces::srv::{
 };
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_interfaces::type_description_interfaces::srv::GetTypeDescription_Response;
+use wrapyfi_node::parameters::{ParameterDescriptor, ParameterService, ParameterStore};
+use wrapyfi_node::type_description::TypeDescriptions;
+use wrapyfi_node::{NodeName, ParameterType, ParameterValue};
 
 use crate::{LIMITS, bounded};
 

@@ -1,10 +1,10 @@
 //! Target of the plug-ins that read tables: pandas, PyArrow, dask.
 
 use bytes::Bytes;
-use wrapyfi_core::Limits;
-use wrapyfi_core::codec::json as text;
-use wrapyfi_core::plugin::Plugins;
-use wrapyfi_core::types::Value;
+use wrapyfi_data::Limits;
+use wrapyfi_data::plugin::Plugins;
+use wrapyfi_data::types::Value;
+use wrapyfi_endpoint::codec::json as text;
 
 use crate::tensors::base64;
 use crate::{LIMITS, bounded};

@@ -1,7 +1,7 @@
 //! Targets of what a ROS 1 node hears before any message: connection headers and XML-RPC.
 
-use wrapyfi_core::middleware::ros1::header::{Header, MAX_FIELDS};
-use wrapyfi_core::middleware::ros1::xmlrpc::{self, XmlRpcError};
+use wrapyfi_ros1::header::{Header, MAX_FIELDS};
+use wrapyfi_ros1::xmlrpc::{self, XmlRpcError};
 
 use crate::bounded;
 
@@ -15,7 +15,7 @@ pub fn tcpros_header(data: &[u8]) {
     let Some((size, body)) = data.split_first_chunk::<4>() else { return };
     // Whatever is announced, no more is read than there may be.
     if let Ok(size) = Header::declared_size(*size) {
-        assert!(size <= wrapyfi_core::middleware::ros1::header::MAX_HEADER_BYTES);
+        assert!(size <= wrapyfi_ros1::header::MAX_HEADER_BYTES);
     }
     if let Ok(header) = bounded(data.len(), FIELDS, || Header::decode(body)) {
         assert!(header.fields().count() <= MAX_FIELDS);

@@ -1,9 +1,9 @@
 //! Target of the plug-ins that read tensors of other libraries.
 
 use bytes::Bytes;
-use wrapyfi_core::Limits;
-use wrapyfi_core::codec::json as text;
-use wrapyfi_core::types::Value;
+use wrapyfi_data::Limits;
+use wrapyfi_data::types::Value;
+use wrapyfi_endpoint::codec::json as text;
 
 use crate::{LIMITS, bounded};
 

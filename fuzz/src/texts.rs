@@ -3,11 +3,11 @@
 use std::io;
 
 use serde::Deserialize;
-use wrapyfi_core::engine::{Available, Config, Plan};
-use wrapyfi_core::node::args::RosArgs;
-use wrapyfi_core::node::{NodeName, NodeOptions};
+use wrapyfi_engine::{Available, Config, Plan};
 use wrapyfi_interfaces::parser::{TypeName, parse_message};
 use wrapyfi_interfaces::store::TypeStore;
+use wrapyfi_node::args::RosArgs;
+use wrapyfi_node::{NodeName, NodeOptions};
 
 use crate::bounded;
 

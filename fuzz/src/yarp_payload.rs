@@ -3,14 +3,14 @@
 #![allow(clippy::indexing_slicing, reason = "every index is below the length")]
 
 use bytes::Bytes;
-use wrapyfi_core::codec::EncodeError;
-use wrapyfi_core::endpoint::{ServiceSpec, TopicSpec};
-use wrapyfi_core::middleware::yarp::options::{BottleFormat, YarpOptions};
-use wrapyfi_core::middleware::yarp::payload;
-use wrapyfi_core::types::{MessageType, RosType, ServiceKind, Stamp};
+use wrapyfi_data::types::{MessageType, RosType, ServiceKind, Stamp};
+use wrapyfi_endpoint::codec::EncodeError;
+use wrapyfi_endpoint::{ServiceSpec, TopicSpec};
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_yarp::Dialect;
 use wrapyfi_yarp::port::PortPayload;
+use wrapyfi_yarp_endpoint::options::{BottleFormat, YarpOptions};
+use wrapyfi_yarp_endpoint::payload;
 
 use crate::{LIMITS, bounded};
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use bytes::Bytes;
-use wrapyfi_core::middleware::zeromq::{Answer, offline};
+use wrapyfi_zeromq::{Answer, offline};
 
 use crate::bounded;
 

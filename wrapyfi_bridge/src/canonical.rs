@@ -17,8 +17,8 @@
 
 use std::fmt::Write as _;
 
-use wrapyfi_core::codec::json;
-use wrapyfi_core::types::Value;
+use wrapyfi_data::types::Value;
+use wrapyfi_endpoint::codec::json;
 
 use crate::describe::digest;
 
@@ -130,7 +130,7 @@ fn array(out: &mut String, dtype: &str, shape: &[usize], data: &[u8], owner: Opt
 #[cfg(test)]
 mod tests {
     use bytes::Bytes;
-    use wrapyfi_core::Limits;
+    use wrapyfi_data::Limits;
 
     use super::*;
 
@@ -145,7 +145,7 @@ mod tests {
     }
     #[test]
     fn a_tensor_says_whose_it_is_and_where() {
-        use wrapyfi_core::types::{Origin, Tensor};
+        use wrapyfi_data::types::{Origin, Tensor};
         let tensor = Tensor::from_elements(&[1], vec![0_u8]).unwrap();
         let plain = canonical(&tensor.clone().into());
         assert!(plain.starts_with(r#"{"@array":{"dtype":"|u1","sha256":"6e340b9c"#), "{plain}");

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand};
-use wrapyfi_core::endpoint::EndpointAddress;
-use wrapyfi_core::types::{MessageType, ServiceKind};
+use wrapyfi_data::types::{MessageType, ServiceKind};
+use wrapyfi_endpoint::EndpointAddress;
 
 use crate::middlewares::ServicePorts;
 use crate::options::EndpointOptions;
@@ -228,7 +228,7 @@ pub struct EchoArgs {
     /// Quality of service on ROS 2: default, sensor_data or latched. By default what the publishers
     /// offer.
     #[arg(long, value_name = "PRESET", value_parser = qos)]
-    pub qos: Option<wrapyfi_core::endpoint::QosPreset>,
+    pub qos: Option<wrapyfi_endpoint::QosPreset>,
 }
 
 /// Arguments of `wrapyfi pub`.
@@ -266,7 +266,7 @@ pub struct PubArgs {
     pub timeout: Option<Duration>,
     /// Quality of service on ROS 2: default, sensor_data or latched.
     #[arg(long, value_name = "PRESET", default_value = "default", value_parser = qos)]
-    pub qos: wrapyfi_core::endpoint::QosPreset,
+    pub qos: wrapyfi_endpoint::QosPreset,
 }
 
 /// Arguments of `wrapyfi call`.
@@ -504,8 +504,8 @@ fn rate(text: &str) -> Result<f64, String> {
     }
 }
 
-fn qos(text: &str) -> Result<wrapyfi_core::endpoint::QosPreset, String> {
-    use wrapyfi_core::endpoint::QosPreset;
+fn qos(text: &str) -> Result<wrapyfi_endpoint::QosPreset, String> {
+    use wrapyfi_endpoint::QosPreset;
     match text {
         "default" => Ok(QosPreset::Default),
         "sensor_data" => Ok(QosPreset::SensorData),

@@ -10,7 +10,7 @@
 
 use serde_json::{Value as Json, json};
 use sha2::{Digest, Sha256};
-use wrapyfi_core::types::{
+use wrapyfi_data::types::{
     AudioChunk, Image, Payload, Pixels, RawPixels, RosMessage, SampleFormat, Stamp, Value,
 };
 use wrapyfi_interfaces::dynamic::DynamicMessage;
@@ -180,7 +180,7 @@ pub fn summary(payload: &Payload) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wrapyfi_core::types::{Header, Map, MessageType, NativeObject, Value};
+    use wrapyfi_data::types::{Header, Map, MessageType, NativeObject, Value};
     use wrapyfi_interfaces::store::TypeStore;
 
     #[test]

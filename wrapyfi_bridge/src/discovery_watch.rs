@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use wrapyfi_core::endpoint::{DiscoverError, Discovered, Discovery};
+use wrapyfi_endpoint::{DiscoverError, Discovered, Discovery};
 
 /// Time without news after which a middleware that never says that it has told all is taken to have: nodes on
 /// DDS answer a new one at once, and tell of themselves in a few rounds.

@@ -7,8 +7,8 @@
 
 use std::collections::BTreeMap;
 
-use wrapyfi_core::endpoint::EndpointAddress;
-use wrapyfi_core::engine::{Config, Plan, Route, RouteConfig, Spanned};
+use wrapyfi_endpoint::EndpointAddress;
+use wrapyfi_engine::{Config, Plan, Route, RouteConfig, Spanned};
 
 use crate::exit::Failure;
 use crate::files::in_no_file;

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use serde_saphyr::Location;
-use wrapyfi_core::engine::{MAX_CONFIG_BYTES, Spanned};
+use wrapyfi_engine::{MAX_CONFIG_BYTES, Spanned};
 
 /// Raises the limit of open files to what the system allows this user.
 ///

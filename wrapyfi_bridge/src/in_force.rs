@@ -5,12 +5,12 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-use wrapyfi_core::endpoint::Mutex;
-use wrapyfi_core::engine::{Applier, Kind, Plan, Route, RouteIndex};
-use wrapyfi_core::middleware::ros1;
-use wrapyfi_core::node::parameters::ParameterStore;
-use wrapyfi_core::types::MessageType;
+use wrapyfi_data::types::MessageType;
+use wrapyfi_endpoint::Mutex;
+use wrapyfi_engine::{Applier, Kind, Plan, Route, RouteIndex};
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
+use wrapyfi_node::parameters::ParameterStore;
+use wrapyfi_ros1 as ros1;
 
 use crate::exit::Failure;
 use crate::files::in_no_file;

@@ -14,13 +14,13 @@ use std::path::Path;
 
 use anyhow::{Context as _, anyhow, bail, ensure};
 use bytes::Bytes;
-use wrapyfi_core::Limits;
-use wrapyfi_core::codec::{self, npy::NpyArray};
-use wrapyfi_core::endpoint::TopicSpec;
-use wrapyfi_core::types::{
+use wrapyfi_data::Limits;
+use wrapyfi_data::types::{
     AudioChunk, CompressedFormat, DataType, Encoding, Image, MessageType, Payload, Pixels,
     Properties, RawPixels, RosMessage, SampleFormat, Stamp, Value,
 };
+use wrapyfi_endpoint::TopicSpec;
+use wrapyfi_endpoint::codec::{self, npy::NpyArray};
 
 /// The payload that `text`, JSON in Wrapyfi's dialect, describes.
 ///

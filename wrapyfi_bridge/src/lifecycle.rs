@@ -13,7 +13,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
 
-use wrapyfi_core::endpoint::Wake;
+use wrapyfi_endpoint::Wake;
 use wrapyfi_interfaces::named;
 
 named! {

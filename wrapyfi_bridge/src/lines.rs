@@ -6,7 +6,7 @@ use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Condvar};
 use std::time::Duration;
 
-use wrapyfi_core::endpoint::Mutex;
+use wrapyfi_endpoint::Mutex;
 
 /// A place to write lines to, without waiting.
 #[derive(Debug)]

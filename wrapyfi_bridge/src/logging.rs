@@ -20,11 +20,9 @@ use tracing_subscriber::filter::LevelFilter;
 use tracing_subscriber::layer::{Context, Layer, SubscriberExt as _};
 use tracing_subscriber::util::SubscriberInitExt as _;
 use tracing_subscriber::{EnvFilter, reload};
-use wrapyfi_core::middleware::ros2::NodeHandle;
-use wrapyfi_core::middleware::yarp::LogPort;
-use wrapyfi_core::node::args::LogLevels;
-use wrapyfi_core::node::logger_services::Loggers;
-use wrapyfi_core::node::{LogLevel, LogLine};
+use wrapyfi_node::{LogLevel, LogLine, args::LogLevels, logger_services::Loggers};
+use wrapyfi_ros2::NodeHandle;
+use wrapyfi_yarp_endpoint::LogPort;
 
 use crate::lines::Lines;
 

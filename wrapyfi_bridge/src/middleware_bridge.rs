@@ -6,8 +6,8 @@
 
 use std::fmt::Write as _;
 
-use wrapyfi_core::endpoint::pattern::{NamePattern, bare};
-use wrapyfi_core::node::NodeName;
+use wrapyfi_endpoint::pattern::{NamePattern, bare};
+use wrapyfi_node::NodeName;
 
 /// The time of a simulator. Its name is the same for every node, wherever that is.
 const CLOCK: &str =
@@ -175,7 +175,7 @@ fn quoted(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use wrapyfi_core::engine::{Kind, Route};
+    use wrapyfi_engine::{Kind, Route};
 
     use super::*;
     use crate::middlewares::{Loaded, load_text};

@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use wrapyfi_core::endpoint::EndpointAddress;
-use wrapyfi_core::node::args::RosArgs;
-use wrapyfi_core::node::parameters::{DeclareError, ParameterStore};
-use wrapyfi_core::node::{NameError, NodeName, ParameterValue};
+use wrapyfi_endpoint::EndpointAddress;
+use wrapyfi_node::args::RosArgs;
+use wrapyfi_node::parameters::{DeclareError, ParameterStore};
+use wrapyfi_node::{NameError, NodeName, ParameterValue};
 
 /// Name of the bridge's node unless it is remapped.
 pub(crate) const DEFAULT_NAME: &str = "wrapyfi_bridge";

@@ -15,9 +15,9 @@ use std::time::Duration;
 use anyhow::Context as _;
 use clap::{CommandFactory as _, FromArgMatches as _};
 use tracing_subscriber::filter::LevelFilter;
-use wrapyfi_core::node::args::RosArgs;
-use wrapyfi_core::node::parameters::{ParameterDescriptor, ParameterStore};
-use wrapyfi_core::node::{NodeOptions, ParameterType, ParameterValue, read_params_file};
+use wrapyfi_node::args::RosArgs;
+use wrapyfi_node::parameters::{ParameterDescriptor, ParameterStore};
+use wrapyfi_node::{NodeOptions, ParameterType, ParameterValue, read_params_file};
 
 use crate::cli::{BridgeArgs, NodeCli};
 use crate::command::bridge;
@@ -268,7 +268,7 @@ impl Parameters {
 mod tests {
     use std::path::PathBuf;
 
-    use wrapyfi_core::node::NodeName;
+    use wrapyfi_node::NodeName;
 
     use super::*;
 

@@ -4,10 +4,10 @@ use std::str::FromStr;
 
 use bytes::Bytes;
 use clap::Args;
-use wrapyfi_core::Limits;
-use wrapyfi_core::codec::json;
-use wrapyfi_core::engine::known_option;
-use wrapyfi_core::types::{Map, Value};
+use wrapyfi_data::Limits;
+use wrapyfi_data::types::{Map, Value};
+use wrapyfi_endpoint::codec::json;
+use wrapyfi_engine::known_option;
 
 use crate::exit::Failure;
 use crate::middlewares::option_names;

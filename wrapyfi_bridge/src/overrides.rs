@@ -6,11 +6,9 @@
 //!     └───── what they change ─────────────────────────────────┘
 //! ```
 
-use wrapyfi_core::engine::{Kind, Plan, QosConfig, QosOverride, Route};
-use wrapyfi_core::node::parameters::{
-    EndpointRole, ParameterStore, QosOverrideError, QosOverrides,
-};
-use wrapyfi_core::types::MessageType;
+use wrapyfi_data::types::MessageType;
+use wrapyfi_engine::{Kind, Plan, QosConfig, QosOverride, Route};
+use wrapyfi_node::parameters::{EndpointRole, ParameterStore, QosOverrideError, QosOverrides};
 
 use crate::node::Node;
 
@@ -80,8 +78,8 @@ mod tests {
     use std::time::Duration;
 
     use super::*;
-    use wrapyfi_core::endpoint::{Durability, PinnedQos, QosPreset, Reliability, TopicSpec};
-    use wrapyfi_core::node::ParameterValue;
+    use wrapyfi_endpoint::{Durability, PinnedQos, QosPreset, Reliability, TopicSpec};
+    use wrapyfi_node::ParameterValue;
 
     fn route(from: &str, to: &str, qos: QosConfig) -> Route {
         let address = |text: &str| text.parse().unwrap();

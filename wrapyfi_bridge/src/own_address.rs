@@ -3,7 +3,7 @@
 use std::net::IpAddr;
 
 use clap::Args;
-use wrapyfi_core::middleware::{ros1, yarp};
+use {wrapyfi_ros1 as ros1, wrapyfi_yarp_endpoint as yarp};
 
 use crate::exit::Failure;
 

@@ -25,16 +25,16 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use signal_hook::consts::SIGHUP;
 use signal_hook::iterator::{Handle, Signals};
-use wrapyfi_core::endpoint::{Context, WAITING};
-use wrapyfi_core::engine::{Plan, PlanDiff, RouteConfig, Spanned};
-use wrapyfi_core::middleware::ros2::NodeHandle;
-use wrapyfi_core::node::parameters::ParameterStore;
-use wrapyfi_core::types::{Map, Payload, Value};
+use wrapyfi_data::types::{Map, Payload, Value};
+use wrapyfi_endpoint::{Context, WAITING};
+use wrapyfi_engine::{Plan, PlanDiff, RouteConfig, Spanned};
 use wrapyfi_interfaces::std_srvs::srv::Trigger_Response;
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_interfaces::wrapyfi_msgs::srv::{AddRoute_Response, RemoveRoute_Response};
+use wrapyfi_node::parameters::ParameterStore;
 use wrapyfi_retry::contained;
 use wrapyfi_retry::thread::restarted;
+use wrapyfi_ros2::NodeHandle;
 
 use self::watched_file::WatchedFile;
 use crate::edits::Edits;
@@ -481,8 +481,8 @@ fn answer(service: Asked, offered: &mut Offered, reload: &mut Reload, known: &mu
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wrapyfi_core::node::NodeName;
-    use wrapyfi_core::node::parameters::ParameterDescriptor;
+    use wrapyfi_node::NodeName;
+    use wrapyfi_node::parameters::ParameterDescriptor;
 
     #[test]
     fn a_node_gets_the_parameters_that_it_has_not() {

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
-use wrapyfi_core::Limits;
+use wrapyfi_data::Limits;
 
 use crate::exit::Failure;
 use crate::logging;

@@ -13,9 +13,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
-use wrapyfi_core::endpoint::EndpointAddress;
-use wrapyfi_core::engine::{Kind, Plan, Route};
-use wrapyfi_core::types::MessageType;
+use wrapyfi_data::types::MessageType;
+use wrapyfi_endpoint::EndpointAddress;
+use wrapyfi_engine::{Kind, Plan, Route};
 
 use crate::node::Node;
 
@@ -94,7 +94,7 @@ fn name(node: &Node, route: &Route, end: &EndpointAddress) -> String {
 #[allow(clippy::unwrap_used, reason = "in a test a panic is the right answer")]
 mod tests {
     use super::*;
-    use wrapyfi_core::types::ServiceKind;
+    use wrapyfi_data::types::ServiceKind;
 
     #[test]
     fn names_are_allowed_as_routes_use_them() {

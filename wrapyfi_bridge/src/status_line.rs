@@ -1,7 +1,7 @@
 //! Status of routes for programs, a line each time.
 
 use serde::Serialize;
-use wrapyfi_core::engine::RouteStatus;
+use wrapyfi_engine::RouteStatus;
 
 /// Routes as one JSON object, `{"routes": [...]}`, on a line; with `"panics"` where this process had some.
 #[must_use]
@@ -21,8 +21,8 @@ pub fn json_line(routes: &[RouteStatus], panics: u64) -> Vec<u8> {
 
 #[cfg(test)]
 mod tests {
-    use wrapyfi_core::endpoint::{Qos, QosPreset};
-    use wrapyfi_core::engine::{Rate, RouteState};
+    use wrapyfi_endpoint::{Qos, QosPreset};
+    use wrapyfi_engine::{Rate, RouteState};
 
     use super::*;
 

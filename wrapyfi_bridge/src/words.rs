@@ -14,12 +14,12 @@
 
 use std::fmt::Write as _;
 
-use wrapyfi_core::Limits;
-use wrapyfi_core::codec::convert;
-use wrapyfi_core::types::{
+use wrapyfi_data::Limits;
+use wrapyfi_data::types::{
     Dtype, Element, Encoding, Labelled, LabelledContent, MessageType, Picture, Pixels, Tensor,
     Value, Variable,
 };
+use wrapyfi_endpoint::codec::convert;
 
 use crate::canonical::canonical;
 
@@ -259,8 +259,8 @@ fn variable(out: &mut String, variable: &Variable) {
 mod tests {
     use std::sync::Arc;
 
-    use wrapyfi_core::codec::{image_file, json};
-    use wrapyfi_core::types::{CompressedFormat, Image, Map, Quantity, RawPixels, Stamp};
+    use wrapyfi_data::types::{CompressedFormat, Image, Map, Quantity, RawPixels, Stamp};
+    use wrapyfi_endpoint::codec::{image_file, json};
 
     use super::*;
 
@@ -293,7 +293,7 @@ mod tests {
         let tensor = Tensor::from_elements(&[2, 3], vec![0_f32, 1.0, 2.0, 3.0, 4.0, 5.5]).unwrap();
         let text = "array float32 (2, 3): [[0, 1, 2], [3, 4, 5.5]]";
         assert_eq!(words(&tensor.clone().into()), text);
-        let origin = Arc::new(wrapyfi_core::types::Origin::new("PytorchTensor"));
+        let origin = Arc::new(wrapyfi_data::types::Origin::new("PytorchTensor"));
         let tensor = tensor.with_device("cuda:0").with_origin(origin);
         assert!(words(&tensor.into()).starts_with("PytorchTensor float32 (2, 3) on cuda:0: [[0"));
         let large = Tensor::from_elements(&[100], vec![7_u8; 100]).unwrap();

@@ -14,16 +14,18 @@
 //!                 types: Value, Tensor, Image, AudioChunk. No sockets, no clocks
 //! ```
 //!
-//! * [`types`]: the data model.
-//! * [`codec`]: Wrapyfi's JSON and frames, `.npy`, JPEG, CDR of the ROS messages.
+//! * [`types`]: the data model. [`codec`]: Wrapyfi's JSON, image files.
 //! * [`plugin`]: pandas, torch, Pillow, … and objects of your own.
-//! * [`endpoint`]: the traits every middleware implements, bounded queues, counters.
-//! * [`middleware`]: the transports.
-//! * [`network`]: names of machines, and who may reach our sockets.
+//! * [`endpoint`]: the traits every middleware implements, queues, counters, quality of service.
+//! * [`middleware`]: the transports. [`network`]: names of machines, and who may reach our sockets.
 //! * `engine`, with the feature of that name: configuration, routes and the loop that moves messages.
 //! * [`communicator`]: registered methods, Wrapyfi's programming model.
 //! * [`start`]: one builder for each middleware. `stream`, with the feature of that name: listeners as streams.
-//! * [`node`]: what makes a process a ROS 2 node: names, `--ros-args`.
+//! * `node`, with `ros1` or `ros2`: what makes a process a ROS 2 node: names, `--ros-args`.
+//!
+//! These modules have all that a program names. Types are defined in crates below this one, which are not for programs, and examples
+//! of types name those: `wrapyfi_data::types` is [`types`] here, `wrapyfi_endpoint` is [`endpoint`], `wrapyfi_zeromq` is
+//! `middleware::zeromq`. Definitions of ROS (`TypeStore`) are in `wrapyfi_interfaces`, a crate that programs use beside this one.
 //!
 //! The way of one image through these modules, and the threads: ARCHITECTURE.md in the repository.
 //!
@@ -74,10 +76,93 @@ pub use start::yarp;
 #[cfg(feature = "zeromq")]
 pub use start::zeromq;
 
-pub use codec::{DecodeError, EncodeError};
-pub use wrapyfi_data::{Limits, plugin, types};
-pub use wrapyfi_endpoint::{self as endpoint, Throttle, codec, network};
+pub use wrapyfi_data::{DecodeError, EncodeError, Limits, plugin};
+
+/// Bytes of values: Wrapyfi's JSON, and files of pictures.
+pub mod codec {
+    #[doc(inline)]
+    pub use wrapyfi_data::{DecodeResult, EncodeResult};
+
+    /// Image files, with the feature `pictures`.
+    #[cfg(feature = "pictures")]
+    pub mod image_file {
+        #[doc(inline)]
+        pub use wrapyfi_data::codec::image_file::{decode, encode};
+    }
+
+    /// Native objects as the JSON that Wrapyfi writes, tags of arrays and plug-ins included.
+    pub mod json {
+        #[doc(inline)]
+        pub use wrapyfi_data::codec::json::{
+            decode, decode_or_text, decode_with, decode_with_tensors, encode, encode_with,
+            encode_with_tensors,
+        };
+    }
+
+    /// JPEG files, with the feature `jpeg`; without it they are refused by name.
+    pub mod jpeg {
+        #[doc(inline)]
+        pub use wrapyfi_data::codec::jpeg::{WRAPYFI_QUALITY, decode, encode};
+    }
+}
+
+/// Traits that every middleware implements, and what they take and return: topics, services, queues, counters, quality
+/// of service.
+pub mod endpoint {
+    #[doc(inline)]
+    pub use wrapyfi_endpoint::{
+        Call, CallError, Client, Clock, Context, Conventions, Counters, CountersSnapshot,
+        DiscoverError, Discovered, Discovery, DropReason, Durability, EndpointAddress, History,
+        IncomingRequest, LatencySummary, Link, Listener, Liveliness, Middleware, NameFilter,
+        OpenError, OpenResult, Opened, Overflow, ParseAddressError, PublishError, Published,
+        Publisher, Qos, QosEvent, QosPreset, QueueSpec, Refusal, Refused, Registry, Reliability,
+        Reply, Request, RequestId, Role, RosNow, Sample, SampleOrigin, ServeError, ServeResult,
+        Server, ServiceSpec, TakeError, Ticket, TopicSpec, Traits, UnknownMiddleware, Wake,
+    };
+}
+
+/// Routes: those that are wanted, the engine that runs them, and their state.
 #[cfg(feature = "engine")]
-pub use wrapyfi_engine as engine;
+pub mod engine {
+    #[doc(inline)]
+    pub use wrapyfi_engine::{
+        Applier, Available, Config, ConfigError, Driver, Engine, Kind, NamePattern, Names, Plan,
+        PlanDiff, Policy, Problem, QosConfig, Rate, Route, RouteState, RouteStatus, Running,
+        StampSource, Types,
+    };
+}
+
+/// Names of machines, and who may reach our sockets.
+pub mod network {
+    #[doc(inline)]
+    pub use wrapyfi_endpoint::network::{Hosts, Insecure, Place, ReachedByOthers, VariableError};
+}
+
+/// Names of nodes, and `--ros-args`, which make a process a ROS 2 node.
 #[cfg(any(feature = "ros1", feature = "ros2"))]
-pub use wrapyfi_node as node;
+pub mod node {
+    #[doc(inline)]
+    pub use wrapyfi_node::{
+        NameError, NodeName,
+        args::{RosArgs, RosArgsError, RosArgsWarning},
+        read_params_file,
+    };
+}
+
+/// The data model: values of Python, tensors, pictures, sound and messages of ROS.
+pub mod types {
+    #[cfg(feature = "candle")]
+    pub use wrapyfi_data::types::CandleError;
+    #[cfg(feature = "ndarray")]
+    pub use wrapyfi_data::types::as_tensor;
+    #[doc(inline)]
+    pub use wrapyfi_data::types::{
+        AudioChunk, CompressedFormat, DataType, DateTime, Dtype, Element, Encoding, ForeignObject,
+        Image, Labelled, LabelledContent, MAX_DEPTH, MAX_ROS_TYPES, Map, MessageType, NativeObject,
+        NumpyArray, Origin, ParameterType, ParameterValue, ParseDateTimeError, ParseTypeError,
+        Payload, Picture, Pixels, PluginObject, Properties, PropertiesError, Quantity, RawPixels,
+        RosMessage, RosService, RosType, RosTypeError, RosValueError, SampleFormat, ServiceKind,
+        ShapeError, Stamp, Table, Tagged, Tensor, TypedError, Value, Variable, fields_of,
+        fields_of_call, fields_of_return, from_value, nested_list, to_value, value_of,
+    };
+}

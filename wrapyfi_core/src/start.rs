@@ -8,13 +8,13 @@
 //! ```
 
 use crate::communicator::OptionError;
-use crate::endpoint::Middleware;
+use wrapyfi_endpoint::Middleware;
 #[cfg(feature = "ros1")]
-use crate::middleware::ros1::{Ros1, Ros1Config, Ros1Error};
+use wrapyfi_ros1::{Ros1, Ros1Config, Ros1Error};
 #[cfg(feature = "yarp")]
-use crate::middleware::yarp::{Yarp, YarpConfig, YarpError};
+use wrapyfi_yarp_endpoint::{Yarp, YarpConfig, YarpError};
 #[cfg(feature = "zeromq")]
-use crate::middleware::zeromq::{ZeroMq, ZeroMqConfig};
+use wrapyfi_zeromq::{ZeroMq, ZeroMqConfig};
 
 /// Settings of a middleware that is not started yet.
 ///
@@ -187,9 +187,9 @@ mod ros2 {
     use std::sync::Arc;
 
     use super::{Builder, MiddlewareSettings, StartError, failed};
-    use crate::middleware::ros2::environment::{self, Environment};
-    use crate::middleware::ros2::{Adapter, CycloneConfig, JoinError, Ros2, join};
-    use crate::node::NodeName;
+    use wrapyfi_node::NodeName;
+    use wrapyfi_ros2::environment::{self, Environment};
+    use wrapyfi_ros2::{Adapter, CycloneConfig, JoinError, Ros2, join};
 
     /// Rule that gives a topic the name that it has for the node, or says what is wrong with it.
     type Remap = dyn Fn(&str) -> Result<String, String> + Send + Sync;
@@ -283,7 +283,7 @@ mod tests {
         let started = super::zeromq().with(|settings| {
             settings.ip = "127.0.0.1".to_owned();
             (settings.pub_port, settings.sub_port) = (0, 0);
-            settings.broker = crate::middleware::zeromq::BrokerMode::Embedded;
+            settings.broker = wrapyfi_zeromq::BrokerMode::Embedded;
         });
         assert_ne!(started.start().unwrap().pub_port(), 0);
     }

@@ -5,7 +5,7 @@
 use std::pin::Pin;
 use std::task::{Context as Task, Poll};
 
-use crate::endpoint::{Context, Listener, Sample, TakeError, Wake};
+use wrapyfi_endpoint::{Context, Listener, Sample, TakeError, Wake};
 
 /// The messages of a listener, without an end.
 ///
@@ -62,9 +62,9 @@ mod tests {
     use futures_core::Stream as _;
 
     use super::*;
-    use crate::endpoint::{Middleware, TopicSpec};
-    use crate::middleware::memory::Memory;
-    use crate::types::{MessageType, Value};
+    use wrapyfi_data::types::{MessageType, Value};
+    use wrapyfi_endpoint::memory::Memory;
+    use wrapyfi_endpoint::{Middleware, TopicSpec};
 
     struct Count(AtomicUsize);
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use crate::communicator_common as common;
 use wrapyfi_core::communicator::{CommunicatorContext, Mode, communicator};
-use wrapyfi_core::middleware::ros2::{CycloneGraph, Ros2};
+use wrapyfi_ros2::{CycloneGraph, Ros2};
 
 const MWARE: &str = "ros2";
 

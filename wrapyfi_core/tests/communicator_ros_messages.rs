@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use wrapyfi_core::communicator::{CommunicatorContext, MethodError, Mode, communicator};
-use wrapyfi_core::middleware::memory::Memory;
-use wrapyfi_core::types::{RosMessage, RosType, Value};
+use wrapyfi_data::types::{RosMessage, RosType, Value};
+use wrapyfi_endpoint::memory::Memory;
 use wrapyfi_interfaces::geometry_msgs::msg::{Twist, Vector3};
 use wrapyfi_interfaces::parser::{Dialect, TypeName};
 use wrapyfi_interfaces::store::TypeStore;

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use crate::communicator_common as common;
 use wrapyfi_core::communicator::{CommunicatorContext, MethodError, Mode, communicator};
-use wrapyfi_core::middleware::zeromq::{BrokerMode, ServiceBroker, ZeroMq, ZeroMqConfig};
+use wrapyfi_zeromq::{BrokerMode, ServiceBroker, ZeroMq, ZeroMqConfig};
 
 const MWARE: &str = "zeromq";
 
@@ -20,7 +20,7 @@ fn contexts() -> (CommunicatorContext, CommunicatorContext) {
     })
     .unwrap();
     let (rep_port, req_port) = (services.rep_port(), services.req_port());
-    let with_services = |mut config: wrapyfi_core::middleware::zeromq::ZeroMqConfig| {
+    let with_services = |mut config: wrapyfi_zeromq::ZeroMqConfig| {
         (config.rep_port, config.req_port) = (rep_port, req_port);
         config.service_broker = BrokerMode::Foreign;
         ZeroMq::start(&config).unwrap()

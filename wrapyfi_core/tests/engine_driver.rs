@@ -4,8 +4,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use crate::engine_common::{Faulty, drain, listener, number, plan, publisher, registry, until};
-use wrapyfi_core::endpoint::DropReason;
-use wrapyfi_core::engine::{Engine, Rate, RouteState, RouteStatus, Running};
+use wrapyfi_endpoint::DropReason;
+use wrapyfi_engine::{Engine, Rate, RouteState, RouteStatus, Running};
 use wrapyfi_interfaces::store::TypeStore;
 
 const MS: Duration = Duration::from_millis(1);

@@ -7,8 +7,8 @@ use std::time::Instant;
 
 use crate::engine_common::seeds::quiet_about_injected;
 use crate::engine_common::{Faulty, drain, listener, number, plan, publisher, registry, until};
-use wrapyfi_core::endpoint::{Clock, Registry};
-use wrapyfi_core::engine::{Engine, RouteState, RouteStatus, Running};
+use wrapyfi_endpoint::{Clock, Registry};
+use wrapyfi_engine::{Engine, RouteState, RouteStatus, Running};
 use wrapyfi_interfaces::store::TypeStore;
 
 /// A clock that panics on the threads of one name.

@@ -5,17 +5,15 @@ use std::sync::{Arc, Mutex};
 use rustdds::rpc::SampleIdentity;
 use rustdds::{GUID, RTPSEntity, SequenceNumber, WriteOptions, WriteOptionsBuilder};
 
-use wrapyfi_core::middleware::ros2::environment::DiscoveryRange;
-use wrapyfi_core::middleware::ros2::graph::{Graph, GraphError, Peers, RequestId};
-use wrapyfi_core::middleware::ros2::{
-    CycloneGraph, RustServices, RustServicesError, ServiceEndpoints,
-};
+use wrapyfi_ros2::environment::DiscoveryRange;
+use wrapyfi_ros2::graph::{Graph, GraphError, Peers, RequestId};
+use wrapyfi_ros2::{CycloneGraph, RustServices, RustServicesError, ServiceEndpoints};
 
 use crate::fast_common::{
     Add, Bare, Sum, add_two_ints, cdr, client, config, next, numbers, server, services, until,
 };
 use crate::ros2_common::bell;
-use wrapyfi_core::endpoint::Wake;
+use wrapyfi_endpoint::Wake;
 
 fn related(guid: GUID, number: i64) -> WriteOptions {
     let sequence_number = SequenceNumber::new(number);

@@ -6,7 +6,7 @@ use crate::ros2_common;
 use std::net::{Ipv4Addr, UdpSocket};
 use std::time::Instant;
 
-use wrapyfi_core::middleware::ros2::graph::{GraphError, Peers};
+use wrapyfi_ros2::graph::{GraphError, Peers};
 
 use crate::fast_common::{
     Add, END, Peer, Sum, add_two_ints, answer, cdr, client, numbers, server, services, until,

@@ -1,8 +1,8 @@
 //! Serialised messages and matching on CycloneDDS, between two nodes.
 
-use wrapyfi_core::endpoint::{History, Wake};
-use wrapyfi_core::middleware::ros2::CycloneGraph;
-use wrapyfi_core::middleware::ros2::graph::{Graph, wait_until};
+use wrapyfi_endpoint::{History, Wake};
+use wrapyfi_ros2::CycloneGraph;
+use wrapyfi_ros2::graph::{Graph, wait_until};
 
 use crate::ros2_common::{
     Ends, HASH, TIMEOUT, bell, bodies, connect, far, far_config, near, next, pattern, text, topic,

@@ -5,11 +5,11 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use serde_json::json;
-use wrapyfi_core::endpoint::{AnnouncedDurability, AnnouncedQos, History, Liveliness, Reliability};
-use wrapyfi_core::middleware::ros2::graph::Graph;
-use wrapyfi_core::middleware::ros2::{CycloneGraph, NodeEndpoints};
-use wrapyfi_core::node::LogLine;
-use wrapyfi_core::node::parameters::ParameterStore;
+use wrapyfi_endpoint::{AnnouncedDurability, AnnouncedQos, History, Liveliness, Reliability};
+use wrapyfi_node::LogLine;
+use wrapyfi_node::parameters::ParameterStore;
+use wrapyfi_ros2::graph::Graph;
+use wrapyfi_ros2::{CycloneGraph, NodeEndpoints};
 
 use crate::node_common::{Offering, boolean, ok, pair, until};
 use crate::ros2_common::near_config;

@@ -1,14 +1,14 @@
 //! Endpoints that every node has beside its topics, seen by another node over loopback.
 
 use serde_json::{Value, json};
-use wrapyfi_core::endpoint::{Context, Durability, History, Middleware, Qos, Reliability, Wake};
-use wrapyfi_core::middleware::ros2::graph::{
+use wrapyfi_data::types::{MessageType, RosMessage, Stamp};
+use wrapyfi_endpoint::{Context, Durability, History, Middleware, Qos, Reliability, Wake};
+use wrapyfi_interfaces::store::TypeStore;
+use wrapyfi_node::parameters::{Parameter, ParameterDescriptor};
+use wrapyfi_node::{LogLevel, LogLine};
+use wrapyfi_ros2::graph::{
     Graph, Peers, ServiceDescription, TopicDescription, WriterTraits, wait_until,
 };
-use wrapyfi_core::node::parameters::{Parameter, ParameterDescriptor};
-use wrapyfi_core::node::{LogLevel, LogLine};
-use wrapyfi_core::types::{MessageType, RosMessage, Stamp};
-use wrapyfi_interfaces::store::TypeStore;
 
 use crate::node_common::{
     Asking, LONG_AGO, MAX_BYTES, boolean, integer, next, ok, pair, refused, text, until,
@@ -265,8 +265,8 @@ fn what_is_no_request_is_refused_and_the_next_one_answered() {
 
 #[cfg(feature = "fastdds-services")]
 mod fast {
-    use wrapyfi_core::middleware::ros2::CycloneConfig;
-    use wrapyfi_core::middleware::ros2::graph::{Graph, ServiceMapping};
+    use wrapyfi_ros2::CycloneConfig;
+    use wrapyfi_ros2::graph::{Graph, ServiceMapping};
 
     use super::use_parameters;
     use crate::node_common::{Asking, Offering, until};

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
 use serde_json::{Value, json};
-use wrapyfi_core::middleware::ros2::CycloneConfig;
+use wrapyfi_ros2::CycloneConfig;
 
 use crate::node_common::Offering;
 use crate::ros2_common::{domain, name};

@@ -4,10 +4,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Instant;
 
-use wrapyfi_core::endpoint::{QosPreset, Wake};
-use wrapyfi_core::middleware::ros2::environment::{self, DiscoveryRange};
-use wrapyfi_core::middleware::ros2::graph::{Graph, GraphError, wait_until};
-use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneError, CycloneGraph, DomainError};
+use wrapyfi_endpoint::{QosPreset, Wake};
+use wrapyfi_ros2::environment::{self, DiscoveryRange};
+use wrapyfi_ros2::graph::{Graph, GraphError, wait_until};
+use wrapyfi_ros2::{CycloneConfig, CycloneError, CycloneGraph, DomainError};
 
 use crate::ros2_common::{
     TAG, TIMEOUT, bell, connect, discovery, domain, far, name, near, near_config, next, pattern,

@@ -2,15 +2,13 @@
 
 use std::time::{Duration, Instant};
 
-use wrapyfi_core::endpoint::{
+use wrapyfi_data::types::{MessageType, ParameterValue, Payload, Properties};
+use wrapyfi_endpoint::{
     Context, DropReason, Listener, Middleware as _, PublishError, TopicSpec, Wake,
 };
-use wrapyfi_core::middleware::ros2::graph::wait_until;
-use wrapyfi_core::middleware::ros2::{
-    ParameterClient, ParameterClientError, RemoteParameters, ServiceOptions,
-};
-use wrapyfi_core::node::parameters::ParameterDescriptor;
-use wrapyfi_core::types::{MessageType, ParameterValue, Payload, Properties};
+use wrapyfi_node::parameters::ParameterDescriptor;
+use wrapyfi_ros2::graph::wait_until;
+use wrapyfi_ros2::{ParameterClient, ParameterClientError, RemoteParameters, ServiceOptions};
 
 use crate::node_common::{Asking, Offering, pair};
 use crate::ros2_common::{TIMEOUT, far_config, near_config};
@@ -91,7 +89,7 @@ fn parameters_are_read_and_set() {
     handle.parameters(|store| {
         store.declare(ParameterDescriptor::new("ids"), vec![1_i64]).unwrap();
         let waiting = ParameterDescriptor::new("waiting");
-        let kind = wrapyfi_core::types::ParameterType::Double;
+        let kind = wrapyfi_data::types::ParameterType::Double;
         store.declare(waiting.with_type(kind), ParameterValue::NotSet).unwrap();
         store.declare(ParameterDescriptor::new("loose").dynamic(), 1).unwrap();
     });
@@ -217,7 +215,7 @@ fn endpoints_carry_properties() {
     // Nobody wants them; then somebody does, and begins with all.
     assert!(wait_until(&heard.wake, TIMEOUT, || !listener.discard()));
     assert_eq!(take(listener.as_mut(), &heard).len(), ALL.len());
-    let wrong = publisher.publish(&wrapyfi_core::types::Value::Null.into()).unwrap_err();
+    let wrong = publisher.publish(&wrapyfi_data::types::Value::Null.into()).unwrap_err();
     assert_eq!(wrong.drop_reason(), DropReason::Unencodable);
 }
 
@@ -242,8 +240,8 @@ fn an_endpoint_waits_for_its_node() {
 
 #[cfg(feature = "fastdds-services")]
 mod fast_dds {
-    use wrapyfi_core::middleware::ros2::CycloneConfig;
-    use wrapyfi_core::middleware::ros2::graph::ServiceMapping;
+    use wrapyfi_ros2::CycloneConfig;
+    use wrapyfi_ros2::graph::ServiceMapping;
 
     use super::*;
     use crate::ros2_common::{domain, name};

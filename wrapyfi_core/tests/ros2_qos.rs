@@ -3,13 +3,13 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use wrapyfi_core::endpoint::{
+use wrapyfi_data::types::{MessageType, Payload, Value};
+use wrapyfi_endpoint::{
     AnnouncedQos, Context, DropReason, Durability, History, Listener, Liveliness, Middleware,
     Publisher, Qos, QosEvent, QosPreset, Reliability, TopicSpec,
 };
-use wrapyfi_core::middleware::ros2::Ros2;
-use wrapyfi_core::middleware::ros2::graph::wait_until;
-use wrapyfi_core::types::{MessageType, Payload, Value};
+use wrapyfi_ros2::Ros2;
+use wrapyfi_ros2::graph::wait_until;
 
 use crate::ros2_common::{TIMEOUT, far, near};
 

@@ -4,9 +4,9 @@
 
 use std::sync::Arc;
 
-use wrapyfi_core::endpoint::Wake;
-use wrapyfi_core::middleware::ros2::graph::{Graph, wait_until};
-use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneGraph, RmwGraph};
+use wrapyfi_endpoint::Wake;
+use wrapyfi_ros2::graph::{Graph, wait_until};
+use wrapyfi_ros2::{CycloneConfig, CycloneGraph, RmwGraph};
 
 use crate::ros2_common::{TIMEOUT, bell, bodies, domain, name, topic};
 

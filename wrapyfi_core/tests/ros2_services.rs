@@ -5,18 +5,18 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use wrapyfi_core::Limits;
-use wrapyfi_core::endpoint::{
+use wrapyfi_data::Limits;
+use wrapyfi_data::types::{Payload, RosMessage, RosService, RosType, ServiceKind};
+use wrapyfi_endpoint::{
     CallError, Client, Context, DropReason, IncomingRequest, Middleware, Qos, Request, ServeError,
     Server, ServiceSpec, Wake,
 };
-use wrapyfi_core::middleware::ros2::graph::{
-    CdrClient, Graph, Peers, ServiceDescription, TopicDescription, WriterTraits, wait_until,
-};
-use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneGraph, Ros2};
-use wrapyfi_core::types::{Payload, RosMessage, RosService, RosType, ServiceKind};
 use wrapyfi_interfaces::parser::{Dialect, TypeName};
 use wrapyfi_interfaces::store::TypeStore;
+use wrapyfi_ros2::graph::{
+    CdrClient, Graph, Peers, ServiceDescription, TopicDescription, WriterTraits, wait_until,
+};
+use wrapyfi_ros2::{CycloneConfig, CycloneGraph, Ros2};
 
 use crate::ros2_common::{TIMEOUT, bell, far_config, near_config};
 

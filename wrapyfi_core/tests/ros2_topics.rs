@@ -3,15 +3,15 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use wrapyfi_core::endpoint::{
+use wrapyfi_data::types::{
+    Encoding, Image, Map, MessageType, Payload, Pixels, RawPixels, Stamp, Value,
+};
+use wrapyfi_endpoint::{
     Context, DropReason, Link, Listener, Middleware, OpenError, Overflow, PublishError, Publisher,
     QosPreset, QueueSpec, Reliability, Sample, TakeError, TopicSpec,
 };
-use wrapyfi_core::middleware::ros2::graph::wait_until;
-use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneGraph, Ros2};
-use wrapyfi_core::types::{
-    Encoding, Image, Map, MessageType, Payload, Pixels, RawPixels, Stamp, Value,
-};
+use wrapyfi_ros2::graph::wait_until;
+use wrapyfi_ros2::{CycloneConfig, CycloneGraph, Ros2};
 
 use crate::ros2_common::{TIMEOUT, far_config, near_config};
 

@@ -7,8 +7,8 @@ use std::collections::BTreeMap;
 use std::io;
 
 use serde_json::{Value, json};
-use wrapyfi_core::node::args::{RosArgs, RosArgsErrorKind, RosArgsWarning};
-use wrapyfi_core::node::{NodeOptions, ParameterValue};
+use wrapyfi_node::args::{RosArgs, RosArgsErrorKind, RosArgsWarning};
+use wrapyfi_node::{NodeOptions, ParameterValue};
 
 const CASES: &str = include_str!("data/ros_args/ros_args_cases.json");
 

@@ -5,8 +5,8 @@ use std::io;
 use std::time::{Duration, Instant};
 
 use proptest::prelude::*;
-use wrapyfi_core::node::args::{MAX_ARGUMENTS, MAX_FILE_BYTES, RosArgs, RosArgsError};
-use wrapyfi_core::node::{NodeName, NodeOptions, ParameterValue};
+use wrapyfi_node::args::{MAX_ARGUMENTS, MAX_FILE_BYTES, RosArgs, RosArgsError};
+use wrapyfi_node::{NodeName, NodeOptions, ParameterValue};
 
 fn parse(argv: &[String], file: &[u8]) -> Result<RosArgs, RosArgsError> {
     RosArgs::parse(argv, |_| Ok(file.to_vec()))

@@ -22,9 +22,9 @@ use std::time::Duration;
 use crate::engine_common::bridges::{Bridge, Carries, NAMES};
 use crate::engine_common::seeds::{Dice, every_seed, quiet_about_injected};
 use crate::engine_common::{Faulty, Hand, History, drain, listener, number, publisher};
-use wrapyfi_core::endpoint::{DropReason, Listener, Publisher};
-use wrapyfi_core::engine::RouteState;
-use wrapyfi_core::middleware::memory::Memory;
+use wrapyfi_endpoint::memory::Memory;
+use wrapyfi_endpoint::{DropReason, Listener, Publisher};
+use wrapyfi_engine::RouteState;
 
 /// Turns in which things go wrong.
 const TURNS: usize = 120;

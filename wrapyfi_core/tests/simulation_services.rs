@@ -22,13 +22,13 @@ use std::time::{Duration, Instant};
 use crate::engine_common::bridges::{Bridge, Carries, NAMES};
 use crate::engine_common::seeds::{Dice, every_seed};
 use crate::engine_common::{Faulty, Hand, number, number_of};
-use wrapyfi_core::endpoint::{
+use wrapyfi_data::types::{ServiceKind, Value};
+use wrapyfi_endpoint::memory::{Carriage, Fate, Memory, Way};
+use wrapyfi_endpoint::{
     CallError, Client, Counters, DropReason, Middleware, Request, RequestId, ServeError, Server,
     ServiceSpec, Ticket,
 };
-use wrapyfi_core::engine::RouteState;
-use wrapyfi_core::middleware::memory::{Carriage, Fate, Memory, Way};
-use wrapyfi_core::types::{ServiceKind, Value};
+use wrapyfi_engine::RouteState;
 
 /// Turns in which things go wrong.
 const TURNS: usize = 60;

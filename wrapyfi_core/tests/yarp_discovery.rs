@@ -12,11 +12,10 @@ use std::time::{Duration, Instant};
 use serde::Deserialize;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::runtime::Runtime;
-use wrapyfi_core::endpoint::{Context, Middleware, Registry, TopicSpec};
-use wrapyfi_core::engine::{Available, Config, Engine, Plan};
-use wrapyfi_core::middleware::memory::Memory;
-use wrapyfi_core::middleware::yarp::{Yarp, YarpConfig};
-use wrapyfi_core::types::{self, MessageType};
+use wrapyfi_data::types::{self, MessageType};
+use wrapyfi_endpoint::memory::Memory;
+use wrapyfi_endpoint::{Context, Middleware, Registry, TopicSpec};
+use wrapyfi_engine::{Available, Config, Engine, Plan};
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 use wrapyfi_yarp::port::names::NameRequest;
@@ -27,6 +26,7 @@ use wrapyfi_yarp::port::{
 use wrapyfi_yarp::server::{NameServer, NameServerOptions};
 use wrapyfi_yarp::sig::{Sound, Vector};
 use wrapyfi_yarp::{Bottle, Dialect};
+use wrapyfi_yarp_endpoint::{Yarp, YarpConfig};
 
 const TIMEOUT: Duration = Duration::from_secs(60);
 

@@ -4,9 +4,9 @@
 
 use std::time::{Duration, Instant};
 
-use wrapyfi_core::endpoint::{Context, Link, Middleware, TopicSpec};
-use wrapyfi_core::middleware::yarp::{Yarp, YarpConfig};
-use wrapyfi_core::types::MessageType;
+use wrapyfi_data::types::MessageType;
+use wrapyfi_endpoint::{Context, Link, Middleware, TopicSpec};
+use wrapyfi_yarp_endpoint::{Yarp, YarpConfig};
 
 #[test]
 fn idle_ports_cost_nothing() {

@@ -8,12 +8,11 @@ use std::time::{Duration, Instant};
 
 use tokio::runtime::Runtime;
 use tokio::sync::mpsc;
-use wrapyfi_core::endpoint::{
+use wrapyfi_data::types::{Map, MessageType, Payload, RosMessage, ServiceKind, Tensor, Value};
+use wrapyfi_endpoint::{
     Context, DropReason, Link, Listener, Middleware, PublishError, Publisher, Request, Role,
     ServiceSpec, TopicSpec,
 };
-use wrapyfi_core::middleware::yarp::{Yarp, YarpConfig};
-use wrapyfi_core::types::{Map, MessageType, Payload, RosMessage, ServiceKind, Tensor, Value};
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_yarp::bottle::Vocab;
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
@@ -25,6 +24,7 @@ use wrapyfi_yarp::port::{
 use wrapyfi_yarp::server::{NameServer, NameServerOptions};
 use wrapyfi_yarp::sig::{Image, PixelCode, Stamp};
 use wrapyfi_yarp::{Bottle, Dialect, Limits, Value as Element};
+use wrapyfi_yarp_endpoint::{Yarp, YarpConfig};
 
 #[path = "yarp_calls.rs"]
 mod calls;

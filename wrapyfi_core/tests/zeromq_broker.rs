@@ -10,10 +10,8 @@ use std::time::Instant;
 use crate::zeromq_common::{
     Cable, MONITOR, any_ports, bound, is_free, peer, subscriber, wait_for_count, wait_until,
 };
-use wrapyfi_core::Limits;
-use wrapyfi_core::middleware::zeromq::{
-    Answer, Broker, BrokerError, ZeroMq, ZeroMqConfig, ZeroMqError,
-};
+use wrapyfi_data::Limits;
+use wrapyfi_zeromq::{Answer, Broker, BrokerError, ZeroMq, ZeroMqConfig, ZeroMqError};
 
 #[test]
 fn counts_reach_publishers_that_come_late() {

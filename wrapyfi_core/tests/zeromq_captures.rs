@@ -4,12 +4,12 @@
 use bytes::Bytes;
 use serde_json::{Value as Json, json};
 use sha2::{Digest, Sha256};
-use wrapyfi_core::codec::{convert, frames};
-use wrapyfi_core::endpoint::TopicSpec;
-use wrapyfi_core::types::{
+use wrapyfi_data::types::{
     CompressedFormat, Encoding, Image, MessageType, Payload, Pixels, SampleFormat, Stamp, Value,
 };
-use wrapyfi_core::{Limits, codec::json};
+use wrapyfi_data::{Limits, codec::json};
+use wrapyfi_endpoint::TopicSpec;
+use wrapyfi_endpoint::codec::{convert, frames};
 
 const RECEIVED: Stamp = Stamp { sec: 1, nanosec: 2 };
 
@@ -88,7 +88,7 @@ fn pixels(seq: usize, height: usize, width: usize, channels: usize) -> Vec<u8> {
     pixels
 }
 
-fn raw(payload: &Payload) -> &wrapyfi_core::types::RawPixels {
+fn raw(payload: &Payload) -> &wrapyfi_data::types::RawPixels {
     match payload {
         Payload::Image(Image { pixels: Pixels::Raw(raw), .. }) => raw,
         other => panic!("{other:?}"),

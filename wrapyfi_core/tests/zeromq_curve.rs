@@ -6,14 +6,14 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use crate::zeromq_common::{any_ports, foreign, peer, wait_until};
-use wrapyfi_core::endpoint::{
+use wrapyfi_data::types::{MessageType, Payload, ServiceKind, Value};
+use wrapyfi_endpoint::{
     Context, Listener, Middleware as _, PublishError, Publisher, Request, ServiceSpec, TopicSpec,
 };
-use wrapyfi_core::middleware::zeromq::{
+use wrapyfi_zeromq::{
     Broker, BrokerError, CurveClient, CurveConfig, CurveError, ServiceBroker, ZeroMq, ZeroMqConfig,
     ZeroMqError,
 };
-use wrapyfi_core::types::{MessageType, Payload, ServiceKind, Value};
 
 /// Two pairs of keys: those of libzmq's manual.
 const SERVER: (&str, &str) =

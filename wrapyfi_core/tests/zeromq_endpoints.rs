@@ -7,13 +7,13 @@ use crate::zeromq_common::{
     Cable, MONITOR, any_ports, bound, embedded, foreign, peer, subscriber, wait_for_count,
     wait_until,
 };
-use wrapyfi_core::Limits;
-use wrapyfi_core::endpoint::{
+use wrapyfi_data::Limits;
+use wrapyfi_data::types::{MessageType, Payload, Value};
+use wrapyfi_endpoint::{
     Context, DropReason, Link, Listener, Middleware, OpenError, Overflow, PublishError, Publisher,
     QueueSpec, Sample, TopicSpec,
 };
-use wrapyfi_core::middleware::zeromq::{Broker, ZeroMq, ZeroMqConfig, ZeroMqError};
-use wrapyfi_core::types::{MessageType, Payload, Value};
+use wrapyfi_zeromq::{Broker, ZeroMq, ZeroMqConfig, ZeroMqError};
 
 fn spec(topic: &str) -> TopicSpec {
     TopicSpec::new(topic, MessageType::NativeObject)

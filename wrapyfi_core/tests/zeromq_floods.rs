@@ -7,12 +7,12 @@ use std::time::{Duration, Instant};
 use crate::zeromq_common::{
     any_ports, bound, embedded, foreign, peer, raw_peer, send_without_end, subscriber, wait_until,
 };
-use wrapyfi_core::Limits;
-use wrapyfi_core::endpoint::{
+use wrapyfi_data::Limits;
+use wrapyfi_data::types::{MessageType, Payload, Value};
+use wrapyfi_endpoint::{
     Context, CountersSnapshot, DropReason, Middleware, PublishError, Publisher, TopicSpec, WAITING,
 };
-use wrapyfi_core::middleware::zeromq::{Broker, ZeroMq, ZeroMqConfig};
-use wrapyfi_core::types::{MessageType, Payload, Value};
+use wrapyfi_zeromq::{Broker, ZeroMq, ZeroMqConfig};
 
 const HWM: u16 = 4;
 

@@ -5,9 +5,9 @@ use std::path::Path;
 use bytes::Bytes;
 use serde_json::Value as Json;
 use sha2::{Digest, Sha256};
-use wrapyfi_core::codec::{jpeg, requests};
-use wrapyfi_core::endpoint::{Request, ServiceSpec};
-use wrapyfi_core::types::{Encoding, Map, Payload, Pixels, ServiceKind, Stamp, Value};
+use wrapyfi_data::types::{Encoding, Map, Payload, Pixels, ServiceKind, Stamp, Value};
+use wrapyfi_endpoint::codec::{jpeg, requests};
+use wrapyfi_endpoint::{Request, ServiceSpec};
 
 const NOW: Stamp = Stamp { sec: 7, nanosec: 5 };
 
@@ -102,7 +102,7 @@ fn native_objects() {
     }
 }
 
-fn raw(payload: &Payload) -> &wrapyfi_core::types::RawPixels {
+fn raw(payload: &Payload) -> &wrapyfi_data::types::RawPixels {
     match payload {
         Payload::Image(image) => match &image.pixels {
             Pixels::Raw(raw) => raw,
@@ -132,7 +132,7 @@ fn a_jpeg_stays_a_file_where_one_is_asked_for() {
         let Payload::Image(image) = payload else { panic!("{payload:?}") };
         let Pixels::Compressed { data, .. } = &image.pixels else { panic!("{image:?}") };
         assert_eq!(data, body);
-        let picture = jpeg::decode(data, &wrapyfi_core::Limits::default(), None).unwrap();
+        let picture = jpeg::decode(data, &wrapyfi_data::Limits::default(), None).unwrap();
         assert_eq!((picture.height, picture.width), (16, 24));
     }
 }

@@ -4,14 +4,12 @@
 use std::time::{Duration, Instant};
 
 use crate::zeromq_common::{raw_peer, send_without_end};
-use wrapyfi_core::codec::requests::mark::{Kind, Mark, SIZE};
-use wrapyfi_core::endpoint::{
+use wrapyfi_data::types::{Encoding, Image, Payload, RawPixels, ServiceKind, Stamp, Value};
+use wrapyfi_endpoint::codec::requests::mark::{Kind, Mark, SIZE};
+use wrapyfi_endpoint::{
     CallError, Client, Context, DropReason, Middleware, Request, Server, ServiceSpec,
 };
-use wrapyfi_core::middleware::zeromq::{
-    BrokerMode, ServiceBroker, ServiceBrokerStatus, ZeroMq, ZeroMqConfig,
-};
-use wrapyfi_core::types::{Encoding, Image, Payload, RawPixels, ServiceKind, Stamp, Value};
+use wrapyfi_zeromq::{BrokerMode, ServiceBroker, ServiceBrokerStatus, ZeroMq, ZeroMqConfig};
 
 /// Long enough for the slowest machine; reached only by failures.
 const TIMEOUT: Duration = Duration::from_secs(30);

@@ -18,12 +18,12 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, Result, bail, ensure};
 use clap::{Parser, ValueEnum};
 use serde_json::{Value, json};
-use wrapyfi_core::endpoint::{History, Qos, Reliability, Wake};
-use wrapyfi_core::middleware::ros2::graph::{
+use wrapyfi_endpoint::{History, Qos, Reliability, Wake};
+use wrapyfi_node::NodeName;
+use wrapyfi_ros2::graph::{
     Graph, GraphError, Notify, Peers, ServiceDescription, TopicDescription, wait_until,
 };
-use wrapyfi_core::middleware::ros2::{CycloneConfig, environment, join};
-use wrapyfi_core::node::NodeName;
+use wrapyfi_ros2::{CycloneConfig, environment, join};
 
 /// Longest time that the other end may take to come.
 const TIMEOUT: Duration = Duration::from_secs(60);

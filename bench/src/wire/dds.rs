@@ -4,13 +4,11 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Result;
-use wrapyfi_core::codec::ros;
-use wrapyfi_core::endpoint::{Qos, Wake};
-use wrapyfi_core::middleware::ros2::graph::{
-    CdrReader, CdrWriter, Graph, Notify, TopicDescription,
-};
-use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneGraph};
-use wrapyfi_core::node::NodeName;
+use wrapyfi_endpoint::codec::ros;
+use wrapyfi_endpoint::{Qos, Wake};
+use wrapyfi_node::NodeName;
+use wrapyfi_ros2::graph::{CdrReader, CdrWriter, Graph, Notify, TopicDescription};
+use wrapyfi_ros2::{CycloneConfig, CycloneGraph};
 
 use super::end::{Incoming, Outgoing, Place};
 use crate::clock;

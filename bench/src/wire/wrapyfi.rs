@@ -3,9 +3,9 @@
 use std::time::Duration;
 
 use anyhow::{Result, bail};
-use wrapyfi_core::endpoint::{Context, Listener, Middleware as _, PublishError, Publisher};
-use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMq, ZeroMqConfig};
-use wrapyfi_core::types::Payload;
+use wrapyfi_data::types::Payload;
+use wrapyfi_endpoint::{Context, Listener, Middleware as _, PublishError, Publisher};
+use wrapyfi_zeromq::{BrokerMode, ZeroMq, ZeroMqConfig};
 
 use super::end::{Incoming, Outgoing, Place};
 use crate::clock;

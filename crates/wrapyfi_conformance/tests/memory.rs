@@ -1,8 +1,8 @@
 //! The suite against topics inside one process.
 
 use wrapyfi_conformance::{Capabilities, Testbed, TypeCheck, WireEnd, conformance_tests};
-use wrapyfi_core::endpoint::Middleware;
-use wrapyfi_core::middleware::memory::Memory;
+use wrapyfi_endpoint::Middleware;
+use wrapyfi_endpoint::memory::Memory;
 
 /// One bus: there is no wire, so both sides are the same.
 struct Bus(Memory);

@@ -7,12 +7,12 @@ use std::time::{Duration, Instant};
 
 use crate::ros1_common::{Master, RawPublisher, framed, greet};
 use wrapyfi_conformance::{Capabilities, TIMEOUT, Testbed, WireEnd, conformance_tests};
-use wrapyfi_core::codec::ros1::Ros1Type;
-use wrapyfi_core::endpoint::{Middleware, ServiceSpec, TopicSpec};
-use wrapyfi_core::middleware::ros1::header::Header;
-use wrapyfi_core::middleware::ros1::xmlrpc::{Value, text};
-use wrapyfi_core::middleware::ros1::{Ros1, Ros1Config};
-use wrapyfi_core::types::{DataType, MessageType};
+use wrapyfi_data::types::{DataType, MessageType};
+use wrapyfi_endpoint::codec::ros1::Ros1Type;
+use wrapyfi_endpoint::{Middleware, ServiceSpec, TopicSpec};
+use wrapyfi_ros1::header::Header;
+use wrapyfi_ros1::xmlrpc::{Value, text};
+use wrapyfi_ros1::{Ros1, Ros1Config};
 
 struct Roscore {
     near: Option<Ros1>,

@@ -5,12 +5,12 @@ use std::net::TcpStream;
 
 use crate::ros1_common::{Master, RawPublisher, call, framed, greet, read_framed};
 use wrapyfi_conformance::{ServerEnd, Sink, Source, wait_until};
-use wrapyfi_core::Limits;
-use wrapyfi_core::endpoint::{DropReason, QosPreset, ServiceSpec, TopicSpec, WAITING, Wake};
-use wrapyfi_core::middleware::ros1::header::Header;
-use wrapyfi_core::middleware::ros1::xmlrpc::{Value, text};
-use wrapyfi_core::middleware::ros1::{Ros1, Ros1Config};
-use wrapyfi_core::types::{MessageType, Payload, ServiceKind, Value as Object};
+use wrapyfi_data::Limits;
+use wrapyfi_data::types::{MessageType, Payload, ServiceKind, Value as Object};
+use wrapyfi_endpoint::{DropReason, QosPreset, ServiceSpec, TopicSpec, WAITING, Wake};
+use wrapyfi_ros1::header::Header;
+use wrapyfi_ros1::xmlrpc::{Value, text};
+use wrapyfi_ros1::{Ros1, Ros1Config};
 
 const STRING: &str = "992ce8a1687cec8c8bd883ec73ca41d1";
 

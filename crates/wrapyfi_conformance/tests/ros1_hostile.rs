@@ -9,15 +9,15 @@ use std::time::{Duration, Instant};
 
 use crate::ros1_common::{Master, RawPublisher, framed, greet, read_framed};
 use wrapyfi_conformance::{ClientEnd, ServerEnd, Sink, Source, wait_until};
-use wrapyfi_core::endpoint::{
+use wrapyfi_data::types::{MessageType, Payload, RosType, ServiceKind, Value as Object};
+use wrapyfi_endpoint::{
     Discovered, LearnError, Learned, Middleware as _, Role, ServiceSpec, TopicSpec, Wake,
 };
-use wrapyfi_core::middleware::ros1::header::Header;
-use wrapyfi_core::middleware::ros1::xmlrpc::{Value, text};
-use wrapyfi_core::middleware::ros1::{Ros1, Ros1Config};
-use wrapyfi_core::types::{MessageType, Payload, RosType, ServiceKind, Value as Object};
 use wrapyfi_interfaces::parser::{Dialect, TypeName};
 use wrapyfi_interfaces::store::TypeStore;
+use wrapyfi_ros1::header::Header;
+use wrapyfi_ros1::xmlrpc::{Value, text};
+use wrapyfi_ros1::{Ros1, Ros1Config};
 
 fn node(master: &Master, name: &str) -> Ros1 {
     let config = Ros1Config {

@@ -10,13 +10,11 @@ use std::time::Duration;
 use wrapyfi_conformance::{
     Capabilities, Domain, Testbed, WireEnd, conformance_tests, reserve_domain,
 };
-use wrapyfi_core::codec::ros;
-use wrapyfi_core::endpoint::{Middleware, ServiceSpec, TopicSpec, Wake};
-use wrapyfi_core::middleware::ros2::graph::{
-    CdrClient, CdrWriter, Graph, TopicDescription, wait_until,
-};
-use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneGraph, Ros2};
-use wrapyfi_core::node::NodeName;
+use wrapyfi_endpoint::codec::ros;
+use wrapyfi_endpoint::{Middleware, ServiceSpec, TopicSpec, Wake};
+use wrapyfi_node::NodeName;
+use wrapyfi_ros2::graph::{CdrClient, CdrWriter, Graph, TopicDescription, wait_until};
+use wrapyfi_ros2::{CycloneConfig, CycloneGraph, Ros2};
 
 use crate::ros2_common::{foreign_client, send};
 

@@ -7,10 +7,10 @@ use std::sync::Arc;
 use wrapyfi_conformance::{
     Capabilities, Domain, Testbed, WireEnd, conformance_tests, reserve_domain,
 };
-use wrapyfi_core::endpoint::{Middleware, ServiceSpec};
-use wrapyfi_core::middleware::ros2::graph::{CdrClient, ServiceMapping};
-use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneGraph, Ros2};
-use wrapyfi_core::node::NodeName;
+use wrapyfi_endpoint::{Middleware, ServiceSpec};
+use wrapyfi_node::NodeName;
+use wrapyfi_ros2::graph::{CdrClient, ServiceMapping};
+use wrapyfi_ros2::{CycloneConfig, CycloneGraph, Ros2};
 
 use crate::ros2_common::{foreign_client, send};
 

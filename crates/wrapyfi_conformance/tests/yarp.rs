@@ -7,13 +7,13 @@ use std::time::Duration;
 
 use tokio::runtime::Runtime;
 use wrapyfi_conformance::{Capabilities, TIMEOUT, Testbed, TypeCheck, WireEnd, conformance_tests};
-use wrapyfi_core::endpoint::{Middleware, ServiceSpec, TopicSpec};
-use wrapyfi_core::middleware::yarp::{Yarp, YarpConfig};
+use wrapyfi_endpoint::{Middleware, ServiceSpec, TopicSpec};
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 use wrapyfi_yarp::port::{
     Message, Network, NetworkOptions, OutputOptions, OutputPort, PortOptions, PortPayload,
     RpcClient,
 };
+use wrapyfi_yarp_endpoint::{Yarp, YarpConfig};
 
 struct Named {
     // Ends while there still is a name server.

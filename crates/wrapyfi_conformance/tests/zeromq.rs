@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 
 use wrapyfi_conformance::{Capabilities, Testbed, TypeCheck, WireEnd, conformance_tests};
-use wrapyfi_core::endpoint::{Middleware, ServiceSpec, TopicSpec};
-use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMq, ZeroMqConfig};
-use wrapyfi_core::types::DataType;
+use wrapyfi_data::types::DataType;
+use wrapyfi_endpoint::{Middleware, ServiceSpec, TopicSpec};
+use wrapyfi_zeromq::{BrokerMode, ZeroMq, ZeroMqConfig};
 
 struct Brokered {
     // Endpoints and injectors end before the broker does.

@@ -17,6 +17,21 @@ use wrapyfi_data::types::Payload;
 /// Number of a call of one client.
 ///
 /// See [`Client::send`](crate::Client::send), which gives one to each call.
+///
+/// ```
+/// # use std::time::Duration;
+/// # use wrapyfi_data::types::{ServiceKind, Value};
+/// # use wrapyfi_endpoint::{Context, Middleware, Request, ServiceSpec, memory::Memory};
+/// # let (bus, context) = (Memory::new("memory"), Context::default());
+/// # let spec = ServiceSpec::new("/double", ServiceKind::NativeObject);
+/// # let mut server = bus.open_server(&spec, &context)?;
+/// # let mut client = bus.open_client(&spec, &context)?;
+/// let slow = client.send(&Request::new(["far".into()]), Duration::from_secs(5))?;
+/// let fast = client.send(&Request::new(["near".into()]), Duration::from_secs(5))?;
+/// assert!(slow < fast);
+/// client.cancel(slow);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Ticket(u64);
 

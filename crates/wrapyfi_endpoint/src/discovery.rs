@@ -94,15 +94,18 @@ pub struct Discovered {
     /// REP-2016 hash that the endpoint announces.
     pub type_hash: Option<String>,
     /// Quality of service that the endpoint announces.
+    #[doc(hidden)]
     pub qos: Option<AnnouncedQos>,
     /// Full name of the node that owns the endpoint.
     pub node: Option<String>,
     /// Number of endpoints that this entry stands for.
     pub count: u64,
     /// Messages that passed through the topic, where the transport counts them.
+    #[doc(hidden)]
     pub traffic: Option<Traffic>,
     /// Mark of the bridge that made the endpoint by pattern.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[doc(hidden)]
     pub mark: Option<BridgeMark>,
 }
 

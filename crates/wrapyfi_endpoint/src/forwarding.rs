@@ -8,7 +8,7 @@
 //!
 //! A middleware whose publishers keep nothing implements neither.
 
-use super::{Origin, Published, SourceDurability};
+use super::{Published, SampleOrigin, SourceDurability};
 use wrapyfi_data::types::Payload;
 
 /// The listener of a route whose publishers may keep their last message for listeners that come later (transient local,
@@ -53,7 +53,7 @@ pub trait ForwardingListener {
     /// first.
     fn discard_except_latched(&mut self) -> Option<u64>;
 
-    /// Number ([`Origin::publisher`]) of a publisher that kept its last message and has ended, was
+    /// Number ([`SampleOrigin::publisher`]) of a publisher that kept its last message and has ended, was
     /// killed, or is out of reach. Each is returned once, after its last message was taken; `None`
     /// when there is no further one.
     fn ended_publisher(&mut self) -> Option<u64>;
@@ -70,7 +70,7 @@ pub trait ForwardingPublisher {
     ///
     /// # Errors
     /// As [`Publisher::publish`](super::Publisher::publish).
-    fn forward(&mut self, payload: &Payload, origin: Option<Origin>) -> Published;
+    fn forward(&mut self, payload: &Payload, origin: Option<SampleOrigin>) -> Published;
 
     /// Drops the last message of an origin that has gone, so that later listeners do not get it.
     fn forget(&mut self, publisher: u64);

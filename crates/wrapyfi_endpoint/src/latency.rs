@@ -36,6 +36,12 @@ impl Default for Latency {
 /// Quantiles of a [`Latency`], in microseconds; zero when nothing was recorded.
 ///
 /// See [`Latency`].
+///
+/// ```
+/// use wrapyfi_endpoint::{Context, LatencySummary};
+/// let none_yet = Context::default().counters.snapshot().latency;
+/// assert_eq!(none_yet, LatencySummary { p50_us: 0, p99_us: 0 });
+/// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct LatencySummary {
     /// Median: half of the messages were faster.

@@ -78,7 +78,7 @@ pub use learn::{LearnError, LearnResult, Learned};
 pub use learn::{service_of_name, topic_of_name};
 pub use link::Link;
 pub use mark::{BridgeMark, ParseMarkError};
-pub use origin::{Origin, SourceDurability};
+pub use origin::{SampleOrigin, SourceDurability};
 pub use peers::Peers;
 pub use qos::{Durability, History, Liveliness, Qos, QosPreset, Reliability};
 pub use qos_match::{MatchedQos, QosPolicy, QosWarning, listener_qos, mismatches, publisher_qos};
@@ -194,6 +194,7 @@ pub trait Middleware: Send + Sync {
     ///
     /// # Errors
     /// When the type is not known, or not yet.
+    #[doc(hidden)]
     fn learn_topic(&self, found: &Discovered, types: &mut TypeStore) -> LearnResult<Learned> {
         topic_of_name(self.name(), found, types)
     }
@@ -208,6 +209,7 @@ pub trait Middleware: Send + Sync {
     ///
     /// # Errors
     /// As [`Middleware::learn_topic`].
+    #[doc(hidden)]
     fn learn_service(&self, found: &Discovered, types: &mut TypeStore) -> LearnResult<ServiceKind> {
         service_of_name(self.name(), found, types)
     }
@@ -299,6 +301,7 @@ pub trait Listener: Send {
     }
 
     /// The part of the listener that routes use, where its publishers may keep messages.
+    #[doc(hidden)]
     fn forwarding(&mut self) -> Option<&mut dyn ForwardingListener> {
         None
     }
@@ -309,6 +312,7 @@ pub trait Listener: Send {
     /// Looks at the announcements of the peers, and adapts to them where the listener was opened
     /// with [`TopicSpec::match_peers`]. Cheap while nothing changes. The owner calls it when the
     /// bell rings and when [`Review::next`] has come.
+    #[doc(hidden)]
     fn review(&mut self, _now: Instant) -> Review {
         Review::default()
     }
@@ -338,6 +342,7 @@ pub trait Publisher: Send {
     fn publish(&mut self, payload: &Payload) -> Published;
 
     /// The part of the publisher that routes use, where it can keep messages.
+    #[doc(hidden)]
     fn forwarding(&mut self) -> Option<&mut dyn ForwardingPublisher> {
         None
     }
@@ -348,6 +353,7 @@ pub trait Publisher: Send {
     fn link(&self) -> Link;
 
     /// As [`Listener::review`].
+    #[doc(hidden)]
     fn review(&mut self, _now: Instant) -> Review {
         Review::default()
     }
@@ -415,7 +421,7 @@ pub struct Sample {
     /// Instant at which the last byte arrived.
     pub received_at: Instant,
     /// Publisher that sent the message, where the listener can tell.
-    pub origin: Option<Origin>,
+    pub origin: Option<SampleOrigin>,
 }
 
 impl Waits for Sample {
@@ -448,6 +454,7 @@ pub struct TopicSpec {
     /// ([`Listener::review`]); `qos` is used while there are none, its history and lifespan always.
     pub match_peers: bool,
     /// Policies that hold in place of those of `qos` and the peers.
+    #[doc(hidden)]
     pub pinned: PinnedQos,
     /// Queue of a listener.
     pub queue: QueueSpec,
@@ -463,6 +470,7 @@ pub struct TopicSpec {
     pub options: Map,
     /// Mark of the bridge that makes the publisher by pattern; announced where the wire has room
     /// for it.
+    #[doc(hidden)]
     pub mark: Option<BridgeMark>,
     /// Middleware whose messages a listener passes over: those of publishers whose mark says that
     /// they came through it, where the listener can tell.

@@ -66,6 +66,7 @@ impl Memory {
     }
 
     /// Sets the rule that decides the fate of requests and replies on their way, for tests of the layers above.
+    #[doc(hidden)]
     pub fn carry_services(&self, carriage: Carriage) {
         self.bus.lock().carriage = carriage;
     }

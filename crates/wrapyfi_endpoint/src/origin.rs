@@ -1,14 +1,14 @@
 //! Publishers that messages come from, for destinations that keep the last message of each.
 //!
 //! ```text
-//!   /tf_static of three nodes ─▶ Listener ─ Origin 1, 2, 3 ─▶ Publisher keeps the last of each
+//!   /tf_static of three nodes ─▶ Listener ─ SampleOrigin 1, 2, 3 ─▶ Publisher keeps the last of each
 //!                                   └─ ended_publisher: 2 ──▶ forgets that of 2
 //! ```
 
 /// The publisher that a message comes from, as far as its listener can tell publishers apart.
 ///
 /// ```
-/// use wrapyfi_endpoint::{Origin, Sample};
+/// use wrapyfi_endpoint::{SampleOrigin, Sample};
 /// /// True where the message comes from a publisher that keeps it for later listeners.
 /// fn is_latched(sample: &Sample) -> bool {
 ///     sample.origin.is_some_and(|origin| origin.keeps > 0)
@@ -17,21 +17,21 @@
 /// # let mut sample = Sample { payload: wrapyfi_data::types::Value::Null.into(), wire_bytes: 4,
 /// #     received_at: Instant::now(), origin: None };
 /// assert!(!is_latched(&sample));
-/// sample.origin = Some(Origin { publisher: 1, keeps: Origin::UNTOLD });
+/// sample.origin = Some(SampleOrigin { publisher: 1, keeps: SampleOrigin::UNTOLD });
 /// assert!(is_latched(&sample));
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Origin {
+pub struct SampleOrigin {
     /// Number of the publisher for as long as its listener exists. Numbers of two listeners have
     /// nothing to do with each other.
     pub publisher: u64,
     /// Number of messages that the publisher keeps for later listeners: 1 where it latches in ROS
-    /// 1, its history where it is transient local in ROS 2, [`Origin::UNTOLD`] where it does not
+    /// 1, its history where it is transient local in ROS 2, [`SampleOrigin::UNTOLD`] where it does not
     /// announce that history, 0 where it keeps none.
     pub keeps: u32,
 }
 
-impl Origin {
+impl SampleOrigin {
     /// Value for a publisher that keeps messages and does not announce how many.
     pub const UNTOLD: u32 = u32::MAX;
 }

@@ -10,6 +10,12 @@ use super::discovery::{AnnouncedDurability, AnnouncedQos};
 /// Effort of delivery: reliable sends lost messages again.
 ///
 /// See [`Qos`].
+///
+/// ```
+/// use wrapyfi_endpoint::{Qos, Reliability};
+/// let camera = Qos { reliability: Reliability::BestEffort, ..Qos::default() };
+/// assert_eq!(camera.to_string(), "best_effort volatile keep_last(10)");
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 #[allow(missing_docs)]
@@ -21,6 +27,12 @@ pub enum Reliability {
 /// Treatment of a listener that comes late: transient local sends it the last messages.
 ///
 /// See [`Qos`].
+///
+/// ```
+/// use wrapyfi_endpoint::{Durability, Qos};
+/// let map = Qos { durability: Durability::TransientLocal, ..Qos::default() };
+/// assert_eq!(map.to_string(), "reliable transient_local keep_last(10)");
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 #[allow(missing_docs)]
@@ -48,6 +60,14 @@ pub enum History {
 /// Way in which a publisher asserts that it is alive.
 ///
 /// See [`Qos`].
+///
+/// ```
+/// use std::time::Duration;
+/// use wrapyfi_endpoint::{Liveliness, Qos};
+/// let lease = Some(Duration::from_secs(1));
+/// let motors = Qos { liveliness: Liveliness::ManualByTopic, lease, ..Qos::default() };
+/// assert_ne!(motors.liveliness, Qos::default().liveliness);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Liveliness {

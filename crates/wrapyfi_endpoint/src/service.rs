@@ -135,6 +135,22 @@ impl From<Call> for Request {
 /// The reply to a call.
 ///
 /// See [`Client`].
+///
+/// ```
+/// # use std::time::Duration;
+/// # use wrapyfi_data::types::{ServiceKind, Value};
+/// # use wrapyfi_endpoint::{Context, Middleware, Request, ServiceSpec, memory::Memory};
+/// # let (bus, context) = (Memory::new("memory"), Context::default());
+/// # let spec = ServiceSpec::new("/double", ServiceKind::NativeObject);
+/// # let mut server = bus.open_server(&spec, &context)?;
+/// # let mut client = bus.open_client(&spec, &context)?;
+/// let ticket = client.send(&Request::new([21.into()]), Duration::from_secs(5))?;
+/// # let asked = server.take()?.unwrap();
+/// server.reply(asked.id, Ok(Value::from(42).into()))?;
+/// let reply = client.take_only(ticket).unwrap()?;
+/// assert_eq!(reply.payload, Value::from(42).into());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reply {
     /// Value that the function returned.
@@ -148,12 +164,45 @@ pub struct Reply {
 /// Number of a request among those that one server has taken.
 ///
 /// See [`Server`].
+///
+/// ```
+/// # use std::time::Duration;
+/// # use wrapyfi_data::types::{ServiceKind, Value};
+/// # use wrapyfi_endpoint::{Context, Middleware, Request, ServiceSpec, memory::Memory};
+/// # let (bus, context) = (Memory::new("memory"), Context::default());
+/// # let spec = ServiceSpec::new("/double", ServiceKind::NativeObject);
+/// # let mut server = bus.open_server(&spec, &context)?;
+/// # let mut client = bus.open_client(&spec, &context)?;
+/// use wrapyfi_endpoint::RequestId;
+/// client.send(&Request::new([1.into()]), Duration::from_secs(5))?;
+/// client.send(&Request::new([2.into()]), Duration::from_secs(5))?;
+/// let waiting: [RequestId; 2] = [server.take()?.unwrap().id, server.take()?.unwrap().id];
+/// for id in waiting.into_iter().rev() {
+///     server.reply(id, Ok(Value::from(0).into()))?; // in any order
+/// }
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct RequestId(pub u64);
 
 /// A request as its server takes it.
 ///
 /// See [`Server`].
+///
+/// ```
+/// # use std::time::Duration;
+/// # use wrapyfi_data::types::{ServiceKind, Value};
+/// # use wrapyfi_endpoint::{Context, Middleware, Request, ServiceSpec, memory::Memory};
+/// # let (bus, context) = (Memory::new("memory"), Context::default());
+/// # let spec = ServiceSpec::new("/double", ServiceKind::NativeObject);
+/// # let mut server = bus.open_server(&spec, &context)?;
+/// # let mut client = bus.open_client(&spec, &context)?;
+/// client.send(&Request::new([21.into()]), Duration::from_secs(5))?;
+/// let asked = server.take()?.unwrap();
+/// let number = asked.request.call()?.args[0].as_i64().unwrap();
+/// server.reply(asked.id, Ok(Value::from(2 * number).into()))?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct IncomingRequest {
     /// Number by which [`Server::reply`] answers the request.
@@ -197,6 +246,7 @@ pub struct ServiceSpec {
     pub options: Map,
     /// Mark of the bridge that makes the server by pattern; announced where the wire has room for
     /// it.
+    #[doc(hidden)]
     pub mark: Option<BridgeMark>,
 }
 

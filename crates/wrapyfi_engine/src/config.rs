@@ -25,7 +25,7 @@ use super::stamping::StampSource;
 use wrapyfi_endpoint::Overflow;
 
 /// Largest number of entries in `routes`. An entry of two bytes takes some thousand in memory.
-pub const MAX_ROUTES: usize = 10_000;
+pub(crate) const MAX_ROUTES: usize = 10_000;
 
 /// Keys of a route without which the others mean what they meant.
 const SETTINGS: [&str; 12] = [
@@ -66,18 +66,22 @@ pub struct Config<E> {
     pub hosts: BTreeMap<String, Spanned<String>>,
     /// Values for routes that do not set their own.
     #[serde(default)]
+    #[doc(hidden)]
     pub defaults: Defaults,
     /// Limits on the whole process.
     #[serde(default)]
+    #[doc(hidden)]
     pub limits: ProcessLimits,
     /// The live page of the bridge.
     #[serde(default)]
+    #[doc(hidden)]
     pub page: PageConfig,
     /// Folders with definitions of ROS types that are installed nowhere: `package/msg/Type.msg` below.
     #[serde(default)]
     pub definitions: Vec<Spanned<String>>,
-    /// Routes and patterns: [`MAX_ROUTES`] entries at most.
+    /// Routes and patterns: 10 000 entries at most.
     #[serde(deserialize_with = "routes")]
+    #[doc(hidden)]
     pub routes: Vec<Spanned<RouteConfig>>,
 }
 
@@ -205,6 +209,7 @@ impl<E: DeserializeOwned + Default> Config<E> {
 
     /// Reads a configuration as far as it can be read: entries that are wrong are left out, with the whole route that
     /// they belong to unless they are settings of it. `endpoint_example` is an example of what to write for a key of the endpoints, for errors.
+    #[doc(hidden)]
     pub fn read(
         text: &str,
         endpoint_example: impl Fn(&str) -> Option<&'static str>,

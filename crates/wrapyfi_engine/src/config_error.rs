@@ -27,6 +27,14 @@ pub struct ConfigError {
 /// One fault.
 ///
 /// See [`ConfigError`].
+///
+/// ```
+/// use std::collections::BTreeMap;
+/// use wrapyfi_engine::{Config, Problem};
+/// let config = Config::<BTreeMap<String, String>>::from_yaml("routs: []", "bridge.yaml");
+/// let Problem { position, .. } = config.unwrap_err().problems.remove(0);
+/// assert_eq!(position, Some((1, 1))); // line and column
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Problem {
     /// Line and column, from 1; `None` for a fault of the whole file.

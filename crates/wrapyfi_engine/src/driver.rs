@@ -31,6 +31,22 @@ pub const TO_BE_ACTIVATED: &str = "the bridge to be activated";
 const LOOK_AGAIN: Duration = Duration::from_millis(5);
 
 /// The routes that run, with the reconciler and the pool.
+///
+/// ```
+/// # use std::{sync::Arc, time::Instant};
+/// # use wrapyfi_data::types::MessageType;
+/// # use wrapyfi_endpoint::{Registry, memory::Memory};
+/// # use wrapyfi_engine::{Engine, Plan, Route, RouteState};
+/// # let mut registry = Registry::new();
+/// # registry.register(Arc::new(Memory::new("memory")));
+/// # let route = Route::topic("memory:/in".parse()?, "memory:/out".parse()?, MessageType::Image);
+/// # let plan = Plan { routes: vec![route] };
+/// let running = Engine::new(plan, &registry).start()?;
+/// let driver = running.applier(); // for another thread
+/// driver.set_active(false);
+/// assert_eq!(driver.plan().routes.len(), 1);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Driver {
     /// Number of the bridge, in the marks of what it makes.
     number: u64,
@@ -264,6 +280,7 @@ impl Driver {
     /// Window on the messages of a route that carries a topic, by its name and its ends as its status has
     /// them.
     #[must_use]
+    #[doc(hidden)]
     pub fn tap(&self, name: &str, from: &str, to: &str) -> Option<Arc<Tap>> {
         self.members.lock().running.values().find_map(|member| member.tap_of([name, from, to]))
     }

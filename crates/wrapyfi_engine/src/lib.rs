@@ -79,7 +79,7 @@ mod work;
 pub use admission::may_be_read_as;
 pub use circle::Circle;
 pub use config::{
-    Config, Defaults, MAX_ROUTES, OverflowConfig, PageConfig, ProcessLimits, RouteConfig, Spanned,
+    Config, Defaults, OverflowConfig, PageConfig, ProcessLimits, RouteConfig, Spanned,
 };
 pub use config_devices::{DeviceWord, DevicesConfig};
 pub use config_error::{ConfigError, Examples, MAX_CONFIG_BYTES, Problem};
@@ -91,16 +91,13 @@ pub use left_out::LeftOut;
 pub use plan::Plan;
 pub use plan_address::Available;
 pub use plan_diff::PlanDiff;
-pub use plan_entry::MAX_PATTERN_ROUTES;
 pub use plan_options::known_option;
 pub use reconciler::{GONE_AFTER, LOOK_EVERY};
 pub use reconciler_status::OVER_LIMIT;
-pub use relay::Relay;
 pub use route::{Kind, Names, Policy, Route, RouteKey, Types, Typing};
 pub use route_index::RouteIndex;
 pub use route_status::{PatternCounts, Rate, RouteState, RouteStatus};
 pub use running::{Applier, Running};
-pub use service_relay::ServiceRelay;
 pub use stamping::StampSource;
 pub use tap::Tap;
 pub use unheard::UnheardRoutes;

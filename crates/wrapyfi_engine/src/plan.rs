@@ -89,6 +89,7 @@ impl Plan {
     /// Checks `config` against the middlewares that exist, and looks its types up in `types`. Beside the routes whose
     /// ends can be read are the faults, all of them: unknown middlewares and types, bad names and numbers, routes that
     /// are given twice, destinations with two routes without `merge: true`.
+    #[doc(hidden)]
     pub fn read<E>(
         config: &Config<E>,
         middlewares: &[Available<'_>],

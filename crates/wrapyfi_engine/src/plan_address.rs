@@ -11,6 +11,16 @@ use wrapyfi_endpoint::{Conventions, EndpointAddress, ParseAddressError};
 /// A middleware that routes may name.
 ///
 /// See [`Plan`](super::Plan).
+///
+/// ```
+/// use wrapyfi_engine::Available;
+/// let must_be_absolute = |topic: &str| match topic.starts_with('/') {
+///     true => Ok(()),
+///     false => Err("a name begins with /".to_owned()),
+/// };
+/// let mine = Available { name: "mine", check_topic: &must_be_absolute, ..Available::default() };
+/// assert!((mine.check_topic)("camera").is_err());
+/// ```
 #[derive(Clone, Copy)]
 pub struct Available<'a> {
     /// Name in addresses.

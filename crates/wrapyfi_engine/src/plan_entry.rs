@@ -19,7 +19,7 @@ use wrapyfi_endpoint::pattern::{NamePattern, is_pattern};
 use wrapyfi_endpoint::{Conventions, EndpointAddress, QueueSpec, ServiceSpec};
 
 /// Most routes that one pattern makes, unless `max_routes` says otherwise.
-pub const MAX_PATTERN_ROUTES: usize = 1000;
+pub(crate) const MAX_PATTERN_ROUTES: usize = 1000;
 /// Largest value of `max_routes`.
 const MOST_ROUTES: usize = 10_000;
 /// Longest time that a call may be given, in milliseconds: an hour.

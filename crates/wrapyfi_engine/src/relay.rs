@@ -36,7 +36,7 @@ const BATCH: usize = 16;
 const CALM_AFTER: Duration = Duration::from_secs(3);
 
 /// One route at work.
-pub struct Relay {
+pub(crate) struct Relay {
     spec: Route,
     context: Context,
     source: End<dyn Listener>,
@@ -126,13 +126,13 @@ impl Relay {
 
     /// Bell that rings when the route has work.
     #[must_use]
-    pub fn wake(&self) -> &Wake {
+    pub(crate) fn wake(&self) -> &Wake {
         &self.context.wake
     }
 
     /// Status of the route.
     #[must_use]
-    pub fn status(&self) -> RouteStatus {
+    pub(crate) fn status(&self) -> RouteStatus {
         let (spec, state) = (&self.spec, self.state.clone());
         RouteStatus {
             from_qos: self.source.qos,
@@ -143,7 +143,7 @@ impl Relay {
     }
 
     /// Brings the route one step on. Blocks only as long as a reliable destination does.
-    pub fn step(&mut self, now: Instant) -> Step {
+    pub(crate) fn step(&mut self, now: Instant) -> Step {
         self.reconcile(now);
         let review_at = self.review(now);
         let oversize = self.context.counters.dropped_so_far(DropReason::Oversize);

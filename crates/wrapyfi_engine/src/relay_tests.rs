@@ -7,8 +7,9 @@ use super::*;
 use wrapyfi_data::types::{Map, MessageType, Payload, Properties, Stamp, Tensor, Value};
 use wrapyfi_endpoint::memory::Memory;
 use wrapyfi_endpoint::{
-    ForwardingListener, ForwardingPublisher, Middleware, Mutex, OpenError, Opened, Origin,
-    Overflow, PublishError, Published, QosChange, QueueSpec, Review, SourceDurability, TopicSpec,
+    ForwardingListener, ForwardingPublisher, Middleware, Mutex, OpenError, Opened, Overflow,
+    PublishError, Published, QosChange, QueueSpec, Review, SampleOrigin, SourceDurability,
+    TopicSpec,
 };
 
 /// The bus as a route sees it, which opens nothing and takes nothing where it is told so.
@@ -505,7 +506,7 @@ impl Listener for Two {
             payload: number(0),
             wire_bytes: 0,
             received_at: Instant::now(),
-            origin: Some(Origin { publisher, keeps: 1 }),
+            origin: Some(SampleOrigin { publisher, keeps: 1 }),
         }))
     }
 
@@ -556,7 +557,7 @@ impl ForwardingPublisher for NotingPublisher {
     fn forward(
         &mut self,
         _: &Payload,
-        origin: Option<Origin>,
+        origin: Option<SampleOrigin>,
     ) -> Result<usize, wrapyfi_endpoint::PublishError> {
         self.note(format!("message of {}", origin.unwrap().publisher));
         Ok(0)

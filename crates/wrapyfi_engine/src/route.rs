@@ -63,11 +63,13 @@ pub struct Route {
     /// Messages or requests, and their types.
     pub kind: Kind,
     /// Origin of the types in `kind`.
+    #[doc(hidden)]
     pub typing: Typing,
     /// Settings of the route.
     pub policy: Policy,
     /// Mark that the destination announces, of a route that a pattern made. Its source then passes
     /// over messages that came through the destination's middleware before.
+    #[doc(hidden)]
     pub mark: Option<BridgeMark>,
 }
 
@@ -91,6 +93,13 @@ pub enum Kind {
 /// Types of a route's messages.
 ///
 /// See [`Kind`].
+///
+/// ```
+/// use wrapyfi_data::types::MessageType;
+/// use wrapyfi_engine::Types;
+/// let pictures = Types { from: MessageType::Image, to: MessageType::CompressedImage };
+/// assert_ne!(pictures.from, Types::from(MessageType::CompressedImage).from);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Types {
     /// Type at the source.
@@ -117,6 +126,20 @@ pub enum Typing {
 }
 
 /// Names that a pattern means.
+///
+/// ```
+/// use wrapyfi_data::types::MessageType;
+/// use wrapyfi_engine::{NamePattern, Names, Route};
+/// let mut route = Route::topic("ros2:/".parse()?, "zeromq:/".parse()?, MessageType::Image);
+/// route.names = Some(Names {
+///     pattern: NamePattern::new("/camera/.*")?,
+///     allow: vec![],
+///     deny: vec![NamePattern::new(".*/depth")?],
+///     default_deny: None,
+///     max_routes: 8,
+/// });
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Names {
     /// Pattern that names must match.
@@ -133,13 +156,23 @@ pub struct Names {
 }
 
 /// Settings of a route.
+///
+/// ```
+/// use wrapyfi_data::types::MessageType;
+/// use wrapyfi_engine::{Policy, Route};
+/// let mut route = Route::topic("yarp:/camera".parse()?, "ros2:/camera".parse()?, MessageType::Image);
+/// route.policy = Policy { max_rate_hz: Some(10.0), lazy: true, ..Policy::default() };
+/// # Ok::<(), wrapyfi_endpoint::ParseAddressError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Policy {
     /// Quality of service on middlewares that have one.
     pub qos: QosConfig,
     /// Changes to `qos` at the source, from the start of the program.
+    #[doc(hidden)]
     pub from_override: QosOverride,
     /// Changes to `qos` at the destination, from the start of the program.
+    #[doc(hidden)]
     pub to_override: QosOverride,
     /// Queue between source and conversion.
     pub queue: QueueSpec,
@@ -227,6 +260,7 @@ impl Route {
 
     /// Key of the route.
     #[must_use]
+    #[doc(hidden)]
     pub fn key(&self) -> RouteKey {
         RouteKey { role: self.role(), from: self.from.clone(), to: self.to.clone() }
     }

@@ -28,6 +28,7 @@ pub struct RouteIndex<'p> {
 impl Plan {
     /// Indexes the routes. `resolve` gives an address the name that it has on its middleware.
     #[must_use]
+    #[doc(hidden)]
     pub fn index(&self, resolve: impl Fn(&EndpointAddress) -> EndpointAddress) -> RouteIndex<'_> {
         let mut taking: BTreeMap<EndpointAddress, Vec<usize>> = BTreeMap::new();
         let mut all = Vec::with_capacity(self.routes.len());

@@ -77,6 +77,24 @@ impl fmt::Display for RouteState {
 /// Status of a route at one moment.
 ///
 /// See the example of the [crate](crate), which reads the counters of one.
+///
+/// ```
+/// # use std::{sync::Arc, time::Instant};
+/// # use wrapyfi_data::types::MessageType;
+/// # use wrapyfi_endpoint::{Registry, memory::Memory};
+/// # use wrapyfi_engine::{Engine, Plan, Route, RouteState};
+/// # let mut registry = Registry::new();
+/// # registry.register(Arc::new(Memory::new("memory")));
+/// # let route = Route::topic("memory:/in".parse()?, "memory:/out".parse()?, MessageType::Image);
+/// # let plan = Plan { routes: vec![route] };
+/// let mut engine = Engine::new(plan, &registry);
+/// engine.step(Instant::now());
+/// for route in engine.status() {
+///     println!("{} -> {}: {}", route.from, route.to, route.state.word());
+///     assert_eq!((route.has_source, route.counters.sent), (false, 0));
+/// }
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RouteStatus {
     /// Name from the configuration.
@@ -110,6 +128,7 @@ pub struct RouteStatus {
     pub panics: u64,
     /// Numbers of routes and names, of a pattern.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[doc(hidden)]
     pub pattern: Option<PatternCounts>,
 }
 
@@ -154,6 +173,21 @@ fn is_zero(number: &u64) -> bool {
 }
 
 /// Rate of a route over the last second, or up to two.
+///
+/// ```
+/// # use std::{sync::Arc, time::Instant};
+/// # use wrapyfi_data::types::MessageType;
+/// # use wrapyfi_endpoint::{Registry, memory::Memory};
+/// # use wrapyfi_engine::{Engine, Plan, Route, RouteState};
+/// # let mut registry = Registry::new();
+/// # registry.register(Arc::new(Memory::new("memory")));
+/// # let route = Route::topic("memory:/in".parse()?, "memory:/out".parse()?, MessageType::Image);
+/// # let plan = Plan { routes: vec![route] };
+/// let engine = Engine::new(plan, &registry);
+/// let rate = engine.status()[0].rate;
+/// assert_eq!((rate.messages_per_s, rate.bytes_per_s), (0.0, 0));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Rate {
     /// Number of messages a second, to a tenth.

@@ -24,6 +24,21 @@ const IDLE: Duration = Duration::from_secs(3600);
 /// Routes at work. Dropping it stops them.
 ///
 /// See [`Engine`](super::Engine).
+///
+/// ```
+/// # use std::{sync::Arc, time::Instant};
+/// # use wrapyfi_data::types::MessageType;
+/// # use wrapyfi_endpoint::{Registry, memory::Memory};
+/// # use wrapyfi_engine::{Engine, Plan, Route, RouteState};
+/// # let mut registry = Registry::new();
+/// # registry.register(Arc::new(Memory::new("memory")));
+/// # let route = Route::topic("memory:/in".parse()?, "memory:/out".parse()?, MessageType::Image);
+/// # let plan = Plan { routes: vec![route] };
+/// let running = Engine::new(plan, &registry).start()?;
+/// let counted = running.stop(); // every route, with its last numbers
+/// assert_eq!(counted[0].counters.sent, 0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Running {
     applier: Applier,
     stop: Arc<AtomicBool>,

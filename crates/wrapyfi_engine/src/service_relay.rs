@@ -30,7 +30,7 @@ use wrapyfi_endpoint::{
 const BATCH: usize = 16;
 
 /// One service route at work.
-pub struct ServiceRelay {
+pub(crate) struct ServiceRelay {
     spec: Route,
     /// Bell and counters of the offered service, which are the route's.
     front: Context,
@@ -85,13 +85,13 @@ impl ServiceRelay {
 
     /// Bell that rings when the route has work.
     #[must_use]
-    pub fn wake(&self) -> &Wake {
+    pub(crate) fn wake(&self) -> &Wake {
         &self.front.wake
     }
 
     /// Status of the route: received are requests, sent are replies.
     #[must_use]
-    pub fn status(&self) -> RouteStatus {
+    pub(crate) fn status(&self) -> RouteStatus {
         let (spec, state) = (&self.spec, self.state.clone());
         RouteStatus {
             counters: self.front.counters.snapshot(),
@@ -100,7 +100,7 @@ impl ServiceRelay {
     }
 
     /// Brings the route one step on.
-    pub fn step(&mut self, now: Instant) -> Step {
+    pub(crate) fn step(&mut self, now: Instant) -> Step {
         self.reconcile(now);
         for refused in self.back.counters.take_refused() {
             // The counters of the route are those of its other end.

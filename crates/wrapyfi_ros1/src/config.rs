@@ -10,7 +10,7 @@ use std::net::{IpAddr, SocketAddr};
 use hyper::Uri;
 use wrapyfi_interfaces::ros1::Rules;
 
-use super::names::{NameError, NodeName};
+use super::names::{NodeName, Ros1NameError};
 use wrapyfi_endpoint::network::{
     Hosts, Insecure, Place, ReachedByOthers, VariableError, Variables, facing, is_of_this_machine,
     unspecified, variable,
@@ -86,7 +86,7 @@ impl Default for Ros1Config {
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
-pub enum ConfigError {
+pub enum Ros1ConfigError {
     /// The master's address is none.
     #[error(
         "master_uri {uri:?} (ROS_MASTER_URI) is no address of a master: {reason}; write it as \
@@ -100,7 +100,7 @@ pub enum ConfigError {
     },
     /// A name breaks the rules.
     #[error(transparent)]
-    Name(#[from] NameError),
+    Name(#[from] Ros1NameError),
     /// A host name has no address now.
     #[error("{setting}: {reason}")]
     Host {
@@ -184,7 +184,7 @@ impl Ros1Config {
     ///
     /// # Errors
     /// When a variable has a value that means nothing; the error names it.
-    pub fn from_env() -> Result<Self, ConfigError> {
+    pub fn from_env() -> Result<Self, Ros1ConfigError> {
         Ok(Self::from_lookup(variable)?)
     }
 
@@ -210,18 +210,18 @@ impl Ros1Config {
     ///
     /// # Errors
     /// When `master_uri` is no address.
-    pub fn master(&self) -> Result<(String, u16), ConfigError> {
+    pub fn master(&self) -> Result<(String, u16), Ros1ConfigError> {
         self.master_at().map(|at| (at.host, at.port))
     }
 
-    fn master_at(&self) -> Result<NodeUri, ConfigError> {
+    fn master_at(&self) -> Result<NodeUri, Ros1ConfigError> {
         NodeUri::parse(&self.master_uri)
-            .map_err(|reason| ConfigError::MasterUri { uri: self.master_uri.clone(), reason })
+            .map_err(|reason| Ros1ConfigError::MasterUri { uri: self.master_uri.clone(), reason })
     }
 
     /// Checks everything that can be known before anything starts. May ask the system for the address
     /// of a host name.
-    pub(super) fn resolve(&self) -> Result<Resolved, ConfigError> {
+    pub(super) fn resolve(&self) -> Result<Resolved, Ros1ConfigError> {
         let master = self.master_at()?;
         let name = self.node.clone().unwrap_or_else(anonymous);
         let mut node = NodeName::new(&name, &self.namespace)?;
@@ -230,7 +230,7 @@ impl Ros1Config {
         }
         let resolved = |setting, host: &str| {
             let found = self.hosts.resolve(host);
-            found.map_err(|reason| ConfigError::Host { setting, reason })
+            found.map_err(|reason| Ros1ConfigError::Host { setting, reason })
         };
         let address = resolved("master_uri (ROS_MASTER_URI)", &master.host)?;
         let (advertised, own) = match &self.hostname {
@@ -242,7 +242,7 @@ impl Ros1Config {
             None => {
                 // No packet is sent for it.
                 let own = facing(SocketAddr::new(address, master.port));
-                let own = own.ok_or_else(|| ConfigError::Host {
+                let own = own.ok_or_else(|| Ros1ConfigError::Host {
                     setting: "master_uri (ROS_MASTER_URI)",
                     reason: format!("no way leads from this machine to {address}"),
                 })?;
@@ -317,7 +317,7 @@ mod tests {
     fn other_machines_are_let_in_only_by_word() {
         let open = from(&[("ROS_IP", "10.0.0.2")]).unwrap();
         let refused = open.resolve().unwrap_err();
-        assert!(matches!(refused, ConfigError::Open(_)), "{refused}");
+        assert!(matches!(refused, Ros1ConfigError::Open(_)), "{refused}");
         assert!(refused.to_string().contains("WRAPYFI_ROS_INSECURE=1"), "{refused}");
         let allowed = Ros1Config { insecure: true.into(), ..open }.resolve().unwrap();
         assert!(allowed.bind.is_unspecified(), "no address of this machine");
@@ -352,7 +352,7 @@ mod tests {
             assert!(error.contains("ROS_MASTER_URI") && error.contains(uri), "{error}");
         }
         let node = Ros1Config { node: Some("1x".to_owned()), ..Ros1Config::default() };
-        assert!(matches!(node.resolve(), Err(ConfigError::Name(_))));
+        assert!(matches!(node.resolve(), Err(Ros1ConfigError::Name(_))));
     }
 
     #[test]
@@ -360,7 +360,7 @@ mod tests {
         let master_uri = "http://no-such-host.invalid:11311".to_owned();
         let config = Ros1Config { master_uri, ..Ros1Config::default() };
         let error = config.resolve().unwrap_err();
-        assert!(matches!(error, ConfigError::Host { .. }), "{error}");
+        assert!(matches!(error, Ros1ConfigError::Host { .. }), "{error}");
         assert!(error.to_string().contains("no-such-host.invalid"), "{error}");
         let local = IpAddr::from(Ipv4Addr::LOCALHOST);
         let hosts = [("no-such-host.invalid".to_owned(), local)].into_iter().collect();

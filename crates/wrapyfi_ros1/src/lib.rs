@@ -45,7 +45,7 @@ mod marks;
 mod master;
 mod names;
 mod node;
-#[doc(hidden)]
+#[cfg(feature = "fuzzing")]
 pub mod offline;
 mod parameters;
 mod peer_types;
@@ -75,10 +75,10 @@ use wrapyfi_interfaces::parser::TypeName;
 use wrapyfi_interfaces::ros1::PairError;
 use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
 
-pub use config::{ConfigError, MASTER_PORT, NAME, Ros1Config};
+pub use config::{MASTER_PORT, NAME, Ros1Config, Ros1ConfigError};
 pub use listener_connections::REFUSES;
 pub use master::MasterError;
-pub use names::{NameError, NodeName, check_name};
+pub use names::{NodeName, Ros1NameError, check_name};
 pub use publication::OTHER_DEFINITION;
 
 use self::config::{NodeUri, Resolved};
@@ -159,7 +159,7 @@ pub struct Registered {
 pub enum Ros1Error {
     /// The settings cannot work.
     #[error(transparent)]
-    Config(#[from] ConfigError),
+    Config(#[from] Ros1ConfigError),
     /// The system gave no socket or no thread.
     #[error("ROS 1 could not start: {0}")]
     System(#[from] std::io::Error),
@@ -169,7 +169,7 @@ impl Ros1Error {
     /// True when no later try can succeed, because the settings are wrong.
     #[must_use]
     pub fn is_hopeless(&self) -> bool {
-        matches!(self, Self::Config(error) if !matches!(error, ConfigError::Host { .. }))
+        matches!(self, Self::Config(error) if !matches!(error, Ros1ConfigError::Host { .. }))
     }
 }
 
@@ -239,6 +239,7 @@ impl Ros1 {
     ///
     /// # Errors
     /// When the master does not answer.
+    #[doc(hidden)]
     pub fn registered(&self, name: &str) -> Result<Vec<Registered>, MasterError> {
         let master = &self.node.master;
         self.node.handle.block_on(async {
@@ -286,6 +287,7 @@ impl Ros1 {
     ///
     /// # Errors
     /// When nobody has it, or a definition is there and cannot be used.
+    #[doc(hidden)]
     pub fn type_named(&self, name: &TypeName) -> Result<ResolvedType, PairError> {
         self.node.types().ros2_type_named(name)
     }

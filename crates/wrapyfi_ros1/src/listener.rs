@@ -13,8 +13,8 @@ use super::listener_connections::{Arrival, ListenerConnections, Wanted};
 use super::node::Node;
 use wrapyfi_endpoint::codec::ros1::Ros1Type;
 use wrapyfi_endpoint::{
-    Context, DropReason, ForwardingListener, Latched, Link, Listener, OpenResult, Origin, Peers,
-    Receiver, Sample, SourceDurability, TakeError, TopicSpec, inbox,
+    Context, DropReason, ForwardingListener, Latched, Link, Listener, OpenResult, Peers, Receiver,
+    Sample, SampleOrigin, SourceDurability, TakeError, TopicSpec, inbox,
 };
 
 /// Receives one topic.
@@ -65,7 +65,7 @@ impl Listener for Ros1Listener {
         let Some(arrival) = self.next() else { return Ok(None) };
         let Arrival { message, received_at, plan, source, latched } = arrival;
         let payload = conversion::decode(&message, plan.as_ref(), &self.spec)?;
-        let origin = Some(Origin { publisher: source, keeps: u32::from(latched) });
+        let origin = Some(SampleOrigin { publisher: source, keeps: u32::from(latched) });
         Ok(Some(Sample { payload, wire_bytes: message.len() + 4, received_at, origin }))
     }
 

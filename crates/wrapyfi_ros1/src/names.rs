@@ -58,17 +58,23 @@ pub struct NodeName {
 }
 
 /// Error of a name that breaks ROS 1's rules.
+///
+/// ```
+/// use wrapyfi_ros1::{NodeName, Ros1NameError};
+/// let Ros1NameError { name, .. } = NodeName::new("left-eye", "/").unwrap_err();
+/// assert_eq!(name, "left-eye");
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("ROS 1 name {name:?} is not valid: {reason}")]
-pub struct NameError {
+pub struct Ros1NameError {
     /// The name.
     pub name: String,
     /// The rule it breaks.
     pub reason: String,
 }
 
-fn valid(name: &str) -> Result<(), NameError> {
-    check_name(name).map_err(|reason| NameError { name: name.to_owned(), reason })
+fn valid(name: &str) -> Result<(), Ros1NameError> {
+    check_name(name).map_err(|reason| Ros1NameError { name: name.to_owned(), reason })
 }
 
 impl NodeName {
@@ -76,7 +82,7 @@ impl NodeName {
     ///
     /// # Errors
     /// When one of them is not valid.
-    pub fn new(node: &str, namespace: &str) -> Result<Self, NameError> {
+    pub fn new(node: &str, namespace: &str) -> Result<Self, Ros1NameError> {
         valid(node)?;
         let inner = namespace.trim_matches('/');
         if !inner.is_empty() {
@@ -86,7 +92,7 @@ impl NodeName {
         let full = match node.strip_prefix('~') {
             Some(_) => {
                 let reason = "a node cannot be private to itself; remove the ~".to_owned();
-                return Err(NameError { name: node.to_owned(), reason });
+                return Err(Ros1NameError { name: node.to_owned(), reason });
             }
             None if node.starts_with('/') => node.to_owned(),
             None => format!("{within}{node}"),
@@ -100,7 +106,7 @@ impl NodeName {
     ///
     /// # Errors
     /// When one of them is not valid.
-    pub fn remap(&mut self, from: &str, to: &str) -> Result<(), NameError> {
+    pub fn remap(&mut self, from: &str, to: &str) -> Result<(), Ros1NameError> {
         let (from, to) = (self.absolute(from)?, self.absolute(to)?);
         self.remaps.insert(from, to);
         Ok(())
@@ -116,12 +122,12 @@ impl NodeName {
     ///
     /// # Errors
     /// When the name is not valid.
-    pub fn resolve(&self, name: &str) -> Result<String, NameError> {
+    pub fn resolve(&self, name: &str) -> Result<String, Ros1NameError> {
         let absolute = self.absolute(name)?;
         Ok(self.remaps.get(&absolute).cloned().unwrap_or(absolute))
     }
 
-    fn absolute(&self, name: &str) -> Result<String, NameError> {
+    fn absolute(&self, name: &str) -> Result<String, Ros1NameError> {
         valid(name)?;
         Ok(match name.strip_prefix('~') {
             Some(private) => format!("{}/{}", self.full, private.trim_start_matches('/')),

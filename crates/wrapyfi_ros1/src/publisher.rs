@@ -13,8 +13,8 @@ use wrapyfi_data::types::Payload;
 use wrapyfi_data::{EncodeError, EncodeResult};
 use wrapyfi_endpoint::codec::ros1::Ros1Type;
 use wrapyfi_endpoint::{
-    Context, Durability, ForwardingPublisher, History, Latched, Link, OpenResult, Origin, Peers,
-    PublishError, Published, Publisher, Role, SourceDurability, TopicSpec,
+    Context, Durability, ForwardingPublisher, History, Latched, Link, OpenResult, Peers,
+    PublishError, Published, Publisher, Role, SampleOrigin, SourceDurability, TopicSpec,
 };
 
 /// Sends to one topic.
@@ -125,9 +125,11 @@ impl Publisher for Ros1Publisher {
 }
 
 impl ForwardingPublisher for Ros1Publisher {
-    fn forward(&mut self, payload: &Payload, origin: Option<Origin>) -> Published {
+    fn forward(&mut self, payload: &Payload, origin: Option<SampleOrigin>) -> Published {
         match origin {
-            Some(Origin { publisher, keeps: 1.. }) if self.latches || self.spec.match_peers => {
+            Some(SampleOrigin { publisher, keeps: 1.. })
+                if self.latches || self.spec.match_peers =>
+            {
                 self.send(payload, Keep::LastOf(Some(publisher)))
             }
             _ => self.publish(payload),

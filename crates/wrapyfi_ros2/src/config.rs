@@ -75,6 +75,7 @@ pub struct CycloneConfig {
 impl CycloneConfig {
     /// A node called `node`, on the domain and with the discovery that the environment says.
     #[must_use]
+    #[doc(hidden)]
     pub fn from_environment(node: NodeName, environment: &Environment) -> Self {
         Self {
             node,

@@ -25,6 +25,11 @@ named! {
     /// Range in which a node looks for others, `ROS_AUTOMATIC_DISCOVERY_RANGE`.
     ///
     /// See [`Environment`].
+    ///
+    /// ```
+    /// use wrapyfi_ros2::environment::DiscoveryRange;
+    /// assert_eq!(DiscoveryRange::from_word("LOCALHOST"), Some(DiscoveryRange::Localhost));
+    /// ```
     #[derive(Default)]
     #[non_exhaustive]
     pub enum DiscoveryRange {
@@ -45,6 +50,12 @@ named! {
 /// Settings by which other participants are found.
 ///
 /// See [`Environment`].
+///
+/// ```
+/// use wrapyfi_ros2::environment::{DiscoveryRange, DiscoverySettings};
+/// let lab = DiscoverySettings { range: DiscoveryRange::Off, static_peers: vec!["robot.local".into()] };
+/// assert_ne!(lab, DiscoverySettings::default());
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct DiscoverySettings {
     /// Range in which participants are looked for.

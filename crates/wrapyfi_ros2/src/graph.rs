@@ -315,6 +315,12 @@ pub struct CdrSample {
 }
 
 /// Error of a DDS stack.
+///
+/// ```
+/// use wrapyfi_ros2::graph::GraphError;
+/// let error = GraphError::Timeout { topic: "/map".into(), timeout_ms: 1000 };
+/// assert_eq!(error.to_string(), "reliable readers of \"/map\" did not keep up within 1000 ms");
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum GraphError {

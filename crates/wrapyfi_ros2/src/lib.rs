@@ -84,7 +84,7 @@ mod matching;
 mod names;
 mod node_endpoints;
 mod node_handle;
-#[doc(hidden)]
+#[cfg(feature = "fuzzing")]
 pub mod offline;
 mod origins;
 mod owners;

@@ -26,7 +26,7 @@ use wrapyfi_data::types::MessageType;
 use wrapyfi_endpoint::codec::ros;
 use wrapyfi_endpoint::{
     AnnouncedDurability, Context, DropReason, Durability, ForwardingListener, History, Latched,
-    Link, Listener, Origin, Overflow, Qos, QosChange, QosEvent, Receiver, Review, Sample,
+    Link, Listener, Overflow, Qos, QosChange, QosEvent, Receiver, Review, Sample, SampleOrigin,
     SourceDurability, TakeError, TopicSpec,
 };
 
@@ -129,7 +129,7 @@ impl Ros2Listener {
     /// Number of messages that a publisher keeps for later subscribers.
     fn keeps(&mut self, publisher: u64) -> u32 {
         let asked = self.topic.qos.durability == Durability::TransientLocal;
-        let untold = if asked { Origin::UNTOLD } else { 0 };
+        let untold = if asked { SampleOrigin::UNTOLD } else { 0 };
         // Messages that a publisher sent before the subscription follows it are kept there, too.
         if publisher == 0 || !(asked || self.follows) {
             return untold;
@@ -231,9 +231,9 @@ fn kept_by(publisher: &DiscoveredEndpoint) -> u32 {
     // Fast DDS does not announce its history, and what is not announced reads as 1, DDS's default.
     let announces = mapping_of(&publisher.gid, None) == Some(ServiceMapping::Cyclone);
     match publisher.qos.history {
-        Some(History::KeepLast(1)) if !announces => Origin::UNTOLD,
+        Some(History::KeepLast(1)) if !announces => SampleOrigin::UNTOLD,
         Some(History::KeepLast(depth)) => depth,
-        Some(History::KeepAll) | None => Origin::UNTOLD,
+        Some(History::KeepAll) | None => SampleOrigin::UNTOLD,
     }
 }
 
@@ -242,7 +242,7 @@ impl Listener for Ros2Listener {
         let next = self.unclaimed.pop().or_else(|| self.next());
         let Some(Arrived { cdr, at, publisher }) = next else { return Ok(None) };
         let keeps = self.keeps(publisher);
-        let origin = (publisher != 0).then_some(Origin { publisher, keeps });
+        let origin = (publisher != 0).then_some(SampleOrigin { publisher, keeps });
         let wire_bytes = cdr.len();
         let payload = ros::decode_with(&cdr, self.message_type, &self.limits, &self.plugins)?;
         Ok(Some(Sample { payload, wire_bytes, received_at: at, origin }))

@@ -34,8 +34,8 @@ use wrapyfi_data::types::{Encoding, MessageType, Payload};
 use wrapyfi_data::{EncodeError, Limits};
 use wrapyfi_endpoint::{
     AnnouncedDurability, BridgeMark, Context, DropReason, Durability, ForwardingPublisher, History,
-    Link, Origin, PinnedQos, PublishError, Published, Publisher, Qos, QosChange, QosEvent,
-    QosPolicy, Reliability, Review, SourceDurability, TopicSpec,
+    Link, PinnedQos, PublishError, Published, Publisher, Qos, QosChange, QosEvent, QosPolicy,
+    Reliability, Review, SampleOrigin, SourceDurability, TopicSpec,
 };
 
 /// Time that a new writer has to become known to all subscribers, and an old one to send the
@@ -156,8 +156,8 @@ impl Ros2Publisher {
     }
 
     /// Opens the writer of an origin that keeps messages, unless it is open: true where there is one.
-    fn has_own_writer(&mut self, origin: Origin, now: Instant) -> GraphResult<bool> {
-        let Origin { publisher: origin, keeps } = origin;
+    fn has_own_writer(&mut self, origin: SampleOrigin, now: Instant) -> GraphResult<bool> {
+        let SampleOrigin { publisher: origin, keeps } = origin;
         if self.origins.has(origin) {
             return Ok(true);
         }
@@ -290,7 +290,7 @@ impl Publisher for Ros2Publisher {
 }
 
 impl ForwardingPublisher for Ros2Publisher {
-    fn forward(&mut self, payload: &Payload, origin: Option<Origin>) -> Published {
+    fn forward(&mut self, payload: &Payload, origin: Option<SampleOrigin>) -> Published {
         let now = self.context.clock.now();
         // A history that is asked for is one of all.
         let one = self.topic.qos.durability == Durability::TransientLocal

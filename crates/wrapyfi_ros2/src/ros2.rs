@@ -45,6 +45,7 @@ impl Ros2 {
     /// returns the one to use: the node's remapping rules, or the name as it is. Its error is
     /// shown as the reason why the name is invalid.
     #[must_use]
+    #[doc(hidden)]
     pub fn new(
         graph: Arc<dyn Graph>,
         remap: impl Fn(&str) -> Result<String, String> + Send + Sync + 'static,
@@ -54,6 +55,7 @@ impl Ros2 {
 
     /// The middleware of a node that has joined its graph: [`Ros2::new`] that can tell what carries it.
     #[must_use]
+    #[doc(hidden)]
     pub fn joined(
         joined: Joined,
         remap: impl Fn(&str) -> Result<String, String> + Send + Sync + 'static,
@@ -69,6 +71,7 @@ impl Ros2 {
 
     /// The graph underneath.
     #[must_use]
+    #[doc(hidden)]
     pub fn graph(&self) -> &Arc<dyn Graph> {
         &self.graph
     }

@@ -5,6 +5,13 @@ use wrapyfi_yarp::name::conf::ConfError;
 use wrapyfi_yarp::server::NameServerError;
 
 /// Error of starting YARP.
+///
+/// ```
+/// use wrapyfi_yarp_endpoint::{Yarp, YarpConfig, YarpError};
+/// let name_server = Some(([192, 0, 2, 1], 10000).into()); // another machine's address
+/// let config = YarpConfig { name_server, embedded: true, ..YarpConfig::default() };
+/// assert!(matches!(Yarp::start(&config), Err(YarpError::NotLoopback(_))));
+/// ```
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum YarpError {

@@ -220,6 +220,7 @@ impl Yarp {
     /// The port for the log of this program, opened where `YARP_FORWARD_LOG_ENABLE` is set to 1 and ports may
     /// be opened that others connect to.
     #[must_use]
+    #[doc(hidden)]
     pub fn log_port(&self) -> Option<LogPort> {
         self.may_listen().ok().and_then(|()| LogPort::open(&self.shared))
     }

@@ -24,6 +24,12 @@ pub const NAME: &str = "zeromq";
 /// Permission for this process to run the broker.
 ///
 /// See [`ZeroMqConfig`].
+///
+/// ```
+/// use wrapyfi_zeromq::{BrokerMode, ZeroMqConfig};
+/// assert_eq!(ZeroMqConfig::default().broker, BrokerMode::Embedded);
+/// let elsewhere = ZeroMqConfig { broker: BrokerMode::Foreign, ..ZeroMqConfig::default() };
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BrokerMode {

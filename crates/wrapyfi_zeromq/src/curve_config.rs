@@ -61,6 +61,16 @@ impl CurveConfig {
 /// A client that a broker takes.
 ///
 /// See [`CurveConfig`].
+///
+/// ```
+/// use wrapyfi_zeromq::CurveClient;
+/// let viewer = CurveClient {
+///     key: "/etc/wrapyfi/viewer.key".into(),
+///     subscribe: vec!["/camera/.*".into()],
+///     ..CurveClient::default()
+/// };
+/// assert!(!viewer.call && viewer.publish.is_empty());
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CurveClient {

@@ -139,7 +139,7 @@ impl ZeroMqDiscovery {
 }
 
 /// Topics with their listeners, from what a broker told.
-pub fn read_counts(body: &[u8]) -> Option<BTreeMap<String, u64>> {
+pub(super) fn read_counts(body: &[u8]) -> Option<BTreeMap<String, u64>> {
     let body = Some(body).filter(|body| body.len() <= MAX_TOLD_BYTES)?;
     let mut counts: BTreeMap<String, u64> = serde_json::from_slice(body).ok()?;
     let own = |topic: &str| topic == TRAFFIC_TOPIC || topic.starts_with(ASKS_FOR_COUNTS);
@@ -148,7 +148,7 @@ pub fn read_counts(body: &[u8]) -> Option<BTreeMap<String, u64>> {
 }
 
 /// Topics with their traffic, from what a broker of ours told.
-pub fn read_table(body: &[u8]) -> Option<BTreeMap<String, TopicTraffic>> {
+pub(super) fn read_table(body: &[u8]) -> Option<BTreeMap<String, TopicTraffic>> {
     let body = Some(body).filter(|body| body.len() <= MAX_TOLD_BYTES)?;
     serde_json::from_slice::<TrafficTable>(body).ok().map(|told| told.topics)
 }

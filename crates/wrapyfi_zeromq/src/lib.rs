@@ -54,7 +54,7 @@ mod listener;
 mod mechanism;
 mod message;
 mod monitor;
-#[doc(hidden)]
+#[cfg(feature = "fuzzing")]
 pub mod offline;
 mod options;
 mod own_messages;
@@ -184,6 +184,7 @@ impl ZeroMq {
 
     /// State of the broker, where it is this process that runs it now.
     #[must_use]
+    #[doc(hidden)]
     pub fn broker_status(&self) -> Option<BrokerStatus> {
         self.supervisor.own(Broker::status)
     }
@@ -212,6 +213,7 @@ impl ZeroMq {
 
     /// State of the broker of requests and replies, where it is this process that runs it now.
     #[must_use]
+    #[doc(hidden)]
     pub fn service_broker_status(&self) -> Option<ServiceBrokerStatus> {
         let services = self.services.lock();
         services.as_ref().and_then(|supervisor| supervisor.own(ServiceBroker::status))

@@ -1,16 +1,18 @@
 //! Readers of foreign bytes without sockets, for fuzzing: no part of the interface.
 
+use std::collections::BTreeMap;
 use std::io::{ErrorKind, Read, Result, Write};
 use std::net::{Ipv4Addr, SocketAddr};
 use std::time::Instant;
 
 use bytes::Bytes;
 
-pub use super::discovery::{read_counts, read_table};
+use super::discovery;
 use super::heard::Heard;
 use super::monitor::Monitor;
 use super::peer::Peer;
 use super::port_check::{self, Answer};
+use super::traffic::TopicTraffic;
 use super::zmtp::{self, Kind};
 
 /// Answer of a port whose program says `bytes` and closes.
@@ -121,4 +123,14 @@ impl Write for Pieces<'_> {
     fn flush(&mut self) -> Result<()> {
         Ok(())
     }
+}
+
+/// Topics with their listeners, from what a broker told.
+pub fn read_counts(body: &[u8]) -> Option<BTreeMap<String, u64>> {
+    discovery::read_counts(body)
+}
+
+/// Topics with their traffic, from what a broker of ours told.
+pub fn read_table(body: &[u8]) -> Option<BTreeMap<String, TopicTraffic>> {
+    discovery::read_table(body)
 }

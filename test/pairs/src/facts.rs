@@ -1,7 +1,7 @@
 //! Facts that tell one message from another, as Python computes them too.
 
 use serde_json::{Value as Json, json};
-use wrapyfi_core::types::{Image, Payload, Pixels, Value};
+use wrapyfi_data::types::{Image, Payload, Pixels, Value};
 
 /// Digest and shape; nothing of what is nothing. A ROS message is the dict of its fields, as a script
 /// hears it.

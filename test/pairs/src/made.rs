@@ -1,12 +1,12 @@
 //! Messages that depend on a number, and messages turned around.
 
-use wrapyfi_core::Limits;
-use wrapyfi_core::codec::jpeg;
 use wrapyfi_core::communicator::{self, kind};
-use wrapyfi_core::types::{
+use wrapyfi_data::Limits;
+use wrapyfi_data::types::{
     AudioChunk, Encoding, Image, Map, MessageType, Payload, Pixels, Properties, RawPixels,
     RosMessage, SampleFormat, Stamp, Tensor, Value,
 };
+use wrapyfi_endpoint::codec::jpeg;
 use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::geometry_msgs::msg::{Twist, Vector3};
 use wrapyfi_interfaces::sensor_msgs::msg::JointState;

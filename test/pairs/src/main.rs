@@ -19,9 +19,9 @@ use std::time::Duration;
 use clap::Parser;
 use serde_json::{Value as Json, json};
 use wrapyfi_core::communicator::{CommunicatorContext, MethodError, Mode, communicator};
-use wrapyfi_core::node::{args::RosArgs, read_params_file};
-use wrapyfi_core::types::{AudioChunk, Image, Properties, RosMessage, Value};
+use wrapyfi_data::types::{AudioChunk, Image, Properties, RosMessage, Value};
 use wrapyfi_interfaces::sensor_msgs::msg::JointState;
+use wrapyfi_node::{args::RosArgs, read_params_file};
 
 use facts::{described, described_jpeg};
 
@@ -277,7 +277,7 @@ impl Exchange {
     }
 }
 
-fn described_or<T: Into<wrapyfi_core::types::Payload>>(found: Option<T>, other: Json) -> Json {
+fn described_or<T: Into<wrapyfi_data::types::Payload>>(found: Option<T>, other: Json) -> Json {
     found.map_or(other, described)
 }
 

@@ -4,9 +4,9 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use wrapyfi_core::endpoint::{CountersSnapshot, Mutex, WAITING};
-use wrapyfi_core::engine::{Engine, Plan};
-use wrapyfi_core::node::parameters::ParameterStore;
+use wrapyfi_endpoint::{CountersSnapshot, Mutex, WAITING};
+use wrapyfi_engine::{Engine, Plan};
+use wrapyfi_node::parameters::ParameterStore;
 
 use crate::edits::Edits;
 use crate::exit::Failure;

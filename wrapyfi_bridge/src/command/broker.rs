@@ -5,10 +5,8 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
-use wrapyfi_core::middleware::zeromq::{
-    Broker, BrokerError, CurveClient, ServiceBroker, ZeroMqConfig,
-};
-use wrapyfi_core::network::Place;
+use wrapyfi_endpoint::network::Place;
+use wrapyfi_zeromq::{Broker, BrokerError, CurveClient, ServiceBroker, ZeroMqConfig};
 
 use crate::cli::BrokerArgs;
 use crate::exit::Failure;

@@ -6,7 +6,7 @@
 
 use std::path::{Path, PathBuf};
 
-use wrapyfi_core::types::{MessageType, RosType};
+use wrapyfi_data::types::{MessageType, RosType};
 use wrapyfi_interfaces::ros1::{Rules, Types};
 use wrapyfi_interfaces::store::TypeStore;
 

@@ -2,12 +2,11 @@
 
 use std::time::{Duration, Instant};
 
-use wrapyfi_core::Throttle;
-use wrapyfi_core::endpoint::{
+use wrapyfi_data::types::{Map, MessageType, Payload};
+use wrapyfi_endpoint::{
     Context, DropReason, EndpointAddress, LearnError, Learned, Middleware, Overflow, Qos,
-    QueueSpec, TopicSpec,
+    QueueSpec, Throttle, TopicSpec,
 };
-use wrapyfi_core::types::{Map, MessageType, Payload};
 
 use super::other_types::OtherTypes;
 use super::{definitions, yaml};
@@ -210,7 +209,7 @@ fn shown(payload: &Payload, as_json: bool) -> anyhow::Result<String> {
 fn timed_out(
     args: &EchoArgs,
     printed: u64,
-    link: &wrapyfi_core::endpoint::Link,
+    link: &wrapyfi_endpoint::Link,
     context: &Context,
 ) -> Failure {
     let why = match (&link.waiting_for, link.peers) {

@@ -9,9 +9,9 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use wrapyfi_core::endpoint::{Discovered, EndpointAddress, Middleware, Wake};
-use wrapyfi_core::middleware::ros1;
-use wrapyfi_core::middleware::yarp::{self, YarpConfig};
+use wrapyfi_endpoint::{Discovered, EndpointAddress, Middleware, Wake};
+use wrapyfi_ros1 as ros1;
+use wrapyfi_yarp_endpoint::{self as yarp, YarpConfig};
 
 use super::WAIT_SLICE;
 use crate::cli::ListArgs;
@@ -179,7 +179,7 @@ fn row(endpoint: &Discovered) -> [String; 5] {
 
 #[cfg(test)]
 mod tests {
-    use wrapyfi_core::endpoint::{Role, Traffic};
+    use wrapyfi_endpoint::{Role, Traffic};
 
     use super::*;
 

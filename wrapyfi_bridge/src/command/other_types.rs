@@ -3,9 +3,8 @@
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
-use wrapyfi_core::codec::ros;
-use wrapyfi_core::endpoint::{Discovered, Discovery, Middleware};
-use wrapyfi_core::types::MessageType;
+use wrapyfi_data::types::MessageType;
+use wrapyfi_endpoint::{Discovered, Discovery, Middleware, codec::ros};
 
 /// Time between two looks at discovery while messages go on.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
@@ -100,7 +99,7 @@ fn contradiction(
 
 #[cfg(test)]
 mod tests {
-    use wrapyfi_core::endpoint::Role;
+    use wrapyfi_endpoint::Role;
 
     use super::*;
 

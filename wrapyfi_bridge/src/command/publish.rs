@@ -3,8 +3,8 @@
 use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
-use wrapyfi_core::endpoint::{Context, PublishError, Publisher, ServiceSpec, TopicSpec};
-use wrapyfi_core::types::{MessageType, Payload};
+use wrapyfi_data::types::{MessageType, Payload};
+use wrapyfi_endpoint::{Context, PublishError, Publisher, ServiceSpec, TopicSpec};
 
 use super::definitions;
 use super::echo::Waiting;

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event, KeyEventKind};
-use wrapyfi_core::types::Map;
+use wrapyfi_data::types::Map;
 use wrapyfi_interfaces::wrapyfi_msgs::srv::ListRoutes_Response;
 
 use super::WAIT_SLICE;

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use serde::Serialize;
-use wrapyfi_core::types::{Map, Value};
+use wrapyfi_data::types::{Map, Value};
 use wrapyfi_interfaces::wrapyfi_msgs::srv::Explain_Response;
 
 use crate::cli::WhyArgs;

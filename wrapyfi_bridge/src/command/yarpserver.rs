@@ -4,11 +4,11 @@ use std::net::{IpAddr, ToSocketAddrs};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
-use wrapyfi_core::middleware::yarp::{self, YarpConfig};
-use wrapyfi_core::network::Place;
+use wrapyfi_endpoint::network::Place;
 use wrapyfi_yarp::name::conf::{ConfError, NameServerConf, file_of, namespace};
 use wrapyfi_yarp::name::environment::Environment;
 use wrapyfi_yarp::server::{NameServer, NameServerError, NameServerOptions};
+use wrapyfi_yarp_endpoint::{self as yarp, YarpConfig};
 
 use super::{write_down, yarp_environment};
 use crate::cli::YarpServerArgs;

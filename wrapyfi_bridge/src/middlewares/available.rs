@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use wrapyfi_core::endpoint::{EndpointAddress, Registry};
-use wrapyfi_core::engine::Available;
+use wrapyfi_endpoint::{EndpointAddress, Registry};
+use wrapyfi_engine::Available;
 
 use super::{ros1, ros2, yarp, zeromq};
 use crate::exit::Failure;

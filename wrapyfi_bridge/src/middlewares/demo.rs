@@ -3,11 +3,11 @@
 use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
 
-use wrapyfi_core::endpoint::Registry;
-use wrapyfi_core::middleware::ros2::Ros2;
-use wrapyfi_core::middleware::yarp::YarpConfig;
-use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMqConfig};
 use wrapyfi_core::start::Ros2Settings;
+use wrapyfi_endpoint::Registry;
+use wrapyfi_ros2::Ros2;
+use wrapyfi_yarp_endpoint::YarpConfig;
+use wrapyfi_zeromq::{BrokerMode, ZeroMqConfig};
 
 use super::start::start;
 use super::zeromq::ZeroMqSection;

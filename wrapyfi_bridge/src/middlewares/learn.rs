@@ -7,12 +7,12 @@
 
 use std::time::{Duration, Instant};
 
-use wrapyfi_core::endpoint::{DiscoverError, LearnError, Learned, Middleware, Role};
-use wrapyfi_core::engine::Config;
-use wrapyfi_core::middleware::ros1;
-use wrapyfi_core::types::MessageType;
+use wrapyfi_data::types::MessageType;
+use wrapyfi_endpoint::{DiscoverError, LearnError, Learned, Middleware, Role};
+use wrapyfi_engine::Config;
 use wrapyfi_interfaces::parser::{Dialect, TypeName};
 use wrapyfi_interfaces::store::TypeStore;
+use wrapyfi_ros1 as ros1;
 
 use super::load::Endpoints;
 use super::start::start;

@@ -4,13 +4,13 @@ use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
-use wrapyfi_core::Limits;
-use wrapyfi_core::endpoint::EndpointAddress;
-use wrapyfi_core::engine::{
+use wrapyfi_data::Limits;
+use wrapyfi_data::types::{MessageType, ServiceKind};
+use wrapyfi_endpoint::EndpointAddress;
+use wrapyfi_endpoint::network::{Hosts, Place};
+use wrapyfi_engine::{
     Config, ConfigError, Kind, Plan, Problem, Reading, Route, RouteConfig, Spanned,
 };
-use wrapyfi_core::network::{Hosts, Place};
-use wrapyfi_core::types::{MessageType, ServiceKind};
 use wrapyfi_interfaces::store::TypeStore;
 
 use super::learn;

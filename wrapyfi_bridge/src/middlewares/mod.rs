@@ -34,15 +34,12 @@ use std::collections::BTreeSet;
 use std::sync::{Arc, Weak};
 
 use anyhow::Context as _;
-use wrapyfi_core::Limits;
-use wrapyfi_core::endpoint::{
-    DeferredMiddleware, EndpointAddress, Middleware, Registry, StartFault,
-};
-use wrapyfi_core::engine::Plan;
-use wrapyfi_core::middleware::ros2::graph::Graph;
-use wrapyfi_core::middleware::ros2::{NodeEndpoints, NodeHandle};
-use wrapyfi_core::node::parameters::ParameterStore;
+use wrapyfi_data::Limits;
+use wrapyfi_endpoint::{DeferredMiddleware, EndpointAddress, Middleware, Registry, StartFault};
+use wrapyfi_engine::Plan;
 use wrapyfi_interfaces::store::TypeStore;
+use wrapyfi_node::parameters::ParameterStore;
+use wrapyfi_ros2::{NodeEndpoints, NodeHandle, graph::Graph};
 
 pub use self::available::{check_topic, is_ros, names, option_names};
 pub(crate) use self::available::{unknown, waits};

@@ -9,17 +9,16 @@
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
 
-use wrapyfi_core::Limits;
-use wrapyfi_core::endpoint::Middleware;
-use wrapyfi_core::middleware::ros1::{self, MASTER_PORT, Ros1};
-use wrapyfi_core::middleware::ros2::Ros2;
-use wrapyfi_core::middleware::ros2::environment::DiscoveryRange;
-use wrapyfi_core::middleware::yarp;
-use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMqConfig};
+use wrapyfi_data::Limits;
+use wrapyfi_endpoint::Middleware;
 use wrapyfi_interfaces::named;
+use wrapyfi_ros1::{self as ros1, MASTER_PORT, Ros1};
+use wrapyfi_ros2::{Ros2, environment::DiscoveryRange};
 use wrapyfi_yarp::name::conf::locate;
 use wrapyfi_yarp::name::environment::DEFAULT_PORT;
 use wrapyfi_yarp::name::{Environment, NameServerConf};
+use wrapyfi_yarp_endpoint as yarp;
+use wrapyfi_zeromq::{BrokerMode, ZeroMqConfig};
 
 use super::available::unknown;
 use super::load::Endpoints;

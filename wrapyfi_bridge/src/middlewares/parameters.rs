@@ -4,9 +4,9 @@
 //! can read what is in force.
 
 use serde_saphyr::Spanned;
-use wrapyfi_core::network::{Insecure, Place};
-use wrapyfi_core::node::ParameterValue;
-use wrapyfi_core::node::parameters::{ParameterDescriptor, ParameterStore};
+use wrapyfi_endpoint::network::{Insecure, Place};
+use wrapyfi_node::ParameterValue;
+use wrapyfi_node::parameters::{ParameterDescriptor, ParameterStore};
 
 use super::load::Endpoints;
 use crate::exit::Failure;
@@ -163,7 +163,7 @@ mod tests {
     use std::collections::BTreeMap;
 
     use super::*;
-    use wrapyfi_core::node::NodeName;
+    use wrapyfi_node::NodeName;
 
     fn taken(given: &[(&str, ParameterValue)]) -> Result<Endpoints, String> {
         let given: BTreeMap<_, _> =

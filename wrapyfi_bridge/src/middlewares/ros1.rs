@@ -5,11 +5,11 @@ use std::net::IpAddr;
 use std::path::Path;
 
 use serde::Deserialize;
-use wrapyfi_core::engine::{Available, MAX_CONFIG_BYTES, Problem, Spanned};
-pub(super) use wrapyfi_core::middleware::ros1::NAME;
-use wrapyfi_core::middleware::ros1::{self, Ros1Config};
-use wrapyfi_core::network::Hosts;
+use wrapyfi_endpoint::network::Hosts;
+use wrapyfi_engine::{Available, MAX_CONFIG_BYTES, Problem, Spanned};
 use wrapyfi_interfaces::ros1::Rules;
+pub(super) use wrapyfi_ros1::NAME;
+use wrapyfi_ros1::{self as ros1, Ros1Config};
 
 use super::word::Word;
 use crate::exit::Failure;
@@ -89,7 +89,7 @@ impl Ros1Section {
         let config = Ros1Config { master_uri: written.value.clone(), ..Ros1Config::default() };
         config.master().map(drop).map_err(|error| {
             let text = match error {
-                ros1::ConfigError::MasterUri { uri, reason } => format!(
+                ros1::Ros1ConfigError::MasterUri { uri, reason } => format!(
                     "master_uri {uri:?} is no address of a master: {reason}; write it as http://host:11311"
                 ),
                 other => other.to_string(),

@@ -1,12 +1,11 @@
 //! `endpoints.ros2` of a configuration, and the middleware that it makes.
 
 use serde::Deserialize;
-use wrapyfi_core::Limits;
-use wrapyfi_core::endpoint::Conventions;
-use wrapyfi_core::engine::{Available, Problem, Spanned};
-use wrapyfi_core::middleware::ros2::environment::MAX_DOMAIN_ID;
-use wrapyfi_core::middleware::ros2::{Adapter, Ros2};
 use wrapyfi_core::start::Ros2Settings;
+use wrapyfi_data::Limits;
+use wrapyfi_endpoint::Conventions;
+use wrapyfi_engine::{Available, Problem, Spanned};
+use wrapyfi_ros2::{Adapter, Ros2, environment::MAX_DOMAIN_ID};
 
 use super::start::start;
 use crate::exit::Failure;

@@ -9,12 +9,12 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use anyhow::Context as _;
-use wrapyfi_core::endpoint::Middleware;
-use wrapyfi_core::engine::Plan;
-use wrapyfi_core::middleware::ros1::{self, Ros1Config};
-use wrapyfi_core::middleware::ros2::environment;
-use wrapyfi_core::middleware::yarp::{self, YarpConfig};
-use wrapyfi_core::middleware::zeromq::ZeroMqConfig;
+use wrapyfi_endpoint::Middleware;
+use wrapyfi_engine::Plan;
+use wrapyfi_ros1::{self as ros1, Ros1Config};
+use wrapyfi_ros2::environment;
+use wrapyfi_yarp_endpoint::{self as yarp, YarpConfig};
+use wrapyfi_zeromq::ZeroMqConfig;
 
 use super::load::Endpoints;
 use super::start::start;

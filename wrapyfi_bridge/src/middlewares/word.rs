@@ -1,7 +1,7 @@
 //! The word `insecure` of a section.
 
 use serde::Deserialize;
-use wrapyfi_core::network::{Insecure, Place};
+use wrapyfi_endpoint::network::{Insecure, Place};
 
 /// `insecure` of a section: whether other machines may reach what listens at its address.
 #[derive(Debug, Clone, Copy)]

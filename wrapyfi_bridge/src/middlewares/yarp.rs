@@ -4,11 +4,11 @@ use std::net::IpAddr;
 
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
-use wrapyfi_core::engine::{Available, Problem, Spanned};
-pub(super) use wrapyfi_core::middleware::yarp::NAME;
-use wrapyfi_core::middleware::yarp::{self, Convention, Dialect, NameServerConf, Yarp, YarpConfig};
-use wrapyfi_core::network::Hosts;
-use wrapyfi_core::types::MessageType;
+use wrapyfi_data::types::MessageType;
+use wrapyfi_endpoint::network::Hosts;
+use wrapyfi_engine::{Available, Problem, Spanned};
+pub(super) use wrapyfi_yarp_endpoint::NAME;
+use wrapyfi_yarp_endpoint::{self as yarp, Convention, Dialect, NameServerConf, Yarp, YarpConfig};
 
 use super::start::start;
 use super::word::Word;

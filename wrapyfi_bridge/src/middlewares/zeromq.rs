@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::{Deserialize, Deserializer};
-use wrapyfi_core::endpoint::Conventions;
-use wrapyfi_core::engine::{Available, Problem, Spanned};
-use wrapyfi_core::middleware::zeromq::{
-    self, BrokerMode, CurveClient, CurveConfig, CurveError, ZeroMqConfig,
+use wrapyfi_endpoint::Conventions;
+use wrapyfi_endpoint::network::{Hosts, ReachedByOthers};
+use wrapyfi_engine::{Available, Problem, Spanned};
+use wrapyfi_zeromq::{
+    self as zeromq, BrokerMode, CurveClient, CurveConfig, CurveError, ZeroMqConfig,
 };
-use wrapyfi_core::network::{Hosts, ReachedByOthers};
 
 use super::start::Role;
 use super::word::Word;

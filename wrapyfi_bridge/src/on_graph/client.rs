@@ -4,14 +4,14 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use wrapyfi_core::endpoint::{
+use wrapyfi_data::types::{Map, Payload, RosType, ServiceKind};
+use wrapyfi_endpoint::{
     CallError, Client, Context, DiscoverError, Middleware as _, Request, Role, ServiceSpec, Wake,
 };
-use wrapyfi_core::middleware::ros2::Ros2;
-use wrapyfi_core::types::{Map, Payload, RosType, ServiceKind};
 use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_interfaces::wrapyfi_msgs::srv::ListRoutes_Response;
+use wrapyfi_ros2::Ros2;
 
 use crate::discovery_watch::DiscoveryWatch;
 use crate::exit::Failure;

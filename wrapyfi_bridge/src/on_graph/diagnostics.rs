@@ -10,8 +10,8 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use wrapyfi_core::engine::{RouteState, RouteStatus};
-use wrapyfi_core::types::Stamp;
+use wrapyfi_data::types::Stamp;
+use wrapyfi_engine::{RouteState, RouteStatus};
 use wrapyfi_interfaces::builtin_interfaces::msg::Time;
 use wrapyfi_interfaces::diagnostic_msgs::msg::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use wrapyfi_interfaces::std_msgs::msg::Header;
@@ -118,7 +118,7 @@ impl Diagnostics {
 
 #[cfg(test)]
 mod tests {
-    use wrapyfi_core::endpoint::{CountersSnapshot, DropReason};
+    use wrapyfi_endpoint::{CountersSnapshot, DropReason};
 
     use super::*;
 

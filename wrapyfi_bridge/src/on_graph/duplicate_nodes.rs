@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use wrapyfi_core::endpoint::{Discovery, Registry, Role};
+use wrapyfi_endpoint::{Discovery, Registry, Role};
 
 use crate::node::Node;
 use crate::why::{OTHER_NODE, same_node};

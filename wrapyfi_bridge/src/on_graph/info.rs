@@ -1,8 +1,8 @@
 //! Statuses and verdicts as messages of `wrapyfi_msgs`, and back.
 
-use wrapyfi_core::endpoint::{CountersSnapshot, DropReason};
-use wrapyfi_core::engine::RouteStatus;
-use wrapyfi_core::types::MessageType;
+use wrapyfi_data::types::MessageType;
+use wrapyfi_endpoint::{CountersSnapshot, DropReason};
+use wrapyfi_engine::RouteStatus;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 use wrapyfi_interfaces::wrapyfi_msgs::srv::Explain_Response;
 
@@ -85,9 +85,9 @@ mod tests {
     use std::collections::BTreeMap;
     use std::sync::Arc;
 
-    use wrapyfi_core::engine::{Rate, RouteState};
-    use wrapyfi_core::node::NodeName;
-    use wrapyfi_core::node::args::RosArgs;
+    use wrapyfi_engine::{Rate, RouteState};
+    use wrapyfi_node::NodeName;
+    use wrapyfi_node::args::RosArgs;
 
     use super::*;
     use crate::why::{Cause, Finding};

@@ -3,8 +3,8 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use wrapyfi_core::endpoint::Qos;
-use wrapyfi_core::types::{Map, Value};
+use wrapyfi_data::types::{Map, Value};
+use wrapyfi_endpoint::Qos;
 use wrapyfi_interfaces::lifecycle_msgs::msg::{
     State as StateMessage, Transition as TransitionMessage, TransitionDescription, TransitionEvent,
 };

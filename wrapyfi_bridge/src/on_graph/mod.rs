@@ -28,12 +28,11 @@ use std::sync::mpsc::{Receiver, Sender, SyncSender, TrySendError, channel, sync_
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use wrapyfi_core::endpoint::{
+use wrapyfi_data::types::{MessageType, Payload, RosMessage, RosType, ServiceKind, Value};
+use wrapyfi_endpoint::{
     BridgeMark, Context, Durability, History, IncomingRequest, Publisher, Qos, Registry, RequestId,
     Server, ServiceSpec, Throttle, TopicSpec, Wake,
 };
-use wrapyfi_core::middleware::ros2::NodeHandle;
-use wrapyfi_core::types::{MessageType, Payload, RosMessage, RosType, ServiceKind, Value};
 use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::builtin_interfaces::msg::Time;
 use wrapyfi_interfaces::diagnostic_msgs::msg::DiagnosticArray;
@@ -43,6 +42,7 @@ use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
 use wrapyfi_interfaces::wrapyfi_msgs::srv::{Explain_Response, ListRoutes_Response};
 use wrapyfi_retry::contained;
 use wrapyfi_retry::thread::restarted;
+use wrapyfi_ros2::NodeHandle;
 
 use self::diagnostics::Diagnostics;
 use self::duplicate_nodes::DuplicateNodes;
@@ -380,7 +380,7 @@ impl Advertise<'_> {
 mod tests {
     use std::sync::atomic::AtomicUsize;
 
-    use wrapyfi_core::endpoint::{Link, Refusal, ServeError};
+    use wrapyfi_endpoint::{Link, Refusal, ServeError};
 
     use super::*;
 

@@ -10,7 +10,7 @@ use hyper::StatusCode;
 use serde::Serialize;
 use serde_json::json;
 use tokio::sync::Semaphore;
-use wrapyfi_core::engine::RouteStatus;
+use wrapyfi_engine::RouteStatus;
 use wrapyfi_retry::contained;
 
 use super::document::Document;
@@ -19,7 +19,7 @@ use super::previews::Previews;
 use crate::in_force::Running;
 use crate::why::judge::judge;
 use crate::{logging, middlewares};
-use wrapyfi_core::endpoint::Mutex;
+use wrapyfi_endpoint::Mutex;
 
 /// Time for which statuses are the newest, however many ask.
 const FRESH: Duration = Duration::from_millis(250);

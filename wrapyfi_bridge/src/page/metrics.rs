@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::{Display, Write as _};
 
-use wrapyfi_core::engine::RouteStatus;
+use wrapyfi_engine::RouteStatus;
 
 /// States of a route, each with a line of its own.
 const STATES: [&str; 4] = ["active", "waiting", "degraded", "error"];
@@ -114,8 +114,8 @@ impl Text {
 
 #[cfg(test)]
 mod tests {
-    use wrapyfi_core::endpoint::{CountersSnapshot, DropReason};
-    use wrapyfi_core::engine::{Rate, RouteState};
+    use wrapyfi_endpoint::{CountersSnapshot, DropReason};
+    use wrapyfi_engine::{Rate, RouteState};
 
     use super::*;
 

@@ -7,12 +7,12 @@
 //! | anything else | the first 4000 letters of what `wrapyfi echo` prints, or its size where it is large |
 
 use serde::Serialize;
-use wrapyfi_core::Limits;
-use wrapyfi_core::codec::convert;
-use wrapyfi_core::types::{
+use wrapyfi_data::Limits;
+use wrapyfi_data::types::{
     AudioChunk, Encoding, Image, MessageType, NativeObject, Payload, Pixels, RawPixels,
     SampleFormat, Stamp, Value,
 };
+use wrapyfi_endpoint::codec::convert;
 
 use crate::describe::summary;
 
@@ -174,7 +174,7 @@ fn of_sound(chunk: &AudioChunk) -> Preview {
 
 #[cfg(test)]
 mod tests {
-    use wrapyfi_core::types::Tensor;
+    use wrapyfi_data::types::Tensor;
 
     use super::*;
 

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use wrapyfi_core::engine::Tap;
+use wrapyfi_engine::Tap;
 use wrapyfi_retry::contained;
 
 use super::preview::{Preview, preview};

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use wrapyfi_core::endpoint::backoff::Backoff;
+use wrapyfi_endpoint::backoff::Backoff;
 
 use super::Reload;
 

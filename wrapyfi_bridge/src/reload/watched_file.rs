@@ -63,7 +63,7 @@ impl WatchedFile {
 
 #[cfg(test)]
 mod tests {
-    use wrapyfi_core::engine::MAX_CONFIG_BYTES;
+    use wrapyfi_engine::MAX_CONFIG_BYTES;
 
     use super::*;
 

@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use wrapyfi_core::endpoint::pattern::{NamePattern, is_pattern};
-use wrapyfi_core::endpoint::{EndpointAddress, Role};
-use wrapyfi_core::engine::TO_BE_ACTIVATED;
-use wrapyfi_core::middleware::ros2::graph::ServiceMapping;
+use wrapyfi_endpoint::pattern::{NamePattern, is_pattern};
+use wrapyfi_endpoint::{EndpointAddress, Role};
+use wrapyfi_engine::TO_BE_ACTIVATED;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
+use wrapyfi_ros2::graph::ServiceMapping;
 
 use super::door::Answer;
 use super::state::Passed;

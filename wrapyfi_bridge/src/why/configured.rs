@@ -1,6 +1,6 @@
 //! Findings that the configuration alone tells: a definition that nobody has, names that a pattern leaves out, its limit.
 
-use wrapyfi_core::engine::LeftOut;
+use wrapyfi_engine::LeftOut;
 
 use super::state::broken;
 use super::{Cause, Finding, RouteFacts, Step, Way};

@@ -5,7 +5,7 @@ use std::net::{IpAddr, SocketAddr, TcpStream};
 use std::sync::Arc;
 use std::time::Duration;
 
-use wrapyfi_core::network::{Hosts, is_of_this_machine};
+use wrapyfi_endpoint::network::{Hosts, is_of_this_machine};
 
 use crate::middlewares::{Door, Server};
 

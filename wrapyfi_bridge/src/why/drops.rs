@@ -1,6 +1,6 @@
 //! Reasons of drops in words, and what mends them.
 
-use wrapyfi_core::endpoint::DropReason;
+use wrapyfi_endpoint::DropReason;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
 /// Reasons for which a route has dropped messages, each with their number.

@@ -4,9 +4,9 @@
 use std::time::Duration;
 
 use tracing_subscriber::util::SubscriberInitExt as _;
-use wrapyfi_core::endpoint::{Discovered, Middleware as _, Wake};
-use wrapyfi_core::middleware::ros2::Ros2;
-use wrapyfi_core::middleware::ros2::environment::MAX_DOMAIN_ID;
+use wrapyfi_endpoint::{Discovered, Middleware as _, Wake};
+use wrapyfi_ros2::Ros2;
+use wrapyfi_ros2::environment::MAX_DOMAIN_ID;
 
 use super::look::Wanted;
 use super::{Elsewhere, Graph, running};

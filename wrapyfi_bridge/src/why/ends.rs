@@ -1,9 +1,9 @@
 //! Route at its ends: the types and the quality of service that it has there, and its entry in a file.
 
-use wrapyfi_core::endpoint::{Discovered, EndpointAddress, Role};
-use wrapyfi_core::engine::{Kind, Route, Typing, may_be_read_as};
-use wrapyfi_core::middleware::yarp;
-use wrapyfi_core::types::{DataType, MessageType};
+use wrapyfi_data::types::{DataType, MessageType};
+use wrapyfi_endpoint::{Discovered, EndpointAddress, Role};
+use wrapyfi_engine::{Kind, Route, Typing, may_be_read_as};
+use wrapyfi_yarp_endpoint as yarp;
 
 use super::End;
 use crate::middlewares::is_ros;
@@ -51,11 +51,11 @@ pub(super) fn shown(source: &End, destination: &End) -> Option<String> {
 }
 
 /// Quality of service that a route lays down at an end.
-pub(super) fn qos_at(route: &Route, end: &EndpointAddress) -> Option<wrapyfi_core::endpoint::Qos> {
+pub(super) fn qos_at(route: &Route, end: &EndpointAddress) -> Option<wrapyfi_endpoint::Qos> {
     if end.middleware != "ros2" || !matches!(route.kind, Kind::Topic(_)) {
         return None;
     }
-    let spec = route.topic_spec_by(end, wrapyfi_core::middleware::ros2::follow_conventions);
+    let spec = route.topic_spec_by(end, wrapyfi_ros2::follow_conventions);
     (!spec.match_peers).then(|| spec.pinned.apply(spec.qos))
 }
 

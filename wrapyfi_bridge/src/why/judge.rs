@@ -5,10 +5,10 @@
 //!       ─▶ route: heard, run by a bridge ─▶ destination: the same ─▶ messages come
 //! ```
 
-use wrapyfi_core::endpoint::{AnnouncedQos, Discovered, Role, mismatches};
-use wrapyfi_core::middleware::ros2::remedy;
-use wrapyfi_core::middleware::yarp;
+use wrapyfi_endpoint::{AnnouncedQos, Discovered, Role, mismatches};
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
+use wrapyfi_ros2::remedy;
+use wrapyfi_yarp_endpoint as yarp;
 
 use crate::middlewares::Server;
 

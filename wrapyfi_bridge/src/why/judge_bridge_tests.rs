@@ -245,7 +245,7 @@ fn what_keeps_a_route_that_runs_names_the_nearest_cause() {
     let found = judge(&light).finding.unwrap();
     assert_eq!(found.cause, Cause::NobodyOffers, "{found:?}");
     assert!(found.remedy.contains("wrapyfi serve zeromq:/light"), "{found:?}");
-    let drop_reasons = vec![wrapyfi_core::endpoint::DropReason::ServiceMapping.to_string()];
+    let drop_reasons = vec![wrapyfi_endpoint::DropReason::ServiceMapping.to_string()];
     let mapped =
         RouteInfo { received: 3, dropped: 3, drop_reasons, drop_counts: vec![3], ..waiting() };
     light.running = Some(RouteInfo { kind: "service".to_owned(), ..mapped });

@@ -1,13 +1,13 @@
 use std::time::Duration;
 
-use wrapyfi_core::endpoint::{EndpointAddress, Qos, QosPreset, Reliability};
-use wrapyfi_core::middleware::ros2::graph::ServiceMapping;
+use wrapyfi_endpoint::{EndpointAddress, Qos, QosPreset, Reliability};
+use wrapyfi_ros2::graph::ServiceMapping;
 
 use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
 
-use wrapyfi_core::engine::{LeftOut, TO_BE_ACTIVATED};
-use wrapyfi_core::middleware::ros2::SPEAKS_NOT;
-use wrapyfi_core::middleware::yarp::UNOPENED;
+use wrapyfi_engine::{LeftOut, TO_BE_ACTIVATED};
+use wrapyfi_ros2::SPEAKS_NOT;
+use wrapyfi_yarp_endpoint::UNOPENED;
 
 use super::super::door::Answer;
 use super::super::{Limited, RouteFacts, Unheard};

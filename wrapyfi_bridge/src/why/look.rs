@@ -11,15 +11,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-use wrapyfi_core::endpoint::{
+use wrapyfi_endpoint::{
     AnnouncedDurability, Context, Discovered, EndpointAddress, LearnError, Learned, Middleware,
     QosPreset, Registry, Role, TopicSpec, Wake,
 };
-use wrapyfi_core::middleware::ros1::Ros1;
-use wrapyfi_core::middleware::ros2::Ros2;
-use wrapyfi_core::middleware::ros2::environment::{self, DiscoveryRange};
-use wrapyfi_core::middleware::ros2::graph::{self, ServiceMapping};
 use wrapyfi_interfaces::store::TypeStore;
+use wrapyfi_ros1::Ros1;
+use wrapyfi_ros2::Ros2;
+use wrapyfi_ros2::environment::{self, DiscoveryRange};
+use wrapyfi_ros2::graph::{self, ServiceMapping};
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 use wrapyfi_yarp::port::names::Registration;
 use wrapyfi_yarp::port::{Network, NetworkOptions};

@@ -6,8 +6,8 @@
 //!                                └ left out of a pattern ──────────┘
 //! ```
 
-use wrapyfi_core::endpoint::EndpointAddress;
-use wrapyfi_core::engine::{Kind, LeftOut, Plan, Route, RouteIndex};
+use wrapyfi_endpoint::EndpointAddress;
+use wrapyfi_engine::{Kind, LeftOut, Plan, Route, RouteIndex};
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
 use super::running;
@@ -16,9 +16,8 @@ use crate::on_graph::info::{is_destination, is_source};
 
 /// Reads an address; ROS 1 is `ros`, and `ros1` as well.
 pub(super) fn address(text: &str) -> Result<EndpointAddress, String> {
-    let mut address: EndpointAddress = text
-        .parse()
-        .map_err(|error: wrapyfi_core::endpoint::ParseAddressError| error.to_string())?;
+    let mut address: EndpointAddress =
+        text.parse().map_err(|error: wrapyfi_endpoint::ParseAddressError| error.to_string())?;
     if address.middleware == "ros1" {
         address.middleware = "ros".to_owned();
     }

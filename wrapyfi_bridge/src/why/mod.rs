@@ -45,11 +45,11 @@ use std::fmt;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use wrapyfi_core::endpoint::{Discovered, EndpointAddress, Qos, Role};
-use wrapyfi_core::engine::LeftOut;
-use wrapyfi_core::middleware::ros2::graph::ServiceMapping;
-use wrapyfi_core::types::MessageType;
+use wrapyfi_data::types::MessageType;
+use wrapyfi_endpoint::{Discovered, EndpointAddress, Qos, Role};
+use wrapyfi_engine::LeftOut;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
+use wrapyfi_ros2::graph::ServiceMapping;
 
 use self::door::Knock;
 

@@ -11,11 +11,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-use wrapyfi_core::endpoint::{DropReason, EndpointAddress, Role};
-use wrapyfi_core::engine::{Kind, Plan, Route, RouteIndex, TO_BE_ACTIVATED, Typing};
-use wrapyfi_core::middleware::ros2::Ros2;
+use wrapyfi_endpoint::{DropReason, EndpointAddress, Role};
+use wrapyfi_engine::{Kind, Plan, Route, RouteIndex, TO_BE_ACTIVATED, Typing};
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
+use wrapyfi_ros2::Ros2;
 
 use super::drops::count;
 use super::ends::{entry, listens_on, qos_at, shown, type_at};

@@ -1,6 +1,6 @@
 //! Findings about servers and addresses at which nobody answers.
 
-use wrapyfi_core::endpoint::EndpointAddress;
+use wrapyfi_endpoint::EndpointAddress;
 
 use super::door::{Answer, Knock};
 use super::{Cause, End, Finding, Registered, Step, Way};

@@ -5,15 +5,15 @@
 
 use std::collections::BTreeMap;
 
-use wrapyfi_core::endpoint::{
+use wrapyfi_data::types::{MessageType, Payload};
+use wrapyfi_endpoint::{
     Context, EndpointAddress, History, Listener, Middleware as _, Qos, QosPreset, Role, TopicSpec,
 };
-use wrapyfi_core::engine::{Kind, OVER_LIMIT, Route, TO_BE_ACTIVATED};
-use wrapyfi_core::middleware::ros2::Ros2;
-use wrapyfi_core::middleware::ros2::graph::ServiceMapping;
-use wrapyfi_core::types::{MessageType, Payload};
+use wrapyfi_engine::{Kind, OVER_LIMIT, Route, TO_BE_ACTIVATED};
 use wrapyfi_interfaces::Message as _;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
+use wrapyfi_ros2::Ros2;
+use wrapyfi_ros2::graph::ServiceMapping;
 
 use super::look::{LOOK, mappings};
 use crate::on_graph::client::ros_type;

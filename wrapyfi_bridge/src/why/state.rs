@@ -1,11 +1,11 @@
 //! Findings about a route that runs: what its bridge tells of it.
 
-use wrapyfi_core::endpoint::{DropReason, EndpointAddress, Peers, Role};
-use wrapyfi_core::middleware::ros1::{OTHER_DEFINITION, REFUSES};
-use wrapyfi_core::middleware::ros2::graph::ServiceMapping;
-use wrapyfi_core::middleware::ros2::{ACKNOWLEDGES_NOTHING, SPEAKS_NOT};
-use wrapyfi_core::middleware::yarp::UNOPENED;
+use wrapyfi_endpoint::{DropReason, EndpointAddress, Peers, Role};
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
+use wrapyfi_ros1::{OTHER_DEFINITION, REFUSES};
+use wrapyfi_ros2::graph::ServiceMapping;
+use wrapyfi_ros2::{ACKNOWLEDGES_NOTHING, SPEAKS_NOT};
+use wrapyfi_yarp_endpoint::UNOPENED;
 
 use super::drops::{count, drops, meaning, mends};
 use super::words::{example, provider};

@@ -1,8 +1,8 @@
 //! Ends, endpoints and remedies in words.
 
-use wrapyfi_core::endpoint::{AnnouncedQos, Discovered, Qos, QosPolicy, Role, Traffic};
-use wrapyfi_core::middleware::ros2::remedy;
-use wrapyfi_core::types::{DataType, MessageType};
+use wrapyfi_data::types::{DataType, MessageType};
+use wrapyfi_endpoint::{AnnouncedQos, Discovered, Qos, QosPolicy, Role, Traffic};
+use wrapyfi_ros2::remedy;
 
 use super::End;
 
@@ -132,7 +132,7 @@ pub(super) fn between(policy: QosPolicy, offered: &AnnouncedQos, asked: &Announc
 #[cfg(test)]
 mod tests {
     use clap::Parser as _;
-    use wrapyfi_core::endpoint::TopicSpec;
+    use wrapyfi_endpoint::TopicSpec;
 
     use super::*;
     use crate::cli::{Cli, Command, TypeName};

@@ -21,7 +21,7 @@ pub(super) fn sources() -> Vec<Arc<dyn Source>> {
 
 /// Source of ROS 2 with the remap rules and names of a command line.
 #[cfg(feature = "ros2")]
-pub(super) fn ros2_with(args: crate::node::args::RosArgs) -> Arc<dyn Source> {
+pub(super) fn ros2_with(args: wrapyfi_node::args::RosArgs) -> Arc<dyn Source> {
     Arc::new(ros2::Ros2Source::new(args))
 }
 
@@ -45,8 +45,8 @@ mod zeromq {
 
     use crate::communicator::resolve::Side;
     use crate::communicator::source::{EndpointNeeds, Planned, Source, StartError};
-    use crate::middleware::zeromq::{BrokerMode, NAME, ZeroMqConfig};
-    use crate::network::Place;
+    use wrapyfi_endpoint::network::Place;
+    use wrapyfi_zeromq::{BrokerMode, NAME, ZeroMqConfig};
 
     pub(super) struct ZeroMqSource;
 
@@ -102,8 +102,8 @@ mod ros1 {
 
     use crate::communicator::resolve::Side;
     use crate::communicator::source::{EndpointNeeds, Planned, Source, StartError, queue_size};
-    use crate::middleware::ros1::{NAME, Ros1Config};
-    use crate::network::Place;
+    use wrapyfi_endpoint::network::Place;
+    use wrapyfi_ros1::{NAME, Ros1Config};
 
     /// Name of a node without one, as in Wrapyfi.
     const NODE: &str = "wrapyfi";
@@ -161,9 +161,9 @@ mod ros2 {
 
     use crate::communicator::resolve::Side;
     use crate::communicator::source::{EndpointNeeds, Planned, Source, StartError, queue_size};
-    use crate::node::args::RosArgs;
-    use crate::node::{NodeName, NodeOptions};
     use crate::start::Ros2Settings;
+    use wrapyfi_node::args::RosArgs;
+    use wrapyfi_node::{NodeName, NodeOptions};
 
     /// Number of nodes without a name made in the process.
     static NAMELESS: AtomicU32 = AtomicU32::new(0);
@@ -263,8 +263,8 @@ mod yarp {
 
     use crate::communicator::option::Options;
     use crate::communicator::source::{EndpointNeeds, Planned, Source, StartError};
-    use crate::middleware::yarp::{NAME, YarpConfig};
-    use crate::network::Place;
+    use wrapyfi_endpoint::network::Place;
+    use wrapyfi_yarp_endpoint::{NAME, YarpConfig};
 
     pub(super) struct YarpSource;
 

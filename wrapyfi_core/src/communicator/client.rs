@@ -15,10 +15,10 @@ use super::notifier::{Look, Notifier};
 use super::rules::Rules;
 use super::session::{GatheredMessages, Session};
 use super::wait::with_reason;
-use crate::endpoint::{
-    self, Client, Counters, CountersSnapshot, EndpointAddress, Link, Mutex, Request,
+use wrapyfi_data::types::{self, TypedError, Value};
+use wrapyfi_endpoint::{
+    self as endpoint, Client, Counters, CountersSnapshot, EndpointAddress, Link, Mutex, Request,
 };
-use crate::types::{self, TypedError, Value};
 
 /// An argument of a request: its name and value.
 pub type NamedArgument = (&'static str, Result<Value, TypedError>);

@@ -14,7 +14,7 @@ use serde::de::{self, Deserialize, Deserializer, SeqAccess, Visitor};
 
 use super::config::{Configuration, Entry};
 use super::mode::{Mode, Modes};
-use crate::engine::{ConfigError, MAX_CONFIG_BYTES, Problem, Reading, Spanned};
+use wrapyfi_engine::{ConfigError, MAX_CONFIG_BYTES, Problem, Reading, Spanned};
 
 type File = BTreeMap<String, Option<BTreeMap<String, Spanned<Written>>>>;
 

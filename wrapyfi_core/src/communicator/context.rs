@@ -13,11 +13,11 @@ use super::builtin;
 use super::config::Configuration;
 use super::runtime::Runtime;
 use super::source::{EndpointNeeds, Running, Source, StartError};
-use crate::endpoint::{Middleware, Mutex};
+use wrapyfi_data::plugin::Plugins;
+use wrapyfi_data::types::{MessageTypeError, RosType};
+use wrapyfi_endpoint::{Middleware, Mutex};
 #[cfg(feature = "engine")]
-use crate::engine::ConfigError;
-use crate::plugin::Plugins;
-use crate::types::{MessageTypeError, RosType};
+use wrapyfi_engine::ConfigError;
 use wrapyfi_interfaces::store::TypeStore;
 
 /// Middlewares, defaults and configuration that communicators share. Cheap to clone.
@@ -221,6 +221,7 @@ impl ContextBuilder {
 
     /// Adds a middleware that is started when it is needed, in place of one of its name.
     #[must_use]
+    #[doc(hidden)]
     pub fn source(mut self, source: Arc<dyn Source>) -> Self {
         self.sources.push(source);
         self
@@ -228,18 +229,18 @@ impl ContextBuilder {
 
     /// Names the nodes on ROS 2 and remaps their topics and services by a command line with
     /// `--ros-args`: `__node`, `__ns`, rules for names. Its parameters and log levels are for the
-    /// program, which reads them from [`RosArgs`](crate::node::args::RosArgs).
+    /// program, which reads them from [`RosArgs`](crate::node::RosArgs).
     ///
     /// ```
     /// use wrapyfi_core::communicator::CommunicatorContext;
-    /// use wrapyfi_core::node::{args::RosArgs, read_params_file};
+    /// use wrapyfi_core::node::{RosArgs, read_params_file};
     /// let args = RosArgs::parse(std::env::args().skip(1), read_params_file)?;
     /// let context = CommunicatorContext::builder().ros_args(args).build();
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     #[cfg(feature = "ros2")]
     #[must_use]
-    pub fn ros_args(self, args: crate::node::args::RosArgs) -> Self {
+    pub fn ros_args(self, args: wrapyfi_node::args::RosArgs) -> Self {
         self.source(builtin::ros2_with(args))
     }
 

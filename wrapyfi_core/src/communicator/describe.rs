@@ -1,8 +1,7 @@
 //! Descriptions of a type's registered methods, which `#[communicator]` writes as constants.
 
 use super::error::ActivateError;
-use crate::types::DataType;
-use wrapyfi_data::did_you_mean;
+use wrapyfi_data::{did_you_mean, types::DataType};
 
 /// A type with registered methods.
 ///
@@ -87,6 +86,7 @@ pub enum Literal {
 /// ```
 pub trait Method: Copy + Send + Sync + 'static {
     /// Description of the type.
+    #[doc(hidden)]
     const CLASS: &'static Class;
     /// All methods of the type.
     const ALL: &'static [Self];

@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use super::mode::{Mode, ParseModeError};
 use super::option::OptionError;
-use crate::endpoint::{self, OpenError, PublishError};
 use wrapyfi_data::returned::PayloadError;
+use wrapyfi_endpoint::{self as endpoint, OpenError, PublishError};
 
 /// Error of choosing a mode.
 ///

@@ -18,7 +18,7 @@ use super::oneshot;
 use super::opening::Opening;
 use super::resolve::{Given, Resolved, resolve};
 use super::session::{Session, ValueStatus};
-use crate::endpoint::Mutex;
+use wrapyfi_endpoint::Mutex;
 
 /// Modes and endpoints of one instance's registered methods; a field that `#[communicator]` adds.
 pub struct Instance<M> {

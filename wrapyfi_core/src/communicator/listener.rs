@@ -14,8 +14,8 @@ use super::notifier::{Look, Notifier};
 use super::rules::Rules;
 use super::runtime::Runtime;
 use super::wait::{Wait, with_reason};
-use crate::endpoint::{Clock, Counters, EndpointAddress, Link, Listener, Mutex, Throttle};
-use crate::types::Payload;
+use wrapyfi_data::types::Payload;
+use wrapyfi_endpoint::{Clock, Counters, EndpointAddress, Link, Listener, Mutex, Throttle};
 
 /// Time between two looks at the peers while nothing rings.
 const REVIEW_EVERY: Duration = Duration::from_secs(1);
@@ -51,7 +51,7 @@ impl ListenerEnd {
     pub(super) fn new(
         endpoint: EndpointAddress,
         listener: Box<dyn Listener>,
-        context: &crate::endpoint::Context,
+        context: &wrapyfi_endpoint::Context,
         options: EndOptions,
     ) -> Self {
         Self {

@@ -90,20 +90,29 @@ mod settings;
 mod source;
 mod wait;
 
-pub use client::NamedArgument;
 pub use config::Configuration;
 pub use context::{CommunicatorContext, ContextBuilder};
-pub use describe::{Class, Literal, Method, MethodSpec, NamesMethod, Register};
+pub use describe::{Method, NamesMethod};
 pub use error::{ActivateError, MethodError};
-pub use instance::{Control, Instance, RunningCall};
+pub use instance::Control;
 pub use mode::{Mode, Modes, NamesMode, NamesOneMode, ParseModeError};
-pub use notifier::at_once;
 pub use option::{OptionError, OptionValue, Options};
-pub use resolve::{Given, Side, argument};
-pub use server::ReceivedRequest;
-pub use session::{EndStatus, GatheredMessages, Session, ValueStatus};
-pub use source::{EndpointNeeds, Planned, Source, StartError};
-pub use wrapyfi_data::returned::{PayloadError, Returned, kind};
+pub use session::{EndStatus, ValueStatus};
+pub use source::StartError;
 pub use wrapyfi_macros::{communicator, register};
+#[doc(inline)]
+pub use {wrapyfi_data::returned::PayloadError, wrapyfi_data::types::DataType};
 
-pub use crate::types::DataType;
+// What the code of the macros names and what that returns; middlewares that are started when a method needs them.
+#[doc(hidden)]
+pub use {
+    client::NamedArgument,
+    describe::{Class, Literal, MethodSpec, Register},
+    instance::{Instance, RunningCall},
+    notifier::at_once,
+    resolve::{Given, Side, argument},
+    server::ReceivedRequest,
+    session::{GatheredMessages, Session},
+    source::{EndpointNeeds, Planned, Source},
+    wrapyfi_data::returned::{Returned, kind},
+};

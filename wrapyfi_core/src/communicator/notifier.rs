@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use super::error::MethodError;
 use super::runtime::Runtime;
 use super::wait::Wait;
-use crate::endpoint::Wake;
+use wrapyfi_endpoint::Wake;
 
 /// Longest time between two looks, should a middleware forget to ring.
 const LOOK_EVERY: Duration = Duration::from_millis(500);

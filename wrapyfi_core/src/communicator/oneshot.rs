@@ -5,7 +5,7 @@ use std::pin::Pin;
 use std::sync::mpsc;
 use std::task::{Context, Poll};
 
-use crate::endpoint::Wake;
+use wrapyfi_endpoint::Wake;
 
 /// Sending side. The doorbell is dropped last: who is woken by it finds the value, or that none comes.
 pub(super) struct Sender<T> {

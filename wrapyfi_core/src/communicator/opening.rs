@@ -25,14 +25,14 @@ use super::settings::{
 };
 use super::source::{EndpointNeeds, Source, StartError};
 use super::wait::Stop;
-use crate::Limits;
-use crate::endpoint::{
-    self, EndpointAddress, History, Middleware, OpenError, Overflow, Qos, QueueSpec, ServiceSpec,
-    TopicSpec,
-};
-use crate::types::{DataType, MessageType, ServiceKind};
+use wrapyfi_data::Limits;
 use wrapyfi_data::did_you_mean;
 use wrapyfi_data::returned::generated;
+use wrapyfi_data::types::{DataType, MessageType, ServiceKind};
+use wrapyfi_endpoint::{
+    self as endpoint, EndpointAddress, History, Middleware, OpenError, Overflow, Qos, QueueSpec,
+    ServiceSpec, TopicSpec,
+};
 
 /// Number of native objects that wait at a listener, as many as ZeroMQ holds for Wrapyfi.
 const OBJECTS: usize = 1000;

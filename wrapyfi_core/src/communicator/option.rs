@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use super::describe::Literal;
-use crate::types::Value;
+use wrapyfi_data::types::Value;
 
 /// The value of an option.
 ///

@@ -15,10 +15,10 @@ use super::notifier::{Look, Notifier};
 use super::rules::Rules;
 use super::runtime::{Runtime, Watched};
 use super::wait::{Wait, with_reason};
-use crate::endpoint::{
+use wrapyfi_data::types::Payload;
+use wrapyfi_endpoint::{
     Counters, DropReason, EndpointAddress, Link, Mutex, PublishError, Publisher, Throttle,
 };
-use crate::types::Payload;
 
 pub(super) struct PublisherEnd {
     pub(super) endpoint: EndpointAddress,
@@ -177,7 +177,7 @@ mod tests {
 
     use super::super::option::Options;
     use super::*;
-    use crate::endpoint::Review;
+    use wrapyfi_endpoint::Review;
 
     /// Publisher with this many listeners, and a warning at every look.
     struct Counting(Arc<AtomicUsize>);

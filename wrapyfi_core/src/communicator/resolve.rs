@@ -8,7 +8,7 @@
 use super::describe::{Class, MethodSpec, Register};
 use super::error::MethodError;
 use super::option::{OptionError, OptionValue, Options};
-use crate::types::{DataType, TypedError, Value, to_value};
+use wrapyfi_data::types::{DataType, TypedError, Value, to_value};
 
 /// An argument of a call: its place and value.
 pub type Given = (usize, Result<Value, TypedError>);

@@ -4,9 +4,11 @@
 
 use super::option::{OptionError, Options};
 use super::settings::jpeg_quality;
-use crate::codec::jpeg;
-use crate::types::{AudioChunk, CompressedFormat, Encoding, Image, Payload, Pixels, RawPixels};
 use wrapyfi_data::returned::PayloadError;
+use wrapyfi_data::types::{
+    AudioChunk, CompressedFormat, Encoding, Image, Payload, Pixels, RawPixels,
+};
+use wrapyfi_endpoint::codec::jpeg;
 
 /// Size, channels and rate that the payloads of one value must have.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -127,7 +129,7 @@ fn compare<T: PartialEq + ToString>(
 mod tests {
     use super::super::option::OptionValue;
     use super::*;
-    use crate::types::{SampleFormat, Stamp};
+    use wrapyfi_data::types::{SampleFormat, Stamp};
 
     fn rules(options: &[(&str, OptionValue)]) -> Rules {
         let options = options

@@ -17,7 +17,7 @@ use std::task::Waker;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use crate::endpoint::{Mutex, Wake};
+use wrapyfi_endpoint::{Mutex, Wake};
 
 /// Longest time between two looks at the publishers.
 const LOOK_EVERY: Duration = Duration::from_secs(1);

@@ -19,12 +19,12 @@ use super::rules::Rules;
 use super::runtime::{Runtime, Watched};
 use super::session::Session;
 use super::wait::to_stderr;
-use crate::endpoint::{
-    self, Call, Clock, Counters, CountersSnapshot, EndpointAddress, Link, Mutex, RequestId, Server,
-    Throttle,
-};
-use crate::types::{self, from_value};
 use wrapyfi_data::returned::Returned;
+use wrapyfi_data::types::{self, from_value};
+use wrapyfi_endpoint::{
+    self as endpoint, Call, Clock, Counters, CountersSnapshot, EndpointAddress, Link, Mutex,
+    RequestId, Server, Throttle,
+};
 
 /// Time between two tries to send kept replies: no bell rings when their clients begin to hear.
 const FLUSH_EVERY: Duration = Duration::from_millis(10);

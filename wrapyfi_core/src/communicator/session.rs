@@ -18,9 +18,9 @@ use super::oneshot;
 use super::publisher::PublisherEnd;
 use super::server::ServerEnd;
 use super::wait::{Stop, Wait};
-use crate::endpoint::{CountersSnapshot, EndpointAddress, Link};
-use crate::types;
 use wrapyfi_data::returned::{PayloadError, Returned};
+use wrapyfi_data::types;
+use wrapyfi_endpoint::{CountersSnapshot, EndpointAddress, Link};
 
 /// The endpoints of one method; made by the library, used by the code that `#[communicator]`
 /// writes. Functions that may wait are told whether a task waits: else they block the thread, and
@@ -57,6 +57,13 @@ pub struct GatheredMessages(pub(super) Vec<Option<types::Payload>>);
 /// One end of a value, for status tables.
 ///
 /// See [`ValueStatus`].
+///
+/// ```
+/// use wrapyfi_core::communicator::{EndStatus, ValueStatus};
+/// fn heard(status: &ValueStatus) -> u64 {
+///     status.ends.iter().map(|EndStatus { counters, .. }| counters.received).sum()
+/// }
+/// ```
 #[derive(Debug, Clone)]
 pub struct EndStatus {
     /// Address of the endpoint.
@@ -236,7 +243,7 @@ impl Session {
     fn published(
         &self,
         publisher: &PublisherEnd,
-        result: Result<(), crate::endpoint::PublishError>,
+        result: Result<(), wrapyfi_endpoint::PublishError>,
     ) -> Result<(), MethodError> {
         result.map_err(|source| MethodError::Publish {
             method: self.method.clone(),

@@ -5,10 +5,10 @@
 //! ```
 
 use super::option::{OptionError, OptionValue, Options};
-use crate::Limits;
-use crate::endpoint::QosPreset;
-use crate::plugin::{DeviceMaps, DeviceOption, Plugins};
-use crate::types::{DataType, Encoding, Map};
+use wrapyfi_data::Limits;
+use wrapyfi_data::plugin::{DeviceMaps, DeviceOption, Plugins};
+use wrapyfi_data::types::{DataType, Encoding, Map};
+use wrapyfi_endpoint::QosPreset;
 
 /// Options that only some middlewares have, in the form in which they read them.
 pub(super) fn for_middlewares(options: &Options) -> Result<Map, OptionError> {

@@ -9,9 +9,9 @@ use std::sync::Arc;
 
 use super::option::Options;
 use super::resolve::Side;
-use crate::endpoint::Middleware;
 use crate::start::MiddlewareSettings;
 pub use crate::start::StartError;
+use wrapyfi_endpoint::Middleware;
 
 /// A middleware that a communicator may use by its name.
 ///

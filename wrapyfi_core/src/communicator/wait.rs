@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::SeqCst};
 use std::time::{Duration, Instant};
 
 use super::error::MethodError;
-use crate::endpoint::Link;
+use wrapyfi_endpoint::Link;
 
 /// Time after which a wait logs the thing that it waits for, the first time.
 const SAY_AFTER: Duration = Duration::from_secs(1);

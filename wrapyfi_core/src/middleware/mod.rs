@@ -1,12 +1,46 @@
 //! The transports. Each module implements [`crate::endpoint::Middleware`]; nothing outside it
 //! knows its types beyond its constructor.
 
-pub use wrapyfi_endpoint::memory;
+/// The middleware inside one process, for tests and for programs that talk to themselves.
+pub mod memory {
+    #[doc(inline)]
+    pub use wrapyfi_endpoint::memory::Memory;
+}
+
+/// ROS 1: topics, services and parameters of nodes that a `roscore` knows.
 #[cfg(feature = "ros1")]
-pub use wrapyfi_ros1 as ros1;
+pub mod ros1 {
+    #[doc(inline)]
+    pub use wrapyfi_ros1::{Ros1, Ros1Config, Ros1ConfigError, Ros1Error, Ros1NameError};
+}
+
+/// ROS 2: topics, services and parameters on CycloneDDS, or on the middleware of the ROS 2 that is sourced.
 #[cfg(feature = "ros2")]
-pub use wrapyfi_ros2 as ros2;
+pub mod ros2 {
+    #[doc(inline)]
+    pub use wrapyfi_ros2::{
+        Adapter, CycloneConfig, ParameterClient, ParameterClientError, ParameterResult,
+        RefusedParameter, Ros2, ServiceOptions,
+        environment::{DiscoveryRange, DiscoverySettings},
+        graph::{GraphError, Peers, ServiceMapping},
+    };
+}
+
+/// YARP: ports of robots, and the name server that knows them.
 #[cfg(feature = "yarp")]
-pub use wrapyfi_yarp_endpoint as yarp;
+pub mod yarp {
+    #[doc(inline)]
+    pub use wrapyfi_yarp_endpoint::{
+        Convention, Dialect, NameServerConf, Yarp, YarpConfig, YarpError,
+    };
+}
+
+/// ZeroMQ: Wrapyfi's publishers and listeners, clients and servers, and the broker between them.
 #[cfg(feature = "zeromq")]
-pub use wrapyfi_zeromq as zeromq;
+pub mod zeromq {
+    #[doc(inline)]
+    pub use wrapyfi_zeromq::{
+        Answer, BrokerError, BrokerMode, CurveClient, CurveConfig, CurveError, ZeroMq,
+        ZeroMqConfig, ZeroMqError,
+    };
+}

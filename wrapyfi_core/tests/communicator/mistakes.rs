@@ -5,10 +5,10 @@ use std::sync::Arc;
 use wrapyfi_core::communicator::{
     ActivateError, CommunicatorContext, Method, MethodError, Mode, communicator,
 };
-use wrapyfi_core::endpoint::{
+use wrapyfi_data::types::{Properties, Value};
+use wrapyfi_endpoint::{
     Client, Context, Listener, Middleware, OpenError, Opened, Publisher, ServiceSpec, TopicSpec,
 };
-use wrapyfi_core::types::{Properties, Value};
 
 use super::robot::{Nobody, NobodyMethod, RobotMethod, context, robot};
 

@@ -1,7 +1,7 @@
 //! Every mode without requests, and what changes it.
 
 use wrapyfi_core::communicator::{Configuration, MethodError, Mode};
-use wrapyfi_core::endpoint::DropReason;
+use wrapyfi_endpoint::DropReason;
 
 use super::robot::{Nobody, RobotCommunicator, RobotMethod, context, image, robot};
 

@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use wrapyfi_core::communicator::{CommunicatorContext, communicator};
-use wrapyfi_core::middleware::memory::Memory;
-use wrapyfi_core::types::{
+use wrapyfi_data::types::{
     AudioChunk, Encoding, Image, RawPixels, SampleFormat, Stamp, Tensor, Value,
 };
+use wrapyfi_endpoint::memory::Memory;
 
 pub(super) fn context() -> CommunicatorContext {
     CommunicatorContext::builder()

@@ -4,7 +4,7 @@ use std::sync::mpsc::RecvTimeoutError;
 use std::time::Duration;
 
 use wrapyfi_core::communicator::{CommunicatorContext, MethodError, Mode, communicator};
-use wrapyfi_core::types::{AudioChunk, Encoding, Image, RawPixels, SampleFormat, Stamp, Tensor};
+use wrapyfi_data::types::{AudioChunk, Encoding, Image, RawPixels, SampleFormat, Stamp, Tensor};
 
 /// Long enough for the slowest machine; reached only by failures.
 const TIMEOUT_MS: u64 = 30_000;

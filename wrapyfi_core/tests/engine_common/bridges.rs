@@ -3,8 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use wrapyfi_core::endpoint::{DropReason, Registry};
-use wrapyfi_core::engine::{Engine, Plan, RouteStatus};
+use wrapyfi_endpoint::{DropReason, Registry};
+use wrapyfi_engine::{Engine, Plan, RouteStatus};
 
 use super::seeds::Dice;
 use super::{Faulty, Hand, Readers, plan, registry, types};

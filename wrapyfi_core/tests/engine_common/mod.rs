@@ -11,14 +11,14 @@ use std::path::PathBuf;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use wrapyfi_core::endpoint::{
+use wrapyfi_data::types::{MessageType, Payload, ServiceKind, Value};
+use wrapyfi_endpoint::memory::Memory;
+use wrapyfi_endpoint::{
     Client, Clock, Context, DiscoverError, Discovered, Discovery, LearnError, Learned, Link,
     Listener, Middleware, NameFilter, OpenError, PublishError, Publisher, Registry, Review, Sample,
     Server, ServiceSpec, TakeError, TopicSpec, Traits,
 };
-use wrapyfi_core::engine::{Available, Config, Plan, Route};
-use wrapyfi_core::middleware::memory::Memory;
-use wrapyfi_core::types::{MessageType, Payload, ServiceKind, Value};
+use wrapyfi_engine::{Available, Config, Plan, Route};
 use wrapyfi_interfaces::parser::Dialect;
 use wrapyfi_interfaces::store::TypeStore;
 

@@ -2,11 +2,11 @@
 
 use std::time::{Duration, Instant};
 
-use wrapyfi_core::endpoint::{
+use wrapyfi_data::types::Payload;
+use wrapyfi_endpoint::{
     CallError, Client, Clock, IncomingRequest, Link, Refusal, Reply, Request, RequestId,
     ServeError, Server, Ticket, Wake,
 };
-use wrapyfi_core::types::Payload;
 
 use super::{FaultyEnd, lock};
 

@@ -8,11 +8,11 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
 
-use wrapyfi_core::endpoint::{
+use wrapyfi_data::types::Payload;
+use wrapyfi_endpoint::{
     Context, Counters, DropReason, Link, Listener, PublishError, Publisher, Reliability, Review,
     Sample, TakeError, TopicSpec,
 };
-use wrapyfi_core::types::Payload;
 
 use super::{Faults, Readers, Shared, lock};
 

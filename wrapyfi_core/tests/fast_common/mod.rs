@@ -17,11 +17,11 @@ use rustdds::{
     Publisher, QosPolicies, QosPolicyBuilder, Subscriber, Topic, TopicKind, policy,
 };
 use serde::{Deserialize, Serialize};
-use wrapyfi_core::endpoint::Wake;
-use wrapyfi_core::middleware::ros2::graph::{
+use wrapyfi_endpoint::Wake;
+use wrapyfi_ros2::graph::{
     CdrClient, CdrReply, CdrRequest, CdrServer, GraphError, Peers, ServiceDescription, wait_until,
 };
-use wrapyfi_core::middleware::ros2::{CycloneConfig, RustServices};
+use wrapyfi_ros2::{CycloneConfig, RustServices};
 
 use crate::ros2_common::{TIMEOUT, bell, domain, name};
 

@@ -8,14 +8,12 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use serde_json::{Value, json};
-use wrapyfi_core::endpoint::{
-    Context, Listener, Middleware, Qos, Request, ServiceSpec, TopicSpec, Wake,
-};
-use wrapyfi_core::middleware::ros2::graph::{DiscoveredEndpoint, Graph, wait_until};
-use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneGraph, NodeEndpoints, Ros2};
-use wrapyfi_core::node::parameters::{ParameterDescriptor, ParameterStore};
-use wrapyfi_core::types::{MessageType, Payload, RosMessage, RosService, RosType, ServiceKind};
+use wrapyfi_data::types::{MessageType, Payload, RosMessage, RosService, RosType, ServiceKind};
+use wrapyfi_endpoint::{Context, Listener, Middleware, Qos, Request, ServiceSpec, TopicSpec, Wake};
 use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
+use wrapyfi_node::parameters::{ParameterDescriptor, ParameterStore};
+use wrapyfi_ros2::graph::{DiscoveredEndpoint, Graph, wait_until};
+use wrapyfi_ros2::{CycloneConfig, CycloneGraph, NodeEndpoints, Ros2};
 
 use crate::ros2_common::{TIMEOUT, far_config, near_config};
 

@@ -1,7 +1,7 @@
 //! Tests of every adapter of the graph, between two nodes.
 
-use wrapyfi_core::endpoint::{Durability, History, QosPreset, Reliability, Wake};
-use wrapyfi_core::middleware::ros2::graph::{
+use wrapyfi_endpoint::{Durability, History, QosPreset, Reliability, Wake};
+use wrapyfi_ros2::graph::{
     CdrClient, CdrReply, CdrRequest, CdrServer, Graph, GraphError, Peers, ServiceDescription,
     wait_until,
 };
@@ -228,7 +228,7 @@ pub fn requests_and_replies_over_the_limit_are_named_and_the_next_one_comes(
 
 /// `a` is the node `/robot/a`; `b` sees whose the mark is.
 pub fn the_mark_of_a_bridge_is_seen(a: &dyn Graph, b: &dyn Graph) {
-    use wrapyfi_core::middleware::ros2::graph::WriterTraits;
+    use wrapyfi_ros2::graph::WriterTraits;
     let mark = "0196a3b2c4d5e6f7:ros,yarp".parse().unwrap();
     let traits = WriterTraits { mark: Some(&mark), ..WriterTraits::default() };
     let wake = Wake::new();

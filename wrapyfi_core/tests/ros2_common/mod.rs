@@ -15,12 +15,12 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::sync::{Arc, LazyLock};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use wrapyfi_core::endpoint::{Qos, Wake};
-use wrapyfi_core::middleware::ros2::graph::{
+use wrapyfi_endpoint::{Qos, Wake};
+use wrapyfi_node::NodeName;
+use wrapyfi_ros2::graph::{
     CdrReader, CdrSample, CdrWriter, Graph, GraphError, Notify, TopicDescription, wait_until,
 };
-use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneGraph};
-use wrapyfi_core::node::NodeName;
+use wrapyfi_ros2::{CycloneConfig, CycloneGraph};
 
 /// Long enough for the slowest machine; reached only by failures.
 pub const TIMEOUT: Duration = Duration::from_secs(30);

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMqConfig};
+use wrapyfi_zeromq::{BrokerMode, ZeroMqConfig};
 
 pub const MONITOR: &str = "ZEROMQ/CONNECTIONS";
 /// Long enough for the slowest machine; reached only by failures.

@@ -11,8 +11,8 @@ use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use wrapyfi_core::middleware::ros1::header::Header;
-use wrapyfi_core::middleware::ros1::xmlrpc::{self, Reply, Value, XmlRpcCall, text, texts};
+use wrapyfi_ros1::header::Header;
+use wrapyfi_ros1::xmlrpc::{self, Reply, Value, XmlRpcCall, text, texts};
 
 /// Registrations under each name: nodes and their addresses.
 type Providers = BTreeMap<String, Vec<(String, String)>>;

@@ -3,11 +3,9 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use wrapyfi_core::endpoint::{ServiceSpec, Wake};
-use wrapyfi_core::middleware::ros2::CycloneGraph;
-use wrapyfi_core::middleware::ros2::graph::{
-    CdrClient, Graph as _, Peers, ServiceDescription, wait_until,
-};
+use wrapyfi_endpoint::{ServiceSpec, Wake};
+use wrapyfi_ros2::CycloneGraph;
+use wrapyfi_ros2::graph::{CdrClient, Graph as _, Peers, ServiceDescription, wait_until};
 
 /// A client of a foreign node, which knows of the service its name and type only; its server is there.
 pub(crate) fn foreign_client(wild: &CycloneGraph, spec: &ServiceSpec) -> Box<dyn CdrClient> {

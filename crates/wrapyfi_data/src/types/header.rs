@@ -67,6 +67,7 @@ impl Payload {
     ///
     /// # Errors
     /// When the bytes of a ROS message are none of its type, or more than `max_bytes`.
+    #[doc(hidden)]
     pub fn change_header(
         &mut self,
         change: &HeaderChange<'_>,
@@ -118,6 +119,7 @@ impl RosMessage {
     ///
     /// # Errors
     /// As [`RosMessage::from_value`].
+    #[doc(hidden)]
     pub fn from_value_with(
         ros_type: RosType,
         mut value: Value,

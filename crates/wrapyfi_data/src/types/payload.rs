@@ -281,6 +281,7 @@ impl MessageType {
     ///
     /// # Errors
     /// When the text is no name of a type, or the definition cannot be found or used.
+    #[doc(hidden)]
     pub fn resolve(text: &str, store: &mut TypeStore) -> Result<Self, MessageTypeError> {
         resolve(text, store, "type as package/msg/Type", |found| RosType::new(found).map(Self::Ros))
     }

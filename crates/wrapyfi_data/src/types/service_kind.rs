@@ -123,6 +123,7 @@ impl ServiceKind {
     ///
     /// # Errors
     /// When the text is no name of a service, or the definition cannot be found or used.
+    #[doc(hidden)]
     pub fn resolve(text: &str, store: &mut TypeStore) -> Result<Self, MessageTypeError> {
         super::payload::resolve(text, store, "service as package/srv/Type", |found| {
             RosService::new(found).map(Self::Ros)

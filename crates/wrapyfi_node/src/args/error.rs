@@ -18,6 +18,7 @@ use crate::NameError;
 #[derive(Debug)]
 pub struct RosArgsError {
     /// The reason.
+    #[doc(hidden)]
     pub kind: RosArgsErrorKind,
     /// Warnings that came before the error, in order.
     pub warnings: Vec<RosArgsWarning>,

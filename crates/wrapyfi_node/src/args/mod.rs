@@ -236,12 +236,14 @@ impl RosArgs {
 
     /// Level of a logger, by its own level, those above it and the one for all.
     #[must_use]
+    #[doc(hidden)]
     pub fn log_level_of(&self, logger: &str) -> LogLevel {
         self.log_levels.effective(logger)
     }
 
     /// Levels that were given, for all loggers and for single ones.
     #[must_use]
+    #[doc(hidden)]
     pub fn log_levels(&self) -> &LogLevels {
         &self.log_levels
     }

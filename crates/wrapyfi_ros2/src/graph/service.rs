@@ -96,6 +96,13 @@ pub struct CdrReply {
 }
 
 /// Readiness of the other end of a service: a request that is sent before is lost.
+///
+/// ```
+/// use wrapyfi_ros2::{ParameterClient, graph::Peers};
+/// fn is_there(talker: &ParameterClient) -> bool {
+///     matches!(talker.servers(), Peers::Ready(_))
+/// }
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Peers {
     /// Nobody has the other end.

@@ -28,6 +28,12 @@ impl fmt::Display for RefusedParameter {
 }
 
 /// Error of reading or setting the parameters of another node.
+///
+/// ```
+/// use wrapyfi_ros2::ParameterClientError;
+/// let error = ParameterClientError::NotDeclared { node: "/talker".into(), names: vec!["gain".into()] };
+/// assert!(error.to_string().starts_with("node /talker has not declared"));
+/// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ParameterClientError {

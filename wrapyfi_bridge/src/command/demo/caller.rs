@@ -3,9 +3,9 @@
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use wrapyfi_core::Limits;
-use wrapyfi_core::endpoint::{Client, Context, Middleware, Reply, Request, ServiceSpec, Ticket};
-use wrapyfi_core::types::{Payload, ServiceKind, Value};
+use wrapyfi_data::Limits;
+use wrapyfi_data::types::{Payload, ServiceKind, Value};
+use wrapyfi_endpoint::{Client, Context, Middleware, Reply, Request, ServiceSpec, Ticket};
 
 use super::tally::Tally;
 use crate::canonical::canonical;
@@ -112,7 +112,7 @@ mod tests {
     use std::sync::Arc;
     use std::sync::atomic::{AtomicBool, Ordering};
 
-    use wrapyfi_core::middleware::memory::Memory;
+    use wrapyfi_endpoint::memory::Memory;
 
     use super::super::{robot, routes};
     use super::*;

@@ -23,8 +23,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
-use wrapyfi_core::endpoint::Mutex;
-use wrapyfi_core::engine::{Engine, Plan};
+use wrapyfi_endpoint::Mutex;
+use wrapyfi_engine::{Engine, Plan};
 
 use self::sources::Sources;
 use self::viewer::Viewer;

@@ -7,8 +7,8 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use wrapyfi_core::endpoint::{Request, Server, Wake};
-use wrapyfi_core::types::{Map, Payload, Value};
+use wrapyfi_data::types::{Map, Payload, Value};
+use wrapyfi_endpoint::{Request, Server, Wake};
 
 use crate::command::WAIT_SLICE;
 

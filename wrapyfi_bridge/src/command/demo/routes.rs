@@ -1,9 +1,9 @@
 //! Routes of the demo.
 
 use anyhow::Context as _;
-use wrapyfi_core::endpoint::EndpointAddress;
-use wrapyfi_core::engine::{Plan, Route};
-use wrapyfi_core::types::{MessageType, ServiceKind};
+use wrapyfi_data::types::{MessageType, ServiceKind};
+use wrapyfi_endpoint::EndpointAddress;
+use wrapyfi_engine::{Plan, Route};
 use wrapyfi_interfaces::store::TypeStore;
 
 /// A topic of the demo.
@@ -71,7 +71,7 @@ pub(super) fn plan() -> anyhow::Result<Plan> {
 
 #[cfg(test)]
 mod tests {
-    use wrapyfi_core::engine::Kind;
+    use wrapyfi_engine::Kind;
 
     use super::*;
     use crate::middlewares;

@@ -1,10 +1,10 @@
 //! Pictures, sounds and objects of the demo's sources: message by number.
 
-use wrapyfi_core::codec::jpeg;
-use wrapyfi_core::types::{
+use wrapyfi_data::types::{
     AudioChunk, CompressedFormat, Encoding, Image, Map, Payload, Pixels, RawPixels, SampleFormat,
     Stamp, Tensor, Value,
 };
+use wrapyfi_endpoint::codec::jpeg;
 
 /// Key under which the demo's objects carry the time they were sent.
 pub(super) const SENT_AT: &str = "sent_at";

@@ -6,10 +6,10 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use wrapyfi_core::endpoint::{
+use wrapyfi_data::types::{MessageType, Payload};
+use wrapyfi_endpoint::{
     Context, EndpointAddress, Publisher, Registry, ServiceSpec, TopicSpec, Wake,
 };
-use wrapyfi_core::types::{MessageType, Payload};
 
 use super::{robot, routes, scenes};
 

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::time::Duration;
 
-use wrapyfi_core::endpoint::Latency;
+use wrapyfi_endpoint::Latency;
 
 /// Messages that came of one topic, or of the replies of one service.
 #[derive(Default)]

@@ -3,8 +3,8 @@
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use wrapyfi_core::endpoint::{Context, Listener, Middleware, TopicSpec, Wake};
-use wrapyfi_core::types::{Payload, Stamp, Value};
+use wrapyfi_data::types::{Payload, Stamp, Value};
+use wrapyfi_endpoint::{Context, Listener, Middleware, TopicSpec, Wake};
 
 use super::caller::Caller;
 use super::routes::{self, LIGHT, LIGHT_SERVICE, TOPICS, Topic};

@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
-use wrapyfi_core::Limits;
-use wrapyfi_core::endpoint::{
+use wrapyfi_data::Limits;
+use wrapyfi_data::types::{Map, Payload, ServiceKind, Value, fields_of_call};
+use wrapyfi_endpoint::{
     Call, CallError, Context, LearnError, Middleware, Role as EndpointRole, ServiceSpec,
 };
-use wrapyfi_core::middleware::yarp;
-use wrapyfi_core::types::{Map, Payload, ServiceKind, Value, fields_of_call};
+use wrapyfi_yarp_endpoint as yarp;
 
 use super::{kind, shown, value, wait};
 use crate::canonical::canonical;
@@ -199,7 +199,7 @@ fn announced(
 
 #[cfg(test)]
 mod tests {
-    use wrapyfi_core::types::RosService;
+    use wrapyfi_data::types::RosService;
     use wrapyfi_interfaces::store::TypeStore;
 
     use super::*;

@@ -11,10 +11,9 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
-use wrapyfi_core::Limits;
-use wrapyfi_core::codec::json;
-use wrapyfi_core::endpoint::{EndpointAddress, Wake};
-use wrapyfi_core::types::{RosMessage, ServiceKind, Value};
+use wrapyfi_data::Limits;
+use wrapyfi_data::types::{RosMessage, ServiceKind, Value};
+use wrapyfi_endpoint::{EndpointAddress, Wake, codec::json};
 
 use super::{WAIT_SLICE, definitions, yaml};
 use crate::cli::ServiceName;

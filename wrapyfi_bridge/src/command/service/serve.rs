@@ -3,14 +3,14 @@
 use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
-use wrapyfi_core::endpoint::{
-    Call, Context, EndpointAddress, Request, ServeError, ServeResult, Server, ServiceSpec,
-    TopicSpec,
-};
-use wrapyfi_core::types::{
+use wrapyfi_data::Limits;
+use wrapyfi_data::types::{
     Payload, RosMessage, RosService, ServiceKind, Stamp, Value, fields_of_call, fields_of_return,
 };
-use wrapyfi_core::{Limits, Throttle, codec};
+use wrapyfi_endpoint::{
+    Call, Context, EndpointAddress, Request, ServeError, ServeResult, Server, ServiceSpec,
+    Throttle, TopicSpec, codec,
+};
 use wrapyfi_interfaces::dynamic::DynamicMessage;
 
 use super::{kind, shown, value, wait};
@@ -219,7 +219,7 @@ fn finish(server: &mut dyn Server, context: &Context, endpoint: &EndpointAddress
 mod tests {
     use std::cell::RefCell;
 
-    use wrapyfi_core::types::Map;
+    use wrapyfi_data::types::Map;
 
     use super::*;
 
