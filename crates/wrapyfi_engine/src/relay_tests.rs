@@ -309,6 +309,14 @@ fn what_the_destination_took_and_lost_degrades_the_route() {
     );
     bench.step_after(DEGRADED_FOR);
     assert_eq!(bench.relay.status().state, RouteState::Active);
+    // Sources drop what is too large themselves.
+    bench.relay.context.counters.dropped(DropReason::Oversize);
+    bench.step_after(MS);
+    let state = bench.relay.status().state;
+    assert!(
+        matches!(&state, RouteState::Degraded(text) if text.contains("larger than")),
+        "{state}"
+    );
 }
 
 /// An object that a plug-in refused is carried unread: it is counted, and is no loss.

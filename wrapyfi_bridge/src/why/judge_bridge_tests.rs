@@ -460,3 +460,47 @@ fn a_bridge_of_another_domain_is_not_to_be_started_once_more() {
     assert_eq!(found.what, wanted);
     assert!(found.remedy.starts_with("export ROS_DOMAIN_ID=7 in this shell"), "{found:?}");
 }
+
+/// Of what is in another domain than the bridge nothing here tells.
+#[test]
+fn another_domain_comes_before_what_is_not_here() {
+    let mut way = Way { afar: Some((7, "/lab/bridge".to_owned())), ..whole() };
+    way.source.as_mut().unwrap().found.clear();
+    assert_eq!(judge(&way).finding.unwrap().cause, Cause::OtherDomain);
+    way.afar = None;
+    assert_eq!(judge(&way).finding.unwrap().cause, Cause::NobodyPublishes);
+    let there = |cause| Finding::new(cause, "`wrapyfi bridge`".to_owned(), "", "");
+    way.stopped = Some(there(Cause::OtherDomain));
+    assert_eq!(judge(&way).finding, way.stopped);
+    way.stopped = Some(there(Cause::NoBridge));
+    assert_eq!(judge(&way).finding.unwrap().cause, Cause::NobodyPublishes);
+}
+
+/// A broker of others does not tell who listens.
+#[test]
+fn a_listener_on_zeromq_is_known_to_the_bridge() {
+    let mut way = Way { running: running("active", "", 40, 40), ..whole() };
+    let destination = way.destination.as_mut().unwrap();
+    (destination.address, destination.found) = (address("zeromq:/out"), Vec::new());
+    assert_eq!(judge(&way).finding, None);
+    way.running = running("waiting", "a subscriber of /out", 40, 0);
+    assert_eq!(judge(&way).finding.unwrap().cause, Cause::NobodyListens);
+}
+
+/// Nobody but the bridge can listen to a publisher of ROS 1 without being told of.
+#[test]
+fn a_publisher_of_ros_1_from_which_nothing_came_is_idle() {
+    let of = |received: u64, rate: f64| {
+        let mut way = Way { running: running("active", "", received, received), ..whole() };
+        let source = way.source.as_mut().unwrap();
+        (source.address, source.silent, source.heard) = (address("ros:/in"), None, 0);
+        let running = way.running.as_mut().unwrap();
+        (running.resolved_source, running.messages_per_s) = ("ros:/in".to_owned(), rate);
+        judge(&way)
+    };
+    assert_eq!(of(0, 0.0).finding.unwrap().cause, Cause::Idle);
+    let rests = of(40, 0.0);
+    assert_eq!(rests.finding, None);
+    assert!(rests.passed.iter().any(|it| it.ends_with("in the last second")), "{rests:?}");
+    assert!(!of(40, 9.0).passed.iter().any(|it| it.ends_with("in the last second")));
+}
