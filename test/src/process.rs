@@ -31,7 +31,6 @@ impl Output {
     }
 
     /// The objects whose `event` is this.
-    #[must_use]
     pub fn events(&self, event: &str) -> Vec<Value> {
         self.objects()
             .filter(|object| object.get("event").and_then(Value::as_str) == Some(event))
@@ -113,7 +112,6 @@ impl Process {
     }
 
     /// Number of the process at the system.
-    #[must_use]
     pub fn id(&self) -> u32 {
         self.child.id()
     }
@@ -354,19 +352,16 @@ impl Process {
     }
 
     /// All of stderr so far.
-    #[must_use]
     pub fn stderr(&self) -> String {
         self.shared.lock().err.join("\n")
     }
 
     /// All of stdout so far.
-    #[must_use]
     pub fn stdout(&self) -> String {
         self.shared.lock().out.join("\n")
     }
 
     /// The end of its output, for messages.
-    #[must_use]
     pub fn tail(&self) -> String {
         tail(&self.shared.lock())
     }

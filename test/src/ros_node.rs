@@ -43,7 +43,6 @@ impl Message for RosImage {}
 
 impl RosImage {
     /// A frame in one colour, three bytes a pixel in the order of `encoding`.
-    #[must_use]
     pub fn plain(width: u32, height: u32, encoding: &str, pixel: [u8; 3]) -> Self {
         let header =
             RosHeader { stamp: builtin_interfaces::Time::ZERO, frame_id: "camera".to_owned() };

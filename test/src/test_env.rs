@@ -55,31 +55,26 @@ impl TestEnv {
     }
 
     /// Port where ZeroMQ listeners connect.
-    #[must_use]
     pub fn pub_port(&self) -> u16 {
         self.pub_port.number
     }
 
     /// Port where ZeroMQ publishers connect.
-    #[must_use]
     pub fn sub_port(&self) -> u16 {
         self.sub_port.number
     }
 
     /// Port where ZeroMQ clients connect.
-    #[must_use]
     pub fn rep_port(&self) -> u16 {
         self.rep_port.number
     }
 
     /// Port where ZeroMQ servers connect.
-    #[must_use]
     pub fn req_port(&self) -> u16 {
         self.req_port.number
     }
 
     /// Port of the YARP name server.
-    #[must_use]
     pub fn yarp_port(&self) -> u16 {
         self.yarp_port.number
     }
@@ -99,13 +94,11 @@ impl TestEnv {
     }
 
     /// A topic name of this test, `/…/base`.
-    #[must_use]
     pub fn topic(&self, base: &str) -> String {
         format!("{}/{base}", self.prefix)
     }
 
     /// A path in the test's folder.
-    #[must_use]
     pub fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
@@ -246,13 +239,11 @@ impl TestEnv {
     }
 
     /// A configuration with our own broker on this test's ports.
-    #[must_use]
     pub fn embedded(&self) -> Config {
         Config::embedded(self.pub_port(), self.sub_port())
     }
 
     /// A configuration that uses somebody else's broker on this test's ports.
-    #[must_use]
     pub fn foreign(&self) -> Config {
         Config::foreign(self.pub_port(), self.sub_port())
     }
@@ -350,13 +341,11 @@ impl TestEnv {
     }
 
     /// Port of this test's ROS 1 master.
-    #[must_use]
     pub fn ros_port(&self) -> u16 {
         self.ros_port.number
     }
 
     /// Address of this test's ROS 1 master.
-    #[must_use]
     pub fn ros_master_uri(&self) -> String {
         format!("http://127.0.0.1:{}", self.ros_port.number)
     }

@@ -23,7 +23,6 @@ use wrapyfi_core::types::Value;
 use crate::describe::digest;
 
 /// The canonical text of `value`.
-#[must_use]
 pub fn canonical(value: &Value) -> String {
     let mut out = String::new();
     write(&mut out, value);

@@ -29,7 +29,6 @@ const ALL: usize = 24;
 const FIRST: usize = 6;
 
 /// `value` in words; tables take several lines.
-#[must_use]
 pub fn words(value: &Value) -> String {
     let mut out = String::new();
     write(&mut out, value);

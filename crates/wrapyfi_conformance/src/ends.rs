@@ -112,7 +112,6 @@ impl Sink {
     }
 
     /// Counters so far.
-    #[must_use]
     pub fn counters(&self) -> CountersSnapshot {
         self.context.counters.snapshot()
     }

@@ -38,7 +38,6 @@ impl ClientEnd {
     }
 
     /// Counters so far.
-    #[must_use]
     pub fn counters(&self) -> CountersSnapshot {
         self.context.counters.snapshot()
     }
@@ -113,13 +112,11 @@ impl ServerEnd {
     }
 
     /// Counters so far.
-    #[must_use]
     pub fn counters(&self) -> CountersSnapshot {
         self.context.counters.snapshot()
     }
 
     /// Requests dropped for `reason`.
-    #[must_use]
     pub fn dropped_for(&self, reason: DropReason) -> u64 {
         self.counters().dropped_for(reason)
     }

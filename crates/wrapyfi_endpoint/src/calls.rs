@@ -73,7 +73,6 @@ impl<T> Calls<T> {
     }
 
     /// Name of the service, for messages.
-    #[must_use]
     pub fn service(&self) -> &str {
         &self.service
     }

@@ -108,7 +108,6 @@ pub struct Discovered {
 
 impl Discovered {
     /// An endpoint of which nothing more is known.
-    #[must_use]
     pub fn new(name: impl Into<String>, role: Role) -> Self {
         Self {
             name: name.into(),

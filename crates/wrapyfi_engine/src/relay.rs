@@ -69,7 +69,6 @@ pub struct Relay {
 impl Relay {
     /// A route that has opened nothing yet. `seed` spreads its back-off; `counters` may be those of an earlier route
     /// with these ends. Its messages are compared with those of the bridge's other routes in `lanes`.
-    #[must_use]
     pub(super) fn new(
         spec: Route,
         registry: &Registry,
@@ -122,13 +121,11 @@ impl Relay {
     }
 
     /// Bell that rings when the route has work.
-    #[must_use]
     pub fn wake(&self) -> &Wake {
         &self.context.wake
     }
 
     /// Status of the route.
-    #[must_use]
     pub fn status(&self) -> RouteStatus {
         let (spec, state) = (&self.spec, self.state.clone());
         RouteStatus {

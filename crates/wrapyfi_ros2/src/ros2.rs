@@ -44,7 +44,6 @@ impl Ros2 {
     /// Topics of the node behind `graph`. `remap` is given every topic as an absolute name and
     /// returns the one to use: the node's remapping rules, or the name as it is. Its error is
     /// shown as the reason why the name is invalid.
-    #[must_use]
     pub fn new(
         graph: Arc<dyn Graph>,
         remap: impl Fn(&str) -> Result<String, String> + Send + Sync + 'static,
@@ -53,7 +52,6 @@ impl Ros2 {
     }
 
     /// The middleware of a node that has joined its graph: [`Ros2::new`] that can tell what carries it.
-    #[must_use]
     pub fn joined(
         joined: Joined,
         remap: impl Fn(&str) -> Result<String, String> + Send + Sync + 'static,
@@ -62,13 +60,11 @@ impl Ros2 {
     }
 
     /// Name of what carries the graph, and why it was chosen; `None` where nothing was chosen.
-    #[must_use]
     pub fn carried_by(&self) -> Option<&str> {
         self.carried_by.as_deref()
     }
 
     /// The graph underneath.
-    #[must_use]
     pub fn graph(&self) -> &Arc<dyn Graph> {
         &self.graph
     }

@@ -27,7 +27,6 @@ pub enum YarpError {
 
 impl YarpError {
     /// True when no later try can succeed, because the settings are wrong.
-    #[must_use]
     pub fn is_hopeless(&self) -> bool {
         match self {
             Self::NameServer(error) => !error.is_missing(),

@@ -179,7 +179,6 @@ impl Middlewares {
     }
 
     /// The middlewares by name.
-    #[must_use]
     pub fn registry(&self) -> &Registry {
         &self.registry
     }
@@ -284,7 +283,6 @@ pub struct OfferedNode(NodeEndpoints);
 
 impl OfferedNode {
     /// The node as the rest of the program uses it.
-    #[must_use]
     pub fn handle(&self) -> &NodeHandle {
         self.0.handle()
     }

@@ -84,7 +84,6 @@ pub struct ServicePorts {
 
 impl ServicePorts {
     /// True where one was given.
-    #[must_use]
     pub fn any(&self) -> bool {
         self.rep_port.is_some() || self.req_port.is_some()
     }

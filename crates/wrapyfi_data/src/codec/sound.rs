@@ -70,7 +70,6 @@ impl AudioChunk {
 
     /// The tuple `(array, rate)`, as [`AudioChunk::from_value`] reads it: array of shape
     /// `(frames, channels)`. Time stamp and coordinate frame have no place in it.
-    #[must_use]
     pub fn to_value(&self) -> Value {
         let dtype = match self.format {
             SampleFormat::F32Le => Dtype::F32,

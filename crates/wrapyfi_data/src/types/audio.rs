@@ -112,7 +112,6 @@ named! {
 
 impl SampleFormat {
     /// Size of one sample of one channel in bytes.
-    #[must_use]
     pub fn bytes_per_sample(self) -> usize {
         match self {
             Self::F32Le => 4,

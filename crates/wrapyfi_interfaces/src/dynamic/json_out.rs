@@ -12,7 +12,6 @@ use crate::cdr::CdrPrimitive;
 impl DynamicMessage {
     /// The message as JSON. A [`serde_json::Value`] may sort the fields by name;
     /// [`serde_json::to_string`] of the message itself keeps their order.
-    #[must_use]
     pub fn to_json(&self) -> serde_json::Value {
         // Keys are strings and numbers are finite: nothing here fails.
         serde_json::to_value(self).unwrap_or_default()

@@ -187,19 +187,16 @@ impl PairPlan {
     }
 
     /// Name of the ROS 1 type, with `msg` or `srv` in it.
-    #[must_use]
     pub fn ros1_type(&self) -> &TypeName {
         &self.inner.ros1
     }
 
     /// Name of the ROS 2 type.
-    #[must_use]
     pub fn ros2_type(&self) -> &TypeName {
         &self.inner.ros2
     }
 
     /// Differences of the pair of types: to be logged once, when a route begins.
-    #[must_use]
     pub fn notes(&self) -> &[Note] {
         &self.inner.notes
     }

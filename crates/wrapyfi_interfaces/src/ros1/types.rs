@@ -70,7 +70,6 @@ impl fmt::Debug for Types {
 
 impl Types {
     /// Types of ROS 2 as `ros2` finds them, and no folders of ROS 1.
-    #[must_use]
     pub fn new(rules: Rules, ros2: TypeStore) -> Self {
         Self {
             rules,
@@ -81,7 +80,6 @@ impl Types {
     }
 
     /// Looks where `AMENT_PREFIX_PATH` and `ROS_PACKAGE_PATH` say.
-    #[must_use]
     pub fn from_environment(rules: Rules) -> Self {
         let mut types = Self::new(rules, TypeStore::from_environment());
         types.add_ros1_path(&std::env::var_os("ROS_PACKAGE_PATH").unwrap_or_default());
@@ -101,7 +99,6 @@ impl Types {
     }
 
     /// The rules.
-    #[must_use]
     pub fn rules(&self) -> &Rules {
         &self.rules
     }

@@ -66,7 +66,6 @@ struct Settings {
 
 impl NameClient {
     /// A client of the name server at this address, whose name is `/root`.
-    #[must_use]
     pub fn new(server: NameServerConf) -> Self {
         Self(Arc::new(Settings {
             server,
@@ -113,25 +112,21 @@ impl NameClient {
     }
 
     /// Address of the name server.
-    #[must_use]
     pub fn server(&self) -> &NameServerConf {
         &self.0.server
     }
 
     /// The port name of the name server.
-    #[must_use]
     pub fn namespace(&self) -> &str {
         &self.0.namespace
     }
 
     /// Longest time that a request may take.
-    #[must_use]
     pub fn timeout(&self) -> Duration {
         self.0.timeout
     }
 
     /// Limits of answers.
-    #[must_use]
     pub fn limits(&self) -> &Limits {
         &self.0.limits
     }

@@ -78,7 +78,6 @@ pub enum ConfError {
 
 impl ConfError {
     /// True when nobody has said where a name server is, rather than said it wrongly.
-    #[must_use]
     pub fn is_missing(&self) -> bool {
         matches!(self, Self::Missing(_) | Self::NoFolder)
     }

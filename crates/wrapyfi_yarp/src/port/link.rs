@@ -62,7 +62,6 @@ pub enum LinkError {
 
 impl LinkError {
     /// True when nobody is at the address.
-    #[must_use]
     pub fn is_refused(&self) -> bool {
         let Self::Connect { error, .. } = self else { return false };
         error.kind() == std::io::ErrorKind::ConnectionRefused

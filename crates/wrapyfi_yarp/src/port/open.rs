@@ -45,7 +45,6 @@ type Test = dyn Fn(&str, &str) -> bool + Send + Sync;
 
 impl Admission {
     /// Admits programs for which `test` of their name and address is true.
-    #[must_use]
     pub fn new(test: impl Fn(&str, &str) -> bool + Send + Sync + 'static) -> Self {
         Self(Arc::new(test))
     }
