@@ -184,12 +184,8 @@ impl Process {
             if output.out.len() + output.err.len() == seen {
                 // Pillars are looked at this often; what this process prints wakes at once.
                 let pause = Duration::from_millis(200);
-                output = self
-                    .shared
-                    .changed
-                    .wait_timeout(output, pause)
-                    .unwrap_or_else(PoisonError::into_inner)
-                    .0;
+                let waited = self.shared.changed.wait_timeout(output, pause);
+                output = waited.unwrap_or_else(PoisonError::into_inner).0;
             }
         }
     }
@@ -285,9 +281,7 @@ impl Process {
     /// Sends the signal that asks it to end, SIGTERM.
     pub fn terminate(&self) -> Result {
         self.shared.should_run.store(false, Relaxed);
-        let pid = rustix::process::Pid::from_child(&self.child);
-        rustix::process::kill_process(pid, self.end)
-            .with_context(|| format!("asking {} to end", self.name))
+        self.send(self.end)
     }
 
     /// Sends SIGINT, as Ctrl-C does.

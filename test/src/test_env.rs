@@ -281,7 +281,6 @@ impl TestEnv {
         let all = std::iter::once(file).chain(args.split_whitespace().map(Into::into));
         let mut command = self.command(&programs::python()?, all);
         // Python decides by locale otherwise; and a .pyc beside the source would show up in git.
-        command.env("PYTHONUTF8", "1").env("PYTHONDONTWRITEBYTECODE", "1");
         self.cross_ports(&mut command, args);
         Ok(command)
     }
@@ -298,46 +297,39 @@ impl TestEnv {
         let args = [folder.join("poses.py").into_os_string(), there.into(), back.into()];
         let mut command = self.command(&programs::python()?, args);
         command.env("WRAPYFI_PLUGIN_PATHS", folder);
-        command.env("PYTHONUTF8", "1").env("PYTHONDONTWRITEBYTECODE", "1");
         Process::start("poses.py", command, &self.pillars)
     }
 
     /// Starts a real Wrapyfi publisher that goes on until it is dropped. `args` says type and flavour.
     pub fn wrapyfi_publisher(&self, topic: &str, args: &str) -> Result<Process> {
         let (pub_port, sub_port) = (self.pub_port(), self.sub_port());
-        self.peer(
-            "wrapyfi_peer.py",
-            &format!("publish --topic {topic} --pub-port {pub_port} --sub-port {sub_port} {args}"),
-        )
+        let args =
+            format!("publish --topic {topic} --pub-port {pub_port} --sub-port {sub_port} {args}");
+        self.peer("wrapyfi_peer.py", &args)
     }
 
     /// Starts a real Wrapyfi listener. `args` says type, flavour and perhaps `--count`.
     pub fn wrapyfi_listener(&self, topic: &str, args: &str) -> Result<Process> {
         let pub_port = self.pub_port();
-        self.peer(
-            "wrapyfi_peer.py",
-            &format!("listen --topic {topic} --pub-port {pub_port} {args}"),
-        )
+        let args = format!("listen --topic {topic} --pub-port {pub_port} {args}");
+        self.peer("wrapyfi_peer.py", &args)
     }
 
     /// Starts a real Wrapyfi client, whose calls have one payload as their argument. `args` says type,
     /// flavour and `--count`.
     pub fn wrapyfi_client(&self, args: &str) -> Result<Process> {
         let rep_port = self.rep_port();
-        self.peer(
-            "wrapyfi_peer.py",
-            &format!("request --topic /unused --rep-port {rep_port} {args}"),
-        )
+        let args = format!("request --topic /unused --rep-port {rep_port} {args}");
+        self.peer("wrapyfi_peer.py", &args)
     }
 
     /// Starts a real Wrapyfi server that goes on until it is dropped, with its broker. `args` says
     /// type and flavour.
     pub fn wrapyfi_server(&self, args: &str) -> Result<Process> {
         let (rep_port, req_port) = (self.rep_port(), self.req_port());
-        self.peer(
-            "wrapyfi_peer.py",
-            &format!("reply --topic /unused --rep-port {rep_port} --req-port {req_port} {args}"),
-        )
+        let args =
+            format!("reply --topic /unused --rep-port {rep_port} --req-port {req_port} {args}");
+        self.peer("wrapyfi_peer.py", &args)
     }
 
     /// Port of this test's ROS 1 master.
@@ -363,9 +355,7 @@ impl TestEnv {
         if let Some(value) = value {
             all.extend(["--value".into(), value.into()]);
         }
-        let mut command = self.command(Path::new(programs::SYSTEM_PYTHON), all);
-        command.env("PYTHONUTF8", "1").env("PYTHONDONTWRITEBYTECODE", "1");
-        command
+        self.command(Path::new(programs::SYSTEM_PYTHON), all)
     }
 
     /// Starts a node of roscpp; `args` are split at blanks, `value` is its `--value` as it is.
@@ -441,7 +431,6 @@ impl TestEnv {
     /// Starts the interpreter that has Wrapyfi.
     pub fn python(&self, args: &[&str]) -> Result<Process> {
         let mut command = self.command(&programs::python()?, args);
-        command.env("PYTHONUTF8", "1").env("PYTHONDONTWRITEBYTECODE", "1");
         self.cross_ports(&mut command, &args.join(" "));
         self.start("python", command)
     }
@@ -466,8 +455,7 @@ impl TestEnv {
         let own = own.filter_map(|file| file.parent().map(Path::to_owned));
         let others = std::env::var_os("PATH").unwrap_or_default();
         let path = std::env::join_paths(own.chain(std::env::split_paths(&others)))?;
-        command.env("PATH", path).env("PYTHONUTF8", "1").env("PYTHONDONTWRITEBYTECODE", "1");
-        command.env("PYTHONUNBUFFERED", "1");
+        command.env("PATH", path).env("PYTHONUNBUFFERED", "1");
         self.cross_ports(&mut command, line);
         self.start(line, command)
     }
@@ -516,7 +504,9 @@ impl TestEnv {
             .env("ROS_HOME", self.folder.path())
             .env("ROS_LOG_DIR", self.folder.path())
             .env("YARP_CONFIG_HOME", self.folder.path())
-            .env("NO_COLOR", "1");
+            .env("NO_COLOR", "1")
+            .env("PYTHONUTF8", "1")
+            .env("PYTHONDONTWRITEBYTECODE", "1");
         for variable in [
             // Of a ROS 2 that is sourced: its messages have the names of those of ROS 1.
             "PYTHONPATH",
