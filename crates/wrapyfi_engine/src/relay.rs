@@ -62,7 +62,7 @@ pub struct Relay {
     /// Throttle for losses and for objects passed on as they came: all are counted, few are logged.
     losses: Throttle,
     unread: Throttle,
-    tap: Arc<Tap>,
+    pub(super) tap: Arc<Tap>,
     tripwire: Tripwire,
 }
 
@@ -99,11 +99,6 @@ impl Relay {
             sink,
             spec,
         }
-    }
-
-    /// Window on the messages that come.
-    pub(super) fn tap(&self) -> &Arc<Tap> {
-        &self.tap
     }
 
     /// True while its source is closed because nobody listens at the destination.

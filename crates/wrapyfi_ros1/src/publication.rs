@@ -69,8 +69,8 @@ impl Publication {
     pub(super) fn add(&self, id: u64, entry: Entry) {
         let mut state = self.state.lock();
         for subscriber in &state.subscribers {
-            if !entry.admits(subscriber.peer(), &subscriber.host()) {
-                let (topic, peer) = (&self.topic, subscriber.peer());
+            if !entry.admits(&subscriber.peer, &subscriber.host()) {
+                let (topic, peer) = (&self.topic, &subscriber.peer);
                 let refused = Peers::refused(Peers::TO, topic, peer, &subscriber.host());
                 entry.counters.refused_peer(refused);
                 tracing::warn!(topic, peer, "ROS 1: a subscriber is not among to_peers any more");

@@ -88,7 +88,7 @@ pub(super) struct BusLink {
 
 pub(super) struct Subscriber {
     id: u64,
-    peer: String,
+    pub(super) peer: String,
     address: SocketAddr,
     stream: TcpStream,
     queue: Mutex<Queue>,
@@ -123,11 +123,6 @@ impl Subscriber {
             queue: Mutex::default(),
             work: Notify::new(),
         }
-    }
-
-    /// Name of the node at the other end.
-    pub(super) fn peer(&self) -> &str {
-        &self.peer
     }
 
     /// Address of its machine.
