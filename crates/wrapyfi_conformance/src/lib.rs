@@ -79,7 +79,6 @@
 
 // The whole crate is tests: here a panic is the right answer, with the reason in its text.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
-#![allow(clippy::missing_panics_doc)]
 
 mod alone;
 pub mod cases;

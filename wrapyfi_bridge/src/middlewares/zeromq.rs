@@ -50,7 +50,6 @@ pub struct ZeroMqSection {
 /// `endpoints.zeromq.curve`: a [`CurveConfig`] in which each client has its line.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-#[allow(missing_docs)] // as above
 pub struct CurveSection {
     pub secret_key_file: Option<PathBuf>,
     pub server_key: Option<String>,

@@ -176,7 +176,7 @@ impl Value {
     }
 
     /// A float, or an integer rounded to one.
-    #[allow(clippy::cast_precision_loss)] // as Python's float() does
+    // As Python's float() does.
     pub fn as_f64(&self) -> Option<f64> {
         match self {
             Self::Float(value) => Some(*value),

@@ -205,7 +205,7 @@ fn number(primitive: Primitive, literal: &Literal) -> Vec<u8> {
     let bytes = match literal {
         Literal::Bool(value) => u64::from(*value).to_le_bytes(),
         Literal::Float(value) if primitive == Primitive::Float32 => {
-            #[allow(clippy::cast_possible_truncation)] // to the nearest, as rosidl does
+            // To the nearest, as rosidl does.
             let bits = (*value as f32).to_bits();
             u64::from(bits).to_le_bytes()
         }

@@ -202,7 +202,6 @@ fn python(number: f64) -> String {
 
 fn is_close(a: f64, b: f64) -> bool {
     // Equal infinities have no difference.
-    #[allow(clippy::float_cmp)]
     let equal = a == b;
     equal || (a - b).abs() <= TOLERANCE * a.abs().max(b.abs()) && a.is_finite() && b.is_finite()
 }

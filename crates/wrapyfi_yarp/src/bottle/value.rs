@@ -77,7 +77,7 @@ impl Value {
         match self {
             Self::Float32(number) => Some(f64::from(*number)),
             Self::Float64(number) => Some(*number),
-            #[allow(clippy::cast_precision_loss)] // the nearest double is what is asked for
+            // The nearest double is what is asked for.
             other => other.as_i64().map(|number| number as f64),
         }
     }
