@@ -6,7 +6,7 @@
 use serde::ser::{Serialize, Serializer};
 
 use super::value::with_elements;
-use super::{DynamicMessage, DynamicValue, Primitives};
+use super::{DynamicMessage, Primitives};
 use crate::cdr::CdrPrimitive;
 
 impl DynamicMessage {
@@ -24,29 +24,6 @@ impl Serialize for DynamicMessage {
     }
 }
 
-impl Serialize for DynamicValue {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Self::Bool(value) => value.serialize(serializer),
-            Self::I8(value) => value.serialize(serializer),
-            Self::U8(value) => value.serialize(serializer),
-            Self::I16(value) => value.serialize(serializer),
-            Self::U16(value) => value.serialize(serializer),
-            Self::I32(value) => value.serialize(serializer),
-            Self::U32(value) => value.serialize(serializer),
-            Self::I64(value) => value.serialize(serializer),
-            Self::U64(value) => value.serialize(serializer),
-            Self::F32(value) => Number(*value).serialize(serializer),
-            Self::F64(value) => Number(*value).serialize(serializer),
-            Self::Text(text) => text.serialize(serializer),
-            Self::Message(message) => message.serialize(serializer),
-            Self::Primitives(values) => values.serialize(serializer),
-            Self::Texts(texts) => texts.serialize(serializer),
-            Self::Messages(messages) => messages.serialize(serializer),
-        }
-    }
-}
-
 impl Serialize for Primitives {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match self {
@@ -60,6 +37,14 @@ impl Serialize for Primitives {
 
 /// A float. Those of 32 bits are written with the digits of the double they equal, as ROS does.
 struct Number<T: CdrPrimitive + Into<f64>>(T);
+
+/// Writes one as a field.
+pub(super) fn number<T: CdrPrimitive + Into<f64>, S: Serializer>(
+    value: &T,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    Number(*value).serialize(serializer)
+}
 
 impl<T: CdrPrimitive + Into<f64>> Serialize for Number<T> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {

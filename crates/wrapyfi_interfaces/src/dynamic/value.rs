@@ -1,11 +1,13 @@
 //! Values of fields.
 
 use bytes::Bytes;
+use serde::Serialize;
 
-use super::DynamicMessage;
+use super::{DynamicMessage, json_out::number};
 
 /// Value of a field. Numbers keep the width that the definition gives them.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
 #[allow(missing_docs)] // the numbers' names are their documentation
 pub enum DynamicValue {
     Bool(bool),
@@ -18,7 +20,9 @@ pub enum DynamicValue {
     U32(u32),
     I64(i64),
     U64(u64),
+    #[serde(serialize_with = "number")]
     F32(f32),
+    #[serde(serialize_with = "number")]
     F64(f64),
     /// `string` and `wstring`.
     Text(String),
