@@ -88,7 +88,7 @@ mod reserve;
 mod service_ends;
 mod testbed;
 
-pub use ends::{Sink, Source, TIMEOUT, connect, wait_until};
+pub use ends::{Sink, Source, TIMEOUT, connect, wait_for, wait_until};
 pub use reserve::{Domain, reserve_domain};
 pub use service_ends::{ClientEnd, ServerEnd, call_and_serve};
 pub use testbed::{Capabilities, Testbed, TypeCheck, WireEnd};
