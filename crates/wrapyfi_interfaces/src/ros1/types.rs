@@ -9,7 +9,6 @@
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
-use std::fmt;
 
 use super::definition::{Definition, ServiceDefinition, parse_name};
 use super::error::{DefinitionError, PairError};
@@ -37,6 +36,7 @@ const MD5_DIGITS: usize = 32;
 /// let plan = types.plan(&joints).unwrap();
 /// assert_eq!(plan.ros2_type().to_string(), "sensor_msgs/msg/JointState");
 /// ```
+#[derive(Debug)]
 pub struct Types {
     rules: Rules,
     announced: BTreeMap<TypeName, Definition>,
@@ -55,17 +55,6 @@ pub struct ServicePlan {
     pub request: PairPlan,
     /// Plan of the message that the server answers.
     pub response: PairPlan,
-}
-
-impl fmt::Debug for Types {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Types")
-            .field("rules", &self.rules)
-            .field("announced", &self.announced.keys())
-            .field("ros1", &self.ros1)
-            .field("ros2", &self.ros2)
-            .finish_non_exhaustive()
-    }
 }
 
 impl Types {

@@ -21,7 +21,7 @@ use crate::bottle::EncodeError;
 use crate::wire::Carrier;
 
 /// Rule by which an output keeps messages for its targets.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone)]
 pub struct OutputOptions {
     /// Name and address.
     pub port: PortOptions,
