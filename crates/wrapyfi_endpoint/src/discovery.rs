@@ -218,10 +218,7 @@ impl fmt::Display for AnnouncedQos {
         if self.liveliness != Liveliness::Automatic {
             write!(f, " {}", self.liveliness)?;
         }
-        match self.lease {
-            Some(lease) => write!(f, " lease {lease:?}"),
-            None => Ok(()),
-        }
+        self.lease.map_or(Ok(()), |lease| write!(f, " lease {lease:?}"))
     }
 }
 

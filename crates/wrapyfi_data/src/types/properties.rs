@@ -344,9 +344,8 @@ fn array(name: &str, tensor: &Tensor) -> Result<ParameterValue, PropertiesError>
         return Err(refuse(&format!("with {} dimensions", tensor.shape.len())));
     }
     let data = &tensor.data;
-    let numbers = match super::nested_list(tensor) {
-        Some(Value::List(numbers)) => numbers,
-        _ => return Err(refuse(&format!("of {}", tensor.dtype))),
+    let Some(Value::List(numbers)) = super::nested_list(tensor) else {
+        return Err(refuse(&format!("of {}", tensor.dtype)));
     };
     Ok(match tensor.dtype {
         Dtype::U8 => ParameterValue::ByteArray(data.to_vec()),

@@ -123,10 +123,7 @@ impl RosArgs {
         if !refused.unknown.is_empty() {
             return Err(RosArgsErrorKind::Unknown(refused.unknown));
         }
-        match refused.log_config_file {
-            Some(path) => Err(RosArgsErrorKind::LogConfigFile(path)),
-            None => Ok(()),
-        }
+        refused.log_config_file.map_or(Ok(()), |path| Err(RosArgsErrorKind::LogConfigFile(path)))
     }
 
     fn program_word(&mut self, word: String) {

@@ -94,10 +94,7 @@ impl Bottle {
             Err(error) => error,
         };
         let other = preferred.other();
-        match Self::decode_whole(bytes, other, limits) {
-            Ok(bottle) => Ok((bottle, other)),
-            Err(_) => Err(error),
-        }
+        Self::decode_whole(bytes, other, limits).map_or(Err(error), |bottle| Ok((bottle, other)))
     }
 
     /// Length of the bottle at the start of `bytes`, without building it: replies to requests come

@@ -38,9 +38,8 @@ impl Stamp {
     /// The stamp that a bottle is: a whole number, then a time. YARP allows a third element, the
     /// name of a frame as in a ROS header; it is ignored.
     pub fn from_bottle(bottle: &Bottle) -> Option<Self> {
-        let (count, time) = match bottle.values.as_slice() {
-            [count, time] | [count, time, Value::String(_)] => (count, time),
-            _ => return None,
+        let ([count, time] | [count, time, Value::String(_)]) = bottle.values.as_slice() else {
+            return None;
         };
         Some(Self { count: count.as_i64()?.try_into().ok()?, time_s: time.as_f64()? })
     }
