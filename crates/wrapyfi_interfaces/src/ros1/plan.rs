@@ -45,12 +45,11 @@ const GROWTH: usize = 64;
 /// plan.to_ros1(&cdr, 0, &Options::default(), &mut again).unwrap();
 /// assert_eq!(again, bytes);
 /// ```
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub struct PairPlan {
     inner: Arc<Inner>,
 }
 
-#[derive(Debug)]
 struct Inner {
     ros1: TypeName,
     ros2: TypeName,
@@ -141,6 +140,19 @@ pub struct Transcoded {
     /// Times whose seconds are 2^31 or more in ROS 1 (from the year 2038 on), or negative in ROS 2: the
     /// same 32 bits stand for another time on the other side.
     pub wrapped_times: u32,
+}
+
+impl fmt::Debug for PairPlan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Inner { ros1, ros2, to_ros2, to_ros1, notes, .. } = &*self.inner;
+        f.debug_struct("PairPlan")
+            .field("ros1", ros1)
+            .field("ros2", ros2)
+            .field("to_ros2", &to_ros2.ops.len())
+            .field("to_ros1", &to_ros1.ops.len())
+            .field("notes", notes)
+            .finish_non_exhaustive()
+    }
 }
 
 impl PairPlan {
