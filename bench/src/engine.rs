@@ -67,7 +67,6 @@ fn cpu() -> u64 {
     time.tv_sec.unsigned_abs() * 1_000_000_000 + time.tv_nsec.unsigned_abs()
 }
 
-#[allow(clippy::cast_precision_loss)]
 fn each(nanos: u64, messages: u32) -> f64 {
     nanos as f64 / 1e3 / f64::from(messages)
 }

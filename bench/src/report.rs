@@ -106,7 +106,6 @@ fn interval(rounds: &[f64]) -> Option<(f64, f64)> {
     let mut below = exactly;
     while below <= 0.025 {
         k += 1;
-        #[allow(clippy::cast_precision_loss)]
         let ratio = (n - k + 1) as f64 / k as f64;
         exactly *= ratio;
         below += exactly;
@@ -118,7 +117,6 @@ fn interval(rounds: &[f64]) -> Option<(f64, f64)> {
 pub(crate) fn quantile(values: &[f64], fraction: f64) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
-    #[allow(clippy::cast_precision_loss, clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let rank = (sorted.len() as f64 * fraction).ceil() as usize;
     sorted.get(rank.saturating_sub(1)).copied().unwrap_or(f64::NAN)
 }

@@ -40,7 +40,6 @@ const SETTLE: Duration = Duration::from_secs(3);
 const TIMEOUT: Duration = Duration::from_secs(60);
 
 /// Resident memory of the bridge, and its number of threads.
-#[allow(clippy::cast_precision_loss)]
 fn size(bridge: &Child) -> Result<(f64, f64)> {
     let tasks = std::fs::read_dir(format!("/proc/{}/task", bridge.id()))?;
     Ok((tasks.count() as f64, proc::rss_mib(bridge.id())))
@@ -50,7 +49,6 @@ fn size(bridge: &Child) -> Result<(f64, f64)> {
 fn share(bridge: &Child, seconds: u32) -> f64 {
     let before = (proc::cpu_of(bridge.id()), Instant::now());
     std::thread::sleep(Duration::from_secs(u64::from(seconds)));
-    #[allow(clippy::cast_precision_loss)]
     let used = proc::cpu_of(bridge.id()).saturating_sub(before.0) as f64;
     used / 1e7 / before.1.elapsed().as_secs_f64()
 }
@@ -120,7 +118,6 @@ pub(crate) fn zeromq(bench: &Bench, seconds: u32) -> Result<Vec<Target>> {
     });
     let taken = taken.map_or_else(|| received(&mut bridge), Ok)?;
     ensure!(bridge.runs(), "the bridge ended");
-    #[allow(clippy::cast_precision_loss)]
     let lost = sent.saturating_sub(taken) as f64;
     let once = |what: &str, limit, found, parts: String| {
         Target::once(

@@ -235,7 +235,6 @@ impl Line {
 
 impl Phase {
     /// Puts a report and CPU times before and after together.
-    #[allow(clippy::cast_precision_loss)]
     pub(crate) fn new(report: Report, before: Cpu, after: Cpu) -> Self {
         let per_message = |from: u64, to: u64, awake: u64| {
             to.saturating_sub(from).saturating_sub(awake) as f64
@@ -250,7 +249,6 @@ impl Phase {
     }
 
     /// Messages a second.
-    #[allow(clippy::cast_precision_loss)]
     pub(crate) fn rate(&self) -> f64 {
         if self.report.span_ns == 0 {
             return 0.0;

@@ -146,7 +146,6 @@ impl Ledger {
 }
 
 /// Nanoseconds in microseconds.
-#[allow(clippy::cast_precision_loss)]
 fn micros(nanos: u64) -> f64 {
     nanos as f64 / 1e3
 }

@@ -12,19 +12,16 @@ pub struct Route {
 
 impl Route {
     /// A route between two endpoints written as `middleware:/name`.
-    #[must_use]
     pub fn new(from: &str, to: &str, message_type: &str) -> Self {
         Self::untyped(from, to).with("type", &quoted(message_type))
     }
 
     /// A route whose type its source has to tell.
-    #[must_use]
     pub fn untyped(from: &str, to: &str) -> Self {
         Self { pairs: Vec::new() }.with("from", &quoted(from)).with("to", &quoted(to))
     }
 
     /// A route of a service with its server at one endpoint, offered at another.
-    #[must_use]
     pub fn service(service: &str, offered: &str, kind: &str) -> Self {
         Self { pairs: Vec::new() }
             .with("service", &quoted(service))
@@ -56,7 +53,6 @@ pub struct Config {
 
 impl Config {
     /// ZeroMQ on these loopback ports, with our own broker.
-    #[must_use]
     pub fn embedded(pub_port: u16, sub_port: u16) -> Self {
         Self {
             pub_port,
@@ -70,7 +66,6 @@ impl Config {
     }
 
     /// ZeroMQ on these loopback ports, where somebody else's broker runs.
-    #[must_use]
     pub fn foreign(pub_port: u16, sub_port: u16) -> Self {
         Self { broker: "foreign", ..Self::embedded(pub_port, sub_port) }
     }
@@ -112,7 +107,6 @@ impl Config {
     }
 
     /// The file's text.
-    #[must_use]
     pub fn yaml(&self) -> String {
         let Self { pub_port, sub_port, broker, requests, endpoints, more, routes } = self;
         let endpoints = endpoints.concat();

@@ -152,7 +152,6 @@ fn blocks(text: &str) -> Result<Vec<Block>> {
 }
 
 /// True when both are the same but for their times, such as `1795471266.624232`.
-#[must_use]
 pub fn same_but_times(one: &str, other: &str) -> bool {
     let without = |text: &str| {
         let words = text.split_inclusive([' ', ',', '\n', '[', ']']).filter(|word| {

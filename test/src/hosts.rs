@@ -126,7 +126,6 @@ impl TestEnv {
 
 impl Host<'_> {
     /// Address of the machine.
-    #[must_use]
     pub fn ip(&self) -> &str {
         &self.ip
     }

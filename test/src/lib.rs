@@ -45,8 +45,8 @@ pub use master::{Books, Owners};
 pub use needs::{Need, run};
 pub use process::{Output, Process};
 pub use real::RealRos2;
-pub use ros_node::{RosImage, RosNode, Spoken};
-pub use ros_service::{Adder, Asker};
+pub use ros_node::{AtWork, RosImage, RosNode};
+pub use ros_service::Asker;
 pub use ros2_client::ServiceMapping;
 pub use route_state::{route_status, until_route};
 pub use scenes::Scenes;
@@ -59,45 +59,38 @@ pub const TIMEOUT: Duration = Duration::from_secs(120);
 pub type Result<T = ()> = anyhow::Result<T>;
 
 /// Root of the repository.
-#[must_use]
 pub fn repository() -> PathBuf {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     here.parent().unwrap_or(here).to_owned()
 }
 
 /// The endpoint of a topic or a node on ROS 2.
-#[must_use]
 pub fn ros2(name: &str) -> String {
     format!("ros2:{name}")
 }
 
 /// The endpoint of a topic on ZeroMQ.
-#[must_use]
 pub fn zeromq(topic: &str) -> String {
     format!("zeromq:{topic}")
 }
 
 /// The endpoint of a topic on ROS 1.
-#[must_use]
 pub fn ros1(topic: &str) -> String {
     format!("ros:{topic}")
 }
 
 /// The endpoint of a port of YARP.
-#[must_use]
 pub fn yarp(port: &str) -> String {
     format!("yarp:{port}")
 }
 
 /// Hex SHA-256.
-#[must_use]
 pub fn sha256(bytes: &[u8]) -> String {
     use sha2::Digest as _;
     sha2::Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// The text at `key` of each object.
-#[must_use]
 pub fn texts(objects: &[serde_json::Value], key: &str) -> Vec<String> {
     objects
         .iter()

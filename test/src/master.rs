@@ -70,7 +70,6 @@ impl Books {
     }
 
     /// Number of entries of `node`, of all three kinds.
-    #[must_use]
     pub fn entries_of(&self, node: &str) -> usize {
         let all = [&self.publishers, &self.subscribers, &self.services];
         let nodes = all.into_iter().flatten().flat_map(|(_, nodes)| nodes);

@@ -31,7 +31,6 @@ impl Output {
     }
 
     /// The objects whose `event` is this.
-    #[must_use]
     pub fn events(&self, event: &str) -> Vec<Value> {
         self.objects()
             .filter(|object| object.get("event").and_then(Value::as_str) == Some(event))
@@ -113,7 +112,6 @@ impl Process {
     }
 
     /// Number of the process at the system.
-    #[must_use]
     pub fn id(&self) -> u32 {
         self.child.id()
     }
@@ -186,12 +184,8 @@ impl Process {
             if output.out.len() + output.err.len() == seen {
                 // Pillars are looked at this often; what this process prints wakes at once.
                 let pause = Duration::from_millis(200);
-                output = self
-                    .shared
-                    .changed
-                    .wait_timeout(output, pause)
-                    .unwrap_or_else(PoisonError::into_inner)
-                    .0;
+                let waited = self.shared.changed.wait_timeout(output, pause);
+                output = waited.unwrap_or_else(PoisonError::into_inner).0;
             }
         }
     }
@@ -287,9 +281,7 @@ impl Process {
     /// Sends the signal that asks it to end, SIGTERM.
     pub fn terminate(&self) -> Result {
         self.shared.should_run.store(false, Relaxed);
-        let pid = rustix::process::Pid::from_child(&self.child);
-        rustix::process::kill_process(pid, self.end)
-            .with_context(|| format!("asking {} to end", self.name))
+        self.send(self.end)
     }
 
     /// Sends SIGINT, as Ctrl-C does.
@@ -354,19 +346,16 @@ impl Process {
     }
 
     /// All of stderr so far.
-    #[must_use]
     pub fn stderr(&self) -> String {
         self.shared.lock().err.join("\n")
     }
 
     /// All of stdout so far.
-    #[must_use]
     pub fn stdout(&self) -> String {
         self.shared.lock().out.join("\n")
     }
 
     /// The end of its output, for messages.
-    #[must_use]
     pub fn tail(&self) -> String {
         tail(&self.shared.lock())
     }

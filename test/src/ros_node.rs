@@ -15,7 +15,7 @@ use ros2_client::{
 use rustdds::{DomainParticipantBuilder, Topic};
 use serde::{Deserialize, Serialize};
 
-use crate::{Adder, Asker, Result, TIMEOUT};
+use crate::{Asker, Result, TIMEOUT, ros_service};
 
 /// `std_msgs/msg/Header`, written by hand from its definition.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -43,7 +43,6 @@ impl Message for RosImage {}
 
 impl RosImage {
     /// A frame in one colour, three bytes a pixel in the order of `encoding`.
-    #[must_use]
     pub fn plain(width: u32, height: u32, encoding: &str, pixel: [u8; 3]) -> Self {
         let header =
             RosHeader { stamp: builtin_interfaces::Time::ZERO, frame_id: "camera".to_owned() };
@@ -122,28 +121,23 @@ impl RosNode {
         topic: &str,
         ros_type: &str,
         make: impl Fn(u64) -> M + Send + 'static,
-    ) -> Result<Spoken> {
+    ) -> Result<AtWork> {
         let topic = self.topic(topic, ros_type, Durability::Volatile)?;
         let publisher = self
             .node
             .create_publisher::<M>(&topic, None)
             .map_err(|e| anyhow::anyhow!("publisher of {topic:?}: {e:?}"))?;
-        let leave = Arc::new(AtomicBool::new(false));
-        let told = Arc::clone(&leave);
-        let thread = std::thread::spawn(move || {
-            for number in 0.. {
-                if told.load(Relaxed) || publisher.publish(make(number)).is_err() {
-                    break;
-                }
-                std::thread::sleep(Duration::from_millis(50)); // the rate
-            }
-        });
-        Ok(Spoken { leave, thread: Some(thread) })
+        let mut numbers = 0..;
+        Ok(AtWork::start(move || {
+            let went = numbers.next().is_some_and(|next| publisher.publish(make(next)).is_ok());
+            std::thread::sleep(Duration::from_millis(50)); // the rate
+            went
+        }))
     }
 
     /// Serves `example_interfaces/srv/AddTwoInts` until the result is dropped.
-    pub fn serve_sums(&mut self, service: &str, mapping: ServiceMapping) -> Result<Adder> {
-        Adder::new(&mut self.node, service, mapping)
+    pub fn serve_sums(&mut self, service: &str, mapping: ServiceMapping) -> Result<AtWork> {
+        ros_service::adder(&mut self.node, service, mapping)
     }
 
     /// A client of such a service.
@@ -157,14 +151,18 @@ impl RosNode {
             .with_context(|| format!("{ros_type} is no message type"))?;
         let parsed =
             Name::parse(topic).map_err(|e| anyhow::anyhow!("topic name {topic}: {e:?}"))?;
-        let qos = QosProfile::subscription_default()
-            .reliability_reliable(WhenFull::DEFAULT)
-            .durability(durability)
-            .history(History::KeepLast { depth: 10 });
         self.node
-            .create_topic(&parsed, MessageTypeName::new(package, name), &qos)
+            .create_topic(&parsed, MessageTypeName::new(package, name), &qos(durability))
             .map_err(|e| anyhow::anyhow!("topic {topic}: {e:?}"))
     }
+}
+
+/// Reliable, with ten messages kept.
+pub(crate) fn qos(durability: Durability) -> QosProfile {
+    QosProfile::subscription_default()
+        .reliability_reliable(WhenFull::DEFAULT)
+        .durability(durability)
+        .history(History::KeepLast { depth: 10 })
 }
 
 /// Subscription of a [`RosNode`].
@@ -189,13 +187,23 @@ impl<M: Message + 'static> Heard<M> {
     }
 }
 
-/// A [`RosNode`]'s publisher at work. Dropping it ends it.
-pub struct Spoken {
+/// A [`RosNode`]'s publisher or server at work. Dropping it ends it.
+pub struct AtWork {
     leave: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
-impl Drop for Spoken {
+impl AtWork {
+    /// Turns until a turn says that it was the last.
+    pub(crate) fn start(mut turn: impl FnMut() -> bool + Send + 'static) -> Self {
+        let leave = Arc::new(AtomicBool::new(false));
+        let told = Arc::clone(&leave);
+        let thread = std::thread::spawn(move || while !told.load(Relaxed) && turn() {});
+        Self { leave, thread: Some(thread) }
+    }
+}
+
+impl Drop for AtWork {
     fn drop(&mut self) {
         self.leave.store(true, Relaxed);
         if let Some(thread) = self.thread.take() {

@@ -1,16 +1,14 @@
 //! `example_interfaces/srv/AddTwoInts` between an independent node and ours.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
-use ros2_client::qos::{Durability, History, WhenFull};
-use ros2_client::{Client, Message, Name, Node, QosProfile, ServiceMapping, ServiceTypeName};
+use ros2_client::qos::Durability;
+use ros2_client::{Client, Message, Name, Node, ServiceMapping, ServiceTypeName};
 use serde::{Deserialize, Serialize};
 
-use crate::{Result, TIMEOUT};
+use crate::ros_node::qos;
+use crate::{AtWork, Result, TIMEOUT};
 
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct Request {
@@ -30,13 +28,6 @@ impl Message for Response {}
 /// Time between two looks of an end that is not notified of arrivals.
 const LOOK_EVERY: Duration = Duration::from_millis(5);
 
-fn qos() -> QosProfile {
-    QosProfile::subscription_default()
-        .reliability_reliable(WhenFull::DEFAULT)
-        .durability(Durability::Volatile)
-        .history(History::KeepLast { depth: 10 })
-}
-
 fn names(service: &str) -> Result<(Name, ServiceTypeName)> {
     let name =
         Name::parse(service).map_err(|e| anyhow::anyhow!("service name {service}: {e:?}"))?;
@@ -44,44 +35,21 @@ fn names(service: &str) -> Result<(Name, ServiceTypeName)> {
 }
 
 /// A server that adds, until it is dropped.
-pub struct Adder {
-    leave: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
-}
-
-impl Adder {
-    pub(crate) fn new(node: &mut Node, service: &str, mapping: ServiceMapping) -> Result<Self> {
-        let (name, kind) = names(service)?;
-        let server = node
-            .create_server::<Request, Response>(mapping, &name, &kind, qos(), qos())
-            .map_err(|e| anyhow::anyhow!("server of {service}: {e:?}"))?;
-        let leave = Arc::new(AtomicBool::new(false));
-        let told = Arc::clone(&leave);
-        let thread = std::thread::spawn(move || {
-            while !told.load(Relaxed) {
-                match server.receive_request() {
-                    Ok(Some((id, request))) => {
-                        let sum = request.a.wrapping_add(request.b);
-                        if server.send_response(id, Response { sum }).is_err() {
-                            break;
-                        }
-                    }
-                    _ => std::thread::sleep(LOOK_EVERY),
-                }
-            }
-        });
-        Ok(Self { leave, thread: Some(thread) })
-    }
-}
-
-impl Drop for Adder {
-    fn drop(&mut self) {
-        self.leave.store(true, Relaxed);
-        if let Some(thread) = self.thread.take() {
-            // A panic in it was printed already.
-            let _ended: std::thread::Result<()> = thread.join();
+pub(crate) fn adder(node: &mut Node, service: &str, mapping: ServiceMapping) -> Result<AtWork> {
+    let ((name, kind), qos) = (names(service)?, qos(Durability::Volatile));
+    let server = node
+        .create_server::<Request, Response>(mapping, &name, &kind, qos.clone(), qos)
+        .map_err(|e| anyhow::anyhow!("server of {service}: {e:?}"))?;
+    Ok(AtWork::start(move || match server.receive_request() {
+        Ok(Some((id, request))) => {
+            let sum = request.a.wrapping_add(request.b);
+            server.send_response(id, Response { sum }).is_ok()
         }
-    }
+        _ => {
+            std::thread::sleep(LOOK_EVERY);
+            true
+        }
+    }))
 }
 
 /// A client of a server that adds.
@@ -91,9 +59,9 @@ pub struct Asker {
 
 impl Asker {
     pub(crate) fn new(node: &mut Node, service: &str, mapping: ServiceMapping) -> Result<Self> {
-        let (name, kind) = names(service)?;
+        let ((name, kind), qos) = (names(service)?, qos(Durability::Volatile));
         let client = node
-            .create_client::<Request, Response>(mapping, &name, &kind, qos(), qos())
+            .create_client::<Request, Response>(mapping, &name, &kind, qos.clone(), qos)
             .map_err(|e| anyhow::anyhow!("client of {service}: {e:?}"))?;
         Ok(Self { client })
     }

@@ -5,7 +5,6 @@ use serde_json::Value;
 use crate::{Output, Process, Result};
 
 /// The last status of a route; `None` where it is not among the bridge's routes.
-#[must_use]
 pub fn route_status(output: &Output, name: &str) -> Option<Value> {
     let last = output.objects().next_back()?;
     let routes = last.get("routes")?.as_array()?;

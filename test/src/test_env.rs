@@ -55,31 +55,26 @@ impl TestEnv {
     }
 
     /// Port where ZeroMQ listeners connect.
-    #[must_use]
     pub fn pub_port(&self) -> u16 {
         self.pub_port.number
     }
 
     /// Port where ZeroMQ publishers connect.
-    #[must_use]
     pub fn sub_port(&self) -> u16 {
         self.sub_port.number
     }
 
     /// Port where ZeroMQ clients connect.
-    #[must_use]
     pub fn rep_port(&self) -> u16 {
         self.rep_port.number
     }
 
     /// Port where ZeroMQ servers connect.
-    #[must_use]
     pub fn req_port(&self) -> u16 {
         self.req_port.number
     }
 
     /// Port of the YARP name server.
-    #[must_use]
     pub fn yarp_port(&self) -> u16 {
         self.yarp_port.number
     }
@@ -99,13 +94,11 @@ impl TestEnv {
     }
 
     /// A topic name of this test, `/…/base`.
-    #[must_use]
     pub fn topic(&self, base: &str) -> String {
         format!("{}/{base}", self.prefix)
     }
 
     /// A path in the test's folder.
-    #[must_use]
     pub fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
@@ -246,13 +239,11 @@ impl TestEnv {
     }
 
     /// A configuration with our own broker on this test's ports.
-    #[must_use]
     pub fn embedded(&self) -> Config {
         Config::embedded(self.pub_port(), self.sub_port())
     }
 
     /// A configuration that uses somebody else's broker on this test's ports.
-    #[must_use]
     pub fn foreign(&self) -> Config {
         Config::foreign(self.pub_port(), self.sub_port())
     }
@@ -290,7 +281,6 @@ impl TestEnv {
         let all = std::iter::once(file).chain(args.split_whitespace().map(Into::into));
         let mut command = self.command(&programs::python()?, all);
         // Python decides by locale otherwise; and a .pyc beside the source would show up in git.
-        command.env("PYTHONUTF8", "1").env("PYTHONDONTWRITEBYTECODE", "1");
         self.cross_ports(&mut command, args);
         Ok(command)
     }
@@ -307,56 +297,47 @@ impl TestEnv {
         let args = [folder.join("poses.py").into_os_string(), there.into(), back.into()];
         let mut command = self.command(&programs::python()?, args);
         command.env("WRAPYFI_PLUGIN_PATHS", folder);
-        command.env("PYTHONUTF8", "1").env("PYTHONDONTWRITEBYTECODE", "1");
         Process::start("poses.py", command, &self.pillars)
     }
 
     /// Starts a real Wrapyfi publisher that goes on until it is dropped. `args` says type and flavour.
     pub fn wrapyfi_publisher(&self, topic: &str, args: &str) -> Result<Process> {
         let (pub_port, sub_port) = (self.pub_port(), self.sub_port());
-        self.peer(
-            "wrapyfi_peer.py",
-            &format!("publish --topic {topic} --pub-port {pub_port} --sub-port {sub_port} {args}"),
-        )
+        let args =
+            format!("publish --topic {topic} --pub-port {pub_port} --sub-port {sub_port} {args}");
+        self.peer("wrapyfi_peer.py", &args)
     }
 
     /// Starts a real Wrapyfi listener. `args` says type, flavour and perhaps `--count`.
     pub fn wrapyfi_listener(&self, topic: &str, args: &str) -> Result<Process> {
         let pub_port = self.pub_port();
-        self.peer(
-            "wrapyfi_peer.py",
-            &format!("listen --topic {topic} --pub-port {pub_port} {args}"),
-        )
+        let args = format!("listen --topic {topic} --pub-port {pub_port} {args}");
+        self.peer("wrapyfi_peer.py", &args)
     }
 
     /// Starts a real Wrapyfi client, whose calls have one payload as their argument. `args` says type,
     /// flavour and `--count`.
     pub fn wrapyfi_client(&self, args: &str) -> Result<Process> {
         let rep_port = self.rep_port();
-        self.peer(
-            "wrapyfi_peer.py",
-            &format!("request --topic /unused --rep-port {rep_port} {args}"),
-        )
+        let args = format!("request --topic /unused --rep-port {rep_port} {args}");
+        self.peer("wrapyfi_peer.py", &args)
     }
 
     /// Starts a real Wrapyfi server that goes on until it is dropped, with its broker. `args` says
     /// type and flavour.
     pub fn wrapyfi_server(&self, args: &str) -> Result<Process> {
         let (rep_port, req_port) = (self.rep_port(), self.req_port());
-        self.peer(
-            "wrapyfi_peer.py",
-            &format!("reply --topic /unused --rep-port {rep_port} --req-port {req_port} {args}"),
-        )
+        let args =
+            format!("reply --topic /unused --rep-port {rep_port} --req-port {req_port} {args}");
+        self.peer("wrapyfi_peer.py", &args)
     }
 
     /// Port of this test's ROS 1 master.
-    #[must_use]
     pub fn ros_port(&self) -> u16 {
         self.ros_port.number
     }
 
     /// Address of this test's ROS 1 master.
-    #[must_use]
     pub fn ros_master_uri(&self) -> String {
         format!("http://127.0.0.1:{}", self.ros_port.number)
     }
@@ -374,9 +355,7 @@ impl TestEnv {
         if let Some(value) = value {
             all.extend(["--value".into(), value.into()]);
         }
-        let mut command = self.command(Path::new(programs::SYSTEM_PYTHON), all);
-        command.env("PYTHONUTF8", "1").env("PYTHONDONTWRITEBYTECODE", "1");
-        command
+        self.command(Path::new(programs::SYSTEM_PYTHON), all)
     }
 
     /// Starts a node of roscpp; `args` are split at blanks, `value` is its `--value` as it is.
@@ -452,7 +431,6 @@ impl TestEnv {
     /// Starts the interpreter that has Wrapyfi.
     pub fn python(&self, args: &[&str]) -> Result<Process> {
         let mut command = self.command(&programs::python()?, args);
-        command.env("PYTHONUTF8", "1").env("PYTHONDONTWRITEBYTECODE", "1");
         self.cross_ports(&mut command, &args.join(" "));
         self.start("python", command)
     }
@@ -477,8 +455,7 @@ impl TestEnv {
         let own = own.filter_map(|file| file.parent().map(Path::to_owned));
         let others = std::env::var_os("PATH").unwrap_or_default();
         let path = std::env::join_paths(own.chain(std::env::split_paths(&others)))?;
-        command.env("PATH", path).env("PYTHONUTF8", "1").env("PYTHONDONTWRITEBYTECODE", "1");
-        command.env("PYTHONUNBUFFERED", "1");
+        command.env("PATH", path).env("PYTHONUNBUFFERED", "1");
         self.cross_ports(&mut command, line);
         self.start(line, command)
     }
@@ -527,7 +504,9 @@ impl TestEnv {
             .env("ROS_HOME", self.folder.path())
             .env("ROS_LOG_DIR", self.folder.path())
             .env("YARP_CONFIG_HOME", self.folder.path())
-            .env("NO_COLOR", "1");
+            .env("NO_COLOR", "1")
+            .env("PYTHONUTF8", "1")
+            .env("PYTHONDONTWRITEBYTECODE", "1");
         for variable in [
             // Of a ROS 2 that is sourced: its messages have the names of those of ROS 1.
             "PYTHONPATH",

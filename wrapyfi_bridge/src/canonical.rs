@@ -23,7 +23,6 @@ use wrapyfi_endpoint::codec::json;
 use crate::describe::digest;
 
 /// The canonical text of `value`.
-#[must_use]
 pub fn canonical(value: &Value) -> String {
     let mut out = String::new();
     write(&mut out, value);
@@ -44,13 +43,8 @@ fn write(out: &mut String, value: &Value) {
             let mut members: Vec<(String, &Value)> =
                 map.iter().map(|(key, value)| (key_text(key), value)).collect();
             members.sort_by(|a, b| a.0.cmp(&b.0));
-            out.push('{');
-            for (index, (key, value)) in members.iter().enumerate() {
-                let comma = if index > 0 { "," } else { "" };
-                _ = write!(out, "{comma}{key}:");
-                write(out, value);
-            }
-            out.push('}');
+            let members = members.iter().map(|(key, value)| format!("{key}:{}", canonical(value)));
+            _ = write!(out, "{{{}}}", members.collect::<Vec<_>>().join(","));
         }
         Value::DateTime(at) => tagged(out, "datetime", |out| _ = write!(out, "\"{at}\"")),
         Value::DateTime64(text) => tagged(out, "datetime64", |out| _ = write!(out, "\"{text}\"")),
@@ -93,14 +87,7 @@ fn scalar(value: &Value) -> String {
 }
 
 fn list(out: &mut String, items: impl Iterator<Item = String>) {
-    out.push('[');
-    for (index, item) in items.enumerate() {
-        if index > 0 {
-            out.push(',');
-        }
-        out.push_str(&item);
-    }
-    out.push(']');
+    _ = write!(out, "[{}]", items.collect::<Vec<_>>().join(","));
 }
 
 fn tagged(out: &mut String, tag: &str, body: impl FnOnce(&mut String)) {

@@ -1,14 +1,12 @@
 //! Rows of text as lines with aligned columns.
 
 /// A text without what a terminal obeys: names come from the network.
-#[must_use]
 pub fn plain(text: &str) -> String {
     text.replace(char::is_control, "\u{fffd}")
 }
 
 /// Lines of the rows: the first `texts` columns are aligned to the left, those of numbers to the right. Characters that
 /// a terminal obeys are no part of them.
-#[must_use]
 pub fn aligned<const N: usize>(rows: &[[String; N]], texts: usize) -> Vec<String> {
     let rows: Vec<[String; N]> =
         rows.iter().map(|row| row.each_ref().map(|cell| plain(cell))).collect();

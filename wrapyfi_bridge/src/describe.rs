@@ -19,7 +19,6 @@ use crate::canonical::canonical;
 use crate::words::words;
 
 /// The payload as one JSON object.
-#[must_use]
 pub fn describe(payload: &Payload) -> String {
     let object = match payload {
         Payload::NativeObject(object) => {
@@ -46,7 +45,6 @@ fn with_value(kind: &str, stamp: Stamp, value: &Value) -> String {
 }
 
 /// A ROS message with these fields as one JSON object.
-#[must_use]
 pub fn describe_message(message: &RosMessage, fields: &DynamicMessage) -> String {
     let (sha256, size, kind) = (digest(&message.cdr), message.cdr.len(), message.ros_type.name());
     let stamp = seconds(stamp(&fields.to_json()));
@@ -144,7 +142,6 @@ fn hex(bytes: &[u8]) -> String {
 }
 
 /// The payload in a line or two for people.
-#[must_use]
 pub fn summary(payload: &Payload) -> String {
     match payload {
         Payload::NativeObject(value) => words(value),

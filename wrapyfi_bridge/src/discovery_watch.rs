@@ -20,7 +20,6 @@ pub struct DiscoveryWatch {
 
 impl DiscoveryWatch {
     /// Begins to watch; nothing is found before the first look.
-    #[must_use]
     pub fn new(discovery: Box<dyn Discovery>) -> Self {
         Self { discovery, found: Vec::new(), unchanged_since: Instant::now() }
     }
@@ -39,7 +38,6 @@ impl DiscoveryWatch {
     }
 
     /// True when nothing more is to be expected.
-    #[must_use]
     pub fn has_told_all(&self) -> bool {
         has_told_all(self.discovery.is_complete(), self.unchanged_since.elapsed())
     }

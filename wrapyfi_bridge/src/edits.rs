@@ -27,13 +27,11 @@ pub struct Edits {
 
 impl Edits {
     /// Entries that stand after those of the file.
-    #[must_use]
     pub fn added(&self) -> &[Spanned<RouteConfig>] {
         &self.added
     }
 
     /// Routes of the file that are left out.
-    #[must_use]
     pub fn removed(&self) -> Plan {
         Plan { routes: self.removed.values().flatten().cloned().collect() }
     }

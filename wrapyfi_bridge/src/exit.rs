@@ -40,7 +40,6 @@ impl Failure {
     }
 
     /// The exit code, as `wrapyfi --help` lists it.
-    #[must_use]
     pub fn code(&self) -> u8 {
         match self {
             Self::Unread => 0,

@@ -66,7 +66,6 @@ pub struct Running {
 
 impl Running {
     /// Present statuses of the routes as messages, with the names that the node has for their ends.
-    #[must_use]
     pub fn infos(&self) -> Vec<RouteInfo> {
         self.routes.status().iter().map(|status| info::of(status, &self.node)).collect()
     }

@@ -39,13 +39,11 @@ named! {
 
 impl State {
     /// Number of the state in `lifecycle_msgs/msg/State`.
-    #[must_use]
     pub const fn id(self) -> u8 {
         self as u8
     }
 
     /// True for a state in which a node stays.
-    #[must_use]
     pub const fn is_primary(self) -> bool {
         self.id() < Self::Configuring.id()
     }
@@ -133,14 +131,12 @@ impl Default for Lifecycle {
 
 impl Lifecycle {
     /// State of the node.
-    #[must_use]
     pub fn state(&self) -> State {
         let id = self.0.load(Relaxed);
         State::ALL.into_iter().find(|state| state.id() == id).unwrap_or(State::Unknown)
     }
 
     /// Bell that rings where the node stays in another state.
-    #[must_use]
     pub fn changes(&self) -> &Wake {
         &self.1
     }
@@ -153,7 +149,6 @@ impl Lifecycle {
 
     /// The transition that somebody asks for by name, or by number where the name is empty; `None` where there is
     /// no such one from the state of now.
-    #[must_use]
     pub fn asked(&self, id: u8, label: &str) -> Option<Transition> {
         self.available()
             .find(|one| if label.is_empty() { one.id == id } else { one.label == label })

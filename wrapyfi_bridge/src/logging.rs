@@ -96,7 +96,6 @@ pub fn start_as(logger: &str, level: LevelFilter, levels: &LogLevels, stdout: bo
 }
 
 /// Number of panics in this process since its log was started, of routes and of tasks that began again.
-#[must_use]
 pub fn panics() -> u64 {
     PANICS.load(Relaxed)
 }
@@ -125,7 +124,6 @@ fn print(line: String) {
 }
 
 /// The loggers of this process, for whoever reads and sets their levels from outside.
-#[must_use]
 pub fn loggers() -> Option<Arc<dyn Loggers>> {
     LEVELS.get().map(|levels| Arc::clone(levels) as Arc<dyn Loggers>)
 }

@@ -65,21 +65,18 @@ impl MiddlewareBridge {
     }
 
     /// Name of the executable, and of its node.
-    #[must_use]
     pub fn node(self) -> &'static str {
         let [node, ..] = self.names();
         node
     }
 
     /// Sentence about the executable, for its help.
-    #[must_use]
     pub fn about(self) -> String {
         let [.., name] = self.names();
         format!("Bridges all of {name} into ROS 2 and back, as a ROS 2 node.")
     }
 
     /// Name of the middleware in addresses.
-    #[must_use]
     pub fn middleware(self) -> &'static str {
         let [_, middleware, _] = self.names();
         middleware

@@ -46,7 +46,6 @@ impl Node {
     }
 
     /// Name and namespace.
-    #[must_use]
     pub fn name(&self) -> &NodeName {
         &self.name
     }
@@ -60,7 +59,6 @@ impl Node {
     }
 
     /// An address with the name that it has for this node: on ROS 2 expanded and remapped.
-    #[must_use]
     pub fn resolve(&self, address: &EndpointAddress) -> EndpointAddress {
         let mut resolved = address.clone();
         if address.middleware == "ros2"

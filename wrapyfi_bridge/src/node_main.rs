@@ -57,7 +57,6 @@ fn run_executable(bridge: Option<MiddlewareBridge>) -> Result<(), Failure> {
 }
 
 /// Words of the program, and those of ROS: from each `--ros-args` to `--` or the end.
-#[must_use]
 pub fn split(words: impl Iterator<Item = OsString>) -> (Vec<OsString>, Vec<OsString>) {
     let mut is_ros = false;
     words.partition(|word| {

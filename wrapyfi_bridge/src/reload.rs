@@ -75,7 +75,6 @@ pub enum Source {
 
 impl Source {
     /// File, or the name of the text.
-    #[must_use]
     pub fn name(&self) -> String {
         match self {
             Self::File(file) => file.display().to_string(),

@@ -89,7 +89,6 @@ impl Shutdown {
     }
 
     /// True once the process should end.
-    #[must_use]
     pub fn requested(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }

@@ -27,7 +27,6 @@ const REPLY: Rule = ("service", "reply");
 const REQUEST: Rule = ("service", "request");
 
 /// Writes the policy of the bridge `node` with the routes of `plan`.
-#[must_use]
 pub fn policy(node: &Node, plan: &Plan) -> String {
     let own = format!("{}/*", node.name().fqn());
     let mut rules = BTreeMap::<Rule, BTreeSet<String>>::new();

@@ -4,7 +4,6 @@ use serde::Serialize;
 use wrapyfi_engine::RouteStatus;
 
 /// Routes as one JSON object, `{"routes": [...]}`, on a line; with `"panics"` where this process had some.
-#[must_use]
 pub fn json_line(routes: &[RouteStatus], panics: u64) -> Vec<u8> {
     #[derive(Serialize)]
     struct StatusRecord<'a> {

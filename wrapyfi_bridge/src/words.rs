@@ -29,7 +29,6 @@ const ALL: usize = 24;
 const FIRST: usize = 6;
 
 /// `value` in words; tables take several lines.
-#[must_use]
 pub fn words(value: &Value) -> String {
     let mut out = String::new();
     write(&mut out, value);
@@ -57,14 +56,9 @@ fn write(out: &mut String, value: &Value) {
         }
         Value::Set(items) => listed(out, "{", items, "}"),
         Value::Map(map) => {
-            out.push('{');
-            for (index, (key, value)) in map.iter().enumerate() {
-                out.push_str(if index > 0 { ", " } else { "" });
-                write(out, key);
-                out.push_str(": ");
-                write(out, value);
-            }
-            out.push('}');
+            let members =
+                map.iter().map(|(key, value)| format!("{}: {}", words(key), words(value)));
+            _ = write!(out, "{{{}}}", members.collect::<Vec<_>>().join(", "));
         }
         Value::DateTime(at) => _ = write!(out, "{at}"),
         Value::DateTime64(text) => out.push_str(text),
@@ -84,12 +78,8 @@ fn write(out: &mut String, value: &Value) {
         Value::Tagged(object) => match &object.refused {
             Some(reason) => _ = write!(out, "{}, not read: {reason}", object.key),
             None => {
-                _ = write!(
-                    out,
-                    "{}, {} bytes of an unknown plug-in",
-                    object.key,
-                    object.json.len()
-                );
+                let (key, size) = (&object.key, object.json.len());
+                _ = write!(out, "{key}, {size} bytes of an unknown plug-in");
             }
         },
         Value::Object(object) => _ = write!(out, "{object:?}"),
@@ -139,12 +129,8 @@ fn code_units(text: &str) -> (Vec<u16>, &str) {
 }
 
 fn listed(out: &mut String, open: &str, items: &[Value], close: &str) {
-    out.push_str(open);
-    for (index, item) in items.iter().enumerate() {
-        out.push_str(if index > 0 { ", " } else { "" });
-        write(out, item);
-    }
-    out.push_str(close);
+    let items: Vec<_> = items.iter().map(words).collect();
+    _ = write!(out, "{open}{}{close}", items.join(", "));
 }
 
 fn shape(shape: &[usize]) -> String {
@@ -163,21 +149,15 @@ fn tensor(out: &mut String, tensor: &Tensor) {
         if tensor.element_count() > ALL {
             _ = write!(out, "[{}, …]", elements.join(", "));
         } else {
-            nested(out, &mut elements.into_iter(), tensor.shape());
+            out.push_str(&nested(&mut elements.into_iter(), tensor.shape()));
         }
     }
 }
 
-fn nested(out: &mut String, elements: &mut impl Iterator<Item = String>, shape: &[usize]) {
-    let [extent, inner @ ..] = shape else {
-        return out.push_str(&elements.next().unwrap_or_default());
-    };
-    out.push('[');
-    for index in 0..*extent {
-        out.push_str(if index > 0 { ", " } else { "" });
-        nested(out, elements, inner);
-    }
-    out.push(']');
+fn nested(elements: &mut impl Iterator<Item = String>, shape: &[usize]) -> String {
+    let [extent, inner @ ..] = shape else { return elements.next().unwrap_or_default() };
+    let parts: Vec<_> = (0..*extent).map(|_| nested(elements, inner)).collect();
+    format!("[{}]", parts.join(", "))
 }
 
 /// The elements that are shown; nothing where Rust has no numbers of their type.

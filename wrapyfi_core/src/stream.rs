@@ -28,7 +28,6 @@ pub struct Messages {
 
 impl Messages {
     /// Messages of `listener`, which was opened with `context`.
-    #[must_use]
     pub fn new(listener: Box<dyn Listener>, context: &Context) -> Self {
         Self { listener, wake: context.wake.clone() }
     }

@@ -24,8 +24,17 @@ const WINDOW: usize = 4;
 /// When it does not within [`TIMEOUT`].
 #[track_caller]
 pub fn wait_until(wake: &Wake, what: &str, mut condition: impl FnMut() -> bool) {
+    wait_for(wake, what, || condition().then_some(()));
+}
+
+/// Waits until there is something; fails the test when it takes longer than [`TIMEOUT`].
+#[track_caller]
+pub fn wait_for<T>(wake: &Wake, what: &str, mut look: impl FnMut() -> Option<T>) -> T {
     let deadline = Instant::now() + TIMEOUT;
-    while !condition() {
+    loop {
+        if let Some(found) = look() {
+            return found;
+        }
         assert!(Instant::now() < deadline, "waited {TIMEOUT:?} for {what}");
         wake.wait(LOOK);
     }
@@ -112,7 +121,6 @@ impl Sink {
     }
 
     /// Counters so far.
-    #[must_use]
     pub fn counters(&self) -> CountersSnapshot {
         self.context.counters.snapshot()
     }
@@ -134,12 +142,7 @@ impl Sink {
     #[track_caller]
     pub fn receive(&mut self) -> Payload {
         let wake = self.context.wake.clone();
-        let mut next = None;
-        wait_until(&wake, "a message", || {
-            next = self.take();
-            next.is_some()
-        });
-        next.unwrap()
+        wait_for(&wake, "a message", || self.take())
     }
 
     /// Waits for `count` messages.

@@ -79,7 +79,6 @@
 
 // The whole crate is tests: here a panic is the right answer, with the reason in its text.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
-#![allow(clippy::missing_panics_doc)]
 
 mod alone;
 pub mod cases;
@@ -89,7 +88,7 @@ mod reserve;
 mod service_ends;
 mod testbed;
 
-pub use ends::{Sink, Source, TIMEOUT, connect, wait_until};
+pub use ends::{Sink, Source, TIMEOUT, connect, wait_for, wait_until};
 pub use reserve::{Domain, reserve_domain};
 pub use service_ends::{ClientEnd, ServerEnd, call_and_serve};
 pub use testbed::{Capabilities, Testbed, TypeCheck, WireEnd};

@@ -11,25 +11,21 @@ use wrapyfi_core::types::{
 const WHEN: Stamp = Stamp { sec: 1_795_214_428, nanosec: 500_000_000 };
 
 /// A native object that says which one it is.
-#[must_use]
 pub fn number(n: u64) -> Payload {
     Value::from(Map::from([("n", i64::try_from(n).unwrap())])).into()
 }
 
 /// [`number`]s in order.
-#[must_use]
 pub fn numbers(range: std::ops::Range<u64>) -> Vec<Payload> {
     range.map(number).collect()
 }
 
 /// Bytes that repeat late, so that a shift or a lost piece shows.
-#[must_use]
 pub fn pattern(bytes: usize) -> Vec<u8> {
     (0..bytes).map(|n| u8::try_from(n % 251).unwrap()).collect()
 }
 
 /// A native object with one of everything that Wrapyfi's JSON can write.
-#[must_use]
 pub fn rich() -> Payload {
     let tensors = Dtype::ALL.into_iter().filter(|&dtype| dtype != Dtype::BF16).map(|dtype| {
         // A bool is one byte of 0 or 1.
@@ -61,7 +57,6 @@ pub fn rich() -> Payload {
 }
 
 /// An uncompressed picture.
-#[must_use]
 pub fn frame(width: u32, height: u32, encoding: Encoding) -> Payload {
     let bytes = width as usize * height as usize * encoding.bytes_per_pixel();
     let raw = RawPixels::dense(width, height, encoding, pattern(bytes)).unwrap();
@@ -69,7 +64,6 @@ pub fn frame(width: u32, height: u32, encoding: Encoding) -> Payload {
 }
 
 /// An image file.
-#[must_use]
 pub fn file(format: CompressedFormat) -> Payload {
     let data = match format {
         CompressedFormat::Jpeg => {
@@ -83,7 +77,6 @@ pub fn file(format: CompressedFormat) -> Payload {
 }
 
 /// A chunk of sound.
-#[must_use]
 pub fn sound(frames: u32, channels: u8, format: SampleFormat) -> Payload {
     let samples = frames as usize * usize::from(channels);
     let data: Vec<u8> = match format {
@@ -94,13 +87,11 @@ pub fn sound(frames: u32, channels: u8, format: SampleFormat) -> Payload {
 }
 
 /// Samples that the middleware keeps.
-#[must_use]
 pub fn samples<R: Testbed>() -> SampleFormat {
     if R::CAPABILITIES.float_sound { SampleFormat::F32Le } else { SampleFormat::S16Le }
 }
 
 /// The same payload with a coordinate frame, where it has one.
-#[must_use]
 pub fn in_frame(payload: Payload, frame_id: &str) -> Payload {
     match payload {
         Payload::Image(image) => Image { frame_id: frame_id.into(), ..image }.into(),
@@ -110,7 +101,6 @@ pub fn in_frame(payload: Payload, frame_id: &str) -> Payload {
 }
 
 /// A small payload of the kind that `message_type` carries, as the middleware keeps it.
-#[must_use]
 pub fn small<R: Testbed>(message_type: MessageType) -> Payload {
     match message_type {
         MessageType::Image => frame(4, 3, Encoding::Bgr8),

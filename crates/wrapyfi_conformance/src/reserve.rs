@@ -17,7 +17,6 @@ pub struct Domain {
 }
 
 /// Reserves a domain id. Waits while all are taken.
-#[must_use]
 pub fn reserve_domain() -> Domain {
     static TURN: AtomicU32 = AtomicU32::new(0);
     let folder = std::env::temp_dir().join("wrapyfi_conformance_reserved");

@@ -8,7 +8,7 @@ use wrapyfi_core::endpoint::{
 };
 use wrapyfi_core::types::{Payload, Value};
 
-use crate::{TIMEOUT, Testbed, WireEnd, wait_until};
+use crate::{TIMEOUT, Testbed, WireEnd, wait_for, wait_until};
 
 /// A client and its owner.
 pub struct ClientEnd {
@@ -38,7 +38,6 @@ impl ClientEnd {
     }
 
     /// Counters so far.
-    #[must_use]
     pub fn counters(&self) -> CountersSnapshot {
         self.context.counters.snapshot()
     }
@@ -93,13 +92,10 @@ impl ClientEnd {
         mut meanwhile: impl FnMut(),
     ) -> Result<Payload, CallError> {
         let wake = self.context.wake.clone();
-        let mut result = None;
-        wait_until(&wake, "the end of a call", || {
+        wait_for(&wake, "the end of a call", || {
             meanwhile();
-            result = self.ended(ticket);
-            result.is_some()
-        });
-        result.unwrap()
+            self.ended(ticket)
+        })
     }
 }
 
@@ -113,13 +109,11 @@ impl ServerEnd {
     }
 
     /// Counters so far.
-    #[must_use]
     pub fn counters(&self) -> CountersSnapshot {
         self.context.counters.snapshot()
     }
 
     /// Requests dropped for `reason`.
-    #[must_use]
     pub fn dropped_for(&self, reason: DropReason) -> u64 {
         self.counters().dropped_for(reason)
     }
@@ -138,12 +132,7 @@ impl ServerEnd {
     #[track_caller]
     pub fn receive(&mut self) -> IncomingRequest {
         let wake = self.context.wake.clone();
-        let mut next = None;
-        wait_until(&wake, "a request", || {
-            next = self.take();
-            next.is_some()
-        });
-        next.unwrap()
+        wait_for(&wake, "a request", || self.take())
     }
 
     /// Answers with a payload.

@@ -59,13 +59,11 @@ pub trait Testbed: Sized {
     }
 
     /// The type as the middleware names it, in what its links say.
-    #[must_use]
     fn type_name(message_type: MessageType) -> String {
         message_type.ros_type().to_owned()
     }
 
     /// Names that no topic of the middleware can have. Called only where [`Capabilities::refuses_names`].
-    #[must_use]
     fn invalid_names() -> Vec<String> {
         Vec::new()
     }
@@ -150,7 +148,6 @@ impl Capabilities {
     };
 
     /// True when messages of another type are noticed.
-    #[must_use]
     pub const fn checks_types(&self) -> bool {
         !matches!(self.types, TypeCheck::Unchecked)
     }

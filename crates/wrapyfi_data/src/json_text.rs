@@ -148,7 +148,7 @@ impl<'a> Iterator for Pieces<'a> {
 }
 
 impl Pieces<'_> {
-    #[allow(clippy::unnecessary_wraps)] // the shape of `next`
+    // The shape of `next`.
     fn fail<T>(&mut self, reason: &str) -> Option<Result<T, String>> {
         self.0 = &[];
         Some(Err(format!("a string has {reason}")))

@@ -41,7 +41,6 @@ pub static WAITING: Budget = Budget::new(Limits::WAITING_BYTES);
 
 impl Budget {
     /// A budget of `limit` bytes, of which none are taken.
-    #[must_use]
     pub const fn new(limit: usize) -> Self {
         Self {
             limit: AtomicUsize::new(limit),
@@ -56,7 +55,6 @@ impl Budget {
     }
 
     /// Number of bytes that wait.
-    #[must_use]
     pub fn used(&self) -> usize {
         self.used.load(Relaxed)
     }
@@ -142,7 +140,6 @@ impl Share {
     }
 
     /// Number of bytes that the share holds.
-    #[must_use]
     pub fn used(&self) -> usize {
         self.used.load(Relaxed)
     }

@@ -88,7 +88,6 @@ impl<T> Calls<T> {
     }
 
     /// Name of the service, for messages.
-    #[must_use]
     pub fn service(&self) -> &str {
         &self.service
     }

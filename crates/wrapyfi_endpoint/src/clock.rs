@@ -45,7 +45,6 @@ pub struct Clock {
 
 impl Clock {
     /// A clock that shows what `now` returns, which never goes back.
-    #[must_use]
     pub fn new(now: impl Fn() -> Instant + Send + Sync + 'static) -> Self {
         Self { now: Some(Arc::new(now)), ros_now: None }
     }
@@ -57,19 +56,16 @@ impl Clock {
     }
 
     /// Time that decides: of deadlines, expiry and back-off.
-    #[must_use]
     pub fn now(&self) -> Instant {
         self.now.as_ref().map_or_else(Instant::now, |now| now())
     }
 
     /// Time since `then`; none where that is to come.
-    #[must_use]
     pub fn age(&self, then: Instant) -> Duration {
         self.now().saturating_duration_since(then)
     }
 
     /// Time in headers.
-    #[must_use]
     pub fn ros_now(&self) -> RosNow {
         let system = || RosNow { stamp: Stamp::now(), simulated: false };
         self.ros_now.as_ref().map_or_else(system, |now| now())

@@ -235,13 +235,11 @@ impl Counters {
     }
 
     /// Number of messages received.
-    #[must_use]
     pub fn received_so_far(&self) -> u64 {
         self.received.load(Relaxed)
     }
 
     /// Number of messages handed to the destination, and of their bytes.
-    #[must_use]
     pub fn sent_so_far(&self) -> (u64, u64) {
         let [sent, bytes] =
             [&self.sent, &self.sent_bytes].map(|it| at_least_none(it.load(Relaxed)));
@@ -290,7 +288,6 @@ impl Counters {
     }
 
     /// The counters now. Counters move on while they are read: sums may differ by what is in flight.
-    #[must_use]
     pub fn snapshot(&self) -> CountersSnapshot {
         CountersSnapshot {
             received: self.received.load(Relaxed),
@@ -352,19 +349,16 @@ fn at_least_none(counter: u64) -> u64 {
 
 impl CountersSnapshot {
     /// Number of dropped messages, all reasons together.
-    #[must_use]
     pub fn dropped(&self) -> u64 {
         self.drops.iter().map(|&(_, count)| count).sum()
     }
 
     /// Number of messages dropped for `reason`.
-    #[must_use]
     pub fn dropped_for(&self, reason: DropReason) -> u64 {
         count_of(&self.drops, &reason)
     }
 
     /// Number of times that `event` happened.
-    #[must_use]
     pub fn qos_events_of(&self, event: QosEvent) -> u64 {
         count_of(&self.qos_events, &event)
     }

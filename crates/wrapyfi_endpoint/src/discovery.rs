@@ -111,7 +111,6 @@ pub struct Discovered {
 
 impl Discovered {
     /// An endpoint of which nothing more is known.
-    #[must_use]
     pub fn new(name: impl Into<String>, role: Role) -> Self {
         Self {
             name: name.into(),
@@ -222,10 +221,7 @@ impl fmt::Display for AnnouncedQos {
         if self.liveliness != Liveliness::Automatic {
             write!(f, " {}", self.liveliness)?;
         }
-        match self.lease {
-            Some(lease) => write!(f, " lease {lease:?}"),
-            None => Ok(()),
-        }
+        self.lease.map_or(Ok(()), |lease| write!(f, " lease {lease:?}"))
     }
 }
 

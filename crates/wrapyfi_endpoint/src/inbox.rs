@@ -241,7 +241,6 @@ impl<T: Waits> Sender<T> {
     }
 
     /// Time that a message may wait for room before the policy drops it.
-    #[must_use]
     pub fn patience(&self) -> Duration {
         match self.0.spec.overflow {
             Overflow::Block(patience) => patience,
@@ -250,25 +249,21 @@ impl<T: Waits> Sender<T> {
     }
 
     /// Length and policy of the queue.
-    #[must_use]
     pub fn spec(&self) -> QueueSpec {
         self.0.spec
     }
 
     /// Context of the listener.
-    #[must_use]
     pub fn context(&self) -> &Context {
         &self.0.context
     }
 
     /// Counters of the drops.
-    #[must_use]
     pub fn counters(&self) -> &Counters {
         &self.0.context.counters
     }
 
     /// True once the receiver was dropped, so that nobody takes messages any more.
-    #[must_use]
     pub fn is_closed(&self) -> bool {
         Arc::strong_count(&self.0) < 2
     }
@@ -287,13 +282,11 @@ impl<T: Waits> Receiver<T> {
     }
 
     /// Number of messages that wait.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.0.state.lock().queue.len()
     }
 
     /// True when no message waits.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

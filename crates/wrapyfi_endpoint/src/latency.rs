@@ -60,7 +60,6 @@ impl Latency {
     }
 
     /// Quantiles of the durations so far.
-    #[must_use]
     pub fn summary(&self) -> LatencySummary {
         let counts = self.buckets.each_ref().map(|bucket| bucket.load(Relaxed));
         let total: u64 = counts.iter().sum();

@@ -32,7 +32,6 @@ impl Learned {
     /// Type for routes: between two ROS, whose bytes are only rearranged, that of the message
     /// itself; elsewhere Wrapyfi's where it has one. A `std_msgs/msg/String` counts as text,
     /// because no setting has called it JSON.
-    #[must_use]
     pub fn message_type(self, between_ros: bool) -> MessageType {
         match self {
             Self::Wrapyfi(known) => known,

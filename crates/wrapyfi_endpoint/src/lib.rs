@@ -479,7 +479,6 @@ pub struct TopicSpec {
 
 impl TopicSpec {
     /// A topic with default quality of service, queue and limits.
-    #[must_use]
     pub fn new(topic: impl Into<String>, message_type: MessageType) -> Self {
         Self {
             topic: topic.into(),

@@ -57,7 +57,6 @@ pub struct ParseMarkError {
 
 impl BridgeMark {
     /// Number for a bridge that begins now: milliseconds since 1970, and 16 random bits.
-    #[must_use]
     pub fn number() -> u64 {
         use std::hash::{BuildHasher as _, RandomState};
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
@@ -66,14 +65,12 @@ impl BridgeMark {
     }
 
     /// True when the messages came through this middleware.
-    #[must_use]
     pub fn came_through(&self, middleware: &str) -> bool {
         self.path.iter().any(|hop| hop == middleware)
     }
 
     /// Mark for messages that bridge `bridge` takes from `middleware`, from endpoints with these
     /// marks.
-    #[must_use]
     pub fn of<'m>(
         bridge: u64,
         sources: impl IntoIterator<Item = &'m Self>,

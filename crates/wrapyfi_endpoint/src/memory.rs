@@ -60,7 +60,6 @@ struct Topic {
 
 impl Memory {
     /// Makes a bus under a name of its own, so that one process can hold several.
-    #[must_use]
     pub fn new(name: impl Into<String>) -> Self {
         Self { name: name.into(), bus: Arc::default() }
     }

@@ -25,7 +25,6 @@ pub fn is_pattern(name: &str) -> bool {
 }
 
 /// Name without its leading slash.
-#[must_use]
 pub fn bare(name: &str) -> &str {
     name.strip_prefix('/').unwrap_or(name)
 }
@@ -89,7 +88,6 @@ impl NamePattern {
     }
 
     /// True when the whole name matches.
-    #[must_use]
     pub fn matches(&self, name: &str) -> bool {
         self.regex.is_match(bare(name))
     }
@@ -143,7 +141,6 @@ impl NamePattern {
     }
 
     /// Fills `template` in for a name; `None` where the name does not match.
-    #[must_use]
     pub fn expand(&self, name: &str, template: &str) -> Option<String> {
         let captures = self.regex.captures(bare(name))?;
         let mut out = String::new();

@@ -39,7 +39,6 @@ impl Peers {
     /// Option of a topic: the programs that may hear it.
     pub const TO: &'static str = "to_peers";
     /// A program that the list `key` of a route to or from `topic` does not let in.
-    #[must_use]
     pub fn refused(key: &str, topic: &str, name: &str, address: &str) -> Refused {
         Refused {
             who: format!("{name} at {address} is not among {key} of the route of {topic}"),
@@ -104,7 +103,6 @@ impl Peers {
     }
 
     /// True where a program of this name at this address is in the list.
-    #[must_use]
     pub fn admits(&self, name: &str, address: &str) -> bool {
         let address = match address.parse::<IpAddr>() {
             Ok(ip) => ip.to_canonical().to_string(),

@@ -40,7 +40,6 @@ pub enum QosPolicy {
 
 impl QosPolicy {
     /// Value that `qos` has for the policy, in words: `best effort`, `deadline 100ms`.
-    #[must_use]
     pub fn value(self, qos: &AnnouncedQos) -> String {
         let time = |name: &str, time: Option<Duration>| match time {
             Some(time) => format!("{name} {time:?}"),
@@ -67,7 +66,6 @@ fn in_words(value: impl fmt::Display) -> String {
 }
 
 /// Policies in which a publisher offers less than a listener asks for: none when they fit.
-#[must_use]
 pub fn mismatches(offered: &AnnouncedQos, asked: &AnnouncedQos) -> Vec<QosPolicy> {
     let shorter = |asked: Option<Duration>, offered: Option<Duration>| match (asked, offered) {
         (None, _) => false,
@@ -145,7 +143,6 @@ impl fmt::Display for QosWarning {
 ///
 /// It is reliable and transient local only where all of them are; it has the longest deadline and
 /// lease, none where one of them has none, and manual liveliness only where all of them have it.
-#[must_use]
 pub fn listener_qos(publishers: &[AnnouncedQos], base: &Qos) -> MatchedQos {
     let of = publishers.len();
     if of == 0 {
@@ -178,7 +175,6 @@ pub fn listener_qos(publishers: &[AnnouncedQos], base: &Qos) -> MatchedQos {
 ///
 /// It is reliable and transient local where one asks for it; it has the shortest deadline and
 /// lease, and manual liveliness where one asks for it. No policy is less than that of `base`.
-#[must_use]
 pub fn publisher_qos(listeners: &[AnnouncedQos], base: &Qos) -> MatchedQos {
     let any = |asks: &dyn Fn(&AnnouncedQos) -> bool| listeners.iter().any(asks);
     let mut qos = *base;

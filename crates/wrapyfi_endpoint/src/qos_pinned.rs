@@ -48,7 +48,6 @@ impl PinnedQos {
     }
 
     /// Fixes all policies as `qos` has them.
-    #[must_use]
     pub fn all_of(qos: &Qos) -> Self {
         Self {
             reliability: Some(qos.reliability),
@@ -62,7 +61,6 @@ impl PinnedQos {
     }
 
     /// True when the policy, or a part of it, is fixed here.
-    #[must_use]
     pub fn holds(&self, policy: QosPolicy) -> bool {
         match policy {
             QosPolicy::Reliability => self.reliability.is_some(),

@@ -43,7 +43,6 @@ pub struct UnknownMiddleware {
 
 impl Registry {
     /// A registry without middlewares.
-    #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
@@ -59,7 +58,6 @@ impl Registry {
     }
 
     /// The clock of routes.
-    #[must_use]
     pub fn clock(&self) -> &Clock {
         &self.clock
     }

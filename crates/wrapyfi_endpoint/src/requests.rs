@@ -42,7 +42,6 @@ struct State<A> {
 
 impl<A> Requests<A> {
     /// Queue of a server of `spec`, counted in `context`.
-    #[must_use]
     pub fn new(spec: &ServiceSpec, context: &Context) -> Self {
         Self {
             service: spec.service.clone(),
@@ -54,7 +53,6 @@ impl<A> Requests<A> {
     }
 
     /// Wake and counters that the server shares with its owner.
-    #[must_use]
     pub fn context(&self) -> &Context {
         &self.context
     }
@@ -98,7 +96,6 @@ impl<A> Requests<A> {
         state.open = state.open.saturating_sub(1);
     }
     /// True once the server has closed: no request is taken any more.
-    #[must_use]
     pub fn is_closed(&self) -> bool {
         self.state.lock().closed
     }

@@ -66,7 +66,6 @@ pub struct Call {
 
 impl Request {
     /// A call with positional arguments only.
-    #[must_use]
     pub fn new(args: impl Into<Vec<Value>>) -> Self {
         Self::Call(Call { args: args.into(), kwargs: Map::new() })
     }
@@ -107,7 +106,6 @@ impl Request {
     }
 
     /// Size of the arguments or of the message in bytes, near enough to budget for it.
-    #[must_use]
     pub fn size_hint(&self) -> usize {
         match self {
             Self::Call(Call { args, kwargs }) => {
@@ -257,7 +255,6 @@ impl ServiceSpec {
     pub const PENDING: usize = 64;
 
     /// A service with the default time-out and limits.
-    #[must_use]
     pub fn new(service: impl Into<String>, kind: ServiceKind) -> Self {
         Self {
             service: service.into(),

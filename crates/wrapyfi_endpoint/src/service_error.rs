@@ -5,7 +5,6 @@ use wrapyfi_data::{DecodeError, EncodeError};
 
 impl CallError {
     /// Reason under which the error is counted.
-    #[must_use]
     pub fn drop_reason(&self) -> DropReason {
         match self {
             Self::TimedOut { .. } => DropReason::Expired,

@@ -115,7 +115,6 @@ impl OpenError {
     }
 
     /// True when trying again later can help.
-    #[must_use]
     pub fn is_transient(&self) -> bool {
         matches!(self, Self::Transport { .. } | Self::NotStarted { .. })
     }
@@ -184,7 +183,6 @@ pub type Published = Result<usize, PublishError>;
 
 impl PublishError {
     /// Reason under which the error is counted.
-    #[must_use]
     pub fn drop_reason(&self) -> DropReason {
         match self {
             Self::Encode(_) => DropReason::Unencodable,

@@ -34,7 +34,6 @@ struct State {
 
 impl Wake {
     /// A doorbell that has not rung.
-    #[must_use]
     pub fn new() -> Self {
         Self::default()
     }

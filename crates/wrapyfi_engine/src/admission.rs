@@ -404,7 +404,6 @@ pub(super) struct Misfits {
 }
 
 /// True when messages without a type that look like `looks` may also be read as `wanted`.
-#[must_use]
 pub fn may_be_read_as(looks: DataType, wanted: DataType) -> bool {
     let fields = [DataType::NativeObject, DataType::RosMessage];
     looks == wanted || (fields.contains(&looks) && fields.contains(&wanted))

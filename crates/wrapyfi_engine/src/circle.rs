@@ -49,7 +49,6 @@ impl fmt::Display for Circle {
 
 impl RouteIndex<'_> {
     /// Circles of written routes, each once, with the fewest routes that close it.
-    #[must_use]
     pub fn circles(&self) -> Vec<Circle> {
         let goes_on = self.all.iter().filter(|it| !it.route.is_many() && !has_parameters(it.route));
         let mut seen = BTreeSet::new();

@@ -64,7 +64,6 @@ impl Problem {
     }
 
     /// Fault of a configuration that is longer than [`MAX_CONFIG_BYTES`].
-    #[must_use]
     pub fn too_large(bytes: usize) -> Self {
         let message =
             format!("configuration is {bytes} bytes long, the limit is {MAX_CONFIG_BYTES}");

@@ -42,7 +42,6 @@ impl Default for QosConfig {
 
 impl QosConfig {
     /// Quality of service; the one used while there are no peers, where it follows them.
-    #[must_use]
     pub fn qos(self) -> Qos {
         match self {
             Self::Match(qos) | Self::Fixed(qos) => qos,

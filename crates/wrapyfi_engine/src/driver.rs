@@ -107,7 +107,6 @@ impl Driver {
     }
 
     /// Number of the bridge, in the marks of what it makes.
-    #[must_use]
     pub fn number(&self) -> u64 {
         self.number
     }
@@ -258,7 +257,6 @@ impl Driver {
     /// Statuses of the routes, then of the patterns and of the names they match that have no route
     /// yet. It waits for no route: one in the middle of a step shows its state before it, and that
     /// it is blocked once the step takes over a second.
-    #[must_use]
     pub fn status(&self) -> Vec<RouteStatus> {
         let latest = self.latest.lock();
         if !latest.is_active {
@@ -272,21 +270,18 @@ impl Driver {
     }
 
     /// The latest plan.
-    #[must_use]
     pub fn plan(&self) -> Plan {
         self.latest.lock().plan.clone()
     }
 
     /// Window on the messages of a route that carries a topic, by its name and its ends as its status has
     /// them.
-    #[must_use]
     #[doc(hidden)]
     pub fn tap(&self, name: &str, from: &str, to: &str) -> Option<Arc<Tap>> {
         self.members.lock().running.values().find_map(|member| member.tap_of([name, from, to]))
     }
 
     /// Middlewares of the latest plan.
-    #[must_use]
     pub fn registry(&self) -> Registry {
         self.latest.lock().registry.clone()
     }

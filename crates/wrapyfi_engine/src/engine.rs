@@ -35,7 +35,6 @@ pub struct Engine {
 
 impl Engine {
     /// Prepares the routes; nothing is opened before the first step.
-    #[must_use]
     pub fn new(plan: Plan, registry: &Registry) -> Self {
         Self { driver: Arc::new(Driver::new(plan, registry)), look_at: None, rates_at: None }
     }
@@ -79,7 +78,6 @@ impl Engine {
 
     /// Statuses of the routes, then of the patterns and of the names they match that have no route
     /// yet.
-    #[must_use]
     pub fn status(&self) -> Vec<RouteStatus> {
         self.driver.status()
     }

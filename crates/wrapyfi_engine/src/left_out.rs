@@ -24,7 +24,6 @@ const NODE_TOPICS: [&str; 4] = ["rosout", "rosout_agg", "clock", "parameter_even
 impl Route {
     /// Reason that the pattern leaves out a name which its `from` (or `service`) matches; `None` where
     /// the name has a route, or is none of the pattern's.
-    #[must_use]
     #[doc(hidden)]
     pub fn left_out(&self, name: &str) -> Option<LeftOut> {
         let Names { pattern, allow, deny, default_deny, .. } = self.names.as_ref()?;
@@ -41,7 +40,6 @@ impl Route {
     }
 
     /// As [`Route::left_out`], for a name at the destination: with the name at the source that leads there.
-    #[must_use]
     #[doc(hidden)]
     pub fn left_out_to(&self, name: &str) -> Option<(String, LeftOut)> {
         let source = self.inverse()?.source(name)?;

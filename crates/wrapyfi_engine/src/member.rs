@@ -126,7 +126,7 @@ impl Member {
                 let (counters, lanes) = (Arc::clone(&counters), Arc::clone(lanes));
                 let relay = Relay::new(route, registry, id, counters, lanes);
                 let (wake, status) = (relay.wake().clone(), relay.status());
-                let tap = Some(Arc::clone(relay.tap()));
+                let tap = Some(Arc::clone(&relay.tap));
                 (Box::new(relay), wake, status, tap)
             }
             Kind::Service(_) => {

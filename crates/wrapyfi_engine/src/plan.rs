@@ -38,14 +38,12 @@ impl Plan {
     }
 
     /// True where an end of a route is on this middleware.
-    #[must_use]
     pub fn uses(&self, middleware: &str) -> bool {
         self.middlewares().any(|name| name == middleware)
     }
 
     /// True where other programs connect to an end of a route on this middleware, as they do unless
     /// it only calls services.
-    #[must_use]
     pub fn is_reached_on(&self, middleware: &str) -> bool {
         self.routes.iter().any(|route| {
             let is_called = matches!(route.kind, Kind::Service(_)) && route.is_whole();
@@ -54,14 +52,12 @@ impl Plan {
     }
 
     /// True where a service has an end on this middleware.
-    #[must_use]
     pub fn has_services_on(&self, middleware: &str) -> bool {
         let services = self.routes.iter().filter(|it| matches!(it.kind, Kind::Service(_)));
         services.flat_map(|it| [&it.from, &it.to]).any(|end| end.middleware == middleware)
     }
 
     /// Size of the largest message of a route with an end on this middleware, in bytes.
-    #[must_use]
     pub fn largest_message_on(&self, middleware: &str) -> usize {
         let on =
             |route: &&Route| [&route.from, &route.to].iter().any(|it| it.middleware == middleware);

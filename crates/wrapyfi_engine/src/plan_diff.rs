@@ -38,7 +38,6 @@ pub struct PlanDiff {
 
 impl Plan {
     /// Changes from this plan to `new`.
-    #[must_use]
     pub fn diff(&self, new: &Self) -> PlanDiff {
         let by_key = |route| (Route::key(route), route);
         let mut before: BTreeMap<_, _> = self.routes.iter().map(by_key).collect();
@@ -75,13 +74,11 @@ fn shown_apart(old: &Route, new: &Route) -> (String, String) {
 
 impl PlanDiff {
     /// True when the plans mean the same.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.added.is_empty() && self.removed.is_empty() && self.changed.is_empty()
     }
 
     /// Numbers of changes, in a line.
-    #[must_use]
     pub fn summary(&self) -> String {
         let Self { added, removed, changed, kept } = self;
         let (added, removed, changed) = (added.len(), removed.len(), changed.len());

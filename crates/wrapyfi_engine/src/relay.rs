@@ -64,14 +64,13 @@ pub(crate) struct Relay {
     /// Throttle for losses and for objects passed on as they came: all are counted, few are logged.
     losses: Throttle,
     unread: Throttle,
-    tap: Arc<Tap>,
+    pub(super) tap: Arc<Tap>,
     tripwire: Tripwire,
 }
 
 impl Relay {
     /// A route that has opened nothing yet. `seed` spreads its back-off; `counters` may be those of an earlier route
     /// with these ends. Its messages are compared with those of the bridge's other routes in `lanes`.
-    #[must_use]
     pub(super) fn new(
         spec: Route,
         registry: &Registry,
@@ -105,11 +104,6 @@ impl Relay {
         }
     }
 
-    /// Window on the messages that come.
-    pub(super) fn tap(&self) -> &Arc<Tap> {
-        &self.tap
-    }
-
     /// True while its source is closed because nobody listens at the destination.
     pub(super) fn is_at_rest(&self) -> bool {
         self.spec.policy.lazy && self.source.open.is_none()
@@ -125,13 +119,11 @@ impl Relay {
     }
 
     /// Bell that rings when the route has work.
-    #[must_use]
     pub(crate) fn wake(&self) -> &Wake {
         &self.context.wake
     }
 
     /// Status of the route.
-    #[must_use]
     pub(crate) fn status(&self) -> RouteStatus {
         let (spec, state) = (&self.spec, self.state.clone());
         RouteStatus {

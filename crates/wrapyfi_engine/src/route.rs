@@ -221,13 +221,11 @@ impl Default for Policy {
 
 impl Route {
     /// Makes a route of messages, with default settings.
-    #[must_use]
     pub fn topic(from: EndpointAddress, to: EndpointAddress, message_type: MessageType) -> Self {
         Self::new(from, to, Kind::Topic(message_type.into()))
     }
 
     /// Makes a route of a service that has its server at `from`, with default settings.
-    #[must_use]
     pub fn service(from: EndpointAddress, to: EndpointAddress, kind: ServiceKind) -> Self {
         Self::new(from, to, Kind::Service(kind))
     }
@@ -249,7 +247,6 @@ impl Route {
     }
 
     /// Ends of the route in the direction of messages or requests, such as `ros2:/a -> zeromq:/a`.
-    #[must_use]
     pub fn ends(&self) -> String {
         let Self { from, to, .. } = self;
         match self.kind {
@@ -259,14 +256,12 @@ impl Route {
     }
 
     /// Key of the route.
-    #[must_use]
     #[doc(hidden)]
     pub fn key(&self) -> RouteKey {
         RouteKey { role: self.role(), from: self.from.clone(), to: self.to.clone() }
     }
 
     /// Role of the endpoints that the route takes from.
-    #[must_use]
     pub fn role(&self) -> Role {
         match self.kind {
             Kind::Topic(_) => Role::Publisher,
@@ -275,19 +270,16 @@ impl Route {
     }
 
     /// True for a pattern, false for a route with one name.
-    #[must_use]
     pub fn is_many(&self) -> bool {
         self.names.is_some()
     }
 
     /// True for a route that runs as it stands, because it has one name and its type is given.
-    #[must_use]
     pub fn is_whole(&self) -> bool {
         !self.is_many() && self.typing == Typing::Given
     }
 
     /// Types of the route's messages; native objects for a service, which has none.
-    #[must_use]
     pub fn types(&self) -> Types {
         match self.kind {
             Kind::Topic(types) => types,
@@ -304,7 +296,6 @@ impl Route {
     }
 
     /// Destination of the source called `name`; `None` where the route leaves it out.
-    #[must_use]
     pub fn target(&self, name: &str) -> Option<EndpointAddress> {
         let Some(Names { pattern, .. }) = &self.names else {
             return (self.from.name == name).then(|| self.to.clone());
@@ -317,7 +308,6 @@ impl Route {
     }
 
     /// Route that the pattern makes for a source.
-    #[must_use]
     pub fn made_from(&self, from: &EndpointAddress) -> Option<Self> {
         let is_meant = self.is_many() && from.middleware == self.from.middleware;
         let to = is_meant.then(|| self.target(&from.name))??;
@@ -325,7 +315,6 @@ impl Route {
     }
 
     /// Route that the pattern makes into a destination; `None` also where the source cannot be told from it.
-    #[must_use]
     pub fn made_to(&self, to: &EndpointAddress) -> Option<Self> {
         let name = self.inverse()?.source(&to.name)?;
         let from = EndpointAddress { middleware: self.from.middleware.clone(), name };
@@ -353,7 +342,6 @@ impl Route {
     }
 
     /// Topic to open at `address`, one of the route's two ends.
-    #[must_use]
     pub fn topic_spec(&self, address: &EndpointAddress) -> TopicSpec {
         let (policy, types) = (&self.policy, self.types());
         let at_source = *address == self.from;
@@ -384,7 +372,6 @@ impl Route {
     }
 
     /// As [`Route::topic_spec`]; where the route says nothing, the middleware at `address` has its conventions.
-    #[must_use]
     pub fn topic_spec_by(
         &self,
         address: &EndpointAddress,
@@ -398,7 +385,6 @@ impl Route {
     }
 
     /// Service to open at `address`, one of the route's two ends.
-    #[must_use]
     pub fn service_spec(&self, address: &EndpointAddress) -> ServiceSpec {
         let kind = match self.kind {
             Kind::Topic(_) => ServiceKind::NativeObject,

@@ -27,7 +27,6 @@ pub struct RouteIndex<'p> {
 
 impl Plan {
     /// Indexes the routes. `resolve` gives an address the name that it has on its middleware.
-    #[must_use]
     #[doc(hidden)]
     pub fn index(&self, resolve: impl Fn(&EndpointAddress) -> EndpointAddress) -> RouteIndex<'_> {
         let mut taking: BTreeMap<EndpointAddress, Vec<usize>> = BTreeMap::new();
@@ -45,7 +44,6 @@ impl Plan {
 
 impl<'p> RouteIndex<'p> {
     /// Route with one name whose source is `address`, else one whose destination it is.
-    #[must_use]
     pub fn written_at(&self, address: &EndpointAddress) -> Option<&'p Route> {
         let written = || self.all.iter().filter(|it| !it.route.is_many());
         let taking = written().find(|it| it.from == *address);
@@ -53,7 +51,6 @@ impl<'p> RouteIndex<'p> {
     }
 
     /// Route that is written and has one of the ends of a route that a pattern would make: it goes first.
-    #[must_use]
     pub fn instead_of(&self, made: &Route) -> Option<&'p Route> {
         let mut written = self.all.iter().map(|it| it.route).filter(|one| !one.is_many());
         let one = written.find(|one| {

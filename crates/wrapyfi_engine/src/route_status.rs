@@ -30,7 +30,6 @@ pub enum RouteState {
 
 impl RouteState {
     /// Word for the state, for tables.
-    #[must_use]
     pub fn word(&self) -> &'static str {
         match self {
             Self::Waiting(_) => "waiting",
@@ -41,7 +40,6 @@ impl RouteState {
     }
 
     /// Reason of the state; `None` for [`RouteState::Active`].
-    #[must_use]
     pub fn reason(&self) -> Option<&str> {
         match self {
             Self::Active => None,

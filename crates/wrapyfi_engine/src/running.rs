@@ -89,7 +89,6 @@ impl Running {
     }
 
     /// Handle for another thread.
-    #[must_use]
     pub fn applier(&self) -> Applier {
         self.applier.clone()
     }

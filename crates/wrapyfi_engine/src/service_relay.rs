@@ -51,7 +51,6 @@ pub(crate) struct ServiceRelay {
 impl ServiceRelay {
     /// A route that has opened nothing yet. `seed` spreads its back-off; `counters` may be those of an earlier route
     /// with these ends.
-    #[must_use]
     pub(super) fn new(
         spec: Route,
         registry: &Registry,
@@ -84,13 +83,11 @@ impl ServiceRelay {
     }
 
     /// Bell that rings when the route has work.
-    #[must_use]
     pub(crate) fn wake(&self) -> &Wake {
         &self.front.wake
     }
 
     /// Status of the route: received are requests, sent are replies.
-    #[must_use]
     pub(crate) fn status(&self) -> RouteStatus {
         let (spec, state) = (&self.spec, self.state.clone());
         RouteStatus {

@@ -44,7 +44,6 @@ impl fmt::Display for UnheardRoutes {
 impl RouteIndex<'_> {
     /// Pairs of routes of which the second listens where the first publishes, and hears nothing of it.
     /// The way back, from B to A, is not among them, because it is not meant to hear.
-    #[must_use]
     pub fn unheard(&self) -> Vec<UnheardRoutes> {
         let has_messages =
             |it: &&Placed<'_>| matches!(it.route.kind, Kind::Topic(_)) && !has_parameters(it.route);

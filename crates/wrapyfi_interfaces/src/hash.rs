@@ -6,7 +6,6 @@ use hmac_sha256::Hash;
 use crate::description::{IndividualTypeDescription, TypeDescription};
 
 /// Hash of a type, for instance `RIHS01_df668c74…6b1a18`.
-#[must_use]
 pub fn type_hash(description: &TypeDescription) -> String {
     let mut hash = String::from("RIHS01_");
     for byte in Hash::hash(hashed_text(description).as_bytes()) {
@@ -19,7 +18,6 @@ pub fn type_hash(description: &TypeDescription) -> String {
 
 /// The text that is hashed: JSON as Python's `json.dumps` spaces it, in the order of the
 /// interface definition, without default values and constants.
-#[must_use]
 pub fn hashed_text(description: &TypeDescription) -> String {
     let referenced: Vec<_> =
         description.referenced_type_descriptions.iter().map(individual).collect();

@@ -22,7 +22,6 @@ pub trait Message: CdrValue + Clone + Debug + Default + PartialEq {
     const TYPE_HASH: &'static str;
 
     /// The serialised message with its encapsulation header. Large `uint8[]` fields are shared.
-    #[must_use]
     fn encode(&self) -> CdrParts {
         let mut writer = CdrWriter::new();
         self.write(&mut writer);
@@ -75,7 +74,6 @@ pub struct ServiceHashes {
 
 impl ServiceHashes {
     /// Hashes of a generated service.
-    #[must_use]
     pub const fn of<S: Service>() -> Self {
         Self {
             service: S::TYPE_HASH,

@@ -6,7 +6,6 @@
 /// assert_eq!(wrapyfi_interfaces::did_you_mean("imgae", &["image", "audio"]), "did you mean `image`? ");
 /// assert_eq!(wrapyfi_interfaces::did_you_mean("video", &["image", "audio"]), "");
 /// ```
-#[must_use]
 pub fn did_you_mean<S: AsRef<str>>(word: &str, known: &[S]) -> String {
     known
         .iter()

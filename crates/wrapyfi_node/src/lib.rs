@@ -93,7 +93,6 @@ impl NodeOptions {
     }
 
     /// True when the node takes its time from `/clock`.
-    #[must_use]
     pub fn use_sim_time(&self) -> bool {
         self.parameters.get("use_sim_time") == Some(&ParameterValue::Bool(true))
     }

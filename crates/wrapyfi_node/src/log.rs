@@ -49,7 +49,6 @@ impl LogLine {
     pub const MAX_TEXT_BYTES: usize = 64 * 1024;
 
     /// Converts the line to a message.
-    #[must_use]
     pub fn to_message(&self, stamp: Stamp) -> Log {
         Log {
             stamp: time(stamp),

@@ -33,19 +33,16 @@ named! {
 
 impl LogLevel {
     /// The level of this name, in any case.
-    #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|level| level.name().eq_ignore_ascii_case(name))
     }
 
     /// The level that messages write as this number.
-    #[must_use]
     pub fn from_number(number: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|level| u32::from(level.number()) == number)
     }
 
     /// Number in messages, for instance 30.
-    #[must_use]
     pub fn number(self) -> u8 {
         self as u8
     }

@@ -46,25 +46,21 @@ impl NodeName {
     }
 
     /// The name without its namespace.
-    #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
     /// The absolute namespace, `/` for the root.
-    #[must_use]
     pub fn namespace(&self) -> &str {
         &self.namespace
     }
 
     /// Fully qualified name, for instance `/ns/talker`.
-    #[must_use]
     pub fn fqn(&self) -> String {
         join(&self.namespace, &self.name)
     }
 
     /// Name of the node's logger: the fully qualified name with dots.
-    #[must_use]
     pub fn logger_name(&self) -> String {
         self.fqn().trim_start_matches('/').replace('/', ".")
     }

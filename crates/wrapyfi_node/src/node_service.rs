@@ -17,7 +17,6 @@ macro_rules! node_services {
 
         impl $services {
             /// ROS name of the service's type.
-            #[must_use]
             pub fn type_name(self) -> &'static str {
                 match self {
                     $(Self::$service => $type::ROS_TYPE,)*
@@ -25,7 +24,6 @@ macro_rules! node_services {
             }
 
             /// Type hashes of the service.
-            #[must_use]
             pub fn hashes(self) -> ServiceHashes {
                 match self {
                     $(Self::$service => ServiceHashes::of::<$type>(),)*

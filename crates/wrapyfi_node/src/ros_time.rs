@@ -65,7 +65,6 @@ impl RosTime {
     pub const TOPIC: &'static str = "/clock";
 
     /// Makes the time of a node from its parameter `use_sim_time`.
-    #[must_use]
     pub fn new(use_sim_time: bool) -> Self {
         Self { simulated: use_sim_time, ..Self::default() }
     }
@@ -76,7 +75,6 @@ impl RosTime {
     }
 
     /// True while the time is simulated.
-    #[must_use]
     pub fn is_simulated(&self) -> bool {
         self.simulated
     }
@@ -100,7 +98,6 @@ impl RosTime {
     }
 
     /// Time of the node, given the `system` time.
-    #[must_use]
     pub fn now(&self, system: Stamp) -> Stamp {
         if !self.simulated {
             return system;

@@ -103,7 +103,6 @@ impl TypeDescriptions {
     }
 
     /// Answers a request. A type that the node does not use is refused in the words of ROS 2.
-    #[must_use]
     pub fn answer(&self, request: &GetTypeDescription_Request) -> GetTypeDescription_Response {
         let refused = |reason: &str| GetTypeDescription_Response {
             failure_reason: reason.to_owned(),

@@ -19,7 +19,6 @@ pub struct Backoff {
 
 impl Backoff {
     /// Back-off whose jitter repeats with `seed`.
-    #[must_use]
     pub fn new(seed: u64) -> Self {
         Self { first: FIRST, longest: LONGEST, next: FIRST, random: seed | 1 }
     }

@@ -175,14 +175,12 @@ impl Node {
     }
 
     /// Number of changes of the graph so far.
-    #[must_use]
     pub fn graph_changes(&self) -> u64 {
         self.0.shared.joined.as_ref().map_or(0, |joined| joined.waiter.changes())
     }
 
     /// True when the identity is that of an endpoint of this node: it begins as those of the node's
     /// publishers, on DDS by the twelve bytes of the participant.
-    #[must_use]
     pub fn owns(&self, gid: &Gid) -> bool {
         self.0.own().gids().any(|one| one.first_chunk::<12>() == gid.first_chunk::<12>())
     }

@@ -136,7 +136,6 @@ impl Publisher {
 
     /// Number of subscriptions of other nodes that are matched now. The first one counts once it has been matched for
     /// [`MATCH_SETTLES`]; `on_event` is called then.
-    #[must_use]
     pub fn matched(&self) -> usize {
         let mut count = 0;
         // SAFETY: the publisher lives.
@@ -159,13 +158,11 @@ impl Publisher {
     }
 
     /// Numbers of events so far.
-    #[must_use]
     pub fn events(&self) -> EventCounts {
         self.events.as_ref().map(Events::counts).unwrap_or_default()
     }
 
     /// Identity.
-    #[must_use]
     pub fn gid(&self) -> Gid {
         self.gid
     }

@@ -259,7 +259,6 @@ impl Client {
     }
 
     /// True when a server would hear a request now.
-    #[must_use]
     pub fn has_server(&self) -> bool {
         let mut is_available = false;
         // SAFETY: node and client live.
@@ -270,7 +269,6 @@ impl Client {
     }
 
     /// Number of servers on the graph.
-    #[must_use]
     pub fn servers(&self) -> usize {
         count(&self.node, &self.name, sys::rmw_count_services)
     }
@@ -305,7 +303,6 @@ impl Server {
     }
 
     /// Number of clients on the graph.
-    #[must_use]
     pub fn clients(&self) -> usize {
         count(&self.node, &self.name, sys::rmw_count_clients)
     }

@@ -183,7 +183,6 @@ impl Subscription {
     }
 
     /// Number of publishers of other nodes that are matched now.
-    #[must_use]
     pub fn matched(&self) -> usize {
         let mut count = 0;
         // SAFETY: the subscription lives.
@@ -199,7 +198,6 @@ impl Subscription {
     }
 
     /// Numbers of events so far.
-    #[must_use]
     pub fn events(&self) -> EventCounts {
         self.events.as_ref().map(Events::counts).unwrap_or_default()
     }

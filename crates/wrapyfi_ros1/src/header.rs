@@ -63,7 +63,6 @@ impl HeaderError {
 
 impl Header {
     /// Header without fields.
-    #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
@@ -76,13 +75,11 @@ impl Header {
     }
 
     /// The value of a field.
-    #[must_use]
     pub fn get(&self, name: &str) -> Option<&str> {
         self.0.get(name).map(String::as_str)
     }
 
     /// True where the field is `1`, as nodes write what is on.
-    #[must_use]
     pub fn is_set(&self, name: &str) -> bool {
         self.get(name) == Some("1")
     }

@@ -167,7 +167,6 @@ pub enum Ros1Error {
 
 impl Ros1Error {
     /// True when no later try can succeed, because the settings are wrong.
-    #[must_use]
     pub fn is_hopeless(&self) -> bool {
         matches!(self, Self::Config(error) if !matches!(error, Ros1ConfigError::Host { .. }))
     }
@@ -223,13 +222,11 @@ impl Ros1 {
     }
 
     /// Absolute name of the node.
-    #[must_use]
     pub fn node_name(&self) -> &str {
         self.node.name.full()
     }
 
     /// Address of the node's XML-RPC server, as the master tells others.
-    #[must_use]
     pub fn api_uri(&self) -> String {
         self.node.api.to_string()
     }

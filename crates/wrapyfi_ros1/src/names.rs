@@ -113,7 +113,6 @@ impl NodeName {
     }
 
     /// The node's absolute name.
-    #[must_use]
     pub fn full(&self) -> &str {
         &self.full
     }

@@ -242,10 +242,7 @@ impl Node {
             return;
         }
         publication.close();
-        let Some(all) = state.topics.get_mut(topic) else { return };
-        all.retain(|one| !Arc::ptr_eq(one, publication));
-        if all.is_empty() {
-            state.topics.remove(topic);
+        if leave(&mut state.topics, topic, publication) {
             self.unwant(&mut state, Kind::Publisher, topic);
         }
     }
@@ -300,10 +297,7 @@ impl Node {
 
     pub(super) fn unwatch(&self, key: &str, watched: &Arc<Watched>) {
         let mut state = self.state();
-        let Some(all) = state.parameters.get_mut(key) else { return };
-        all.retain(|one| !Arc::ptr_eq(one, watched));
-        if all.is_empty() {
-            state.parameters.remove(key);
+        if leave(&mut state.parameters, key, watched) {
             self.unwant(&mut state, Kind::Parameter, key);
         }
     }
@@ -332,6 +326,13 @@ impl Drop for Mark {
         self.0.state().registrations.unwant(&self.1);
         self.0.work.notify_one();
     }
+}
+
+/// Takes one out of those of a name; true where it was the last.
+fn leave<T>(all: &mut BTreeMap<String, Vec<Arc<T>>>, name: &str, one: &Arc<T>) -> bool {
+    let Some(of_name) = all.get_mut(name) else { return false };
+    of_name.retain(|other| !Arc::ptr_eq(other, one));
+    of_name.is_empty() && all.remove(name).is_some()
 }
 
 fn with_orphans(listed: &[NodeUri], orphans: Option<&BTreeSet<NodeUri>>) -> Vec<NodeUri> {

@@ -3,7 +3,6 @@
 use super::marks::Marked;
 
 /// A bridge's mark among the parameters of the master, read and written again; `None` where the text is none.
-#[must_use]
 pub fn marked(text: &str) -> Option<String> {
     Marked::parse(text).map(|marked| marked.to_string())
 }

@@ -72,8 +72,8 @@ impl Publication {
     pub(super) fn add(&self, id: u64, entry: Entry) {
         let mut state = self.state.lock();
         for subscriber in &state.subscribers {
-            if !entry.admits(subscriber.peer(), &subscriber.host()) {
-                let (topic, peer) = (&self.topic, subscriber.peer());
+            if !entry.admits(&subscriber.peer, &subscriber.host()) {
+                let (topic, peer) = (&self.topic, &subscriber.peer);
                 let refused = Peers::refused(Peers::TO, topic, peer, &subscriber.host());
                 entry.counters.refused_peer(refused);
                 tracing::warn!(topic, peer, "ROS 1: a subscriber is not among to_peers any more");
@@ -176,7 +176,7 @@ impl Publication {
     /// True where a subscriber is wanted that has no connection.
     pub(super) fn lacks(&self, subscriber: &str) -> bool {
         let state = self.state.lock();
-        let has_it = state.subscribers.iter().any(|one| one.peer() == subscriber);
+        let has_it = state.subscribers.iter().any(|one| one.peer == subscriber);
         !state.closed && !state.publishers.is_empty() && !has_it
     }
 

@@ -88,7 +88,7 @@ pub(super) struct BusLink {
 
 pub(super) struct Subscriber {
     id: u64,
-    peer: String,
+    pub(super) peer: String,
     /// Name under which it connected; empty where it gave none.
     caller_id: String,
     address: SocketAddr,
@@ -133,11 +133,6 @@ impl Subscriber {
             queue: Mutex::default(),
             work: Notify::new(),
         }
-    }
-
-    /// Name of the node at the other end.
-    pub(super) fn peer(&self) -> &str {
-        &self.peer
     }
 
     /// True for another connection of the same subscriber.

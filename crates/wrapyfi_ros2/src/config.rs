@@ -74,7 +74,6 @@ pub struct CycloneConfig {
 
 impl CycloneConfig {
     /// A node called `node`, on the domain and with the discovery that the environment says.
-    #[must_use]
     #[doc(hidden)]
     pub fn from_environment(node: NodeName, environment: &Environment) -> Self {
         Self {
@@ -89,7 +88,6 @@ impl CycloneConfig {
     }
 
     /// A node that talks to this host only, over `lo`: for tests and demonstrations.
-    #[must_use]
     pub fn loopback(node: NodeName, domain_id: u32) -> Self {
         Self {
             node,

@@ -92,7 +92,6 @@ impl CycloneGraph {
     }
 
     /// GUID of the participant, as `ros_discovery_info` carries it.
-    #[must_use]
     pub fn gid(&self) -> [u8; 16] {
         self.0.gid
     }

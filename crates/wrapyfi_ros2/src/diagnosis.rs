@@ -309,7 +309,6 @@ fn shortened(hash: &str) -> String {
 
 /// Remedy at the other end that makes it match an endpoint with `own`, in words: an endpoint that
 /// awaits publishers, or else subscribers.
-#[must_use]
 pub fn remedy(policy: QosPolicy, awaits_publisher: bool, own: &Qos) -> String {
     let time = |time: Option<Duration>| time.map_or("none".to_owned(), |time| format!("{time:?}"));
     match (policy, awaits_publisher) {

@@ -260,10 +260,8 @@ impl Listener for Ros2Listener {
         let (matched, incompatible) = {
             let state = self.receive_path.lock();
             let old = state.old.as_ref().map_or(0, |(old, _)| old.matched());
-            match &state.reader {
-                Some(reader) => (reader.matched().max(old), reader.incompatible()),
-                None => (0, None),
-            }
+            let reader = state.reader.as_ref();
+            reader.map_or((0, None), |it| (it.matched().max(old), it.incompatible()))
         };
         self.follower.diagnosis.link(matched, incompatible, &self.topic.qos, false)
     }

@@ -113,7 +113,6 @@ impl NodeEndpoints {
     }
 
     /// The node as the rest of the program uses it.
-    #[must_use]
     pub fn handle(&self) -> &NodeHandle {
         &self.handle
     }

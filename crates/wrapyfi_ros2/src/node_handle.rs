@@ -130,13 +130,11 @@ impl NodeHandle {
     }
 
     /// The time of the node: of `/clock` while `use_sim_time` is true, else of the system.
-    #[must_use]
     pub fn now(&self) -> Stamp {
         self.0.now()
     }
 
     /// The same as a clock for routes.
-    #[must_use]
     pub fn clock(&self) -> NodeClock {
         let shared = Arc::clone(&self.0);
         NodeClock::default().with_ros_time(move || {
@@ -146,14 +144,12 @@ impl NodeHandle {
     }
 
     /// Log lines that were dropped because too many waited, so far.
-    #[must_use]
     pub fn lost_lines(&self) -> u64 {
         self.0.lost_lines.load(Relaxed)
     }
 
     /// Requests to the node that were refused unanswered: malformed, too large, or of another
     /// vendor's clients. A DDS stack that fails counts once until it says something else.
-    #[must_use]
     pub fn refused_requests(&self) -> u64 {
         self.0.refused_requests.load(Relaxed)
     }

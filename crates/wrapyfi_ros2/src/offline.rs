@@ -20,7 +20,6 @@ pub struct Announced {
 }
 
 /// Reads USER_DATA.
-#[must_use]
 pub fn user_data(bytes: &[u8]) -> Announced {
     let id = match EndKey::new(&[0; 16], bytes) {
         EndKey::Id(id) => Some(id),
@@ -30,14 +29,12 @@ pub fn user_data(bytes: &[u8]) -> Announced {
 }
 
 /// USER_DATA of an endpoint of ours with this type hash and mark.
-#[must_use]
 pub fn write_user_data(type_hash: Option<&str>, mark: Option<&BridgeMark>) -> String {
     dds_terms::marked(dds_terms::hash_data(type_hash), mark)
 }
 
 /// Names of the nodes in an announcement of at most `max_bytes`, and the announcement as nodes of today write it;
 /// `None` where it is refused.
-#[must_use]
 pub fn announcement(cdr: &Bytes, max_bytes: usize) -> Option<(Vec<String>, Bytes)> {
     let Announcement { info, .. } = announcement::read(cdr, max_bytes).ok()?;
     let names = info.node_entities_info_seq.iter().map(owners::full_name).collect();

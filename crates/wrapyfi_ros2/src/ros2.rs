@@ -44,7 +44,6 @@ impl Ros2 {
     /// Topics of the node behind `graph`. `remap` is given every topic as an absolute name and
     /// returns the one to use: the node's remapping rules, or the name as it is. Its error is
     /// shown as the reason why the name is invalid.
-    #[must_use]
     #[doc(hidden)]
     pub fn new(
         graph: Arc<dyn Graph>,
@@ -54,7 +53,6 @@ impl Ros2 {
     }
 
     /// The middleware of a node that has joined its graph: [`Ros2::new`] that can tell what carries it.
-    #[must_use]
     #[doc(hidden)]
     pub fn joined(
         joined: Joined,
@@ -64,13 +62,11 @@ impl Ros2 {
     }
 
     /// Name of what carries the graph, and why it was chosen; `None` where nothing was chosen.
-    #[must_use]
     pub fn carried_by(&self) -> Option<&str> {
         self.carried_by.as_deref()
     }
 
     /// The graph underneath.
-    #[must_use]
     #[doc(hidden)]
     pub fn graph(&self) -> &Arc<dyn Graph> {
         &self.graph

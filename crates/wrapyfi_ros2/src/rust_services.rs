@@ -99,13 +99,11 @@ impl RustServices {
     }
 
     /// GUID of the participant, while there is a service.
-    #[must_use]
     pub fn gid(&self) -> Option<[u8; 16]> {
         self.existing().map(|participant| participant.gid())
     }
 
     /// Readers and writers that exist now, for the announcement of the node under its own name.
-    #[must_use]
     pub fn endpoints(&self) -> ServiceEndpoints {
         self.0.changes.endpoints()
     }

@@ -84,7 +84,6 @@ impl Services {
 pub(super) struct Services(ServiceMapping);
 
 #[cfg(not(feature = "fastdds-services"))]
-#[allow(clippy::unused_self)]
 impl Services {
     pub(super) fn new(config: &CycloneConfig) -> Self {
         Self(config.services)

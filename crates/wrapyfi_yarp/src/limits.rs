@@ -24,7 +24,6 @@ impl Limits {
     pub const DEPTH_CEILING: usize = 256;
 
     /// The depth that holds.
-    #[must_use]
     pub(crate) fn depth(&self) -> usize {
         self.max_depth.min(Self::DEPTH_CEILING)
     }

@@ -385,7 +385,7 @@ async fn make(shared: Arc<Shared>, state: Arc<ClientState>, number: i64, outgoin
     if let Some(outcome) = outcome {
         state.outcomes.lock().push_back((number, outcome, state.clock.now()));
     }
-    state.link_state.wake().ring();
+    state.link_state.wake.ring();
 }
 
 impl ClientWire for YarpClient {

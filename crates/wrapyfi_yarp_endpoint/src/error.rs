@@ -34,7 +34,6 @@ pub enum YarpError {
 
 impl YarpError {
     /// True when no later try can succeed, because the settings are wrong.
-    #[must_use]
     pub fn is_hopeless(&self) -> bool {
         match self {
             Self::NameServer(error) => !error.is_missing(),

@@ -219,20 +219,17 @@ impl Yarp {
 
     /// The port for the log of this program, opened where `YARP_FORWARD_LOG_ENABLE` is set to 1 and ports may
     /// be opened that others connect to.
-    #[must_use]
     #[doc(hidden)]
     pub fn log_port(&self) -> Option<LogPort> {
         self.may_listen().ok().and_then(|()| LogPort::open(&self.shared))
     }
 
     /// Host and port of the name server.
-    #[must_use]
     pub fn name_server(&self) -> &str {
         &self.address
     }
 
     /// Address of the name server that runs in this process; `None` where none does.
-    #[must_use]
     pub fn embedded(&self) -> Option<SocketAddr> {
         self.server.as_ref().map(NameServer::address)
     }

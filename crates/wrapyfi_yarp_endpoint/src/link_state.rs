@@ -6,7 +6,7 @@ use wrapyfi_endpoint::{Link, Mutex, Wake};
 #[derive(Debug)]
 pub(super) struct LinkState {
     state: Mutex<Link>,
-    wake: Wake,
+    pub(super) wake: Wake,
 }
 
 impl LinkState {
@@ -37,9 +37,5 @@ impl LinkState {
 
     pub(super) fn link(&self) -> Link {
         self.state.lock().clone()
-    }
-
-    pub(super) fn wake(&self) -> &Wake {
-        &self.wake
     }
 }

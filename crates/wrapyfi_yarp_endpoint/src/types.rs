@@ -47,7 +47,6 @@ impl Convention {
     }
 
     /// Conventions of the iCub and of YARP's own devices.
-    #[must_use]
     pub fn usual() -> Vec<Self> {
         let usual = [
             ("(.*/)?state(Ext)?:o", "sensor_msgs/msg/JointState"),

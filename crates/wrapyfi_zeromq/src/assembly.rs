@@ -31,7 +31,7 @@ pub(super) struct TooLarge {
 /// The message that is being received.
 pub(super) struct Assembly {
     /// Bytes of one message, all frames.
-    limit: usize,
+    pub(super) limit: usize,
     frames: Vec<Bytes>,
     /// Frame that lacks bytes.
     open: Option<Open>,
@@ -65,11 +65,6 @@ impl Assembly {
     /// True where the next bytes belong to a frame that has begun.
     pub(super) fn is_open(&self) -> bool {
         self.open.is_some()
-    }
-
-    /// Bytes of one message, all frames.
-    pub(super) fn limit(&self) -> usize {
-        self.limit
     }
 
     /// Begins a frame of which `body` has come, or more than all of it; the message where that was its last, and the

@@ -72,13 +72,11 @@ where
     }
 
     /// Address it is bound to.
-    #[must_use]
     pub fn ip(&self) -> IpAddr {
         self.ip
     }
 
     /// Counters; of topics, subscriptions at most half a second old.
-    #[must_use]
     pub fn status(&self) -> S {
         self.status.lock().clone()
     }
@@ -102,13 +100,11 @@ where
 
 impl Broker {
     /// Port to which listeners connect.
-    #[must_use]
     pub fn pub_port(&self) -> u16 {
         self.ports[0]
     }
 
     /// Port to which publishers connect.
-    #[must_use]
     pub fn sub_port(&self) -> u16 {
         self.ports[1]
     }
@@ -116,13 +112,11 @@ impl Broker {
 
 impl ServiceBroker {
     /// Port to which clients connect.
-    #[must_use]
     pub fn rep_port(&self) -> u16 {
         self.ports[0]
     }
 
     /// Port to which servers connect.
-    #[must_use]
     pub fn req_port(&self) -> u16 {
         self.ports[1]
     }

@@ -51,7 +51,6 @@ impl CurveConfig {
     }
 
     /// True where the broker has another key than this process, which then cannot be the broker.
-    #[must_use]
     pub fn is_elsewhere(&self) -> bool {
         let keys = || Keys::load(self, false, None);
         self.server_key.is_some() && keys().is_ok_and(|keys| keys.is_of_another())
@@ -92,7 +91,6 @@ pub struct CurveClient {
 
 impl CurveClient {
     /// A client that may use all topics and the service.
-    #[must_use]
     pub fn of_all(key: &str) -> Self {
         let all = vec![".*".to_owned()];
         Self { key: key.to_owned(), publish: all.clone(), subscribe: all, call: true, serve: true }
@@ -209,7 +207,6 @@ pub enum CurveError {
 
 impl CurveError {
     /// Variable that has the fault, where no file has it.
-    #[must_use]
     pub fn variable(&self) -> &'static str {
         match self {
             Self::Unreadable { .. } | Self::OpenToOthers { .. } => SECRET_KEY_FILE,

@@ -99,7 +99,6 @@ pub enum ZeroMqError {
 
 impl ZeroMqError {
     /// True when no later try can succeed, because the settings are wrong.
-    #[must_use]
     pub fn is_hopeless(&self) -> bool {
         matches!(
             self,

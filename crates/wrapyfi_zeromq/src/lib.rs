@@ -171,19 +171,16 @@ impl ZeroMq {
     }
 
     /// Port to which listeners connect.
-    #[must_use]
     pub fn pub_port(&self) -> u16 {
         self.config.pub_port
     }
 
     /// Port to which publishers connect.
-    #[must_use]
     pub fn sub_port(&self) -> u16 {
         self.config.sub_port
     }
 
     /// State of the broker, where it is this process that runs it now.
-    #[must_use]
     #[doc(hidden)]
     pub fn broker_status(&self) -> Option<BrokerStatus> {
         self.supervisor.own(Broker::status)
@@ -212,7 +209,6 @@ impl ZeroMq {
     }
 
     /// State of the broker of requests and replies, where it is this process that runs it now.
-    #[must_use]
     #[doc(hidden)]
     pub fn service_broker_status(&self) -> Option<ServiceBrokerStatus> {
         let services = self.services.lock();

@@ -119,6 +119,6 @@ impl Secured {
 
     /// Assembly for frames with what CURVE adds to them.
     pub(super) fn around(plain: &Assembly) -> Assembly {
-        Assembly::new(plain.limit().saturating_add(OVERHEAD))
+        Assembly::new(plain.limit.saturating_add(OVERHEAD))
     }
 }

@@ -16,7 +16,6 @@ use super::traffic::TopicTraffic;
 use super::zmtp::{self, Kind};
 
 /// Answer of a port whose program says `bytes` and closes.
-#[must_use]
 pub fn port_answer(bytes: &[u8]) -> Answer {
     port_check::ask(
         &mut Pieces { rest: bytes, piece: bytes.len().max(1), pauses: false, paused: false },
@@ -78,7 +77,6 @@ pub fn converse(kind: usize, limit: usize, bytes: &[u8], piece: usize) -> Conver
 }
 
 /// Counts as the broker tells them after these subscriptions (`true`) and their ends.
-#[must_use]
 pub fn told<'t>(own: &str, words: impl IntoIterator<Item = (bool, &'t [u8])>) -> Option<String> {
     let now = Instant::now();
     let mut monitor = Monitor::new(Some(own));

@@ -142,7 +142,7 @@ fn mix(mut hash: u64, bytes: &[u8]) -> u64 {
     const FACTOR: u64 = 0x9e37_79b9_7f4a_7c15;
     let fold = |hash: u64, word: u64| {
         let product = u128::from(hash ^ word ^ FACTOR) * u128::from(FACTOR);
-        #[allow(clippy::cast_possible_truncation)] // both halves are used
+        // Both halves are used.
         let folded = (product as u64) ^ ((product >> 64) as u64);
         folded.rotate_left(23)
     };

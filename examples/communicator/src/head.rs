@@ -103,7 +103,6 @@ impl Choice {
 }
 
 /// Sums of a frame's brightness are far below 2^53.
-#[allow(clippy::cast_precision_loss)]
 fn exact(sum: u64) -> f64 {
     sum as f64
 }

@@ -24,19 +24,16 @@ pub fn check_topic(address: &EndpointAddress) -> Result<(), Failure> {
 }
 
 /// Names of all that there are.
-#[must_use]
 pub fn names() -> Vec<&'static str> {
     available().map(|known| known.name).into()
 }
 
 /// True for an address in ROS, whose programs tell the types of what they offer.
-#[must_use]
 pub fn is_ros(address: &EndpointAddress) -> bool {
     ["ros2", ros1::AVAILABLE.name].contains(&address.middleware.as_str())
 }
 
 /// The middlewares of `registry`, each with what it waits for, or the reason that it has ended.
-#[must_use]
 pub(crate) fn waits(registry: &Registry) -> BTreeMap<&'static str, Option<String>> {
     let all = names().into_iter().filter_map(|name| {
         let middleware = registry.get(name).ok()?;
@@ -52,7 +49,6 @@ pub(crate) fn unknown(name: &str) -> Failure {
 }
 
 /// Names of the settings of one endpoint that only this middleware has.
-#[must_use]
 pub fn option_names(middleware: &str) -> &'static [&'static str] {
     available().iter().find(|known| known.name == middleware).map_or(&[], |known| known.options)
 }

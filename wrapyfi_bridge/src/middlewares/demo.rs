@@ -90,7 +90,6 @@ impl DemoMiddlewares {
     }
 
     /// Domain of the demo, what carries it and why.
-    #[must_use]
     pub fn graph(&self) -> String {
         let carrier = self.viewer.carried_by().map(|carrier| format!(" on {carrier}"));
         format!("domain {}{}", self.domain_id, carrier.unwrap_or_default())

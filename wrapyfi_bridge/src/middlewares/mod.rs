@@ -176,7 +176,6 @@ impl Middlewares {
     }
 
     /// The middlewares by name.
-    #[must_use]
     pub fn registry(&self) -> &Registry {
         &self.registry
     }
@@ -281,7 +280,6 @@ pub struct OfferedNode(NodeEndpoints);
 
 impl OfferedNode {
     /// The node as the rest of the program uses it.
-    #[must_use]
     pub fn handle(&self) -> &NodeHandle {
         self.0.handle()
     }

@@ -105,7 +105,6 @@ impl Settings {
 
     /// Settings of `new` that a bridge with these settings cannot change to, each with its key: the
     /// node on ROS 2, with its parameters, its log and its clock, is the program's own.
-    #[must_use]
     pub fn refusals(&self, new: &Self) -> Vec<String> {
         match (&self.node, &new.node) {
             (None, Some(_)) => vec!["no route was on ros2 at the start".to_owned()],
@@ -121,7 +120,6 @@ impl Settings {
     }
 
     /// Middlewares that start or end where a bridge turns from these settings to `new`, in words.
-    #[must_use]
     pub fn changes(&self, new: &Self) -> Vec<String> {
         let begins = new.each.iter().filter_map(|(name, settings)| match self.each.get(name) {
             None => Some(format!("{name} starts")),

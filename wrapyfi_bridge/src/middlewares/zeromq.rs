@@ -50,7 +50,6 @@ pub struct ZeroMqSection {
 /// `endpoints.zeromq.curve`: a [`CurveConfig`] in which each client has its line.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-#[allow(missing_docs)] // as above
 pub struct CurveSection {
     pub secret_key_file: Option<PathBuf>,
     pub server_key: Option<String>,
@@ -84,7 +83,6 @@ pub struct ServicePorts {
 
 impl ServicePorts {
     /// True where one was given.
-    #[must_use]
     pub fn any(&self) -> bool {
         self.rep_port.is_some() || self.req_port.is_some()
     }

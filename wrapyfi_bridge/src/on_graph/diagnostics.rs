@@ -29,7 +29,6 @@ pub struct Diagnostics {
 
 impl Diagnostics {
     /// Diagnostics of the bridge whose node has this full name.
-    #[must_use]
     pub fn new(node: String) -> Self {
         Self { node, last: BTreeMap::new() }
     }

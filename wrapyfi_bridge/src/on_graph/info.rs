@@ -10,7 +10,6 @@ use crate::node::Node;
 use crate::why::Verdict;
 
 /// State and counters of a route of the bridge with this `node` as a message.
-#[must_use]
 pub fn of(status: &RouteStatus, node: &Node) -> RouteInfo {
     let CountersSnapshot { received, sent, sent_bytes, drops, latency, refused, .. } =
         &status.counters;
@@ -62,7 +61,6 @@ pub(crate) fn is_destination(running: &RouteInfo, address: &str) -> bool {
 }
 
 /// A verdict as the reply of `~/explain`, with the routes that it is about.
-#[must_use]
 pub fn explained(verdict: &Verdict, routes: Vec<RouteInfo>) -> Explain_Response {
     let mut reply = Explain_Response {
         known: true,

@@ -27,7 +27,7 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, Sender, SyncSender, TrySendError, channel, sync_channel};
 use std::time::{Duration, Instant};
 
-use anyhow::Context as _;
+use anyhow::{Context as _, bail};
 use wrapyfi_data::types::{MessageType, Payload, RosMessage, RosType, ServiceKind, Value};
 use wrapyfi_endpoint::{
     BridgeMark, Context, Durability, History, IncomingRequest, Publisher, Qos, Registry, RequestId,
@@ -342,14 +342,11 @@ pub(crate) struct Advertise<'n> {
 impl Advertise<'_> {
     /// Opens a publisher of messages `M`.
     fn open<M: Message>(&self, name: &'static str, qos: Qos) -> Option<Topic> {
-        let opened = || -> Result<_, String> {
-            let ros_type = client::ros_type::<M>()?;
-            let topic = self.node.resolve_topic(name).map_err(|error| error.to_string())?;
-            let spec = TopicSpec::new(topic, MessageType::Ros(ros_type));
+        let opened = || -> anyhow::Result<_> {
+            let ros_type = client::ros_type::<M>().map_err(anyhow::Error::msg)?;
+            let spec = TopicSpec::new(self.node.resolve_topic(name)?, MessageType::Ros(ros_type));
             let spec = TopicSpec { mark: mark(self.number), qos, ..spec };
-            let ros2 = self.registry.get("ros2").map_err(|error| error.to_string())?;
-            let publisher = ros2.open_publisher(&spec, self.context);
-            let publisher = publisher.map_err(|error| error.to_string())?;
+            let publisher = self.registry.get("ros2")?.open_publisher(&spec, self.context)?;
             Ok(Topic { name, publisher, ros_type })
         };
         opened().inspect_err(|why| tracing::warn!("{name} is not published: {why}")).ok()
@@ -357,19 +354,16 @@ impl Advertise<'_> {
 
     /// Offers a service, whose replies are of type `R`.
     pub(crate) fn offer<R: Message>(&self, service: &str) -> Option<Offered> {
-        let opened = || -> Result<_, String> {
+        let opened = || -> anyhow::Result<_> {
             let type_name = R::ROS_TYPE.trim_end_matches("_Response");
             let kind = ServiceKind::resolve(type_name, &mut TypeStore::generated());
-            let ServiceKind::Ros(known) = kind.map_err(|error| error.to_string())? else {
-                return Err(format!("{type_name} is not what it was"));
+            let ServiceKind::Ros(known) = kind? else {
+                bail!("{type_name} is not what it was");
             };
-            let name = self.node.resolve_service(&format!("~/{service}"));
-            let name = name.map_err(|error| error.to_string())?;
-            let ros2 = self.registry.get("ros2").map_err(|error| error.to_string())?;
+            let name = self.node.resolve_service(&format!("~/{service}"))?;
             let spec = ServiceSpec::new(name, ServiceKind::Ros(known));
             let spec = ServiceSpec { mark: mark(self.number), ..spec };
-            let server = ros2.open_server(&spec, self.context);
-            let server = server.map_err(|error| error.to_string())?;
+            let server = self.registry.get("ros2")?.open_server(&spec, self.context)?;
             Ok(Offered { server, response: known.response(), refusals: Throttle::default() })
         };
         opened().inspect_err(|why| tracing::warn!("~/{service} is not offered: {why}")).ok()

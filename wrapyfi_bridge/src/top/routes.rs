@@ -57,7 +57,6 @@ pub struct Row {
 
 impl Row {
     /// Cells of the table, in the order of [`COLUMNS`].
-    #[must_use]
     pub fn cells(&self) -> [String; COLUMNS.len()] {
         let ms = |us: u64| format!("{:.2}", us as f64 / 1e3);
         [
@@ -73,14 +72,12 @@ impl Row {
     }
 
     /// Reasons for which messages were dropped, with their numbers.
-    #[must_use]
     pub fn drops(&self) -> String {
         let pairs = self.info.drop_reasons.iter().zip(&self.info.drop_counts);
         pairs.map(|(reason, count)| format!("{reason} {count}")).collect::<Vec<_>>().join(", ")
     }
 
     /// Programs that were refused, the last first, and the lines that would let them in.
-    #[must_use]
     pub fn refused(&self) -> String {
         let RouteInfo { refused, allow, .. } = &self.info;
         if refused.is_empty() { String::new() } else { format!("{refused}; to let it in: {allow}") }
@@ -116,7 +113,6 @@ pub struct Routes {
 
 impl Routes {
     /// No routes yet.
-    #[must_use]
     pub fn new(sort: Sort, filter: String) -> Self {
         Self { sort, filter, ..Self::default() }
     }
@@ -138,7 +134,6 @@ impl Routes {
     }
 
     /// Routes that pass the filter, sorted.
-    #[must_use]
     pub fn shown(&self) -> Vec<&Row> {
         let wanted = self.filter.to_lowercase();
         let has = |text: &String| text.to_lowercase().contains(&wanted);
@@ -162,7 +157,6 @@ impl Routes {
     }
 
     /// Number of routes in each state, of all whatever the filter.
-    #[must_use]
     pub fn summary(&self) -> String {
         let mut states: BTreeMap<&str, usize> = BTreeMap::new();
         for row in self.rows.values() {
@@ -177,7 +171,6 @@ impl Routes {
     }
 
     /// The shown routes as a table of text, reasons, drops and refusals below their routes.
-    #[must_use]
     pub fn table(&self) -> String {
         let rows = self.shown();
         if self.rows.is_empty() {

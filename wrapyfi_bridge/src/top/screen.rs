@@ -35,7 +35,6 @@ pub struct Screen {
 
 impl Screen {
     /// Screen of the bridge whose node has this name.
-    #[must_use]
     pub fn new(node: String, routes: Routes) -> Self {
         Self { node, routes, fault: None, selected: 0, shows_detail: false, types_filter: false }
     }

@@ -59,7 +59,6 @@ impl Knock {
     }
 
     /// True once a ZeroMQ socket has greeted, which it does as soon as it has time for us.
-    #[must_use]
     pub fn has_greeted(&self) -> bool {
         let (first, last, length) = SIGNATURE;
         let mut begun = [0; SIGNATURE.2];
@@ -68,7 +67,6 @@ impl Knock {
     }
 
     /// Server in words, with its address.
-    #[must_use]
     pub fn words(&self) -> String {
         let Door { server, host, port, .. } = &self.door;
         format!("{server} {host}:{port}")
@@ -76,7 +74,6 @@ impl Knock {
 }
 
 /// Connects to a host, and closes at once.
-#[must_use]
 pub fn connect(host: &str, port: u16, hosts: &Hosts) -> Answer {
     connected(host, port, hosts).0
 }

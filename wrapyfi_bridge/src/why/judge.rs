@@ -32,7 +32,6 @@ struct Walk<'w> {
 }
 
 /// Walks along the way.
-#[must_use]
 pub fn judge(way: &Way) -> Verdict {
     let mut walk = Walk { way, passed: way.known.clone() };
     let finding = inactive(way).or_else(|| walk.walk().err()).map(|finding| resting(finding, way));

@@ -113,7 +113,6 @@ pub struct Sight<'s> {
 
 impl<'s> Sight<'s> {
     /// A command's.
-    #[must_use]
     pub fn of_command(endpoints: &'s Endpoints) -> Self {
         static NEVER: AtomicBool = AtomicBool::new(false);
         Self { endpoints, bridge: None, ros2: None, is_answered: &NEVER }

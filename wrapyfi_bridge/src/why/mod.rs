@@ -190,7 +190,6 @@ pub struct End {
 
 impl End {
     /// An end of which nothing is known yet.
-    #[must_use]
     pub fn new(address: EndpointAddress) -> Self {
         Self { address, ..Self::default() }
     }

@@ -27,7 +27,6 @@ named! {
 
 /// Difference between `one` and `other`, where they are perhaps meant to be the same; `None` where
 /// they are the same, or have nothing in common.
-#[must_use]
 pub fn kinship(one: &str, other: &str) -> Option<Kinship> {
     if one == other {
         return None;

@@ -75,14 +75,12 @@ pub(super) enum Found {
 
 impl CommunicatorContext {
     /// The context of the process: every middleware of this crate, defaults from `WRAPYFI_*`.
-    #[must_use]
     pub fn global() -> Self {
         static GLOBAL: OnceLock<CommunicatorContext> = OnceLock::new();
         GLOBAL.get_or_init(|| Self::builder().build()).clone()
     }
 
     /// Begins a context of its own.
-    #[must_use]
     pub fn builder() -> ContextBuilder {
         ContextBuilder {
             sources: builtin::sources(),
@@ -112,13 +110,11 @@ impl CommunicatorContext {
     }
 
     /// Names of the middlewares that are here.
-    #[must_use]
     pub fn middlewares(&self) -> Vec<String> {
         self.0.sources.keys().cloned().collect()
     }
 
     /// Name of the middleware of values that name none.
-    #[must_use]
     pub fn default_middleware(&self) -> &str {
         &self.0.default_middleware
     }

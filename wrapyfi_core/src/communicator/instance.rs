@@ -70,13 +70,11 @@ impl<M: Method> Instance<M> {
     }
 
     /// The mode of a method.
-    #[must_use]
     pub fn mode(&self, method: M) -> Mode {
         self.shared.slot(method.index()).map(|slot| slot.mode).unwrap_or_default()
     }
 
     /// A handle for other threads.
-    #[must_use]
     pub fn control(&self) -> Control<M> {
         self.control.clone()
     }
@@ -191,7 +189,6 @@ impl<M: Method> Control<M> {
     }
 
     /// Status of the endpoints of each value of a method.
-    #[must_use]
     pub fn status(&self, method: M) -> Vec<ValueStatus> {
         self.shared.status(method.index())
     }
@@ -346,7 +343,6 @@ impl fmt::Debug for RunningCall {
 
 impl RunningCall {
     /// Mode of the call, which an `activate` meanwhile does not change.
-    #[must_use]
     pub fn mode(&self) -> Mode {
         self.mode
     }

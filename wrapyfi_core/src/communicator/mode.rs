@@ -55,25 +55,21 @@ named! {
 
 impl Mode {
     /// True when the mode publishes values.
-    #[must_use]
     pub fn sends(self) -> bool {
         matches!(self, Self::Publish | Self::Transceive | Self::Reemit)
     }
 
     /// True when the mode listens for values.
-    #[must_use]
     pub fn listens(self) -> bool {
         self.listens_first() || self == Self::Transceive
     }
 
     /// True when the mode listens before the body runs, or instead of it.
-    #[must_use]
     pub fn listens_first(self) -> bool {
         self == Self::Listen || self.feeds_body()
     }
 
     /// True when the mode gives received values to the body.
-    #[must_use]
     pub fn feeds_body(self) -> bool {
         matches!(self, Self::Receive | Self::Reemit)
     }

@@ -131,7 +131,6 @@ impl Options {
     }
 
     /// Value of an option; `None` where it is not written or `None`.
-    #[must_use]
     pub fn get(&self, name: &str) -> Option<&OptionValue> {
         self.0.get(name).filter(|value| **value != OptionValue::Nothing)
     }

@@ -223,7 +223,6 @@ impl Drop for ReceivedRequest<'_> {
 
 impl Session {
     /// True when the method has a server; without one the body runs with its own arguments.
-    #[must_use]
     pub fn serves(&self) -> bool {
         self.servers().next().is_some()
     }

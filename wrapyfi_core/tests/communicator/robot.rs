@@ -72,7 +72,6 @@ impl Robot {
 
     #[register(NativeObject, "memory", "/add", timeout_ms = 30000)]
     pub(super) fn add(&self, a: i64, b: &Option<i64>, name: &str, rest: &[f64]) -> (i64, String) {
-        #[allow(clippy::cast_possible_truncation)]
         (a + b.unwrap_or(100) + rest.iter().sum::<f64>() as i64, name.to_owned())
     }
 

@@ -60,7 +60,6 @@ pub fn properties_to_set(payload: &Payload, limit: usize) -> EncodeResult<(&Prop
 }
 
 /// True when [`convert_payload`] can convert one kind to the other.
-#[must_use]
 pub fn is_convertible(from: DataType, to: DataType) -> bool {
     from == to || from == DataType::NativeObject || to == DataType::NativeObject
 }

@@ -58,7 +58,6 @@ impl DecodeError {
     }
 
     /// A message of more bytes than a message may have.
-    #[must_use]
     pub fn too_large(actual: usize, limit: usize) -> Self {
         Self::over("message", "$".to_owned(), actual, limit)
     }
@@ -169,7 +168,6 @@ impl EncodeError {
     }
 
     /// A message of more bytes than a message may have.
-    #[must_use]
     pub fn too_large(actual: usize, limit: usize) -> Self {
         Self::TooLarge { actual: actual as u64, limit: limit as u64 }
     }

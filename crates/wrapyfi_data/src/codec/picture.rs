@@ -99,7 +99,6 @@ fn raw_pixels(tensor: &Tensor, color_order: Encoding) -> DecodeResult<RawPixels>
 }
 
 /// Encoding of the pixels in an array of this element type and number of channels; `None` where there is none.
-#[must_use]
 pub fn encoding(dtype: Dtype, channels: usize, color_order: Encoding) -> Option<Encoding> {
     let red_first = color_order.color_order() == Some(Encoding::Rgb8);
     Some(match (dtype, channels) {

@@ -49,7 +49,6 @@ pub struct Ros1Type {
 impl Ros1Type {
     /// The type that carries `message_type`; `None` for properties, which are on no topic, and for
     /// types that are known while running.
-    #[must_use]
     pub fn of(message_type: MessageType) -> Option<Self> {
         let (name, md5, definition) = match message_type {
             MessageType::NativeObject | MessageType::StringJson | MessageType::Text => TEXT,
@@ -66,7 +65,6 @@ impl Ros1Type {
     }
 
     /// True where somebody who wants `md5` can use it.
-    #[must_use]
     pub fn fits(&self, md5: &str) -> bool {
         md5 == "*" || self.md5 == "*" || self.md5 == md5
     }

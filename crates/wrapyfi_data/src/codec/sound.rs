@@ -70,7 +70,6 @@ impl AudioChunk {
 
     /// The tuple `(array, rate)`, as [`AudioChunk::from_value`] reads it: array of shape
     /// `(frames, channels)`. Time stamp and coordinate frame have no place in it.
-    #[must_use]
     pub fn to_value(&self) -> Value {
         let dtype = match self.format {
             SampleFormat::F32Le => Dtype::F32,
@@ -127,7 +126,7 @@ fn malformed(path: &str, reason: String) -> DecodeError {
 }
 
 /// A whole number, which Python may have sent as a float.
-#[allow(clippy::cast_possible_truncation)] // `as` saturates, and the range is checked after it
+// `as` saturates, and the range is checked after it.
 fn number(
     value: &Value,
     index: usize,
@@ -148,7 +147,7 @@ fn number(
 }
 
 /// The samples of an array.
-#[allow(clippy::cast_possible_truncation)] // float64 to float32 rounds: sound has no more precision
+// Float64 to float32 rounds: sound has no more precision.
 fn samples(array: &Tensor) -> DecodeResult<(SampleFormat, Bytes)> {
     let mismatch = || DecodeError::mismatch("sound as float32 or int16", array.dtype().to_string());
     let floats = |samples: Vec<f32>| (SampleFormat::F32Le, into_bytes(samples));

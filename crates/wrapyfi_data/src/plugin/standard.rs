@@ -49,7 +49,6 @@ impl Plugins {
     /// Plug-ins of all Wrapyfi's keys that this build has: pandas, PyArrow and dask's frames with
     /// feature `tables`, Pillow with `pictures`, PyTorch with `torch`, zarr with `zarr`. Objects of other keys are
     /// carried as they are.
-    #[must_use]
     pub fn standard() -> Self {
         STANDARD.clone()
     }

@@ -52,19 +52,16 @@ pub(crate) enum Element<'a> {
 
 impl Body<'_> {
     /// Number of parts.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.elements.len()
     }
 
     /// True when there are no parts.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.elements.is_empty()
     }
 
     /// Error for a part that is not `wanted`, for instance `a number`.
-    #[must_use]
     pub fn expected(&self, part: usize, wanted: &str) -> PluginError {
         let found = match self.elements.get(part) {
             None => format!("the object has {} parts", self.len()),
@@ -185,7 +182,6 @@ pub enum Part {
 
 impl Part {
     /// Makes a part of a file in base64.
-    #[must_use]
     pub fn base64(file: impl Into<Bytes>) -> Self {
         Self::Base64(file.into(), Bytes::new())
     }

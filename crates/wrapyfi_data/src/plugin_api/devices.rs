@@ -77,13 +77,11 @@ impl DeviceMap {
     }
 
     /// Library of the tensors.
-    #[must_use]
     pub fn framework(&self) -> Framework {
         self.framework
     }
 
     /// Device for a tensor labelled `device`; `None` where it keeps its label.
-    #[must_use]
     pub fn target(&self, device: &str) -> Option<&str> {
         let named = match self.devices.get(device) {
             // Labels are spelled right by Wrapyfi, but not by every sender.
@@ -186,7 +184,6 @@ impl DeviceMaps {
     }
 
     /// True when there are no maps, so that every tensor keeps its label.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
@@ -197,7 +194,6 @@ impl DeviceMaps {
     }
 
     /// Device for a tensor of the plug-in `key` labelled `device`; `None` where it keeps its label.
-    #[must_use]
     pub fn target(&self, key: &str, device: &str) -> Option<&str> {
         let framework = Framework::ALL.into_iter().find(|framework| framework.key() == key)?;
         self.0.get(&framework)?.target(device)

@@ -69,7 +69,6 @@ impl PluginError {
     }
 
     /// Error for a value that was given to a plug-in of another type.
-    #[must_use]
     pub fn not_mine(wanted: &str, value: &Value) -> Self {
         Self::Unsupported {
             what: format!("a {} where a {wanted} should be", value.kind()),

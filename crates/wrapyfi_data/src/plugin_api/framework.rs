@@ -28,7 +28,6 @@ named! {
 
 impl Framework {
     /// Key of the library's plug-in.
-    #[must_use]
     pub fn key(self) -> &'static str {
         match self {
             Self::Torch => "PytorchTensor",
@@ -39,13 +38,11 @@ impl Framework {
     }
 
     /// Name of the option for the device of tensors that the map does not name.
-    #[must_use]
     pub fn load_option(self) -> String {
         format!("load_{}_device", self.name())
     }
 
     /// Name of the option that maps devices to devices.
-    #[must_use]
     pub fn map_option(self) -> String {
         format!("map_{}_devices", self.name())
     }
@@ -61,7 +58,6 @@ impl Framework {
     }
 
     /// Spells `device` as this library's wire does: `gpu` and `cuda` are one word.
-    #[must_use]
     pub fn spell(self, device: &str) -> String {
         match self {
             Self::Paddle => device.replace("cuda", "gpu"),

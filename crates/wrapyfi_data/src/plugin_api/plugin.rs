@@ -77,7 +77,6 @@ pub struct Unpacking<'a> {
 
 impl<'a> Unpacking<'a> {
     /// The context of all objects of one message. `unpacked` begins at 0.
-    #[must_use]
     pub fn new(limits: &'a Limits, plugins: &'a Plugins, unpacked: &'a Cell<u64>) -> Self {
         Self { limits, plugins, unpacked }
     }
@@ -100,7 +99,6 @@ impl<'a> Unpacking<'a> {
 
     /// Limits for the next object that is unpacked: the part that the objects of the message have
     /// left.
-    #[must_use]
     pub fn left(&self) -> Limits {
         let unpacked = usize::try_from(self.unpacked.get()).unwrap_or(usize::MAX);
         let message_bytes = self.limits.message_bytes.saturating_sub(unpacked);

@@ -35,7 +35,6 @@ impl Plugins {
     }
 
     /// A set without plug-ins: every plug-in object is carried as it is.
-    #[must_use]
     pub fn none() -> Self {
         Self { by_key: Arc::default(), devices: None }
     }
@@ -57,7 +56,6 @@ impl Plugins {
     }
 
     /// Devices for decoded tensors, if any are set.
-    #[must_use]
     pub fn devices(&self) -> Option<&DeviceMaps> {
         self.devices.as_deref()
     }
@@ -73,7 +71,6 @@ impl Plugins {
     }
 
     /// Plug-in of `key`.
-    #[must_use]
     pub fn get(&self, key: &str) -> Option<&dyn Plugin> {
         self.by_key.get(key).map(|plugin| &**plugin)
     }

@@ -81,7 +81,7 @@ fn s16_to_f32(samples: &[u8]) -> Vec<u8> {
         .collect()
 }
 
-#[allow(clippy::cast_possible_truncation)] // `as` saturates: that is the clipping
+// `as` saturates: that is the clipping.
 fn f32_to_s16(samples: &[u8]) -> Vec<u8> {
     let (samples, _) = samples.as_chunks::<4>();
     samples
@@ -112,7 +112,6 @@ named! {
 
 impl SampleFormat {
     /// Size of one sample of one channel in bytes.
-    #[must_use]
     pub fn bytes_per_sample(self) -> usize {
         match self {
             Self::F32Le => 4,

@@ -35,7 +35,6 @@ named! {
 
 impl Dtype {
     /// Size of one element in bytes.
-    #[must_use]
     pub fn size(self) -> usize {
         match self {
             Self::Bool | Self::I8 | Self::U8 => 1,
@@ -47,7 +46,6 @@ impl Dtype {
     }
 
     /// Size in bytes of the scalar that byte order applies to: a complex number is two floats.
-    #[must_use]
     pub(crate) fn scalar_size(self) -> usize {
         match self {
             Self::C64 | Self::C128 => self.size() / 2,
@@ -57,7 +55,6 @@ impl Dtype {
 
     /// Code in the header of a `.npy` file, little-endian; `None` for `bfloat16`, which NumPy
     /// has no code for.
-    #[must_use]
     pub fn npy_descr(self) -> Option<&'static str> {
         Some(match self {
             Self::Bool => "|b1",

@@ -21,7 +21,6 @@ pub struct Header {
 impl Header {
     /// Reads the member `header` of a dict of fields, if it has the fields of one; else the dict
     /// itself, if it has a `stamp`, as `std_msgs/msg/Header` and `rcl_interfaces/msg/Log` do.
-    #[must_use]
     pub fn of_fields(fields: &Value) -> Option<Self> {
         let header = fields.get("header").unwrap_or(fields);
         let time = header.get("stamp")?;

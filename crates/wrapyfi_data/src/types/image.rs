@@ -25,7 +25,6 @@ pub struct Image {
 
 impl Image {
     /// Makes a frame without a coordinate frame.
-    #[must_use]
     pub fn new(stamp: Stamp, pixels: impl Into<Pixels>) -> Self {
         Self { stamp, frame_id: String::new(), pixels: pixels.into() }
     }
@@ -83,7 +82,6 @@ named! {
 
 impl CompressedFormat {
     /// Format of a file by its first bytes.
-    #[must_use]
     pub fn sniff(file: &[u8]) -> Option<Self> {
         if file.starts_with(&[0xFF, 0xD8, 0xFF]) {
             Some(Self::Jpeg)
@@ -166,7 +164,6 @@ impl RawPixels {
     }
 
     /// Size of one row's pixels in bytes, without padding.
-    #[must_use]
     pub fn row_bytes(&self) -> usize {
         row_bytes(self.width, self.encoding).unwrap_or_default()
     }
@@ -262,7 +259,6 @@ named! {
 impl Encoding {
     /// Encoding with this name. Names of equal layout that cameras also send are accepted: `8UC1`
     /// is `mono8`, `16UC1` is `mono16`, `8UC3` is `bgr8`, `8UC4` is `bgra8`.
-    #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         match name {
             "8UC1" => Some(Self::Mono8),
@@ -285,7 +281,6 @@ impl Encoding {
     }
 
     /// Number of channels of a pixel.
-    #[must_use]
     pub fn channels(self) -> usize {
         match self {
             Self::Mono8 | Self::Mono16 | Self::I32C1 | Self::F32C1 => 1,
@@ -295,7 +290,6 @@ impl Encoding {
     }
 
     /// Size of a pixel in bytes.
-    #[must_use]
     pub fn bytes_per_pixel(self) -> usize {
         self.channels()
             * match self {

@@ -21,13 +21,11 @@ pub struct Map(pub(crate) Vec<(Value, Value)>);
 
 impl Map {
     /// An empty map.
-    #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
     /// Value under the text `key`.
-    #[must_use]
     pub fn get(&self, key: &str) -> Option<&Value> {
         self.iter().find(|(k, _)| k.as_str() == Some(key)).map(|(_, value)| value)
     }
@@ -51,13 +49,11 @@ impl Map {
     }
 
     /// Number of pairs.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.0.len()
     }
 
     /// True when there are no pairs.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }

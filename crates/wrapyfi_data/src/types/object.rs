@@ -46,7 +46,6 @@ pub struct ForeignObject {
 
 impl ForeignObject {
     /// Shares an object of the user's type.
-    #[must_use]
     pub fn new<T: PluginObject + PartialEq>(object: T) -> Self {
         Self {
             object: Arc::new(object),
@@ -58,13 +57,11 @@ impl ForeignObject {
     }
 
     /// Key of the plug-in that encodes the object.
-    #[must_use]
     pub fn key(&self) -> &str {
         self.object.key()
     }
 
     /// The object, if it is a `T`.
-    #[must_use]
     pub fn get<T: PluginObject>(&self) -> Option<&T> {
         (&*self.object as &dyn Any).downcast_ref()
     }

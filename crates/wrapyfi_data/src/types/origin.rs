@@ -23,7 +23,6 @@ pub struct Origin {
 
 impl Origin {
     /// An object of the plug-in `key` without attributes.
-    #[must_use]
     pub fn new(key: impl Into<String>) -> Self {
         Self { key: key.into(), attributes: BTreeMap::new() }
     }
@@ -36,7 +35,6 @@ impl Origin {
     }
 
     /// Value of an attribute.
-    #[must_use]
     pub fn get(&self, name: &str) -> Option<&str> {
         self.attributes.get(name).map(String::as_str)
     }

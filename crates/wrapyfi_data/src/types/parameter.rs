@@ -76,19 +76,16 @@ named! {
 
 impl ParameterType {
     /// Type with this number.
-    #[must_use]
     pub fn from_number(number: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.number() == number)
     }
 
     /// Number in messages, for instance 7.
-    #[must_use]
     pub fn number(self) -> u8 {
         self as u8
     }
 
     /// The empty list of this type; `None` of a type that is no list.
-    #[must_use]
     pub fn empty_list(self) -> Option<ParameterValue> {
         Some(match self {
             Self::ByteArray => ParameterValue::ByteArray(Vec::new()),
@@ -103,7 +100,6 @@ impl ParameterType {
 
 impl ParameterValue {
     /// Type of the value.
-    #[must_use]
     pub fn parameter_type(&self) -> ParameterType {
         match self {
             Self::NotSet => ParameterType::NotSet,
@@ -120,13 +116,11 @@ impl ParameterValue {
     }
 
     /// Name of the type in messages, for instance `INTEGER_ARRAY`.
-    #[must_use]
     pub fn type_name(&self) -> &'static str {
         self.parameter_type().name()
     }
 
     /// Size of the value in a message in bytes, about: without padding and empty fields.
-    #[must_use]
     pub fn size(&self) -> usize {
         match self {
             Self::NotSet => 0,

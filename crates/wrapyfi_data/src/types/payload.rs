@@ -35,7 +35,6 @@ pub enum Payload {
 
 impl Payload {
     /// Kind of the payload.
-    #[must_use]
     pub fn data_type(&self) -> DataType {
         match self {
             Self::NativeObject(_) => DataType::NativeObject,
@@ -184,7 +183,6 @@ impl MessageType {
     };
 
     /// Kind of payload that messages of the type carry.
-    #[must_use]
     pub fn data_type(self) -> DataType {
         match self {
             Self::NativeObject | Self::StringJson | Self::Text => DataType::NativeObject,
@@ -196,7 +194,6 @@ impl MessageType {
     }
 
     /// Name of the ROS 2 type, for instance `sensor_msgs/msg/Image`; of properties that of one of them.
-    #[must_use]
     pub fn ros_type(self) -> &'static str {
         match self {
             Self::NativeObject => "wrapyfi_msgs/msg/NativeObject",
@@ -214,7 +211,6 @@ impl MessageType {
 impl MessageType {
     /// Name that is unique among all types: that of the ROS 2 type, if no other type has it and
     /// topics have that type.
-    #[must_use]
     pub fn label(self) -> &'static str {
         match self {
             Self::Text => "Text",
@@ -224,7 +220,6 @@ impl MessageType {
     }
 
     /// True when messages of the type have a header: a time and a coordinate frame.
-    #[must_use]
     pub fn has_header(self) -> bool {
         match self {
             Self::Ros(ros_type) => ros_type.has_header(),
@@ -234,7 +229,6 @@ impl MessageType {
 
     /// Short name, where there is one: `NativeObject`, `Image`, `CompressedImage`, `AudioChunk`,
     /// `Text`, `Properties`.
-    #[must_use]
     pub fn short_name(self) -> Option<&'static str> {
         match self {
             Self::NativeObject => Some("NativeObject"),

@@ -91,7 +91,6 @@ pub enum PropertiesError {
 
 impl Properties {
     /// An empty set.
-    #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
@@ -112,7 +111,6 @@ impl Properties {
     }
 
     /// Value of a parameter.
-    #[must_use]
     pub fn get(&self, name: &str) -> Option<&ParameterValue> {
         self.places.get(name).and_then(|&at| self.entries.get(at)).map(|(_, value)| value)
     }
@@ -128,13 +126,11 @@ impl Properties {
     }
 
     /// Number of parameters.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.entries.len()
     }
 
     /// True when there are no parameters.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.entries.is_empty()
     }
@@ -167,7 +163,6 @@ impl Properties {
     }
 
     /// Size of the parameters in a message in bytes, about.
-    #[must_use]
     pub fn size(&self) -> usize {
         self.entries.iter().fold(0, |sum: usize, (name, value)| {
             sum.saturating_add(name.len()).saturating_add(value.size())
@@ -176,7 +171,6 @@ impl Properties {
 
     /// Converts the parameters to a `dict` of full names: `{"camera.rate": 30}`. Bytes are an array
     /// of `uint8`, which Wrapyfi's JSON can write; a parameter without a value is `None`.
-    #[must_use]
     pub fn to_value(&self) -> Value {
         let pairs = self.entries.iter().map(|(name, value)| (name.clone(), native(value)));
         Value::Map(pairs.collect::<Map>())
@@ -350,9 +344,8 @@ fn array(name: &str, tensor: &Tensor) -> Result<ParameterValue, PropertiesError>
         return Err(refuse(&format!("with {} dimensions", tensor.shape.len())));
     }
     let data = &tensor.data;
-    let numbers = match super::nested_list(tensor) {
-        Some(Value::List(numbers)) => numbers,
-        _ => return Err(refuse(&format!("of {}", tensor.dtype))),
+    let Some(Value::List(numbers)) = super::nested_list(tensor) else {
+        return Err(refuse(&format!("of {}", tensor.dtype)));
     };
     Ok(match tensor.dtype {
         Dtype::U8 => ParameterValue::ByteArray(data.to_vec()),

@@ -39,7 +39,6 @@ pub struct RosMessage {
 
 impl RosMessage {
     /// Makes a message of its bytes, which are not checked until [`RosMessage::fields`].
-    #[must_use]
     pub fn new(ros_type: RosType, cdr: impl Into<Bytes>) -> Self {
         Self { ros_type, cdr: cdr.into() }
     }

@@ -50,25 +50,21 @@ impl RosService {
     }
 
     /// ROS name, for instance `std_srvs/srv/SetBool`.
-    #[must_use]
     pub fn name(self) -> &'static str {
         &self.0.name
     }
 
     /// Definition of the service, with the definitions that it refers to.
-    #[must_use]
     pub fn resolved(self) -> &'static ResolvedType {
         &self.0.resolved
     }
 
     /// Type of requests.
-    #[must_use]
     pub fn request(self) -> RosType {
         self.0.request
     }
 
     /// Type of replies.
-    #[must_use]
     pub fn response(self) -> RosType {
         self.0.response
     }

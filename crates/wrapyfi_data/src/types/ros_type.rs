@@ -120,37 +120,31 @@ impl RosType {
     }
 
     /// ROS name, for instance `sensor_msgs/msg/JointState`.
-    #[must_use]
     pub fn name(self) -> &'static str {
         &self.0.name
     }
 
     /// REP-2016 hash, `RIHS01_…`.
-    #[must_use]
     pub fn type_hash(self) -> &'static str {
         &self.0.hash
     }
 
     /// Definition of the type, with the definitions that it refers to.
-    #[must_use]
     pub fn resolved(self) -> &'static ResolvedType {
         &self.0.resolved
     }
 
     /// True when messages of the type have a field `header` of type `std_msgs/msg/Header`.
-    #[must_use]
     pub fn has_header(self) -> bool {
         self.0.has_header
     }
 
     /// True when messages of the type have a field `stamp` of type `builtin_interfaces/msg/Time`.
-    #[must_use]
     pub fn has_stamp(self) -> bool {
         self.0.has_stamp
     }
 
     /// Layout by which messages of the type are read and written.
-    #[must_use]
     pub fn plan(self) -> &'static TypePlan {
         &self.0.plan
     }

@@ -62,7 +62,6 @@ impl ServiceKind {
     ];
 
     /// Name of the ROS 2 service type, for instance `wrapyfi_msgs/srv/ImageService`.
-    #[must_use]
     pub fn ros_type(self) -> &'static str {
         match self {
             Self::NativeObject => "wrapyfi_msgs/srv/NativeObjectService",
@@ -77,7 +76,6 @@ impl ServiceKind {
     }
 
     /// Short name, where there is one: `NativeObject`, `Image`, `CompressedImage`, `AudioChunk`.
-    #[must_use]
     pub fn short_name(self) -> Option<&'static str> {
         match self {
             Self::NativeObject => Some("NativeObject"),
@@ -92,13 +90,11 @@ impl ServiceKind {
     }
 
     /// True when the ROS type is Python Wrapyfi's own, whose replies have no room for an error.
-    #[must_use]
     pub fn is_upstream(self) -> bool {
         !matches!(self, Self::Ros(_)) && self.ros_type().starts_with("wrapyfi_ros2_interfaces/")
     }
 
     /// Type of message that holds a reply's payload.
-    #[must_use]
     pub fn message_type(self) -> MessageType {
         match self {
             Self::NativeObject | Self::Ros(_) => MessageType::NativeObject,
@@ -111,7 +107,6 @@ impl ServiceKind {
     }
 
     /// Kind of payload in replies.
-    #[must_use]
     pub fn data_type(self) -> DataType {
         self.message_type().data_type()
     }

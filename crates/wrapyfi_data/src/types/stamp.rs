@@ -18,14 +18,12 @@ pub struct Stamp {
 
 impl Stamp {
     /// The wall clock now; zero when the clock stands before 1970 or after 2038.
-    #[must_use]
     pub fn now() -> Self {
         SystemTime::now().duration_since(UNIX_EPOCH).map_or_else(|_| Self::default(), Self::from)
     }
 
     /// Seconds since 1970 as Python's `time.time()` gives them; zero for values a
     /// `builtin_interfaces/msg/Time` cannot hold.
-    #[must_use]
     pub fn from_secs_f64(seconds: f64) -> Self {
         if !(0.0..f64::from(i32::MAX)).contains(&seconds) {
             return Self::default();
@@ -34,7 +32,6 @@ impl Stamp {
     }
 
     /// Seconds since 1970 with the precision of a double (about 0.2 µs today).
-    #[must_use]
     pub fn as_secs_f64(self) -> f64 {
         f64::from(self.sec) + f64::from(self.nanosec) / 1e9
     }

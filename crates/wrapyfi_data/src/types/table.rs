@@ -34,7 +34,6 @@ pub struct Table {
 
 impl Table {
     /// A pandas `DataFrame` with the default index.
-    #[must_use]
     pub fn frame(batch: RecordBatch) -> Self {
         Self { batch, origin: Arc::new(Origin::new("PandasData")) }
     }

@@ -84,56 +84,47 @@ impl Tensor {
     }
 
     /// The library object it was or shall become; `None` for NumPy's array.
-    #[must_use]
     pub fn origin(&self) -> Option<&Origin> {
         self.origin.as_deref()
     }
 
     /// Plug-in key of the library it belongs to; `None` for NumPy.
-    #[must_use]
     pub fn framework(&self) -> Option<&str> {
         self.origin().map(|origin| origin.key.as_str())
     }
 
     /// Element type.
-    #[must_use]
     pub fn dtype(&self) -> Dtype {
         self.dtype
     }
 
     /// Extent of each dimension; empty for a single number.
-    #[must_use]
     pub fn shape(&self) -> &[usize] {
         &self.shape
     }
 
     /// Device label; empty for the CPU.
-    #[must_use]
     pub fn device(&self) -> &str {
         &self.device
     }
 
     /// Elements, row-major, little-endian.
-    #[must_use]
     pub fn data(&self) -> &Bytes {
         &self.data
     }
 
     /// Number of elements.
-    #[must_use]
     pub fn element_count(&self) -> usize {
         element_count(&self.shape).unwrap_or_default()
     }
 
     /// The elements in place, in row-major order; conditions as for `Tensor::view`, with the feature `ndarray`.
-    #[must_use]
     pub fn as_slice<T: Element>(&self) -> Option<&[T]> {
         if T::DTYPE != self.dtype { None } else { element::from_bytes(&self.data) }
     }
 
     /// A copy of the elements in row-major order, however they lie. `None` when `T` is not the
     /// element type.
-    #[must_use]
     pub fn to_vec<T: Element>(&self) -> Option<Vec<T>> {
         (T::DTYPE == self.dtype).then(|| element::copy_from_bytes(&self.data))
     }

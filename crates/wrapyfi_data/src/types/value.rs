@@ -96,7 +96,6 @@ pub struct Tagged {
 
 impl Tagged {
     /// An object of an unknown plug-in.
-    #[must_use]
     pub fn new(key: impl Into<String>, json: impl Into<Bytes>) -> Self {
         Self { key: key.into(), json: json.into(), refused: None }
     }
@@ -121,7 +120,6 @@ macro_rules! lent {
 
 impl Value {
     /// Name of the Python type, for messages: `list`, `numpy.ndarray`, …
-    #[must_use]
     pub fn kind(&self) -> &'static str {
         match self {
             Self::Null => "None",
@@ -146,7 +144,6 @@ impl Value {
     }
 
     /// True for what Python can put into a set or use as a key.
-    #[must_use]
     pub fn is_hashable(&self) -> bool {
         match self {
             Self::List(_)
@@ -164,26 +161,22 @@ impl Value {
     }
 
     /// The value under a text key of a `dict`.
-    #[must_use]
     pub fn get(&self, key: &str) -> Option<&Self> {
         self.as_map()?.get(key)
     }
 
     /// A `bool`.
-    #[must_use]
     pub fn as_bool(&self) -> Option<bool> {
         if let Self::Bool(value) = self { Some(*value) } else { None }
     }
 
     /// An integer that fits 64 bits.
-    #[must_use]
     pub fn as_i64(&self) -> Option<i64> {
         if let Self::Int(value) = self { Some(*value) } else { None }
     }
 
     /// A float, or an integer rounded to one.
-    #[must_use]
-    #[allow(clippy::cast_precision_loss)] // as Python's float() does
+    // As Python's float() does.
     pub fn as_f64(&self) -> Option<f64> {
         match self {
             Self::Float(value) => Some(*value),
@@ -210,7 +203,6 @@ impl Value {
     }
 
     /// Members of a `list`, `tuple` or `set`.
-    #[must_use]
     pub fn as_items(&self) -> Option<&[Self]> {
         match self {
             Self::List(items) | Self::Tuple(items) | Self::Set(items) => Some(items),
@@ -219,13 +211,11 @@ impl Value {
     }
 
     /// The object of a plug-in outside this crate, when it is a `T`.
-    #[must_use]
     pub fn as_object<T: PluginObject>(&self) -> Option<&T> {
         if let Self::Object(object) = self { object.get() } else { None }
     }
 
     /// Key of the plug-in that writes it on Wrapyfi's wire; `None` for what needs none.
-    #[must_use]
     pub fn plugin_key(&self) -> Option<&str> {
         match self {
             Self::Tensor(tensor) => tensor.framework(),
@@ -263,7 +253,6 @@ impl Value {
 
     /// About how many bytes of content it holds: array bytes, text and eight for every other
     /// value. For choosing buffer sizes.
-    #[must_use]
     pub fn size_hint(&self) -> usize {
         let items = |items: &[Self]| items.iter().map(Self::size_hint).sum::<usize>();
         8 + match self {

@@ -19,7 +19,6 @@ pub struct Hosts(BTreeMap<String, IpAddr>);
 
 impl Hosts {
     /// Address that the configuration has for a name.
-    #[must_use]
     pub fn get(&self, host: &str) -> Option<IpAddr> {
         self.0.get(&host.to_ascii_lowercase()).copied()
     }
@@ -30,7 +29,6 @@ impl Hosts {
     }
 
     /// Address that the configuration has for `host`, or else `host`.
-    #[must_use]
     pub fn or_same(&self, host: &str) -> String {
         self.get(host).map_or_else(|| host.to_owned(), |ip| ip.to_string())
     }
@@ -52,7 +50,6 @@ impl Hosts {
     }
 
     /// Error text for a name for which the system has no address, with the remedy.
-    #[must_use]
     pub fn unresolved(host: &str, reason: &dyn std::fmt::Display) -> String {
         format!(
             "host name {host:?} does not resolve on this machine ({reason}): write its address \
@@ -69,7 +66,6 @@ impl FromIterator<(String, IpAddr)> for Hosts {
 
 /// Address of this machine from which `to` is reached; `None` where no way leads there. No packet
 /// is sent for it.
-#[must_use]
 pub fn facing(to: SocketAddr) -> Option<IpAddr> {
     let socket = UdpSocket::bind((unspecified(to.ip()), 0)).ok()?;
     socket.connect(to).ok()?;
@@ -77,7 +73,6 @@ pub fn facing(to: SocketAddr) -> Option<IpAddr> {
 }
 
 /// All addresses of this machine that are of the kind of `like`.
-#[must_use]
 pub fn unspecified(like: IpAddr) -> IpAddr {
     match like {
         IpAddr::V4(_) => Ipv4Addr::UNSPECIFIED.into(),
@@ -86,7 +81,6 @@ pub fn unspecified(like: IpAddr) -> IpAddr {
 }
 
 /// True when this machine has the address, so that a socket can listen on it.
-#[must_use]
 pub fn is_of_this_machine(ip: IpAddr) -> bool {
     UdpSocket::bind((ip, 0)).is_ok()
 }

@@ -138,7 +138,6 @@ impl Insecure {
 }
 
 /// Reads a switch of the environment; `None` for a value that is neither on nor off.
-#[must_use]
 pub fn is_on(value: &str) -> Option<bool> {
     match value.trim().to_ascii_lowercase().as_str() {
         "true" | "1" => Some(true),

@@ -91,7 +91,6 @@ impl CdrError {
     }
 
     /// The field it lies in; empty for the message as a whole.
-    #[must_use]
     pub fn path(&self) -> &str {
         match self {
             Self::TooLarge { .. } | Self::Encapsulation(_) | Self::Trailing(_) => "",

@@ -18,25 +18,21 @@ impl CdrParts {
     }
 
     /// The pieces in order; none is empty.
-    #[must_use]
     pub fn pieces(&self) -> &[Bytes] {
         &self.pieces
     }
 
     /// Size of the whole in bytes.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.pieces.iter().map(Bytes::len).sum()
     }
 
     /// True without any byte; an encoded message never is.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.pieces.is_empty()
     }
 
     /// The whole in one piece: a copy, unless there is only one.
-    #[must_use]
     pub fn to_bytes(&self) -> Bytes {
         if let [only] = self.pieces.as_slice() {
             return only.clone();

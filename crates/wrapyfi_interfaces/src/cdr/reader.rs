@@ -46,13 +46,11 @@ impl<'a> CdrReader<'a> {
 
     /// Reads a message as ROS 1 serialises it: members in the same order, behind no header, not aligned, and
     /// text without a terminator.
-    #[must_use]
     pub fn of_ros1(message: &'a Bytes) -> Self {
         Self { cdr: message, position: 0, order: ByteOrder::Little, is_ros1: true }
     }
 
     /// Bytes that are left.
-    #[must_use]
     pub fn remaining(&self) -> usize {
         self.cdr.len() - self.position
     }

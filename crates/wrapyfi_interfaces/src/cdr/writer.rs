@@ -30,13 +30,11 @@ pub struct CdrWriter {
 
 impl CdrWriter {
     /// Starts with the encapsulation header.
-    #[must_use]
     pub fn new() -> Self {
         Self { pieces: Vec::new(), finished: 0, tail: ENCAPSULATION.to_vec(), is_ros1: false }
     }
 
     /// Starts a message as ROS 1 serialises it; see [`CdrReader::of_ros1`](super::CdrReader::of_ros1).
-    #[must_use]
     pub fn of_ros1() -> Self {
         Self { pieces: Vec::new(), finished: 0, tail: Vec::new(), is_ros1: true }
     }

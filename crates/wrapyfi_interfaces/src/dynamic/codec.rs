@@ -57,7 +57,6 @@ impl TypePlan {
 impl DynamicMessage {
     /// The serialised message, little-endian, with its encapsulation header. Large `uint8[]`
     /// fields are shared.
-    #[must_use]
     pub fn encode(&self) -> CdrParts {
         let mut writer = CdrWriter::new();
         write_message(&mut writer, self);

@@ -6,13 +6,12 @@
 use serde::ser::{Serialize, Serializer};
 
 use super::value::with_elements;
-use super::{DynamicMessage, DynamicValue, Primitives};
+use super::{DynamicMessage, Primitives};
 use crate::cdr::CdrPrimitive;
 
 impl DynamicMessage {
     /// The message as JSON. A [`serde_json::Value`] may sort the fields by name;
     /// [`serde_json::to_string`] of the message itself keeps their order.
-    #[must_use]
     pub fn to_json(&self) -> serde_json::Value {
         // Keys are strings and numbers are finite: nothing here fails.
         serde_json::to_value(self).unwrap_or_default()
@@ -22,29 +21,6 @@ impl DynamicMessage {
 impl Serialize for DynamicMessage {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_map(self.fields())
-    }
-}
-
-impl Serialize for DynamicValue {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Self::Bool(value) => value.serialize(serializer),
-            Self::I8(value) => value.serialize(serializer),
-            Self::U8(value) => value.serialize(serializer),
-            Self::I16(value) => value.serialize(serializer),
-            Self::U16(value) => value.serialize(serializer),
-            Self::I32(value) => value.serialize(serializer),
-            Self::U32(value) => value.serialize(serializer),
-            Self::I64(value) => value.serialize(serializer),
-            Self::U64(value) => value.serialize(serializer),
-            Self::F32(value) => Number(*value).serialize(serializer),
-            Self::F64(value) => Number(*value).serialize(serializer),
-            Self::Text(text) => text.serialize(serializer),
-            Self::Message(message) => message.serialize(serializer),
-            Self::Primitives(values) => values.serialize(serializer),
-            Self::Texts(texts) => texts.serialize(serializer),
-            Self::Messages(messages) => messages.serialize(serializer),
-        }
     }
 }
 
@@ -61,6 +37,14 @@ impl Serialize for Primitives {
 
 /// A float. Those of 32 bits are written with the digits of the double they equal, as ROS does.
 struct Number<T: CdrPrimitive + Into<f64>>(T);
+
+/// Writes one as a field.
+pub(super) fn number<T: CdrPrimitive + Into<f64>, S: Serializer>(
+    value: &T,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    Number(*value).serialize(serializer)
+}
 
 impl<T: CdrPrimitive + Into<f64>> Serialize for Number<T> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {

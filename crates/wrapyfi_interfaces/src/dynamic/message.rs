@@ -34,7 +34,6 @@ impl PartialEq for DynamicMessage {
 
 impl DynamicMessage {
     /// ROS name of the type, for instance `sensor_msgs/msg/JointState`.
-    #[must_use]
     pub fn type_name(&self) -> &str {
         &self.shape.name
     }
@@ -45,7 +44,6 @@ impl DynamicMessage {
     }
 
     /// Value of a field, also of a nested one: `header.stamp.sec`.
-    #[must_use]
     pub fn get(&self, path: &str) -> Option<&DynamicValue> {
         let (name, inner) = first_of(path);
         let (position, _) = self.shape.field(name)?;

@@ -70,19 +70,16 @@ impl TypePlan {
     }
 
     /// ROS name of the type, for instance `sensor_msgs/msg/JointState`.
-    #[must_use]
     pub fn type_name(&self) -> &str {
         &self.shape.name
     }
 
     /// Least number of bytes of a serialised message, without padding and header.
-    #[must_use]
     pub fn min_size(&self) -> usize {
         self.shape.min_size
     }
 
     /// A freshly made message: zeros, empty strings and sequences, and what the definition states.
-    #[must_use]
     pub fn default_message(&self) -> DynamicMessage {
         self.shape.default_message()
     }

@@ -1,11 +1,13 @@
 //! Values of fields.
 
 use bytes::Bytes;
+use serde::Serialize;
 
-use super::DynamicMessage;
+use super::{DynamicMessage, json_out::number};
 
 /// Value of a field. Numbers keep the width that the definition gives them.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
 #[allow(missing_docs)] // the numbers' names are their documentation
 pub enum DynamicValue {
     Bool(bool),
@@ -18,7 +20,9 @@ pub enum DynamicValue {
     U32(u32),
     I64(i64),
     U64(u64),
+    #[serde(serialize_with = "number")]
     F32(f32),
+    #[serde(serialize_with = "number")]
     F64(f64),
     /// `string` and `wstring`.
     Text(String),
@@ -72,19 +76,16 @@ pub(super) use with_elements;
 
 impl Primitives {
     /// Number of elements.
-    #[must_use]
     pub fn len(&self) -> usize {
         with_elements!(self, values => values.len())
     }
 
     /// True without elements.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
     /// Memory of the elements in bytes.
-    #[must_use]
     pub fn byte_count(&self) -> usize {
         with_elements!(self, values => size_of_val(values.as_ref() as &[_]))
     }
@@ -112,7 +113,6 @@ macro_rules! primitives {
 
         impl Primitives {
             /// Name of the elements' type in definitions; `uint8` for `byte` and `char` too.
-            #[must_use]
             pub fn element_name(&self) -> &'static str {
                 match self {
                     Self::Bytes(_) => "uint8",
@@ -182,7 +182,6 @@ impl From<Vec<u8>> for Primitives {
 
 impl DynamicValue {
     /// The text of a string.
-    #[must_use]
     pub fn as_str(&self) -> Option<&str> {
         match self {
             Self::Text(text) => Some(text),
@@ -191,7 +190,6 @@ impl DynamicValue {
     }
 
     /// A number of any type; integers beyond 53 bits lose their last digits.
-    #[must_use]
     pub fn as_f64(&self) -> Option<f64> {
         match self {
             Self::F32(value) => Some(f64::from(*value)),
@@ -201,7 +199,6 @@ impl DynamicValue {
     }
 
     /// An integer of any type.
-    #[must_use]
     pub fn as_integer(&self) -> Option<i128> {
         Some(match self {
             Self::I8(value) => i128::from(*value),
@@ -217,7 +214,6 @@ impl DynamicValue {
     }
 
     /// A nested message.
-    #[must_use]
     pub fn as_message(&self) -> Option<&DynamicMessage> {
         match self {
             Self::Message(message) => Some(message),

@@ -127,7 +127,6 @@ named! {
 
 impl Primitive {
     /// Size in bytes, which is its alignment in CDR too.
-    #[must_use]
     pub fn size(self) -> usize {
         match self {
             Self::Bool | Self::Byte | Self::Char | Self::Int8 | Self::Uint8 => 1,

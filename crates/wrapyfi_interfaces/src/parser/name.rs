@@ -114,26 +114,22 @@ impl TypeName {
     }
 
     /// Package, for instance `sensor_msgs`.
-    #[must_use]
     pub fn package(&self) -> &str {
         &self.package
     }
 
     /// Message, service or action.
-    #[must_use]
     pub fn kind(&self) -> InterfaceKind {
         self.kind
     }
 
     /// Name inside the package, for instance `Image`.
-    #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
     /// Name of the file that defines the type, without extension: `SetBool` for
     /// `SetBool_Request`.
-    #[must_use]
     pub fn file_stem(&self) -> &str {
         base(self.kind, &self.name)
     }
@@ -144,19 +140,16 @@ impl TypeName {
     }
 
     /// The same interface's type with `suffix` behind the name.
-    #[must_use]
     pub(crate) fn derived(&self, suffix: &str) -> Self {
         Self { name: format!("{}{suffix}", self.name).into(), ..self.clone() }
     }
 
     /// The type whose definition file this type comes from.
-    #[must_use]
     pub fn interface(&self) -> Self {
         Self { name: self.file_stem().into(), ..self.clone() }
     }
 
     /// Name of the type on DDS, for instance `sensor_msgs::msg::dds_::Image_`.
-    #[must_use]
     pub fn dds(&self) -> String {
         format!("{}::{}::dds_::{}_", self.package, self.kind.as_str(), self.name)
     }

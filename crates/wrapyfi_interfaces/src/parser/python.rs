@@ -11,7 +11,6 @@ impl DefaultValue {
     /// let flags = DefaultValue::Many(vec![Literal::Bool(true), Literal::Bool(false)]);
     /// assert_eq!(flags.to_python(), "(True, False)");
     /// ```
-    #[must_use]
     pub fn to_python(&self) -> String {
         match self {
             // Alone, a text has no quotes.

@@ -6,7 +6,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::error::{PairError, TypedField};
-use super::fill::{Filler, skip};
+use super::fill::OneSided;
 use super::matching::{Definitions, Entry, match_fields};
 use super::op::{Block, Check, CheckKind, Count, ELEMENT, Each, Op, PathId, Text, push};
 use super::rules::Rules;
@@ -217,20 +217,26 @@ impl<'d> Compiler<'d> {
             ops.push(Op::Counter);
             return Ok(());
         }
-        let definitions = if self.to_ros2 { self.pair.ros2.1 } else { self.pair.ros1.1 };
-        let mut filler =
-            Filler { definitions, cdr: self.to_ros2, left: MAX_FIELDS.saturating_sub(self.fields) };
-        filler.field(entry.field, at, ops)?;
-        self.fields = MAX_FIELDS.saturating_sub(filler.left);
-        Ok(())
+        self.one_sided(self.to_ros2, at, |side| side.fill(entry.field, ops))
     }
 
     fn skip(&mut self, entry: &Entry<'_>, local: &str, ops: &mut Vec<Op>) -> Result<(), PairError> {
         let at = self.path(local)?;
-        let definitions = if self.to_ros2 { self.pair.ros1.1 } else { self.pair.ros2.1 };
-        let mut left = MAX_FIELDS.saturating_sub(self.fields);
-        skip(definitions, !self.to_ros2, entry.field, at, &mut left, ops)?;
-        self.fields = MAX_FIELDS.saturating_sub(left);
+        self.one_sided(!self.to_ros2, at, |side| side.skip(entry.field, ops))
+    }
+
+    /// Handles a field of one side, that of ROS 2 or of ROS 1, and counts what is in it.
+    fn one_sided(
+        &mut self,
+        is_ros2: bool,
+        at: PathId,
+        handle: impl FnOnce(&mut OneSided<'d>) -> Result<(), PairError>,
+    ) -> Result<(), PairError> {
+        let definitions = if is_ros2 { self.pair.ros2.1 } else { self.pair.ros1.1 };
+        let left = MAX_FIELDS.saturating_sub(self.fields);
+        let mut side = OneSided { definitions, cdr: is_ros2, left, at };
+        handle(&mut side)?;
+        self.fields = MAX_FIELDS.saturating_sub(side.left);
         Ok(())
     }
 

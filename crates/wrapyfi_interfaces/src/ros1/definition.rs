@@ -98,13 +98,11 @@ impl Definition {
     }
 
     /// Name of the type; [`Definition::ros1_name`] is how ROS 1 writes it.
-    #[must_use]
     pub fn name(&self) -> &TypeName {
         self.resolved.name()
     }
 
     /// `sensor_msgs/Image`: `type` of connection headers.
-    #[must_use]
     pub fn ros1_name(&self) -> String {
         ros1_name(self.name())
     }
@@ -154,13 +152,11 @@ impl ServiceDefinition {
     }
 
     /// `std_srvs/SetBool`: `type` of connection headers.
-    #[must_use]
     pub fn ros1_name(&self) -> String {
         ros1_name(&self.name)
     }
 
     /// `std_srvs/SetBoolRequest`: `request_type` of connection headers.
-    #[must_use]
     pub fn request_type(&self) -> String {
         match hand_made(&self.name) {
             Some(service) => service.request_type.to_owned(),
@@ -169,7 +165,6 @@ impl ServiceDefinition {
     }
 
     /// `std_srvs/SetBoolResponse`: `response_type` of connection headers.
-    #[must_use]
     pub fn response_type(&self) -> String {
         match hand_made(&self.name) {
             Some(service) => service.response_type.to_owned(),

@@ -13,37 +13,31 @@ const MOST_UNROLLED: usize = 8;
 /// A string without characters in CDR: its terminator counts.
 const EMPTY_TEXT: [u8; 5] = [1, 0, 0, 0, 0];
 
-fn message<'d>(
-    definitions: &'d Definitions,
-    name: &TypeName,
-    left: &mut usize,
-) -> Result<&'d MessageDefinition, PairError> {
-    let message = definitions.get(name).ok_or_else(|| PairError::Undefined(name.clone()))?;
-    *left = left.checked_sub(message.fields.len() + 1).ok_or_else(|| PairError::TooComplex {
-        name: name.clone(),
-        what: "fields",
-        limit: super::compile::MAX_FIELDS,
-    })?;
-    Ok(message)
-}
-
-/// Writes defaults: zeros in ROS 1, and in ROS 2 what the definition states.
+/// Writes defaults: zeros in ROS 1, and in ROS 2 what the definition states. Passes over what the target lacks.
 #[derive(Debug)]
-pub(super) struct Filler<'d> {
+pub(super) struct OneSided<'d> {
     pub(super) definitions: &'d Definitions,
     pub(super) cdr: bool,
     /// Fields that may still come.
     pub(super) left: usize,
+    pub(super) at: PathId,
 }
 
-impl Filler<'_> {
-    pub(super) fn field(
-        &mut self,
-        field: &Field,
-        at: PathId,
-        ops: &mut Vec<Op>,
-    ) -> Result<(), PairError> {
-        let element = &field.field_type.element;
+impl<'d> OneSided<'d> {
+    fn message(&mut self, name: &TypeName) -> Result<&'d MessageDefinition, PairError> {
+        let message = self.definitions.get(name);
+        let message = message.ok_or_else(|| PairError::Undefined(name.clone()))?;
+        let left = self.left.checked_sub(message.fields.len() + 1);
+        self.left = left.ok_or_else(|| PairError::TooComplex {
+            name: name.clone(),
+            what: "fields",
+            limit: super::compile::MAX_FIELDS,
+        })?;
+        Ok(message)
+    }
+
+    pub(super) fn fill(&mut self, field: &Field, ops: &mut Vec<Op>) -> Result<(), PairError> {
+        let (element, at) = (&field.field_type.element, self.at);
         let literals = match &field.default {
             Some(DefaultValue::One(literal)) => std::slice::from_ref(literal),
             Some(DefaultValue::Many(literals)) => literals.as_slice(),
@@ -52,12 +46,12 @@ impl Filler<'_> {
         match field.field_type.container {
             Container::Single => match literals.first() {
                 Some(literal) => literal_op(element, literal, at, ops),
-                None => self.element(element, at, ops)?,
+                None => self.fill_element(element, ops)?,
             },
             Container::Array(_) if !literals.is_empty() => {
                 literals.iter().for_each(|literal| literal_op(element, literal, at, ops));
             }
-            Container::Array(count) => self.array(element, count as usize, at, ops)?,
+            Container::Array(count) => self.fill_array(element, count as usize, ops)?,
             Container::Sequence { .. } => {
                 let count = u32::try_from(literals.len()).unwrap_or_default();
                 push(ops, Op::Put { align: 4, bytes: count.to_le_bytes().to_vec(), at });
@@ -67,20 +61,20 @@ impl Filler<'_> {
         Ok(())
     }
 
-    fn array(
+    fn fill_array(
         &mut self,
         element: &Element,
         count: usize,
-        at: PathId,
         ops: &mut Vec<Op>,
     ) -> Result<(), PairError> {
+        let at = self.at;
         if let Element::Primitive(primitive) = element {
             let size = primitive.size().saturating_mul(count);
             push(ops, Op::Zeros { align: primitive.size(), size, at });
             return Ok(());
         }
         let mut body = Vec::new();
-        self.element(element, at, &mut body)?;
+        self.fill_element(element, &mut body)?;
         match body.as_slice() {
             [] => {}
             [Op::Zeros { align, size, .. }] if size.is_multiple_of(*align) => {
@@ -100,12 +94,8 @@ impl Filler<'_> {
         Ok(())
     }
 
-    fn element(
-        &mut self,
-        element: &Element,
-        at: PathId,
-        ops: &mut Vec<Op>,
-    ) -> Result<(), PairError> {
+    fn fill_element(&mut self, element: &Element, ops: &mut Vec<Op>) -> Result<(), PairError> {
+        let at = self.at;
         match element {
             Element::Primitive(primitive) => {
                 push(ops, Op::Zeros { align: primitive.size(), size: primitive.size(), at });
@@ -117,12 +107,67 @@ impl Filler<'_> {
                 push(ops, Op::Zeros { align: 4, size: 4, at });
             }
             Element::Nested(name) => {
-                let message = message(self.definitions, name, &mut self.left)?;
+                let message = self.message(name)?;
                 if self.cdr && message.fields.is_empty() {
                     push(ops, Op::Zeros { align: 1, size: 1, at });
                 }
                 for field in &message.fields {
-                    self.field(field, at, ops)?;
+                    self.fill(field, ops)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Passes over a field of the source.
+    pub(super) fn skip(&mut self, field: &Field, ops: &mut Vec<Op>) -> Result<(), PairError> {
+        let (mut body, at) = (Vec::new(), self.at);
+        self.skip_element(&field.field_type.element, &mut body)?;
+        match (field.field_type.container, body.as_slice()) {
+            (Container::Single, _) => body.into_iter().for_each(|op| push(ops, op)),
+            (Container::Array(count), [Op::SkipBlock { align, size, .. }])
+                if size.is_multiple_of(*align) =>
+            {
+                let size = size.saturating_mul(count as usize);
+                push(ops, Op::SkipBlock { align: *align, size, at });
+            }
+            (Container::Array(_), []) => {}
+            (Container::Array(count), _) => {
+                let count = Count::Fixed(count as usize);
+                ops.push(Op::Each(Each { count, body, from_min: 0, to_min: 0, at }));
+            }
+            (Container::Sequence { .. }, [Op::SkipBlock { align, size, .. }])
+                if size.is_multiple_of(*align) =>
+            {
+                push(ops, Op::SkipBlocks { align: *align, size: *size, at });
+            }
+            // Messages that are nothing: only their number is there.
+            (Container::Sequence { .. }, []) => {
+                push(ops, Op::SkipBlock { align: 4, size: 4, at });
+            }
+            (Container::Sequence { .. }, _) => {
+                let each = Each { count: Count::Skipped, body, from_min: 1, to_min: 0, at };
+                ops.push(Op::Each(each));
+            }
+        }
+        Ok(())
+    }
+
+    fn skip_element(&mut self, element: &Element, ops: &mut Vec<Op>) -> Result<(), PairError> {
+        let at = self.at;
+        match element {
+            Element::Primitive(primitive) => {
+                push(ops, Op::SkipBlock { align: primitive.size(), size: primitive.size(), at });
+            }
+            Element::String { .. } => push(ops, Op::SkipText { wide: false, at }),
+            Element::WString { .. } => push(ops, Op::SkipText { wide: true, at }),
+            Element::Nested(name) => {
+                let message = self.message(name)?;
+                if self.cdr && message.fields.is_empty() {
+                    push(ops, Op::SkipBlock { align: 1, size: 1, at });
+                }
+                for field in &message.fields {
+                    self.skip(field, ops)?;
                 }
             }
         }
@@ -160,7 +205,7 @@ fn number(primitive: Primitive, literal: &Literal) -> Vec<u8> {
     let bytes = match literal {
         Literal::Bool(value) => u64::from(*value).to_le_bytes(),
         Literal::Float(value) if primitive == Primitive::Float32 => {
-            #[allow(clippy::cast_possible_truncation)] // to the nearest, as rosidl does
+            // To the nearest, as rosidl does.
             let bits = (*value as f32).to_bits();
             u64::from(bits).to_le_bytes()
         }
@@ -173,73 +218,4 @@ fn number(primitive: Primitive, literal: &Literal) -> Vec<u8> {
         Literal::Text(_) => [0; 8],
     };
     bytes.get(..size).unwrap_or_default().to_vec()
-}
-
-/// Passes over a field of the source; `cdr`: of a message in CDR.
-pub(super) fn skip(
-    definitions: &Definitions,
-    cdr: bool,
-    field: &Field,
-    at: PathId,
-    left: &mut usize,
-    ops: &mut Vec<Op>,
-) -> Result<(), PairError> {
-    let element = &field.field_type.element;
-    let mut body = Vec::new();
-    skip_element(definitions, cdr, element, at, left, &mut body)?;
-    match (field.field_type.container, body.as_slice()) {
-        (Container::Single, _) => body.into_iter().for_each(|op| push(ops, op)),
-        (Container::Array(count), [Op::SkipBlock { align, size, .. }])
-            if size.is_multiple_of(*align) =>
-        {
-            let size = size.saturating_mul(count as usize);
-            push(ops, Op::SkipBlock { align: *align, size, at });
-        }
-        (Container::Array(_), []) => {}
-        (Container::Array(count), _) => {
-            let count = Count::Fixed(count as usize);
-            ops.push(Op::Each(Each { count, body, from_min: 0, to_min: 0, at }));
-        }
-        (Container::Sequence { .. }, [Op::SkipBlock { align, size, .. }])
-            if size.is_multiple_of(*align) =>
-        {
-            push(ops, Op::SkipBlocks { align: *align, size: *size, at });
-        }
-        // Messages that are nothing: only their number is there.
-        (Container::Sequence { .. }, []) => {
-            push(ops, Op::SkipBlock { align: 4, size: 4, at });
-        }
-        (Container::Sequence { .. }, _) => {
-            let each = Each { count: Count::Skipped, body, from_min: 1, to_min: 0, at };
-            ops.push(Op::Each(each));
-        }
-    }
-    Ok(())
-}
-
-fn skip_element(
-    definitions: &Definitions,
-    cdr: bool,
-    element: &Element,
-    at: PathId,
-    left: &mut usize,
-    ops: &mut Vec<Op>,
-) -> Result<(), PairError> {
-    match element {
-        Element::Primitive(primitive) => {
-            push(ops, Op::SkipBlock { align: primitive.size(), size: primitive.size(), at });
-        }
-        Element::String { .. } => push(ops, Op::SkipText { wide: false, at }),
-        Element::WString { .. } => push(ops, Op::SkipText { wide: true, at }),
-        Element::Nested(name) => {
-            let message = message(definitions, name, left)?;
-            if cdr && message.fields.is_empty() {
-                push(ops, Op::SkipBlock { align: 1, size: 1, at });
-            }
-            for field in &message.fields {
-                skip(definitions, cdr, field, at, left, ops)?;
-            }
-        }
-    }
-    Ok(())
 }

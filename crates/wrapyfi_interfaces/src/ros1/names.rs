@@ -15,7 +15,6 @@ use crate::parser::{Dialect, InterfaceKind, TypeName};
 /// let name = TypeName::parse(Dialect::Ros1, "sensor_msgs/msg/Image").unwrap();
 /// assert_eq!(wrapyfi_interfaces::ros1::ros1_name(&name), "sensor_msgs/Image");
 /// ```
-#[must_use]
 pub fn ros1_name(name: &TypeName) -> String {
     format!("{}/{}", name.package(), name.name())
 }

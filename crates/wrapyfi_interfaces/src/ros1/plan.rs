@@ -8,7 +8,7 @@ use bytes::Bytes;
 use super::compile::{Differences, Pair, Program, compile};
 use super::error::{PairError, TranscodeError};
 use super::rules::Rules;
-use super::run::{Work, run};
+use super::run::Work;
 use super::wire::{Source, Target};
 use crate::cdr::{CdrError, ENCAPSULATION_SIZE};
 use crate::dynamic;
@@ -187,19 +187,16 @@ impl PairPlan {
     }
 
     /// Name of the ROS 1 type, with `msg` or `srv` in it.
-    #[must_use]
     pub fn ros1_type(&self) -> &TypeName {
         &self.inner.ros1
     }
 
     /// Name of the ROS 2 type.
-    #[must_use]
     pub fn ros2_type(&self) -> &TypeName {
         &self.inner.ros2
     }
 
     /// Differences of the pair of types: to be logged once, when a route begins.
-    #[must_use]
     pub fn notes(&self) -> &[Note] {
         &self.inner.notes
     }
@@ -217,20 +214,7 @@ impl PairPlan {
         out: &mut Vec<u8>,
     ) -> Result<Transcoded, TranscodeError> {
         check_size(ros1.len(), options)?;
-        let before = out.len();
-        out.reserve(ros1.len().saturating_add(GROWTH));
-        out.extend(ENCAPSULATION);
-        let done = self.inner.to_ros2.carry(
-            Source::<false>::new(ros1),
-            0,
-            0,
-            options,
-            Target::<true>::new(out),
-        );
-        if done.is_err() {
-            out.truncate(before);
-        }
-        done
+        self.inner.to_ros2.carry::<false, true>(ros1, 0, options, out)
     }
 
     /// Appends the ROS 1 form of a message in CDR to `out`, without a length in front of it. `seq`
@@ -259,32 +243,27 @@ impl PairPlan {
                 return Err(CdrError::Encapsulation(found).into());
             }
         };
-        let before = out.len();
-        out.reserve(body.len());
-        let done = self.inner.to_ros1.carry(
-            Source::<true>::new(body),
-            MOST_PADDING,
-            seq,
-            options,
-            Target::<false>::new(out),
-        );
-        if done.is_err() {
-            out.truncate(before);
-        }
-        done
+        self.inner.to_ros1.carry::<true, false>(body, seq, options, out)
     }
 }
 
 impl Program {
+    /// Appends what becomes of `body`. `F`: it is CDR; `T`: the result is.
     fn carry<const F: bool, const T: bool>(
         &self,
-        mut from: Source<'_, F>,
-        most_padding: usize,
+        body: &[u8],
         seq: u32,
         options: &Options,
-        mut to: Target<'_, T>,
+        out: &mut Vec<u8>,
     ) -> Result<Transcoded, TranscodeError> {
+        let before = out.len();
+        out.reserve(body.len().saturating_add(GROWTH));
+        if T {
+            out.extend(ENCAPSULATION);
+        }
         let mut work = Work {
+            from: Source::<F>::new(body),
+            to: Target::<T>::new(out),
             paths: &self.paths,
             options: *options,
             seq,
@@ -292,14 +271,16 @@ impl Program {
             elements: 0,
             done: Transcoded::default(),
         };
-        run(&self.ops, &mut from, &mut to, &mut work)?;
-        match from.remaining() {
+        let most_padding = if F { MOST_PADDING } else { 0 };
+        let carried = work.run(&self.ops).and_then(|()| match work.from.remaining() {
             left if left > most_padding => Err(CdrError::Trailing(left).into()),
-            _ => {
-                check_size(to.len(), options)?;
-                Ok(work.done)
-            }
+            _ => check_size(work.to.len(), options),
+        });
+        let done = work.done;
+        if carried.is_err() {
+            out.truncate(before);
         }
+        carried.map(|()| done)
     }
 }
 

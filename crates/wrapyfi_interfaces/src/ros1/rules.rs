@@ -111,7 +111,6 @@ static BUILT_IN: LazyLock<Rules> = LazyLock::new(|| {
 
 impl Rules {
     /// Rules that are built in, without any of the user's.
-    #[must_use]
     pub fn built_in() -> Self {
         Self::default()
     }
@@ -125,7 +124,6 @@ impl Rules {
 
     /// Names that a ROS 1 type may have in ROS 2, the likeliest first. The last but one is the same
     /// name, the last that of a package in `_interfaces`, where the package is in `_msgs`.
-    #[must_use]
     pub fn ros2_names(&self, ros1: &TypeName) -> Vec<TypeName> {
         let names = self.by_rank().filter_map(|rule| rule.ros2_name(ros1));
         let same = allowed_in_ros2(ros1);
@@ -134,7 +132,6 @@ impl Rules {
     }
 
     /// Names that a ROS 2 type may have in ROS 1, the likeliest first.
-    #[must_use]
     pub fn ros1_names(&self, ros2: &TypeName) -> Vec<TypeName> {
         let names = self.by_rank().filter_map(|rule| rule.ros1_name(ros2));
         unique(names.chain(Some(ros2.clone())).chain(msgs_package(ros2)))

@@ -9,7 +9,6 @@
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
-use std::fmt;
 
 use super::definition::{Definition, ServiceDefinition, parse_name};
 use super::error::{DefinitionError, PairError};
@@ -37,6 +36,7 @@ const MD5_DIGITS: usize = 32;
 /// let plan = types.plan(&joints).unwrap();
 /// assert_eq!(plan.ros2_type().to_string(), "sensor_msgs/msg/JointState");
 /// ```
+#[derive(Debug)]
 pub struct Types {
     rules: Rules,
     announced: BTreeMap<TypeName, Definition>,
@@ -57,20 +57,8 @@ pub struct ServicePlan {
     pub response: PairPlan,
 }
 
-impl fmt::Debug for Types {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Types")
-            .field("rules", &self.rules)
-            .field("announced", &self.announced.keys())
-            .field("ros1", &self.ros1)
-            .field("ros2", &self.ros2)
-            .finish_non_exhaustive()
-    }
-}
-
 impl Types {
     /// Types of ROS 2 as `ros2` finds them, and no folders of ROS 1.
-    #[must_use]
     pub fn new(rules: Rules, ros2: TypeStore) -> Self {
         Self {
             rules,
@@ -81,7 +69,6 @@ impl Types {
     }
 
     /// Looks where `AMENT_PREFIX_PATH` and `ROS_PACKAGE_PATH` say.
-    #[must_use]
     pub fn from_environment(rules: Rules) -> Self {
         let mut types = Self::new(rules, TypeStore::from_environment());
         types.add_ros1_path(&std::env::var_os("ROS_PACKAGE_PATH").unwrap_or_default());
@@ -101,7 +88,6 @@ impl Types {
     }
 
     /// The rules.
-    #[must_use]
     pub fn rules(&self) -> &Rules {
         &self.rules
     }

@@ -92,7 +92,6 @@ impl fmt::Debug for TypeStore {
 
 impl TypeStore {
     /// A store without places, which reads with `files`.
-    #[must_use]
     pub fn new(dialect: Dialect, files: impl FileAccess + Send + Sync + 'static) -> Self {
         Self {
             dialect,
@@ -105,14 +104,12 @@ impl TypeStore {
     }
 
     /// A store of ROS 2 definitions without places, which reads from the disk.
-    #[must_use]
     pub fn empty() -> Self {
         Self::new(Dialect::Ros2, Disk)
     }
 
     /// A store of the types that this crate has structs for. It reads no files, and knows the same
     /// on a machine without ROS.
-    #[must_use]
     pub fn generated() -> Self {
         let files: BTreeMap<PathBuf, String> = GENERATED
             .iter()
@@ -124,7 +121,6 @@ impl TypeStore {
     }
 
     /// A store of ROS 2 definitions that looks where `AMENT_PREFIX_PATH` says.
-    #[must_use]
     pub fn from_environment() -> Self {
         let mut store = Self::new(Dialect::Ros2, Disk);
         store.add_ament_path(&std::env::var_os("AMENT_PREFIX_PATH").unwrap_or_default());

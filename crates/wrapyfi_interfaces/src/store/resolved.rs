@@ -90,38 +90,32 @@ impl ResolvedType {
 
     /// A part of a service or an action by the suffix of its name, such as `_Request`, with all that
     /// it refers to; `None` where there is no such part.
-    #[must_use]
     pub fn part(&self, suffix: &str) -> Option<Self> {
         let part = self.name.derived(suffix);
         Self::among(self.dialect, &part, &self.definitions, &Looked::default()).ok()
     }
 
     /// Name of the type.
-    #[must_use]
     pub fn name(&self) -> &TypeName {
         &self.name
     }
 
     /// The definition of the type.
-    #[must_use]
     pub fn definition(&self) -> Option<&MessageDefinition> {
         self.definitions.get(&self.name)
     }
 
     /// All definitions, the type's own among them.
-    #[must_use]
     pub fn definitions(&self) -> &BTreeMap<TypeName, MessageDefinition> {
         &self.definitions
     }
 
     /// The type description, from which a [`TypePlan`](crate::dynamic::TypePlan) is compiled.
-    #[must_use]
     pub fn description(&self) -> &TypeDescription {
         &self.description
     }
 
     /// The REP-2016 hash, `RIHS01_…`.
-    #[must_use]
     pub fn type_hash(&self) -> String {
         type_hash(&self.description)
     }

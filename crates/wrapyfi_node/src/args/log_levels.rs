@@ -46,7 +46,6 @@ impl LogLevels {
 
     /// Level of a logger: its own, else that of the nearest one above it, else the one for all, else
     /// `INFO`.
-    #[must_use]
     pub fn effective(&self, logger: &str) -> LogLevel {
         match (self.nearest(logger), self.default) {
             (Some(level), _) => level,
@@ -56,14 +55,12 @@ impl LogLevels {
     }
 
     /// Level of a logger, or of the nearest one above it, where one of them has a level of its own.
-    #[must_use]
     pub fn nearest(&self, logger: &str) -> Option<LogLevel> {
         let above = std::iter::successors(Some(logger), |name| Some(name.rsplit_once('.')?.0));
         above.map(|name| self.of(name)).find(|level| *level != LogLevel::Unset)
     }
 
     /// Level that a logger has of its own; [`LogLevel::Unset`] where it has none.
-    #[must_use]
     pub fn of(&self, logger: &str) -> LogLevel {
         self.loggers.get(logger).copied().unwrap_or_default()
     }
@@ -77,13 +74,11 @@ impl LogLevels {
     }
 
     /// Level for all loggers; [`LogLevel::Unset`] when none was given.
-    #[must_use]
     pub fn default_level(&self) -> LogLevel {
         self.default
     }
 
     /// Levels of single loggers.
-    #[must_use]
     pub fn loggers(&self) -> &BTreeMap<String, LogLevel> {
         &self.loggers
     }

@@ -123,10 +123,7 @@ impl RosArgs {
         if !refused.unknown.is_empty() {
             return Err(RosArgsErrorKind::Unknown(refused.unknown));
         }
-        match refused.log_config_file {
-            Some(path) => Err(RosArgsErrorKind::LogConfigFile(path)),
-            None => Ok(()),
-        }
+        refused.log_config_file.map_or(Ok(()), |path| Err(RosArgsErrorKind::LogConfigFile(path)))
     }
 
     fn program_word(&mut self, word: String) {
@@ -196,13 +193,11 @@ impl RosArgs {
     }
 
     /// Name of a node that is called `default` unless a rule says otherwise.
-    #[must_use]
     pub fn node_name(&self, default: &str) -> String {
         remap::node_name(&self.rules, default).unwrap_or(default).to_owned()
     }
 
     /// Namespace of the node called `node` after remapping.
-    #[must_use]
     pub fn namespace(&self, default: &str, node: &str) -> String {
         remap::namespace(&self.rules, node).unwrap_or(default).to_owned()
     }
@@ -229,20 +224,17 @@ impl RosArgs {
     }
 
     /// Parameters given for the node with this fully qualified name.
-    #[must_use]
     pub fn parameters_for(&self, fqn: &str) -> BTreeMap<String, ParameterValue> {
         self.overrides.for_node(fqn)
     }
 
     /// Level of a logger, by its own level, those above it and the one for all.
-    #[must_use]
     #[doc(hidden)]
     pub fn log_level_of(&self, logger: &str) -> LogLevel {
         self.log_levels.effective(logger)
     }
 
     /// Levels that were given, for all loggers and for single ones.
-    #[must_use]
     #[doc(hidden)]
     pub fn log_levels(&self) -> &LogLevels {
         &self.log_levels

@@ -66,7 +66,6 @@ pub enum ParameterRange {
 
 impl ParameterDescriptor {
     /// Describes a parameter of this name with static type and no range, which may be set.
-    #[must_use]
     pub fn new(name: impl Into<String>) -> Self {
         Self { name: name.into(), ..Self::default() }
     }
@@ -188,7 +187,6 @@ impl ParameterDescriptor {
 
 impl ParameterRange {
     /// Type of the values in the range.
-    #[must_use]
     pub fn parameter_type(&self) -> ParameterType {
         match self {
             Self::Integer { .. } => ParameterType::Integer,
@@ -204,7 +202,6 @@ fn python(number: f64) -> String {
 
 fn is_close(a: f64, b: f64) -> bool {
     // Equal infinities have no difference.
-    #[allow(clippy::float_cmp)]
     let equal = a == b;
     equal || (a - b).abs() <= TOLERANCE * a.abs().max(b.abs()) && a.is_finite() && b.is_finite()
 }

@@ -131,7 +131,6 @@ fn wrong_type(expected: ParameterType, found: ParameterType) -> String {
 
 impl SetError {
     /// Text for `SetParametersResult.reason`, in the words of rclpy where it has some.
-    #[must_use]
     pub fn reason(&self) -> String {
         match self {
             // rclpy's brackets are empty too.

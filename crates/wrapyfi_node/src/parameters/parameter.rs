@@ -20,7 +20,6 @@ pub struct Parameter {
 
 impl Parameter {
     /// A parameter of this name and value.
-    #[must_use]
     pub fn new(name: impl Into<String>, value: impl Into<ParameterValue>) -> Self {
         Self { name: name.into(), value: value.into() }
     }

@@ -17,7 +17,6 @@ const BEST_AVAILABLE_NS: u64 = i64::MAX.unsigned_abs() - 1;
 impl QosOverrides {
     /// Policies of an endpoint with `qos`, all of which may be changed. Policies that the peers of
     /// one that `follows` them decide are given as the best available, and their times as 0.
-    #[must_use]
     pub fn of(qos: &Qos, follows: bool) -> Self {
         let followed = |time| Some(if follows { 0 } else { nanoseconds(time) });
         let (history, depth) = match qos.history {

@@ -186,13 +186,11 @@ impl ParameterStore {
     }
 
     /// Description of a parameter, where it is declared.
-    #[must_use]
     pub fn describe(&self, name: &str) -> Option<&ParameterDescriptor> {
         self.declared.get(name).map(|declared| &declared.descriptor)
     }
 
     /// Type of a parameter's value, where it is declared.
-    #[must_use]
     pub fn type_of(&self, name: &str) -> Option<ParameterType> {
         self.declared.get(name).map(|declared| declared.value.parameter_type())
     }
@@ -207,7 +205,6 @@ impl ParameterStore {
 
     /// Names at most `depth` names deep below the groups `prefixes`, and their groups; 0 is any
     /// depth, no prefix is all.
-    #[must_use]
     pub fn list(&self, prefixes: &[String], depth: u64) -> ListParametersResult {
         list::list(self.names(), prefixes, depth)
     }
@@ -221,13 +218,11 @@ impl ParameterStore {
     }
 
     /// Values given from outside, by name.
-    #[must_use]
     pub fn overrides(&self) -> &BTreeMap<String, ParameterValue> {
         &self.overrides
     }
 
     /// Fully qualified name of the node.
-    #[must_use]
     pub fn node(&self) -> &str {
         &self.node
     }

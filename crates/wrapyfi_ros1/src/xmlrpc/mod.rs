@@ -69,13 +69,11 @@ impl Reply {
 }
 
 /// A text as a value.
-#[must_use]
 pub fn text(text: impl Into<String>) -> Value {
     Value::String(text.into())
 }
 
 /// Several texts as a value.
-#[must_use]
 pub fn texts<T: Into<String>>(items: impl IntoIterator<Item = T>) -> Value {
     Value::Array(items.into_iter().map(text).collect())
 }

@@ -54,7 +54,6 @@ pub enum ServiceMapping {
 
 impl ServiceMapping {
     /// Name of the RMW that speaks it, as in `RMW_IMPLEMENTATION`.
-    #[must_use]
     pub fn rmw(self) -> &'static str {
         match self {
             Self::Cyclone => "rmw_cyclonedds_cpp",

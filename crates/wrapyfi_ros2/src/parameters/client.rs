@@ -87,13 +87,11 @@ impl ParameterClient {
     }
 
     /// Full name of the node.
-    #[must_use]
     pub fn node(&self) -> &str {
         &self.node
     }
 
     /// Readiness of the node's parameter services.
-    #[must_use]
     pub fn servers(&self) -> Peers {
         self.set.as_ref().map_or(Peers::None, Asker::servers)
     }

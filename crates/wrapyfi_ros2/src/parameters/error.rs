@@ -1,7 +1,5 @@
 //! Errors of reading and setting the parameters of another node.
 
-use std::fmt;
-
 use crate::graph::GraphError;
 use wrapyfi_endpoint::{CallError, OpenError};
 
@@ -12,19 +10,13 @@ use wrapyfi_endpoint::{CallError, OpenError};
 /// let refused = RefusedParameter { name: "gain".into(), reason: "it is read-only".into() };
 /// assert_eq!(refused.to_string(), "gain: it is read-only");
 /// ```
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{name}: {}", if reason.is_empty() { "no reason given" } else { reason })]
 pub struct RefusedParameter {
     /// Name of the parameter.
     pub name: String,
     /// Reason in the words of the node.
     pub reason: String,
-}
-
-impl fmt::Display for RefusedParameter {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let reason = if self.reason.is_empty() { "no reason given" } else { &self.reason };
-        write!(f, "{}: {reason}", self.name)
-    }
 }
 
 /// Error of reading or setting the parameters of another node.
@@ -112,7 +104,7 @@ pub enum ParameterClientError {
 pub type ParameterResult<T> = Result<T, ParameterClientError>;
 
 /// A few of several things.
-fn list<T: fmt::Display>(things: &[T]) -> String {
+fn list<T: std::fmt::Display>(things: &[T]) -> String {
     const SHOWN: usize = 8;
     let mut text: Vec<_> = things.iter().take(SHOWN).map(ToString::to_string).collect();
     if things.len() > SHOWN {

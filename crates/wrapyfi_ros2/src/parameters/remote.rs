@@ -134,25 +134,21 @@ impl RemoteParameters {
     }
 
     /// Full name of the node.
-    #[must_use]
     pub fn node(&self) -> &str {
         &self.node
     }
 
     /// The parameters as far as they are known; what they last were, while the node is gone.
-    #[must_use]
     pub fn known(&self) -> &Properties {
         &self.known
     }
 
     /// True while the node is there and its parameters are known.
-    #[must_use]
     pub fn follows(&self) -> bool {
         matches!(self.stage, Stage::Following)
     }
 
     /// Readiness of the node's parameter services.
-    #[must_use]
     pub fn servers(&self) -> Peers {
         self.list.servers()
     }
@@ -178,7 +174,6 @@ impl RemoteParameters {
     }
 
     /// Time of the next [`RemoteParameters::take`] though nothing rang.
-    #[must_use]
     pub fn deadline(&self, now: Instant) -> Option<Instant> {
         let stage = match &self.stage {
             Stage::Absent => self.may_be_there().then(|| now + LOOK_AGAIN),

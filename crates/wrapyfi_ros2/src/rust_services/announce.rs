@@ -38,10 +38,10 @@ pub struct ServiceEndpoints {
 /// The announcement and its writer.
 pub(super) struct Announcement {
     writer: Writer,
-    participant: Gid,
+    pub(super) participant: Gid,
     namespace: String,
     name: String,
-    endpoints: ServiceEndpoints,
+    pub(super) endpoints: ServiceEndpoints,
 }
 
 impl Announcement {
@@ -74,16 +74,6 @@ impl Announcement {
             name: hidden_name(node.name(), *place),
             endpoints: ServiceEndpoints::default(),
         })
-    }
-
-    /// The participant.
-    pub(super) fn gid(&self) -> Gid {
-        self.participant
-    }
-
-    /// Endpoints that are announced now.
-    pub(super) fn endpoints(&self) -> &ServiceEndpoints {
-        &self.endpoints
     }
 
     /// Adds a reader and a writer, and announces.

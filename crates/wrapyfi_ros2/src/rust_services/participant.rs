@@ -104,7 +104,7 @@ impl Participant {
             networks = ?settings.networks,
             "services of the Fast DDS mapping are on RustDDS"
         );
-        let goodbye = Goodbye::new(settings, &announcement.gid());
+        let goodbye = Goodbye::new(settings, &announcement.participant);
         Ok(Arc::new(Self {
             watch,
             announcement: Mutex::new(announcement),
@@ -119,7 +119,7 @@ impl Participant {
 
     /// GUID of the participant.
     pub(super) fn gid(&self) -> Gid {
-        self.announcement.lock().gid()
+        self.announcement.lock().participant
     }
 
     /// Creates one end of a service and announces it.
@@ -165,7 +165,7 @@ impl Participant {
         {
             let mut announcement = self.announcement.lock();
             change(&mut announcement);
-            self.changes.set(announcement.endpoints());
+            self.changes.set(&announcement.endpoints);
         }
         self.changes.notify();
     }

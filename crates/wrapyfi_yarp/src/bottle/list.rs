@@ -11,25 +11,21 @@ pub struct Bottle {
 
 impl Bottle {
     /// A bottle without elements.
-    #[must_use]
     pub const fn new() -> Self {
         Self { values: Vec::new() }
     }
 
     /// Number of elements.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.values.len()
     }
 
     /// True when the bottle has no elements.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.values.is_empty()
     }
 
     /// The element at `index`, from 0.
-    #[must_use]
     pub fn get(&self, index: usize) -> Option<&Value> {
         self.values.get(index)
     }

@@ -94,10 +94,7 @@ impl Bottle {
             Err(error) => error,
         };
         let other = preferred.other();
-        match Self::decode_whole(bytes, other, limits) {
-            Ok(bottle) => Ok((bottle, other)),
-            Err(_) => Err(error),
-        }
+        Self::decode_whole(bytes, other, limits).map_or(Err(error), |bottle| Ok((bottle, other)))
     }
 
     /// Length of the bottle at the start of `bytes`, without building it: replies to requests come
@@ -155,7 +152,6 @@ impl Bottle {
     }
 
     /// The text form, on one line, with U+FFFD for bytes that are not UTF-8.
-    #[must_use]
     pub fn to_text(&self) -> String {
         String::from_utf8_lossy(&self.to_text_bytes()).into_owned()
     }
@@ -163,7 +159,6 @@ impl Bottle {
     /// The text form, on one line, with every byte of its strings. As in YARP, reading it back loses
     /// the widths of numbers, dictionaries (they become lists), letters of vocabs beyond ASCII, and
     /// strings that are `null`, `inf` or `nan`, which have no quotes.
-    #[must_use]
     pub fn to_text_bytes(&self) -> Vec<u8> {
         let mut text = Vec::new();
         text_write::bottle(self, &mut text);
@@ -173,7 +168,6 @@ impl Bottle {
     /// The value that belongs to `key`: in `(speed 3) name arm`, 3 to `speed` and `arm` to `name`.
     /// The key may be a string, a vocab or a number. A first match with nothing behind it has no
     /// value, as in YARP.
-    #[must_use]
     pub fn find(&self, key: &str) -> Option<&Value> {
         let (index, element) = self.keyed(key)?;
         match element {

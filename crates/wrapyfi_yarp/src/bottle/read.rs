@@ -147,14 +147,10 @@ impl<'a> Reader<'a> {
 
 /// Says of a code that `dialect` lacks whether the other dialect has it.
 pub(super) fn wrong_code(code: i32, at: usize, dialect: Dialect) -> BottleError {
-    let kind = match Code::of(code, dialect.other()) {
-        Some(Code::Value(kind) | Code::List(Some(kind))) => kind,
-        _ => {
-            return BottleError::Damaged(format!(
-                "type code {code} at byte {at} is none of YARP's: the message is damaged, or not a \
-                 bottle"
-            ));
-        }
+    let Some(Code::Value(kind) | Code::List(Some(kind))) = Code::of(code, dialect.other()) else {
+        return BottleError::Damaged(format!(
+            "type code {code} at byte {at} is none of YARP's: the message is damaged, or not a bottle"
+        ));
     };
     BottleError::OtherDialect { code, at, meaning: kind.name(), dialect }
 }

@@ -36,7 +36,6 @@ struct Open {
 
 impl BottleScan {
     /// A scan of a bottle that has not begun to arrive.
-    #[must_use]
     pub fn new(dialect: Dialect, limits: &Limits) -> Self {
         Self { dialect, limits: limits.clone(), at: 0, elements: 0, open: None }
     }

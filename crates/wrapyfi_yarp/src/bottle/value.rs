@@ -39,25 +39,21 @@ pub enum Value {
 
 impl Value {
     /// A string.
-    #[must_use]
     pub fn string(text: impl Into<Text>) -> Self {
         Self::String(text.into())
     }
 
     /// A vocab of the first four bytes of `word`, as in `[set]`.
-    #[must_use]
     pub fn vocab(word: &str) -> Self {
         Self::Vocab32(Vocab::new(word))
     }
 
     /// A blob.
-    #[must_use]
     pub fn blob(bytes: impl Into<Bytes>) -> Self {
         Self::Blob(bytes.into())
     }
 
     /// The string, where this is one and UTF-8.
-    #[must_use]
     pub fn as_str(&self) -> Option<&str> {
         match self {
             Self::String(text) => text.as_str(),
@@ -66,7 +62,6 @@ impl Value {
     }
 
     /// The integer, where this is one of any width.
-    #[must_use]
     pub fn as_i64(&self) -> Option<i64> {
         match self {
             Self::Int8(number) => Some(i64::from(*number)),
@@ -78,19 +73,17 @@ impl Value {
     }
 
     /// The number, where this is an integer or a float. 64-bit integers are rounded.
-    #[must_use]
     pub fn as_f64(&self) -> Option<f64> {
         match self {
             Self::Float32(number) => Some(f64::from(*number)),
             Self::Float64(number) => Some(*number),
-            #[allow(clippy::cast_precision_loss)] // the nearest double is what is asked for
+            // The nearest double is what is asked for.
             other => other.as_i64().map(|number| number as f64),
         }
     }
 
     /// The boolean, where this is one: the vocab `[1]` or the vocab 0 in bottles that programs
     /// put together, `[ok]` or `[fail]` in the structures of YARP's interfaces.
-    #[must_use]
     pub fn as_bool(&self) -> Option<bool> {
         match self {
             Self::Vocab32(Vocab::TRUE | Vocab::OK) => Some(true),
@@ -100,7 +93,6 @@ impl Value {
     }
 
     /// The elements, where this is a list or a dictionary.
-    #[must_use]
     pub fn as_list(&self) -> Option<&Bottle> {
         match self {
             Self::List(list) | Self::Dict(list) => Some(list),
@@ -110,7 +102,6 @@ impl Value {
 
     /// True when the value is `word`, as a vocab or as a string: YARP's commands come as either. Of
     /// a vocab, only as many letters count as it can hold.
-    #[must_use]
     pub fn is_word(&self, word: &str) -> bool {
         match self {
             Self::Vocab32(vocab) => *vocab == Vocab::new(word),
@@ -146,14 +137,12 @@ macro_rules! vocab {
 
         impl $name {
             /// The first letters of `word`, as many as there is room for.
-            #[must_use]
             pub fn new(word: &str) -> Self {
                 Self::from_bytes(word.as_bytes())
             }
 
             /// The first of `bytes`, as many as there is room for. Each is added as a signed number,
             /// as YARP does: letters beyond ASCII come out odd, but the same.
-            #[must_use]
             pub fn from_bytes(bytes: &[u8]) -> Self {
                 let letters = bytes.iter().take($letters).enumerate();
                 Self(letters.fold(0, |code: $int, (place, &letter)| {
@@ -163,7 +152,6 @@ macro_rules! vocab {
             }
 
             /// The letters without the zeros that pad them.
-            #[must_use]
             pub fn letters(self) -> Vec<u8> {
                 self.0.to_le_bytes().into_iter().filter(|&letter| letter != 0).collect()
             }
@@ -210,25 +198,21 @@ pub struct Text(Bytes);
 
 impl Text {
     /// The text, where it is UTF-8.
-    #[must_use]
     pub fn as_str(&self) -> Option<&str> {
         std::str::from_utf8(&self.0).ok()
     }
 
     /// The bytes as they came.
-    #[must_use]
     pub fn as_bytes(&self) -> &[u8] {
         &self.0
     }
 
     /// The text, with U+FFFD for what is not UTF-8.
-    #[must_use]
     pub fn to_string_lossy(&self) -> Cow<'_, str> {
         String::from_utf8_lossy(&self.0)
     }
 
     /// The bytes, shared with the message they came in.
-    #[must_use]
     pub fn into_bytes(self) -> Bytes {
         self.0
     }

@@ -66,7 +66,6 @@ struct Settings {
 
 impl NameClient {
     /// A client of the name server at this address, whose name is `/root`.
-    #[must_use]
     pub fn new(server: NameServerConf) -> Self {
         Self(Arc::new(Settings {
             server,
@@ -113,25 +112,21 @@ impl NameClient {
     }
 
     /// Address of the name server.
-    #[must_use]
     pub fn server(&self) -> &NameServerConf {
         &self.0.server
     }
 
     /// The port name of the name server.
-    #[must_use]
     pub fn namespace(&self) -> &str {
         &self.0.namespace
     }
 
     /// Longest time that a request may take.
-    #[must_use]
     pub fn timeout(&self) -> Duration {
         self.0.timeout
     }
 
     /// Limits of answers.
-    #[must_use]
     pub fn limits(&self) -> &Limits {
         &self.0.limits
     }
@@ -196,10 +191,7 @@ impl NameClient {
         let command = self.register_command(request)?;
         // YARP's own ports end this line with both bytes, and the others with one.
         let answer = self.one_line(&command, "\r\n").await?;
-        match self.registration(&command, &answer)? {
-            Some(registration) => Ok(registration),
-            None => Err(self.refused(&command, &answer)),
-        }
+        self.registration(&command, &answer)?.ok_or_else(|| self.refused(&command, &answer))
     }
 
     /// Forgets a port; one that is not known is no error.
@@ -394,10 +386,8 @@ impl NameClient {
     }
 
     fn checked(&self, name: &str) -> Result<(), NameError> {
-        match name_fault(name, self.0.limits.max_name_bytes) {
-            None => Ok(()),
-            Some(reason) => Err(NameError::BadName { name: shown(name.as_bytes()), reason }),
-        }
+        let bad = |reason| NameError::BadName { name: shown(name.as_bytes()), reason };
+        name_fault(name, self.0.limits.max_name_bytes).map_or(Ok(()), |reason| Err(bad(reason)))
     }
 
     fn nonsense(&self, command: &str, answer: &[u8]) -> NameError {

@@ -78,7 +78,6 @@ pub enum ConfError {
 
 impl ConfError {
     /// True when nobody has said where a name server is, rather than said it wrongly.
-    #[must_use]
     pub fn is_missing(&self) -> bool {
         matches!(self, Self::Missing(_) | Self::NoFolder)
     }
@@ -267,10 +266,8 @@ fn read_text(file: &Path) -> Result<Option<String>, ConfError> {
         Ok(_) => {}
     }
     let bytes = std::fs::read(file).map_err(unreadable)?;
-    match String::from_utf8(bytes) {
-        Ok(text) => Ok(Some(text)),
-        Err(_) => Err(ConfError::faulty(file, "is not UTF-8 text".to_owned())),
-    }
+    let text = String::from_utf8(bytes).map(Some);
+    text.map_err(|_other| ConfError::faulty(file, "is not UTF-8 text".to_owned()))
 }
 
 impl Default for NameServerConf {

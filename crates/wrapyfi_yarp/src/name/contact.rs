@@ -20,7 +20,6 @@ pub struct Target {
 
 impl Target {
     /// Takes a name apart. It cannot fail: what has no carrier and no network is a name.
-    #[must_use]
     pub fn parse(text: &str) -> Self {
         let (carrier, mut name) = match text.find(":/") {
             // `tcp://cam` names /cam: the second slash belongs to the name.
@@ -41,14 +40,12 @@ impl Target {
     }
 
     /// The carrier without its qualifiers.
-    #[must_use]
     pub fn carrier_name(&self) -> &str {
         self.carrier.split('+').next().unwrap_or_default()
     }
 
     /// True when the receiver asks the sender for data with this carrier, instead of the other way
     /// round.
-    #[must_use]
     pub fn is_pull(&self) -> bool {
         is_pull(self.carrier_name())
     }
@@ -60,7 +57,6 @@ pub(crate) fn is_pull(carrier: &str) -> bool {
 }
 
 /// Rule by which a name cannot be that of a port; `None` where it can.
-#[must_use]
 pub(crate) fn name_fault(name: &str, max_bytes: usize) -> Option<String> {
     if name.len() > max_bytes {
         return Some(format!("has {} bytes, the limit is {max_bytes}", name.len()));

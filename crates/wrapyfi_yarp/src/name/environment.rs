@@ -48,7 +48,6 @@ pub struct PortNaming {
 
 impl Environment {
     /// The environment of this process.
-    #[must_use]
     pub fn from_process() -> Self {
         let others = ["XDG_CONFIG_HOME", "XDG_RUNTIME_DIR", "HOME", "USER", "APPDATA"];
         let ours = |name: &str| name.starts_with("YARP_") || others.contains(&name);
@@ -86,7 +85,6 @@ impl Environment {
     }
 
     /// True when a variable is a switch that is on: `1` or `true`.
-    #[must_use]
     pub fn is_on(&self, name: &str) -> bool {
         self.text(name).is_some_and(|value| matches!(value.trim(), "1" | "true"))
     }
@@ -94,7 +92,6 @@ impl Environment {
     /// The folder of YARP's configuration files: `$YARP_CONFIG_HOME`, else `yarp` in
     /// `$XDG_CONFIG_HOME`, else `.config/yarp` in `$HOME` (`Library/Preferences/yarp` on macOS,
     /// `%APPDATA%\yarp\config` on Windows). None without any of them.
-    #[must_use]
     pub fn config_home(&self) -> Option<PathBuf> {
         let folder = |name: &str| {
             self.variables.get(name).filter(|value| !value.is_empty()).map(PathBuf::from)
@@ -115,7 +112,6 @@ impl Environment {
 
     /// The folder where ports of this machine meet on unix sockets: `$YARP_RUNTIME_DIR`, else `yarp` in
     /// `$XDG_RUNTIME_DIR`, else `/tmp/runtime-$USER/yarp`. None without any of them.
-    #[must_use]
     pub fn runtime_folder(&self) -> Option<PathBuf> {
         let set = |name: &str| self.variables.get(name).filter(|value| !value.is_empty());
         if let Some(folder) = set("YARP_RUNTIME_DIR") {
@@ -182,7 +178,6 @@ impl Environment {
 
 /// `name` with an underscore for whatever is no ASCII letter or digit, as YARP writes names into
 /// variables and file names.
-#[must_use]
 pub fn safe_name(name: &str) -> String {
     // Bytes, not characters: YARP knows no other.
     name.bytes()

@@ -26,7 +26,6 @@ pub enum NameEvent {
 
 impl NameEvent {
     /// Message of the name server about the change: `[add] "/cam"`.
-    #[must_use]
     pub fn to_bottle(&self) -> Bottle {
         let (word, name) = match self {
             Self::Added(name) => ("add", name),
@@ -36,7 +35,6 @@ impl NameEvent {
     }
 
     /// Reads what a name server sent; none where it is something else.
-    #[must_use]
     pub fn from_bottle(bottle: &Bottle) -> Option<Self> {
         let name = bottle.get(1)?.as_str()?.to_owned();
         match bottle.get(0)? {

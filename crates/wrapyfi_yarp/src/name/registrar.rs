@@ -120,13 +120,11 @@ impl Registrar {
     }
 
     /// The client it asks with.
-    #[must_use]
     pub fn client(&self) -> &NameClient {
         &self.0.shared.client
     }
 
     /// State of the registrar, and a signal of its changes.
-    #[must_use]
     pub fn status(&self) -> watch::Receiver<RegistrarStatus> {
         self.0.shared.status.subscribe()
     }

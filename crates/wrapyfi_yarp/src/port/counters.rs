@@ -36,13 +36,11 @@ impl Counters {
     }
 
     /// Number of times that one reason was counted.
-    #[must_use]
     pub fn get(&self, reason: &str) -> u64 {
         self.0.lock().get(reason).copied().unwrap_or(0)
     }
 
     /// All counts.
-    #[must_use]
     pub fn all(&self) -> BTreeMap<&'static str, u64> {
         self.0.lock().clone()
     }

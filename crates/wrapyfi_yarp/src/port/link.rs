@@ -62,7 +62,6 @@ pub enum LinkError {
 
 impl LinkError {
     /// True when nobody is at the address.
-    #[must_use]
     pub fn is_refused(&self) -> bool {
         let Self::Connect { error, .. } = self else { return false };
         error.kind() == std::io::ErrorKind::ConnectionRefused
@@ -96,9 +95,9 @@ impl LinkOptions {
 /// An open connection of a stream carrier.
 #[derive(Debug)]
 pub(crate) struct Link {
-    stream: Stream,
+    pub(super) stream: Stream,
     buffer: BytesMut,
-    carrier: Carrier,
+    pub(super) carrier: Carrier,
     options: LinkOptions,
     silence: Silence,
 }
@@ -162,18 +161,10 @@ impl Link {
         Self { stream, buffer: BytesMut::new(), carrier, options, silence: Silence::default() }
     }
 
-    pub(super) fn carrier(&self) -> Carrier {
-        self.carrier
-    }
-
     /// The addresses of both ends, its own first.
     pub(super) fn addresses(&self) -> std::io::Result<(SocketAddr, SocketAddr)> {
         let tcp = self.stream.tcp().ok_or(std::io::ErrorKind::Unsupported)?;
         Ok((tcp.local_addr()?, tcp.peer_addr()?))
-    }
-
-    pub(super) fn stream(&self) -> &Stream {
-        &self.stream
     }
 
     /// Writes a message. Not cancel-safe.

@@ -102,7 +102,6 @@ pub struct Message {
 
 impl Message {
     /// A message without envelope.
-    #[must_use]
     pub fn new(payload: PortPayload) -> Self {
         Self { payload, ..Self::default() }
     }
@@ -149,7 +148,6 @@ impl Received {
     }
 
     /// The time stamp, where the envelope is one.
-    #[must_use]
     pub fn stamp(&self) -> Option<Stamp> {
         self.envelope.as_deref().and_then(Stamp::from_envelope)
     }

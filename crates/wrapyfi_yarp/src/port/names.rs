@@ -80,7 +80,6 @@ pub struct NameTable(Mutex<Table>);
 
 impl NameTable {
     /// An empty table.
-    #[must_use]
     pub fn new() -> Self {
         Self::default()
     }

@@ -108,19 +108,16 @@ pub struct Network(pub(super) Arc<NetworkOptions>);
 
 impl Network {
     /// A network with these settings.
-    #[must_use]
     pub fn new(options: NetworkOptions) -> Self {
         Self(Arc::new(options))
     }
 
     /// Name server of the network.
-    #[must_use]
     pub fn names(&self) -> &Arc<dyn Names> {
         &self.0.names
     }
 
     /// Dialect in which the network's ports encode bottles.
-    #[must_use]
     pub fn dialect(&self) -> Dialect {
         self.0.dialect
     }
@@ -136,7 +133,6 @@ impl Network {
     }
 
     /// Limits of everything that the network's ports read.
-    #[must_use]
     pub fn limits(&self) -> &Limits {
         &self.0.limits
     }

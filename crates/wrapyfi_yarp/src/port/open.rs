@@ -18,7 +18,7 @@ use crate::name::environment::{EnvironmentError, PortNaming};
 use crate::wire::{Carrier, Fault};
 
 /// Address that a port listens on, and its registration.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone)]
 pub struct PortOptions {
     /// Listen here, instead of at any free number.
     pub address: Option<SocketAddr>,
@@ -45,7 +45,6 @@ type Test = dyn Fn(&str, &str) -> bool + Send + Sync;
 
 impl Admission {
     /// Admits programs for which `test` of their name and address is true.
-    #[must_use]
     pub fn new(test: impl Fn(&str, &str) -> bool + Send + Sync + 'static) -> Self {
         Self(Arc::new(test))
     }
@@ -65,14 +64,6 @@ impl Admission {
 }
 
 /// Two tests are the same where one is a copy of the other.
-impl PartialEq for Admission {
-    fn eq(&self, other: &Self) -> bool {
-        Arc::ptr_eq(&self.0, &other.0)
-    }
-}
-
-impl Eq for Admission {}
-
 impl fmt::Debug for Admission {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("Admission")

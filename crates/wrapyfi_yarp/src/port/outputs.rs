@@ -144,7 +144,7 @@ impl Core {
                 (Way::Datagrams { socket, pace: Pace::new() }, copy)
             }
             _ => {
-                let copy = copy_of(link.stream());
+                let copy = copy_of(&link.stream);
                 (Way::Stream(link), copy)
             }
         };

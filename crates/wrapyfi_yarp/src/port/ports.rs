@@ -23,7 +23,7 @@ use crate::bottle::EncodeError;
 use crate::wire::Carrier;
 
 /// Rule by which an output keeps messages for its targets.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone)]
 pub struct OutputOptions {
     /// Name and address.
     pub port: PortOptions,
@@ -131,31 +131,26 @@ macro_rules! every_port {
     ($($port:ty),*) => {$(
         impl $port {
             /// Name of the port: the one that the server chose, for `...`.
-            #[must_use]
             pub fn name(&self) -> &str {
                 &self.owner.core.name
             }
 
             /// Address that the port listens on.
-            #[must_use]
             pub fn address(&self) -> SocketAddr {
                 self.owner.core.address
             }
 
             /// State of the port's connections.
-            #[must_use]
             pub fn status(&self) -> Vec<ConnectionStatus> {
                 self.owner.core.status()
             }
 
             /// Counts of everything that was refused, lost or dropped, by reason.
-            #[must_use]
             pub fn counters(&self) -> &Counters {
                 &self.owner.core.counters
             }
 
             /// Number of connections, and a signal of its changes.
-            #[must_use]
             pub fn connected(&self) -> watch::Receiver<Connected> {
                 self.owner.core.connected.subscribe()
             }
@@ -189,7 +184,6 @@ impl OutputPort {
     }
 
     /// Number of targets of carrier mjpeg.
-    #[must_use]
     pub fn picture_readers(&self) -> usize {
         self.owner.core.picture_readers()
     }

@@ -198,13 +198,11 @@ impl Session {
     }
 
     /// Sender and carrier of the connection.
-    #[must_use]
     pub fn opening(&self) -> &Opening {
         &self.opening
     }
 
     /// The sender; `anon` where the carrier has no name, `web` over HTTP.
-    #[must_use]
     pub fn sender(&self) -> Sender {
         match &self.opening {
             Opening::Messages { sender, .. } => sender.clone(),
@@ -214,7 +212,6 @@ impl Session {
     }
 
     /// The carrier's name with its qualifiers, as `[list]` tells it.
-    #[must_use]
     pub fn carrier_text(&self) -> String {
         match &self.opening {
             Opening::Messages { carrier, sender, .. } => sender.carrier_text(*carrier),
@@ -224,13 +221,11 @@ impl Session {
     }
 
     /// True when answers are lines of text.
-    #[must_use]
     pub fn is_text(&self) -> bool {
         self.carrier.is_none_or(Carrier::is_text)
     }
 
     /// The peer's address.
-    #[must_use]
     pub fn peer(&self) -> SocketAddr {
         self.peer
     }

@@ -64,7 +64,7 @@ async fn send(way: &mut Way, message: &Arc<Message>) -> Result<(), LinkError> {
     if payload.kind == PayloadKind::Raw {
         let carrier = match way {
             Way::Mjpeg(_) => None,
-            Way::Stream(link) | Way::Reversed(link) => Some(link.carrier()),
+            Way::Stream(link) | Way::Reversed(link) => Some(link.carrier),
             Way::Datagrams { .. } => Some(Carrier::Udp),
         };
         if let Some(carrier) = carrier {

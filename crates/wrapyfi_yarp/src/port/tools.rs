@@ -53,7 +53,6 @@ pub enum AdminError {
 
 impl AdminError {
     /// True when nobody is at the port's address.
-    #[must_use]
     pub fn is_refused(&self) -> bool {
         matches!(self, Self::Port { error, .. } if error.is_refused())
     }
@@ -66,7 +65,6 @@ pub(crate) fn contact(host: &str, port: u16) -> String {
 
 impl Registration {
     /// Host and number, as connections take them.
-    #[must_use]
     pub fn contact(&self) -> String {
         contact(&self.host, self.port)
     }

@@ -191,7 +191,7 @@ impl NameState {
             let word = words.word(index);
             (words.has(index) && word != "...").then_some(word)
         };
-        let own = self.registry.own();
+        let own = &self.registry.own;
         let carrier = chosen(1).unwrap_or_else(|| "tcp".to_owned());
         let topic = carrier == "topic";
         let host = chosen(2).unwrap_or_else(|| match asker.address {
@@ -203,7 +203,7 @@ impl NameState {
         let port = match words.0.get(3) {
             None if topic => i64::from(own.port),
             // The type of a port comes with the number -1, which means any.
-            #[allow(clippy::cast_possible_truncation)] // saturates; what is no port is refused
+            // Saturates; what is no port is refused.
             Some(Value::Float64(number)) => *number as i64,
             other => other.and_then(Value::as_i64).unwrap_or(-1),
         };
@@ -212,7 +212,7 @@ impl NameState {
     }
 
     fn unregister(&mut self, name: &str, bottle: bool) -> Outcome {
-        if name == self.registry.own().name {
+        if name == self.registry.own.name {
             return Self::refuse(Refusal::Own { name: name.to_owned() }, bottle);
         }
         let mut outcome = self.remove(name);
@@ -229,7 +229,7 @@ impl NameState {
         let mut waiting = vec![name.to_owned()];
         let mut lines = Vec::new();
         while let Some(name) = waiting.pop() {
-            if name == self.registry.own().name {
+            if name == self.registry.own.name {
                 continue;
             }
             outcome.links.extend(self.subscriptions.depart(&name, &self.registry));
@@ -330,7 +330,7 @@ impl NameState {
         if words.has(0) {
             return linked(self.subscriptions.add_topic(&words.word(0), &self.registry));
         }
-        let names = self.subscriptions.topics().iter().map(|name| name.as_str().into());
+        let names = self.subscriptions.topics.iter().map(|name| name.as_str().into());
         Outcome::reply(Reply::Bottle(names.collect()))
     }
 

@@ -186,19 +186,16 @@ impl NameServer {
     }
 
     /// Address that the name server listens on.
-    #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
     /// Entry of the name server itself: its name, and the address at which others reach it.
-    #[must_use]
     pub fn registration(&self) -> &Registration {
         &self.shared.own
     }
 
     /// A client of it.
-    #[must_use]
     pub fn client(&self) -> NameClient {
         let own = &self.shared.own;
         NameClient::new(NameServerConf { host: own.host.clone(), port: own.port })
@@ -206,7 +203,6 @@ impl NameServer {
     }
 
     /// Numbers of the server's names, connections and commands.
-    #[must_use]
     pub fn status(&self) -> NameServerStatus {
         self.shared.status()
     }

@@ -19,7 +19,6 @@ pub struct Offline {
 
 impl Offline {
     /// A fresh one, at 127.0.0.1:10000.
-    #[must_use]
     pub fn new(kept: NameServerLimits, limits: Limits) -> Self {
         let own = Registration {
             name: "/root".to_owned(),
@@ -50,7 +49,6 @@ impl Offline {
     }
 
     /// Number of names.
-    #[must_use]
     pub fn names(&self) -> usize {
         self.state.registry.len()
     }
@@ -58,13 +56,11 @@ impl Offline {
 
 /// Addresses of the ports that a client reads from the answer to a one-line request; `None` where
 /// the answer does not end or exceeds a limit.
-#[must_use]
 pub fn read_answer(bytes: &[u8], limits: &Limits) -> Option<Vec<Registration>> {
     crate::name::read_answer(bytes, limits)
 }
 
 /// Name server that a program which looks for one finds in a datagram of the group.
-#[must_use]
 pub fn read_found(datagram: &[u8]) -> Option<Registration> {
     crate::name::multicast::read_answer(datagram)
 }

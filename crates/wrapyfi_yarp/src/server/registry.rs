@@ -69,7 +69,7 @@ pub(crate) enum Refusal {
 /// The names there are.
 #[derive(Debug)]
 pub(crate) struct Registry {
-    own: Registration,
+    pub(crate) own: Registration,
     ports: BTreeMap<String, Entry>,
     /// Number of registrations that use a port number, whoever chose it.
     numbers: BTreeMap<u16, usize>,
@@ -100,11 +100,6 @@ impl Registry {
             None,
         );
         registry
-    }
-
-    /// The name server itself.
-    pub(crate) fn own(&self) -> &Registration {
-        &self.own
     }
 
     /// Number of names.

@@ -54,7 +54,7 @@ pub(crate) struct Subscriptions {
     /// Time at which each port was first announced.
     live: BTreeMap<String, Duration>,
     /// Topics in the order in which they were made.
-    topics: Vec<String>,
+    pub(crate) topics: Vec<String>,
     types: BTreeMap<String, String>,
     limit: usize,
 }
@@ -225,11 +225,6 @@ impl Subscriptions {
     /// Forgets a topic.
     pub(crate) fn remove_topic(&mut self, name: &str) {
         self.topics.retain(|topic| topic != name);
-    }
-
-    /// The topics there are.
-    pub(crate) fn topics(&self) -> &[String] {
-        &self.topics
     }
 
     /// Stores what a type is made of.

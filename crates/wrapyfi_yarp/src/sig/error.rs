@@ -55,7 +55,6 @@ pub enum SigError {
 
 impl SigError {
     /// True for bytes that are something else, and not a damaged object.
-    #[must_use]
     pub const fn is_mismatch(&self) -> bool {
         matches!(self, Self::Other { .. } | Self::OtherVersion(_) | Self::Bottle)
     }

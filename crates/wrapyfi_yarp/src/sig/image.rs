@@ -119,37 +119,31 @@ impl Image {
     }
 
     /// Header of the image: format and layout of the pixels.
-    #[must_use]
     pub const fn header(&self) -> &ImageHeader {
         &self.header
     }
 
     /// Format of the pixels.
-    #[must_use]
     pub const fn pixel(&self) -> PixelCode {
         self.header.pixel
     }
 
     /// Pixels in a row.
-    #[must_use]
     pub const fn width(&self) -> usize {
         self.header.width
     }
 
     /// Rows.
-    #[must_use]
     pub const fn height(&self) -> usize {
         self.header.height
     }
 
     /// All rows with what pads them, [`ImageHeader::stride`] bytes each.
-    #[must_use]
     pub const fn data(&self) -> &Bytes {
         &self.data
     }
 
     /// The pixels of row `y`, counted from the top, without padding.
-    #[must_use]
     pub fn row(&self, y: usize) -> Option<&[u8]> {
         let start = y.checked_mul(self.header.stride)?;
         let row = self.data.get(start..start.checked_add(self.header.row_bytes())?)?;

@@ -143,20 +143,17 @@ impl ImageHeader {
     }
 
     /// Bytes of all rows, as they follow the header.
-    #[must_use]
     pub const fn image_bytes(&self) -> usize {
         // Checked where headers are made.
         self.stride.saturating_mul(self.height)
     }
 
     /// Bytes of the pixels of one row, without what pads it.
-    #[must_use]
     pub const fn row_bytes(&self) -> usize {
         self.width.saturating_mul(self.pixel_bytes)
     }
 
     /// True when the image has no pixels.
-    #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.width == 0 || self.height == 0
     }

@@ -20,7 +20,6 @@ macro_rules! pixel_codes {
             pub const ALL: &'static [Self] = &[$(Self::$name),+];
 
             /// The code as a vocab.
-            #[must_use]
             pub fn vocab(self) -> Vocab {
                 match self {
                     $(Self::$name => Vocab::new($code),)+
@@ -30,7 +29,6 @@ macro_rules! pixel_codes {
 
             /// Bytes of one pixel; none for codes that are not known. YARP's own code for other sizes
             /// is the size, negative.
-            #[must_use]
             pub fn bytes(self) -> Option<usize> {
                 match self {
                     $(Self::$name => Some($bytes),)+
@@ -101,7 +99,6 @@ pixel_codes! {
 
 impl PixelCode {
     /// Pixel format that a vocab means.
-    #[must_use]
     pub fn of(vocab: Vocab) -> Self {
         let known = Self::ALL.iter().find(|code| code.vocab() == vocab);
         known.copied().unwrap_or(Self::Other(vocab))

@@ -122,31 +122,26 @@ impl Sound {
     }
 
     /// Samples of one channel.
-    #[must_use]
     pub const fn samples(&self) -> usize {
         self.samples
     }
 
     /// Channels.
-    #[must_use]
     pub const fn channels(&self) -> usize {
         self.channels
     }
 
     /// Samples of one channel in a second.
-    #[must_use]
     pub const fn frequency_hz(&self) -> i32 {
         self.frequency_hz
     }
 
     /// All samples, little-endian, one channel after the other.
-    #[must_use]
     pub const fn data(&self) -> &Bytes {
         &self.data
     }
 
     /// All samples, the channels of one moment together.
-    #[must_use]
     pub fn to_interleaved(&self) -> Vec<i16> {
         let samples = self.all();
         let mut interleaved = Vec::with_capacity(samples.len());

@@ -25,38 +25,32 @@ pub struct Stamp {
 
 impl Stamp {
     /// The stamp in an envelope: `42 1700000000.5`. None where the envelope is something else.
-    #[must_use]
     pub fn from_envelope(envelope: &[u8]) -> Option<Self> {
         let limits = Limits { max_message_bytes: 1 << 10, max_depth: 2, ..Limits::default() };
         Self::from_bottle(&Bottle::from_text(envelope, &limits).ok()?)
     }
 
     /// The envelope as YARP writes it: 15 significant digits.
-    #[must_use]
     pub fn to_envelope(&self) -> String {
         format!("{} {}", self.count, significant(self.time_s, DIGITS))
     }
 
     /// The stamp that a bottle is: a whole number, then a time. YARP allows a third element, the
     /// name of a frame as in a ROS header; it is ignored.
-    #[must_use]
     pub fn from_bottle(bottle: &Bottle) -> Option<Self> {
-        let (count, time) = match bottle.values.as_slice() {
-            [count, time] | [count, time, Value::String(_)] => (count, time),
-            _ => return None,
+        let ([count, time] | [count, time, Value::String(_)]) = bottle.values.as_slice() else {
+            return None;
         };
         Some(Self { count: count.as_i64()?.try_into().ok()?, time_s: time.as_f64()? })
     }
 
     /// The stamp as a bottle.
-    #[must_use]
     pub fn to_bottle(&self) -> Bottle {
         Bottle { values: vec![Value::Int32(self.count), Value::Float64(self.time_s)] }
     }
 
     /// Reads a stamp that was sent as data; `None` when the bytes are no bottle of that dialect, or one of
     /// something else.
-    #[must_use]
     pub fn decode(bytes: &Bytes, dialect: Dialect, limits: &Limits) -> Option<Self> {
         Self::from_bottle(&Bottle::decode(bytes, dialect, limits).ok()?.0)
     }

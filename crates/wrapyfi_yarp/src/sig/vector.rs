@@ -156,19 +156,16 @@ impl Matrix {
     }
 
     /// Rows.
-    #[must_use]
     pub const fn rows(&self) -> usize {
         self.rows
     }
 
     /// Columns.
-    #[must_use]
     pub const fn columns(&self) -> usize {
         self.columns
     }
 
     /// All numbers, row by row.
-    #[must_use]
     pub fn values(&self) -> &[f64] {
         &self.values
     }

@@ -29,7 +29,6 @@ pub(crate) fn name(value: &Value) -> String {
 /// The carrier of a destination, where it names one, and the name of the port: `tcp://dst`.
 ///
 /// `None` when it is malformed: `fast_tcp:/dst` lacks a slash.
-#[must_use]
 pub fn split_destination(destination: &str) -> Option<(Option<&str>, String)> {
     match destination.split_once(':') {
         // A name may have colons, but begins with a slash.
@@ -47,61 +46,51 @@ fn result(code: i32, mut sentence: String) -> Bottle {
 }
 
 /// `-1` with a reason: a sentence of this module.
-#[must_use]
 pub fn failed(sentence: impl Into<String>) -> Bottle {
     result(-1, sentence.into())
 }
 
 /// `0` with what was done: a sentence of this module.
-#[must_use]
 pub fn done(sentence: impl Into<String>) -> Bottle {
     result(0, sentence.into())
 }
 
 /// An output was made.
-#[must_use]
 pub fn added(from: &str, to: &str) -> String {
     format!("Added connection from {from} to {to}")
 }
 
 /// An output was taken away.
-#[must_use]
 pub fn removed(from: &str, to: &str) -> String {
     format!("Removed connection from {from} to {to}")
 }
 
 /// An input is being taken away.
-#[must_use]
 pub fn removing(from: &str, to: &str) -> String {
     format!("Removing connection from {from} to {to}")
 }
 
 /// There is no such output.
-#[must_use]
 pub fn no_output(name: &str) -> String {
     format!("Could not find an outgoing connection to {name}")
 }
 
 /// There is no such input.
-#[must_use]
 pub fn no_input(name: &str) -> String {
     format!("Could not find an incoming connection from {name}")
 }
 
 /// The destination is not known.
-#[must_use]
 pub fn unknown_destination(destination: &str) -> String {
     format!("Do not know how to connect to {destination}")
 }
 
 /// The destination cannot be reached.
-#[must_use]
 pub fn unreachable_destination(destination: &str) -> String {
     format!("Cannot connect to {destination}")
 }
 
 /// The destination is not connected so.
-#[must_use]
 pub fn refused_destination(destination: &str, reason: &dyn std::fmt::Display) -> String {
     format!("{}: {reason}", unreachable_destination(destination))
 }
@@ -112,7 +101,6 @@ pub const NO_OUTPUTS: &str = "Outputs not allowed";
 pub const ONE_OUTPUT: &str = "RPC output already connected";
 
 /// The answer to `[set]` and `[get]`, by whether there is such a connection.
-#[must_use]
 pub fn configuration(direction: Direction, name: &str, found: bool, set: bool) -> Bottle {
     let side = match direction {
         Direction::In => "from",
@@ -127,33 +115,28 @@ pub fn configuration(direction: Direction, name: &str, found: bool, set: bool) -
 }
 
 /// `[ver] 1 2 3`: how tools find out that this is a port.
-#[must_use]
 pub fn version() -> Bottle {
     let numbers = [1, 2, 3].map(Value::from);
     std::iter::once(Value::vocab("ver")).chain(numbers).collect()
 }
 
 /// `[ok]`.
-#[must_use]
 pub fn ok() -> Bottle {
     std::iter::once(Value::vocab("ok")).collect()
 }
 
 /// `[fail]`, with a reason where YARP gives one.
-#[must_use]
 pub fn fail(reason: Option<&str>) -> Bottle {
     let reason = reason.map(Value::string);
     std::iter::once(Value::vocab("fail")).chain(reason).collect()
 }
 
 /// The answer to what is no request.
-#[must_use]
 pub fn not_understood() -> Bottle {
     fail(Some("send [help] for list of valid commands"))
 }
 
 /// The answer to `[atch]`: there are no monitors here.
-#[must_use]
 pub fn attached(directed: bool) -> Bottle {
     fail(Some(match directed {
         true => "Failed to configure the portmonitor plug-in",
@@ -162,7 +145,6 @@ pub fn attached(directed: bool) -> Bottle {
 }
 
 /// The answer to `[dtch]`, where no monitor is.
-#[must_use]
 pub fn detached(directed: bool) -> Bottle {
     match directed {
         true => ok(),
@@ -171,7 +153,6 @@ pub fn detached(directed: bool) -> Bottle {
 }
 
 /// One line of `[list] [in] /name`.
-#[must_use]
 pub fn details(from: &str, to: &str, carrier: &str, connectionless: bool, push: bool) -> Bottle {
     let pair = |key: &str, value: Value| Value::from(Bottle::from(vec![key.into(), value]));
     let mut lists =
@@ -193,7 +174,6 @@ pub fn dict(key: &str, pairs: impl IntoIterator<Item = (&'static str, Value)>) -
 }
 
 /// The answer to `[help]`.
-#[must_use]
 pub fn help() -> Bottle {
     let lines = HELP.iter().map(|&line| Value::string(line));
     std::iter::once(Value::vocab("many")).chain(lines).collect()
@@ -224,7 +204,6 @@ const HELP: [&str; 20] = [
 
 /// The type of service that `(qos ((priority HIGH)))` and its kin ask for; `None` when it is not
 /// understood.
-#[must_use]
 pub fn type_of_service(values: &Bottle) -> Option<u32> {
     // The classes of DSCP: class selectors, and assured forwarding of a class and a drop precedence.
     let digit = |letter: &u8| u32::from(letter - b'0');

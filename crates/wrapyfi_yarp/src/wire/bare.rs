@@ -35,7 +35,6 @@ pub struct BareReader {
 
 impl BareReader {
     /// A reader of payloads in `dialect`, or the other one once its codes show, that refuses what exceeds `limits`.
-    #[must_use]
     pub fn new(dialect: Dialect, limits: &Limits) -> Self {
         Self { state: State::Command, dialect, limits: limits.clone() }
     }
@@ -120,7 +119,6 @@ impl BareReader {
 }
 
 /// Bytes in front of a payload.
-#[must_use]
 pub fn head(command: &Command) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(2 * COMMAND);
     command.encode_into(&mut bytes);

@@ -45,7 +45,6 @@ impl Carrier {
     ];
 
     /// YARP's name of it.
-    #[must_use]
     pub fn name(self) -> &'static str {
         self.into()
     }
@@ -59,31 +58,26 @@ impl Carrier {
 
     /// True when messages go over a unix socket, after a TCP connection that only says who meets
     /// there.
-    #[must_use]
     pub const fn is_unix(self) -> bool {
         matches!(self, Self::UnixStream | Self::UnixStreamAck)
     }
 
     /// True when commands and payloads are lines of text.
-    #[must_use]
     pub const fn is_text(self) -> bool {
         matches!(self, Self::Text | Self::TextAck)
     }
 
     /// True when each message is answered by an acknowledgement.
-    #[must_use]
     pub const fn acknowledges(self) -> bool {
         matches!(self, Self::Tcp | Self::TextAck | Self::UnixStreamAck)
     }
 
     /// True when messages go in datagrams, after a TCP connection that only set this up.
-    #[must_use]
     pub const fn is_connectionless(self) -> bool {
         matches!(self, Self::Udp | Self::Mcast)
     }
 
     /// True when the sender of data opens the connection.
-    #[must_use]
     pub const fn is_push(self) -> bool {
         !matches!(self, Self::Mjpeg)
     }

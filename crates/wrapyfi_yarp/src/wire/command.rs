@@ -43,7 +43,6 @@ pub enum Command {
 
 impl Command {
     /// The command of a text; the line of a text carrier, or the text of a binary command.
-    #[must_use]
     pub fn from_text(line: &Bytes) -> Self {
         let name = || String::from_utf8_lossy(line.get(1..).unwrap_or_default()).trim().to_owned();
         match line.first().copied().unwrap_or(0) {
@@ -63,19 +62,16 @@ impl Command {
     }
 
     /// The command of a key without a text.
-    #[must_use]
     pub fn from_key(key: u8) -> Self {
         Self::from_text(&Bytes::copy_from_slice(&[key]))
     }
 
     /// True when a payload follows.
-    #[must_use]
     pub const fn has_payload(&self) -> bool {
         matches!(self, Self::Data { .. } | Self::Admin)
     }
 
     /// The line that stands for it on the text carriers.
-    #[must_use]
     pub fn to_text(&self) -> Vec<u8> {
         match self {
             Self::Data { reply, envelope } => {
@@ -152,7 +148,6 @@ impl Body {
     }
 
     /// Size in bytes, as it came.
-    #[must_use]
     pub fn len(&self) -> usize {
         match self {
             Self::Binary(bytes) | Self::Text(bytes) => bytes.len(),
@@ -160,7 +155,6 @@ impl Body {
     }
 
     /// True when there are no bytes.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

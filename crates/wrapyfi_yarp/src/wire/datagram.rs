@@ -18,7 +18,6 @@ pub const PREFIX: usize = 8;
 pub const MAX_DATAGRAM: usize = 65_499;
 
 /// A datagram with its prefix.
-#[must_use]
 pub fn seal(counter: i32, content: &[u8]) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(PREFIX + content.len());
     bytes.extend([0; 4]);
@@ -47,7 +46,6 @@ pub fn open(datagram: &[u8]) -> Result<(i32, &[u8]), Fault> {
 }
 
 /// A message in datagrams of at most `largest` bytes.
-#[must_use]
 pub fn split(head: &[u8], payload: &[u8], largest: usize) -> Vec<Vec<u8>> {
     let room = largest.clamp(PREFIX + 1, MAX_DATAGRAM) - PREFIX;
     let mut datagrams = Vec::with_capacity((head.len() + payload.len()).div_ceil(room));
@@ -83,7 +81,6 @@ pub struct Assembler {
 
 impl Assembler {
     /// An assembler that refuses messages beyond `limits`.
-    #[must_use]
     pub fn new(limits: &Limits) -> Self {
         let (reader, limits) = (MessageReader::new(limits), limits.clone());
         Self { limits, due: 0, reader, stream: BytesMut::new() }
@@ -134,13 +131,11 @@ impl Assembler {
     }
 
     /// True when a message has begun.
-    #[must_use]
     pub fn has_begun(&self) -> bool {
         self.due > 0
     }
 
     /// Bytes of a begun message that have come.
-    #[must_use]
     pub fn begun(&self) -> usize {
         self.stream.len()
     }

@@ -112,7 +112,6 @@ pub enum Fault {
 
 impl Fault {
     /// True when the peer did nothing wrong, but asked for something that ports of ours lack.
-    #[must_use]
     pub const fn is_refusal(&self) -> bool {
         matches!(
             self,
@@ -126,7 +125,6 @@ impl Fault {
     }
 
     /// The name under which it is counted.
-    #[must_use]
     pub fn name(&self) -> &'static str {
         self.into()
     }

@@ -192,7 +192,6 @@ pub fn encode(carrier: Carrier, sender: &Sender, limits: &Limits) -> Result<Vec<
 }
 
 /// The bytes that follow the name on mcast.
-#[must_use]
 pub fn encode_group(group: SocketAddrV4) -> [u8; 6] {
     let [a, b, c, d] = group.ip().octets();
     let [high, low] = group.port().to_be_bytes();
@@ -200,7 +199,6 @@ pub fn encode_group(group: SocketAddrV4) -> [u8; 6] {
 }
 
 /// The answer to a header: a number with a port on the binary carriers, a line on the text ones.
-#[must_use]
 pub fn answer(carrier: Carrier, sender: &Sender, port: u16) -> Vec<u8> {
     match carrier {
         Carrier::Tcp | Carrier::FastTcp | Carrier::Udp => number::encode(i32::from(port)).to_vec(),

@@ -22,7 +22,6 @@ pub struct HttpRequest {
 
 impl HttpRequest {
     /// True when the request asks for the port's pictures as MJPEG.
-    #[must_use]
     pub fn wants_stream(&self) -> bool {
         self.path.starts_with("/?action=stream")
     }
@@ -81,7 +80,6 @@ pub(super) fn request(buffer: &mut BytesMut) -> Result<Step<HttpRequest>, Fault>
 }
 
 /// An answer with a page, after which the connection closes.
-#[must_use]
 pub fn page(body: &str) -> Vec<u8> {
     let length = body.len();
     format!(
@@ -92,7 +90,6 @@ pub fn page(body: &str) -> Vec<u8> {
 }
 
 /// An answer that refuses a stream of pictures, after which the connection closes.
-#[must_use]
 pub fn not_acceptable(reason: &str) -> Vec<u8> {
     let length = reason.len() + 2;
     format!(

@@ -65,7 +65,6 @@ pub struct MessageReader {
 
 impl MessageReader {
     /// A reader that refuses messages beyond `limits`.
-    #[must_use]
     pub fn new(limits: &Limits) -> Self {
         Self { state: State::Index, max_message_bytes: limits.max_message_bytes, stray: 0 }
     }
@@ -239,7 +238,6 @@ pub fn head(command: &Command, blocks: &[usize]) -> Result<Vec<u8>, Fault> {
 }
 
 /// The message that ends a connection.
-#[must_use]
 pub fn quit() -> Vec<u8> {
     // One block of ten bytes: this cannot be too large.
     head(&Command::Quit, &[]).unwrap_or_default()

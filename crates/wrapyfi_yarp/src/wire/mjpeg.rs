@@ -14,7 +14,6 @@ use super::{Fault, Step, take};
 use crate::Limits;
 
 /// Request for the pictures of a port. The odd ends of lines are those of YARP.
-#[must_use]
 pub fn request(host: &str) -> Vec<u8> {
     format!("GET /?action=stream\n\n HTTP/1.1\nHost: {host}\r\n\n").into_bytes()
 }
@@ -33,7 +32,6 @@ Content-Type: multipart/x-mixed-replace;boundary=boundarydonotcross\r
 ";
 
 /// Bytes in front of a picture of `size` bytes.
-#[must_use]
 pub fn part_head(size: usize) -> Vec<u8> {
     format!("Content-Type: image/jpeg\r\nContent-Length: {size}\r\n\r\n").into_bytes()
 }
@@ -66,7 +64,6 @@ pub struct MjpegReader {
 
 impl MjpegReader {
     /// A reader that refuses pictures beyond [`Limits::max_message_bytes`].
-    #[must_use]
     pub fn new(limits: &Limits) -> Self {
         Self { state: State::Response, max_message_bytes: limits.max_message_bytes }
     }
@@ -181,7 +178,6 @@ fn comment(jpeg: &Bytes) -> Option<Bytes> {
 
 /// The picture with `envelope` as a comment in it, behind its first segment as YARP writes it;
 /// as it is when it is no JPEG file, or the envelope is too long for one.
-#[must_use]
 pub fn with_envelope(jpeg: &Bytes, envelope: &[u8]) -> Bytes {
     let length = u16::try_from(envelope.len() + 3);
     let first = segments(jpeg).next();

@@ -8,14 +8,12 @@
 pub const SIZE: usize = 8;
 
 /// The bytes of `value`.
-#[must_use]
 pub const fn encode(value: i32) -> [u8; SIZE] {
     let [a, b, c, d] = value.to_le_bytes();
     [b'Y', b'A', a, b, c, d, b'R', b'P']
 }
 
 /// The number in the first eight of `bytes`; `None` when it is none.
-#[must_use]
 pub fn decode(bytes: &[u8]) -> Option<i32> {
     match *bytes {
         [b'Y', b'A', a, b, c, d, b'R', b'P', ..] => Some(i32::from_le_bytes([a, b, c, d])),

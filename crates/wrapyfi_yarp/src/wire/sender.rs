@@ -75,7 +75,6 @@ impl Sender {
     }
 
     /// The modifier that the receiver must apply, if there is one.
-    #[must_use]
     pub fn receiver_modifier(&self) -> Option<&str> {
         let named = self.qualifiers.iter().find(|qualifier| qualifier.key == "recv")?;
         Some(named.value.as_deref().unwrap_or_default())
@@ -83,20 +82,17 @@ impl Sender {
 
     /// The modifier that the receiver must apply and that ports of ours lack: any but `priority`, which
     /// changes no bytes.
-    #[must_use]
     pub fn foreign_modifier(&self) -> Option<&str> {
         self.receiver_modifier().filter(|&modifier| modifier != "priority")
     }
 
     /// The qualifier that makes the sender itself change what it sends: `send.portmonitor` and its kin,
     /// and `log.in`, which sends what the port receives.
-    #[must_use]
     pub fn sender_modifier(&self) -> Option<&Qualifier> {
         self.qualifiers.iter().find(|one| matches!(one.key.as_str(), "send" | "log"))
     }
 
     /// The carrier with the qualifiers, as `[list]` tells it.
-    #[must_use]
     pub fn carrier_text(&self, carrier: Carrier) -> String {
         let mut text = carrier.name().to_owned();
         for Qualifier { key, value } in &self.qualifiers {

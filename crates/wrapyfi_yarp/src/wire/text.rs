@@ -73,7 +73,6 @@ pub struct Lines {
 
 impl Lines {
     /// A reader of lines of up to [`Limits::max_line_bytes`].
-    #[must_use]
     pub fn new(limits: &Limits) -> Self {
         Self { limit: limits.max_line_bytes, scanned: 0 }
     }
@@ -149,7 +148,6 @@ pub struct BottleLines {
 
 impl BottleLines {
     /// A reader of texts of up to [`Limits::max_line_bytes`], all lines together.
-    #[must_use]
     pub fn new(limits: &Limits) -> Self {
         Self { lines: Lines::new(limits), text: None, closed: Closed::default() }
     }
@@ -206,7 +204,6 @@ pub struct TextReader {
 
 impl TextReader {
     /// A reader that refuses lines beyond `limits`.
-    #[must_use]
     pub fn new(limits: &Limits) -> Self {
         Self { command: None, lines: Lines::new(limits), payload: BottleLines::new(limits) }
     }
@@ -247,7 +244,6 @@ impl TextReader {
 }
 
 /// A message for a text carrier: the line of the command, and that of a payload.
-#[must_use]
 pub fn message(command: &Command, payload: Option<&[u8]>) -> Vec<u8> {
     let mut bytes = command.to_text();
     bytes.extend(b"\r\n");

@@ -52,7 +52,7 @@ pub(super) fn read(bytes: &Bytes, rules: Rules<'_>) -> DecodeResult<Map> {
     let ([first, end, least, most], distances) = parts;
     let [first, end] = rules.options.radians([first, end]);
     let count = distances.len();
-    #[allow(clippy::cast_precision_loss)] // far fewer rays than a double can count
+    // Far fewer rays than a double can count.
     let step = if count == 0 { 0.0 } else { (end - first) / count as f64 };
     let last = if count == 0 { first } else { end - step };
     let ranges = Tensor::from_elements(&[count], distances.into_iter().map(narrow).collect());
@@ -69,7 +69,6 @@ pub(super) fn read(bytes: &Bytes, rules: Rules<'_>) -> DecodeResult<Map> {
 }
 
 /// The nearest number of the width that ROS has here.
-#[allow(clippy::cast_possible_truncation)] // that is what it is for
 fn narrow(value: f64) -> f32 {
     value as f32
 }
@@ -81,7 +80,7 @@ pub(super) fn write(fields: &Value, rules: Rules<'_>) -> EncodeResult<Vec<u8>> {
     let scan: Bottle =
         ranges.unwrap_or_default().into_iter().map(|ray| Element::Float64(ray.into())).collect();
     let (first, step) = (number("angle_min"), number("angle_increment"));
-    #[allow(clippy::cast_precision_loss)] // far fewer rays than a double can count
+    // Far fewer rays than a double can count.
     let end = step.mul_add(scan.len() as f64, first);
     let [first, end] = rules.options.degrees([first, end]);
     let bounds = [first, end, number("range_min"), number("range_max")];

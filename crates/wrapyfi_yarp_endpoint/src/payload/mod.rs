@@ -116,7 +116,6 @@ pub fn encode(
 }
 
 /// Text form of the bottle that holds a value, as YARP's tools show it; `None` where none does.
-#[must_use]
 pub fn text_form(value: &Value) -> Option<String> {
     let writer = element::Writer { dialect: Dialect::V3, limits: &Limits::default() };
     writer.bottle(value).ok().map(|bottle| bottle.to_text())

@@ -55,7 +55,6 @@ impl Width {
         let data = match self {
             Self::Float64 => Tensor::from_elements(&count, values),
             Self::Float32 => {
-                #[allow(clippy::cast_possible_truncation)]
                 // to the nearest: that is the message's width
                 let values = values.into_iter().map(|value| value as f32).collect();
                 Tensor::from_elements(&count, values)
@@ -71,7 +70,7 @@ impl Width {
 
 /// A number that is one of 32 bits.
 fn integer(value: f64) -> DecodeResult<i32> {
-    #[allow(clippy::cast_possible_truncation)] // compared with what it was
+    // Compared with what it was.
     let whole = value as i32;
     if f64::from(whole) == value {
         return Ok(whole);
@@ -216,7 +215,7 @@ pub(super) fn field(values: Vec<f64>) -> DecodeResult<Value> {
     tensor.map(Value::from).map_err(|error| DecodeError::malformed("vector", error.to_string()))
 }
 
-#[allow(clippy::cast_possible_truncation)] // they were of that width in the message
+// They were of that width in the message.
 pub(super) fn write(numbers: Numbers, width: Width, dialect: Dialect) -> EncodeResult<Vec<u8>> {
     let count = numbers.values.len();
     let written = match (numbers.shape, width, dialect) {

@@ -177,7 +177,6 @@ fn tuple(sound: &AudioChunk) -> EncodeResult<Value> {
 
 /// Writes why there is no reply, so that every client ends its call: Wrapyfi's in the JSON that
 /// makes them raise an error, others by `[fail]` and the text.
-#[must_use]
 pub fn encode_error(
     text: &str,
     spec: &ServiceSpec,

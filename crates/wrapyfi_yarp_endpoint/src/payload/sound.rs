@@ -49,7 +49,7 @@ pub(super) fn encode(sound: &AudioChunk, dialect: Dialect) -> Result<Vec<u8>, En
 }
 
 /// Wrapyfi's `int(x * 32767)`, clipped; a float that was an integer becomes that integer again.
-#[allow(clippy::cast_possible_truncation)] // `as` saturates: that is the clipping
+// `as` saturates: that is the clipping.
 fn sample(x: f32) -> i16 {
     let scaled = f64::from(x) * FULL_SCALE;
     (scaled + ROUNDING.copysign(scaled)).trunc() as i16

@@ -226,10 +226,7 @@ fn is_datetime64(text: &str) -> bool {
             }
             rest = digits(rest.strip_prefix(separators)?, 2..=2)?;
         }
-        match rest.strip_prefix('.') {
-            Some(fraction) => digits(fraction, 1..=18),
-            None => Some(rest),
-        }
+        rest.strip_prefix('.').map_or(Some(rest), |fraction| digits(fraction, 1..=18))
     }
     if text.is_empty() || text.eq_ignore_ascii_case("nat") {
         return true;

@@ -151,14 +151,12 @@ fn build(
 
 /// Writes a tensor as NumPy's `save` does. `bfloat16`, which NumPy does not know, is written as
 /// `float32`, which holds every value of it.
-#[must_use]
 pub fn write(tensor: &Tensor) -> Vec<u8> {
     let (header, data) = parts(tensor);
     [header, data.into_owned()].concat()
 }
 
 /// Writes any other array as NumPy's `save` does.
-#[must_use]
 pub fn write_array(array: &NumpyArray) -> Vec<u8> {
     [&*array_header(array), &*array.data].concat()
 }

@@ -27,7 +27,6 @@ pub struct Slice {
 
 impl Slice {
     /// Indices of the slice, when it counts up from its start to its stop.
-    #[must_use]
     pub fn indices(&self) -> Option<std::iter::StepBy<std::ops::Range<usize>>> {
         let start = usize::try_from(self.start.unwrap_or(0)).ok()?;
         let stop = usize::try_from(self.stop?).ok()?;

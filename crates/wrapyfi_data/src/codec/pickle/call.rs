@@ -24,13 +24,11 @@ const NOTHING: Global = Global { module: "builtins", name: "object", callable: f
 
 impl<'p> PickleCall<'p> {
     /// The object itself.
-    #[must_use]
     pub fn node(&self) -> Node<'p> {
         self.node
     }
 
     /// The function or class.
-    #[must_use]
     pub fn global(&self) -> &'static Global {
         match self.node.child(self.data.callable, Step::State).view() {
             View::Global(global) => global,
@@ -39,7 +37,6 @@ impl<'p> PickleCall<'p> {
     }
 
     /// Positional arguments.
-    #[must_use]
     pub fn args(&self) -> Items<'p> {
         match self.node.child(self.data.args, Step::State).view() {
             View::Tuple(items) => Items { owner: self.node, step: Step::Arg, ids: items.ids },
@@ -56,13 +53,11 @@ impl<'p> PickleCall<'p> {
     }
 
     /// Keyword arguments, a `dict`, where the pickle has any.
-    #[must_use]
     pub fn kwargs(&self) -> Option<Node<'p>> {
         self.data.kwargs.map(|id| self.node.child(id, Step::Kwargs))
     }
 
     /// True where a class makes an instance without running its `__init__`.
-    #[must_use]
     pub fn is_new(&self) -> bool {
         self.data.new
     }
@@ -76,19 +71,16 @@ impl<'p> PickleCall<'p> {
     }
 
     /// State that the object's `__setstate__` would receive, if it has one.
-    #[must_use]
     pub fn find_state(&self) -> Option<Node<'p>> {
         self.data.state.map(|id| self.node.child(id, Step::State))
     }
 
     /// Items that would be appended to the object.
-    #[must_use]
     pub fn items(&self) -> Items<'p> {
         Items { owner: self.node, step: Step::Item, ids: &self.data.items }
     }
 
     /// Keys and values that would be set in the object, as in an `OrderedDict`.
-    #[must_use]
     pub fn pairs(&self) -> Pairs<'p> {
         Pairs { owner: self.node, ids: &self.data.pairs }
     }

@@ -78,13 +78,11 @@ impl Allowed {
     pub const JAX: Self = Self::new(&[BUILTINS, NUMPY, JAX]);
 
     /// A list made of `families`, each one sorted by module and name.
-    #[must_use]
     pub const fn new(families: &'static [&'static [Global]]) -> Self {
         Self { families, persistent_ids: false }
     }
 
     /// The entry for `module.name`, whose module may have its Python 2 name.
-    #[must_use]
     pub fn find(&self, module: &str, name: &str) -> Option<&'static Global> {
         let (module, name) = match (module, name) {
             ("__builtin__", "xrange") => ("builtins", "range"),

@@ -34,19 +34,16 @@ fn small(index: usize) -> u32 {
 
 impl<'p> Items<'p> {
     /// Number of items.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.ids.len()
     }
 
     /// True when there are no items.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.ids.is_empty()
     }
 
     /// The member number `index`, if there are so many.
-    #[must_use]
     pub fn find(&self, index: usize) -> Option<Node<'p>> {
         self.ids.get(index).map(|&id| self.owner.child(id, (self.step)(small(index))))
     }
@@ -110,19 +107,16 @@ pub struct Pairs<'p> {
 
 impl<'p> Pairs<'p> {
     /// Number of pairs.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.ids.len()
     }
 
     /// True when there are no pairs.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.ids.is_empty()
     }
 
     /// The value under the text `key`: the last one, as in Python. Looks at every key.
-    #[must_use]
     pub fn find(&self, key: &str) -> Option<Node<'p>> {
         self.ids.iter().rev().find_map(|&(id, value)| {
             let here = self.owner.child(id, Step::State);

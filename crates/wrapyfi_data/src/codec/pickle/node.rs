@@ -105,7 +105,6 @@ type Result<T> = std::result::Result<T, PickleError>;
 
 impl Pickle {
     /// The object that was pickled.
-    #[must_use]
     pub fn root(&self) -> Node<'_> {
         Node { pickle: self, id: self.root, trail: Trail::default() }
     }
@@ -137,7 +136,6 @@ impl<'p> Node<'p> {
     }
 
     /// Number of the object: two nodes with the same number are the same Python object.
-    #[must_use]
     pub fn id(&self) -> NodeId {
         self.id
     }
@@ -149,7 +147,6 @@ impl<'p> Node<'p> {
     }
 
     /// Path from the root to the object: `$._mgr.args[0]`.
-    #[must_use]
     pub fn path(&self) -> String {
         let mut path = String::from(if self.trail.is_cut() { "$…" } else { "$" });
         for step in self.trail.steps() {
@@ -180,7 +177,6 @@ impl<'p> Node<'p> {
     }
 
     /// Error for an object of another kind than `expected`.
-    #[must_use]
     pub fn unexpected(&self, expected: impl Into<String>) -> PickleError {
         PickleError::Unexpected {
             path: self.path(),
@@ -196,7 +192,6 @@ impl<'p> Node<'p> {
     }
 
     /// Kind and content of the object.
-    #[must_use]
     pub fn view(&self) -> View<'p> {
         let pickle = self.pickle;
         let items = |ids| Items { owner: *self, step: Step::Index, ids };
@@ -233,7 +228,6 @@ impl<'p> Node<'p> {
     }
 
     /// True for `None`.
-    #[must_use]
     pub fn is_none(&self) -> bool {
         matches!(self.kind(), Kind::None)
     }
@@ -295,7 +289,6 @@ impl<'p> Node<'p> {
     }
 
     /// True for exactly this function or class, named as data: `is_global("numpy.ndarray")`.
-    #[must_use]
     pub fn is_global(&self, dotted: &str) -> bool {
         matches!(self.kind(), Kind::Global(global) if global.is(dotted))
     }
@@ -322,7 +315,6 @@ impl<'p> Node<'p> {
 
 impl Global {
     /// True for `dotted`, for instance `numpy.core.multiarray._reconstruct`.
-    #[must_use]
     pub fn is(&self, dotted: &str) -> bool {
         dotted.strip_prefix(self.module).and_then(|rest| rest.strip_prefix('.')) == Some(self.name)
     }

@@ -56,7 +56,6 @@ type Result<T> = std::result::Result<T, PickleError>;
 
 impl<'p> Node<'p> {
     /// True for what [`Self::array`] reads, if nothing is wrong with it.
-    #[must_use]
     pub fn is_array(&self) -> bool {
         match self.view() {
             View::Call(call) => {

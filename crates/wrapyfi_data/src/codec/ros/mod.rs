@@ -121,7 +121,6 @@ pub fn decode_with(
 }
 
 /// REP-2016 hash of the type, `RIHS01_…`.
-#[must_use]
 pub fn type_hash(message_type: MessageType) -> &'static str {
     match message_type {
         MessageType::NativeObject => NativeObject::TYPE_HASH,

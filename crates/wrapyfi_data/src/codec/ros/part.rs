@@ -12,7 +12,6 @@ use crate::types::{Pixels, ShapeError, Stamp, swap_byte_order};
 pub(super) const FORMAT: &str = "CDR";
 
 /// Converts a fault in the bytes of a message to an error of codecs.
-#[must_use]
 pub fn fault(error: &CdrError) -> DecodeError {
     match *error {
         CdrError::TooLarge { actual, limit } => DecodeError::too_large(actual, limit),

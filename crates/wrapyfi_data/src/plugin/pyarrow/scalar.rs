@@ -67,7 +67,7 @@ fn array(
         }
         DataType::Float16 => numbers::<Float16Type>(items, |n| n.float().map(half::f16::from_f64))?,
         DataType::Float32 => {
-            #[allow(clippy::cast_possible_truncation, reason = "Python has it as a double")]
+            // Python has it as a double.
             let narrow = |n: &Node<'_>| n.float().map(|value| value as f32);
             numbers::<Float32Type>(items, narrow)?
         }

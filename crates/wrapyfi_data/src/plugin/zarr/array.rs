@@ -278,7 +278,7 @@ fn fill_bytes(
 }
 
 /// A number of JSON as an element, little-endian.
-#[allow(clippy::cast_possible_truncation)] // floats of fewer digits round, as NumPy has them
+// Floats of fewer digits round, as NumPy has them.
 fn number_bytes(value: &Value, dtype: Dtype) -> Option<Vec<u8>> {
     let float = || match value.as_str() {
         Some("NaN") => Some(f64::NAN),

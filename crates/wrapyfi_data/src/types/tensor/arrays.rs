@@ -41,14 +41,12 @@ impl Tensor {
 
     /// The elements in place. `None` when `T` is not the element type, when the bytes do not lie
     /// aligned for `T`, or when a `bool` is neither 0 nor 1: [`Tensor::to_ndarray`] copies.
-    #[must_use]
     pub fn view<T: Element>(&self) -> Option<ArrayViewD<'_, T>> {
         let elements = self.as_slice()?;
         ArrayViewD::from_shape(IxDyn(&self.shape), elements).ok()
     }
 
     /// A copy as an `ndarray`. `None` when `T` is not the element type.
-    #[must_use]
     pub fn to_ndarray<T: Element>(&self) -> Option<ArrayD<T>> {
         ArrayD::from_shape_vec(IxDyn(&self.shape), self.to_vec()?).ok()
     }

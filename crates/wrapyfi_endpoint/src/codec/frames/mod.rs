@@ -126,7 +126,6 @@ pub fn encode(payload: &Payload, spec: &TopicSpec) -> Result<Vec<Vec<u8>>, Encod
 }
 
 /// The type that has `frames` frames, the last of which begins with `body`.
-#[must_use]
 pub fn looks_like(frames: usize, body: &[u8]) -> Option<&'static str> {
     const ARRAY: &[u8] = b"{\"__wrapyfi__\": [\"numpy.ndarray\"";
     const TUPLE: &[u8] = b"{\"__wrapyfi__\": [\"tuple\"";

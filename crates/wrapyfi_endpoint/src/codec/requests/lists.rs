@@ -184,7 +184,7 @@ pub(super) fn read_sound(body: &[u8], received: Stamp) -> Result<AudioChunk, Dec
         .map_err(|error| malformed(error.to_string(), 0))
 }
 
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // checked by `within`
+// Checked by `within`.
 fn small(number: f32) -> u16 {
     number as u16
 }

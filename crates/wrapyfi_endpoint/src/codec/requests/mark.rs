@@ -55,7 +55,6 @@ impl Content {
         [Self::NativeObject, Self::Image, Self::CompressedImage, Self::AudioChunk];
 
     /// Message that holds a payload of this type.
-    #[must_use]
     pub fn of(message_type: MessageType) -> Self {
         match message_type {
             MessageType::CompressedImage => Self::CompressedImage,
@@ -68,7 +67,6 @@ impl Content {
     }
 
     /// Type of the CDR.
-    #[must_use]
     pub fn message_type(self) -> MessageType {
         match self {
             Self::NativeObject => MessageType::NativeObject,
@@ -107,7 +105,6 @@ pub struct Mark {
 
 impl Mark {
     /// Frame of the mark.
-    #[must_use]
     pub fn encode(&self) -> Vec<u8> {
         let mut frame = MAGIC.to_vec();
         frame.extend([self.kind as u8, self.content as u8, 0, 0]);

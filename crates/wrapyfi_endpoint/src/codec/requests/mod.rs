@@ -89,7 +89,6 @@ pub fn decode_request(body: &Bytes, spec: &ServiceSpec) -> DecodeResult<Request>
 }
 
 /// Converts a call to the value that `wrapyfi_msgs/srv` carries: `{"args": […], "kwargs": {…}}`.
-#[must_use]
 pub fn to_value(Call { args, kwargs }: &Call) -> Value {
     Value::from(Map::from([
         ("args", Value::List(args.clone())),
@@ -182,7 +181,6 @@ pub fn decode_reply(
 }
 
 /// Writes the reason that there is no reply, in a form that ends the call of every Wrapyfi client.
-#[must_use]
 pub fn encode_error(text: &str) -> Vec<u8> {
     // By hand: a dict with this member has no form in Wrapyfi's JSON.
     let quoted = |text: &str| json::encode(&Value::from(text)).unwrap_or_default();

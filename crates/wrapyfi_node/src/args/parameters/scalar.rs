@@ -84,7 +84,7 @@ fn double_of(text: &str) -> Option<f64> {
     let (negative, digits) = split_sign(text);
     if let Some(hex) = hex_digits(digits) {
         // Only integers too large for 64 bits come here; a number of more than 128 bits is text.
-        #[allow(clippy::cast_precision_loss)] // the nearest double is what is wanted
+        // The nearest double is what is wanted.
         let value = u128::from_str_radix(hex, 16).ok()? as f64;
         return Some(if negative { -value } else { value });
     }

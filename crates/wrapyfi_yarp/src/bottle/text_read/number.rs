@@ -89,10 +89,7 @@ fn integer(text: &str) -> Value {
         let digit = if negative { -digit } else { digit };
         number = number.saturating_mul(i64::from(base)).saturating_add(digit);
     }
-    match i32::try_from(number) {
-        Ok(number) => Value::Int32(number),
-        Err(_) => Value::Int64(number),
-    }
+    i32::try_from(number).map_or(Value::Int64(number), Value::Int32)
 }
 
 /// The float that a whole word is; 0 where some of it is left over.
