@@ -5,9 +5,8 @@
 
 use serde::ser::{Serialize, Serializer};
 
-use super::value::with_elements;
+use super::value::{Number, with_elements};
 use super::{DynamicMessage, Primitives};
-use crate::cdr::CdrPrimitive;
 
 impl DynamicMessage {
     /// The message as JSON. A [`serde_json::Value`] may sort the fields by name;
@@ -31,28 +30,6 @@ impl Serialize for Primitives {
             Self::F64(values) => serializer.collect_seq(values.iter().copied().map(Number)),
             Self::Bytes(values) => serializer.collect_seq(values.iter()),
             other => with_elements!(other, values => serializer.collect_seq(values)),
-        }
-    }
-}
-
-/// A float. Those of 32 bits are written with the digits of the double they equal, as ROS does.
-struct Number<T: CdrPrimitive + Into<f64>>(T);
-
-/// Writes one as a field.
-pub(super) fn number<T: CdrPrimitive + Into<f64>, S: Serializer>(
-    value: &T,
-    serializer: S,
-) -> Result<S::Ok, S::Error> {
-    Number(*value).serialize(serializer)
-}
-
-impl<T: CdrPrimitive + Into<f64>> Serialize for Number<T> {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self.0.into() {
-            value if value.is_nan() => serializer.serialize_str("NaN"),
-            f64::INFINITY => serializer.serialize_str("Infinity"),
-            f64::NEG_INFINITY => serializer.serialize_str("-Infinity"),
-            value => serializer.serialize_f64(value),
         }
     }
 }

@@ -1,9 +1,10 @@
 //! Values of fields.
 
 use bytes::Bytes;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
-use super::{DynamicMessage, json_out::number};
+use super::DynamicMessage;
+use crate::cdr::CdrPrimitive;
 
 /// Value of a field. Numbers keep the width that the definition gives them.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -233,6 +234,28 @@ impl DynamicValue {
                 Some(first) => format!("{} {}", values.len(), first.type_name()),
             },
             primitive => primitive.primitive_name().unwrap_or_default().to_owned(),
+        }
+    }
+}
+
+/// A float. Those of 32 bits are written with the digits of the double they equal, as ROS does.
+pub(super) struct Number<T: CdrPrimitive + Into<f64>>(pub(super) T);
+
+/// Writes one as a field.
+fn number<T: CdrPrimitive + Into<f64>, S: Serializer>(
+    value: &T,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    Number(*value).serialize(serializer)
+}
+
+impl<T: CdrPrimitive + Into<f64>> Serialize for Number<T> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self.0.into() {
+            value if value.is_nan() => serializer.serialize_str("NaN"),
+            f64::INFINITY => serializer.serialize_str("Infinity"),
+            f64::NEG_INFINITY => serializer.serialize_str("-Infinity"),
+            value => serializer.serialize_f64(value),
         }
     }
 }
