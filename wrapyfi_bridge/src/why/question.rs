@@ -22,7 +22,7 @@ use super::ends::{entry, listens_on, qos_at, shown, type_at};
 use super::judge::may_be_bridge;
 use super::look::{LOOK, Sight, Wanted, graph, look, patience, widen};
 use super::meaning::{address, left_out, of_other_kind, route};
-use super::state::{came, leads_to, takes};
+use super::state::{came, lacks_listener, leads_to, takes};
 use super::{
     End, Finding, Limited, RouteFacts, Unheard, Way, bridges, elsewhere, roles, running, stopped,
 };
@@ -460,7 +460,8 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, types: &mut TypeStore
     };
     let text = address.to_string();
     let lacks = |one: &RouteInfo| {
-        one.kind != "service" && one.state == "waiting" && one.resolved_source == text
+        let is_waiting = one.state == "waiting" && !lacks_listener(one);
+        one.kind != "service" && is_waiting && one.resolved_source == text
     };
     let find = |all: Vec<RouteInfo>| {
         let refuses = |one: &RouteInfo| one.resolved_source == text && !one.refused.is_empty();

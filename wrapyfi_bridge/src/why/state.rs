@@ -56,6 +56,14 @@ pub(super) fn is_provider(role: Role) -> bool {
     matches!(role, Role::Publisher | Role::Server)
 }
 
+/// True for a route that waits for somebody who listens at its destination, whatever its source has.
+pub(super) fn lacks_listener(running: &RouteInfo) -> bool {
+    /// Begins of such reasons, of each side and of a route whose source is closed meanwhile.
+    const BEGINS: [&str; 4] =
+        ["a subscriber of ", "a ROS 1 node that subscribes to ", "a reader of ", "a listener on "];
+    BEGINS.iter().any(|begin| running.reason.starts_with(begin))
+}
+
 /// Mapping of services that the servers speak, and that of the bridge, where its route waits for another server.
 pub(super) fn other_mapping(running: &RouteInfo) -> Option<(ServiceMapping, ServiceMapping)> {
     let (_, rmw) = running.reason.split_once(SPEAKS_NOT)?;
