@@ -463,13 +463,13 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, types: &mut TypeStore
         let is_waiting = one.state == "waiting" && !lacks_listener(one);
         one.kind != "service" && is_waiting && one.resolved_source == text
     };
-    let find = |all: Vec<RouteInfo>| {
+    let is_one = |one: &RouteInfo| {
         let refuses = |one: &RouteInfo| one.resolved_source == text && !one.refused.is_empty();
         // No broker of ZeroMQ tells who serves.
         let calls = |one: &RouteInfo| one.kind == "service" && one.resolved_destination == text;
-        let is_one = |one: &RouteInfo| {
-            leads_to(one, &text) || refuses(one) || calls(one) || takes(one, &text)
-        };
+        leads_to(one, &text) || refuses(one) || calls(one) || takes(one, &text)
+    };
+    let find = |all: Vec<RouteInfo>| {
         // What runs tells the name's type, and who is there.
         let is_from = |one: &RouteInfo| one.kind != "service" && one.resolved_source == text;
         let found = all.iter().find(|one| is_one(one));
@@ -496,11 +496,13 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, types: &mut TypeStore
         };
         // Where somebody publishes, it is not what the route takes; where nobody does, its waiting tells nothing.
         let lacks = lacks(running);
-        let is_needed = lacks != is_missing || !running.refused.is_empty();
+        let is_needed = if is_missing { is_one(running) } else { lacks };
+        let is_needed = is_needed || !running.refused.is_empty();
         let is_used = !heard.also.is_empty() || takes(running, &text);
         // Not every side tells who listens.
         let is_unseen = running.state == "active" && end.of(Role::Listener).next().is_none();
-        is_needed || is_used || is_unseen || (running.state != "active" && !lacks && is_bridge())
+        let is_alone = || is_one(running) && running.state != "active" && is_bridge();
+        is_needed || is_used || is_unseen || is_alone()
     });
     let also = if told.is_some() { heard.also } else { Vec::new() };
     let (node, running) = told.map(|(node, running)| (node, Some(running))).unwrap_or_default();
