@@ -12,6 +12,7 @@ use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_interfaces::wrapyfi_msgs::srv::ListRoutes_Response;
 use wrapyfi_ros2::Ros2;
+use wrapyfi_ros2::graph::{Graph, ServiceMapping};
 
 use crate::discovery_watch::DiscoveryWatch;
 use crate::exit::Failure;
@@ -58,7 +59,7 @@ pub fn bridges(
 /// the number of bridges that have it.
 ///
 /// # Errors
-/// Exit code 2 where there are several and none was named; 3 where it is not there, once it has been looked for or
+/// Exit code 2 where there are several and none was named, or this program maps services otherwise; 3 where it is not there, once it has been looked for or
 /// `is_ended`.
 pub fn the_bridge(
     ros2: &Ros2,
@@ -80,7 +81,7 @@ pub fn the_bridge(
     let all = found.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
     let domain = std::env::var("ROS_DOMAIN_ID").unwrap_or_else(|_| "0".to_owned());
     let mut each = found.into_iter();
-    match (named, each.next(), each.len()) {
+    let chosen = match (named, each.next(), each.len()) {
         (Some(node), first, _) => {
             let bridge = first.into_iter().chain(each).find(|(one, _)| *one == node);
             let there = if all.is_empty() { "none is" } else { &all };
@@ -97,7 +98,29 @@ pub fn the_bridge(
             "no bridge is on the graph (domain {domain}): start one with `wrapyfi bridge --config FILE`, or export the \
              ROS_DOMAIN_ID of the one that runs"
         )))),
+    }?;
+    let (graph, node) = (ros2.graph(), &chosen.0);
+    let (ours, theirs) = (
+        graph.service_mapping(),
+        mappings(graph.as_ref(), &format!("{node}/{LIST_ROUTES}"), false),
+    );
+    match theirs.first() {
+        Some(theirs) if *theirs != ours => Err(Failure::Usage(format!(
+            "{node} answers on services in the way of {theirs}, and this shell asks in that of {}: export \
+             RMW_IMPLEMENTATION={theirs} here",
+            ours.rmw(),
+            theirs = theirs.rmw()
+        ))),
+        _ => Ok(chosen),
     }
+}
+
+/// Mappings of those who serve a name on ROS 2, or of those who call it.
+pub(crate) fn mappings(ros2: &dyn Graph, service: &str, is_client: bool) -> Vec<ServiceMapping> {
+    let requests = format!("rq{service}Request");
+    let all = ros2.endpoints().unwrap_or_default().into_iter();
+    let of_side = all.filter(|one| one.is_publisher == is_client && one.dds_topic == requests);
+    of_side.filter_map(|one| one.service_mapping).collect()
 }
 
 /// Type of messages `M`.

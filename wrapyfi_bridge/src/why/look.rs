@@ -19,7 +19,7 @@ use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_ros1::Ros1;
 use wrapyfi_ros2::Ros2;
 use wrapyfi_ros2::environment::{self, DiscoveryRange};
-use wrapyfi_ros2::graph::{self, ServiceMapping};
+use wrapyfi_ros2::graph;
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 use wrapyfi_yarp::port::names::Registration;
 use wrapyfi_yarp::port::{Network, NetworkOptions};
@@ -30,6 +30,7 @@ use super::{End, Graph, PATIENCE, Registered, elsewhere, roles};
 use crate::discovery_watch::DiscoveryWatch;
 use crate::exit::Failure;
 use crate::middlewares::{self, Endpoints, Observer, Server};
+use crate::on_graph::client::mappings;
 
 /// Time between two looks.
 pub(super) const LOOK: Duration = Duration::from_millis(20);
@@ -446,18 +447,6 @@ fn mapping(end: &mut End, ros2: &dyn graph::Graph) {
     let client = of(true).into_iter().find(|one| !servers.contains(one));
     end.foreign = first.filter(|_| !servers.contains(&ours)).map(|theirs| (theirs, ours));
     end.clients = client.zip(first);
-}
-
-/// Mappings of those who serve a name on ROS 2, or of those who call it.
-pub(super) fn mappings(
-    ros2: &dyn graph::Graph,
-    service: &str,
-    is_client: bool,
-) -> Vec<ServiceMapping> {
-    let requests = format!("rq{service}Request");
-    let all = ros2.endpoints().unwrap_or_default().into_iter();
-    let of_side = all.filter(|one| one.is_publisher == is_client && one.dds_topic == requests);
-    of_side.filter_map(|one| one.service_mapping).collect()
 }
 
 /// Type that is announced or shown, and its definition.

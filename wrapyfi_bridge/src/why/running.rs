@@ -15,8 +15,8 @@ use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
 use wrapyfi_ros2::Ros2;
 use wrapyfi_ros2::graph::ServiceMapping;
 
-use super::look::{LOOK, mappings};
-use crate::on_graph::client::ros_type;
+use super::look::LOOK;
+use crate::on_graph::client::{mappings, ros_type};
 
 /// End of the name of the topic that has the status of a bridge; its node stands before it.
 const STATUS: &str = "/status";
