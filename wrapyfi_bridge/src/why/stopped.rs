@@ -63,9 +63,12 @@ pub(super) fn programs() -> Vec<(u32, String)> {
     stopped.collect()
 }
 
-/// Cause that no bridge has answered: one of this machine is stopped, or else the `failure`.
+/// Failure that no bridge has answered, with the cause: one of this machine is stopped, or is in another domain.
 pub(crate) fn or(failure: Failure) -> Failure {
+    let Failure::TimedOut(text) = failure else { return failure };
     let domain = std::env::var("ROS_DOMAIN_ID").ok().and_then(|it| it.parse().ok()).unwrap_or(0);
-    let stopped = bridge(None, Some(domain)).filter(|_| matches!(failure, Failure::TimedOut(_)));
-    stopped.map_or(failure, |it| Failure::TimedOut(format!("{}: {}", it.what, it.remedy)))
+    let words = |it: Finding| format!("{}: {}", it.what, it.remedy);
+    let stopped = bridge(None, None).map(words);
+    let afar = || bridge(None, Some(domain)).map(|it| format!("{text}. {}", words(it)));
+    Failure::TimedOut(stopped.or_else(afar).unwrap_or(text))
 }
