@@ -215,8 +215,8 @@ async fn datagrams_and_pictures_that_have_begun_have_no_more_room_than_is_given(
         let (mut stream, _) = camera.accept().await.unwrap();
         let head = [mjpeg::RESPONSE_HEAD.as_bytes(), &mjpeg::part_head(2 << 20)].concat();
         stream.write_all(&head).await.unwrap();
-        // The port closes before all is written.
-        stream.write_all(&vec![0; 2 << 20]).await.ok();
+        // One that is whole at the first look has not begun to come: its last byte is missing.
+        stream.write_all(&vec![0; (2 << 20) - 1]).await.ok();
         is_closed(stream).await;
     });
     let add = Bottle::from_text(b"[add] mjpeg://cam", &Limits::default()).unwrap();
