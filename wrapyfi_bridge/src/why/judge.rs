@@ -16,13 +16,16 @@ use super::bridges::{elsewhere, inactive, lacking, passed_over, several};
 use super::configured::{by_parameters, defined, limit, of_file};
 use super::door::Answer;
 use super::ends::is_told;
-use super::names::nearest;
 use super::reach::{opened, reachable};
 use super::state::{
-    broken, brought, came, flows, hears_others, is_carried, is_met, is_provider, is_used,
+    broken, brought, counted, flows, hears_others, is_carried, is_met, is_provider, is_used,
     other_mapping, rate, refused, refused_alone, runs, state, unopened,
 };
-use super::words::{between, example, is_same_type, nobody, owner, people, provider, types_differ};
+use super::stopped::resting;
+use super::words::{
+    between, example, is_same_type, nobody, owner, people, provider, same_name_differently,
+    types_differ,
+};
 use super::{Cause, Elsewhere, End, Finding, Graph, Registered, Step, Verdict, Way, roles};
 
 /// Steps of a walk: what is in place, until something is not.
@@ -40,18 +43,6 @@ pub fn judge(way: &Way) -> Verdict {
         false => finding,
     });
     Verdict { way: way.title.clone(), passed: walk.passed, finding }
-}
-
-/// The finding that nobody is there, with the programs that may be and are stopped.
-fn resting(finding: Finding, way: &Way) -> Finding {
-    use Cause::{Idle, NobodyListens, NobodyOffers, NobodyPublishes};
-    if !matches!(finding.cause, NobodyPublishes | NobodyOffers | NobodyListens | Idle) {
-        return finding;
-    }
-    let stopped = way.resting.iter().map(|(pid, command)| {
-        format!("; or `{command}`, which is stopped and goes on by kill -CONT {pid}")
-    });
-    Finding { who: finding.who + &stopped.collect::<String>(), ..finding }
 }
 
 /// True for a publisher that the bridge with the ROS 2 node `own` may be itself. Only ROS names the nodes of
@@ -544,37 +535,14 @@ impl Walk<'_> {
         Err(Finding::new(Cause::Qos, what, "either program", between(policy, &offered, &asked)))
     }
 
-    /// Messages that the bridge has counted, of a source to which nobody else can listen.
-    fn counted(&mut self, source: &End) -> Step {
-        let running = self.way.running.as_ref();
-        let Some(running) = running.filter(|it| source.heard == 0 && it.kind != "service") else {
-            return Ok(());
-        };
-        let address = &source.address;
-        if running.messages_per_s > 0.0 || address.to_string() != running.resolved_source {
-            return Ok(());
-        }
-        if came(running) > 0 {
-            self.pass(format!("nothing came on {address} in the last second"));
-            return Ok(());
-        }
-        let what = format!(
-            "everything is in place, and no message has come on {address} since the route {} began: the connection is open \
-             and idle",
-            running.key
-        );
-        let who =
-            source.of(Role::Publisher).next().map_or_else(|| "its publisher".to_owned(), owner);
-        Err(Finding::new(Cause::Idle, what, who, "look at that program"))
-    }
-
     /// Messages that come.
     fn messages(&mut self, source: &End) -> Step {
         if source.heard > 0 {
             self.pass(format!("{} messages came while we listened", source.heard));
         }
         let Some(time) = source.silent.filter(|_| source.heard == 0) else {
-            return self.counted(source);
+            self.passed.extend(counted(self.way, source)?);
+            return Ok(());
         };
         if self.way.running.as_ref().is_some_and(|running| running.messages_per_s > 0.0) {
             self.pass(format!("none came here within {} ms, but at the bridge", time.as_millis()));
@@ -624,27 +592,6 @@ fn cause_of_nobody(role: Role) -> Cause {
         Role::Server => Cause::NobodyOffers,
         Role::Listener | Role::Client => Cause::NobodyListens,
     }
-}
-
-/// A name that exists, and is nearly the one that is looked for.
-fn same_name_differently(end: &End, role: Role) -> Option<Finding> {
-    let address = &end.address;
-    let of_role = || end.found.iter().filter(|one| one.role == role);
-    let (name, kinship) = nearest(&address.name, of_role().map(|one| one.name.as_str()))?;
-    let one = of_role().find(|one| one.name == name)?;
-    let what = format!(
-        "{}; {}:{name} has {}: the name differs by {}",
-        nobody(end, role),
-        address.middleware,
-        people(&[one], role),
-        kinship.words()
-    );
-    let middleware = &address.middleware;
-    let remedy = format!(
-        "write {middleware}:{name} instead of {address}, or give it the name {} there",
-        address.name
-    );
-    Some(Finding::new(Cause::OtherName, what, owner(one), remedy))
 }
 
 #[cfg(test)]

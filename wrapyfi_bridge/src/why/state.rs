@@ -8,7 +8,7 @@ use wrapyfi_ros2::{ACKNOWLEDGES_NOTHING, SPEAKS_NOT};
 use wrapyfi_yarp_endpoint::UNOPENED;
 
 use super::drops::{count, drops, meaning, mends};
-use super::words::{example, provider};
+use super::words::{example, owner, provider};
 use super::{Cause, End, Finding, Limited, Step, Way};
 
 /// A step that may be in place.
@@ -248,6 +248,28 @@ pub(super) fn state(way: &Way) -> Passed {
         most => mends(*most),
     };
     Err(Finding::new(cause, what, who, remedy))
+}
+
+/// Messages that the bridge has counted, of a source to which nobody else can listen.
+pub(super) fn counted(way: &Way, source: &End) -> Passed {
+    let running = way.running.as_ref();
+    let Some(running) = running.filter(|it| source.heard == 0 && it.kind != "service") else {
+        return Ok(None);
+    };
+    let address = &source.address;
+    if running.messages_per_s > 0.0 || address.to_string() != running.resolved_source {
+        return Ok(None);
+    }
+    if came(running) > 0 {
+        return Ok(Some(format!("nothing came on {address} in the last second")));
+    }
+    let what = format!(
+        "everything is in place, and no message has come on {address} since the route {} began: the connection is open \
+         and idle",
+        running.key
+    );
+    let who = source.of(Role::Publisher).next().map_or_else(|| "its publisher".to_owned(), owner);
+    Err(Finding::new(Cause::Idle, what, who, "look at that program"))
 }
 
 /// Limit of the rate, where it leaves out most of the messages.

@@ -1,22 +1,31 @@
-//! A bridge of this machine that is not found on the graph: its process is stopped (Ctrl-Z, a debugger), or it is in another
-//! domain.
+//! Programs of this machine that are not found: their process is stopped (Ctrl-Z, a debugger), or it is that of a bridge in
+//! another domain.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use super::{Cause, Finding};
+use super::{Cause, Finding, Way};
 use crate::exit::Failure;
+
+/// Processes of this machine, each with its folder.
+fn processes() -> impl Iterator<Item = (u32, PathBuf)> {
+    let folders = fs::read_dir("/proc").into_iter().flatten().flatten();
+    folders.filter_map(|it| Some((it.file_name().to_str()?.parse().ok()?, it.path())))
+}
+
+/// True for a process that a signal or a debugger has stopped.
+fn is_stopped(folder: &Path) -> bool {
+    let stat = fs::read_to_string(folder.join("stat")).unwrap_or_default();
+    stat.rsplit(") ").next().is_some_and(|state| state.starts_with(['T', 't']))
+}
 
 /// The bridge that was started with a file, any where that is `None`, if it is stopped, or by its environment not in the
 /// `domain`, where one is told.
 pub(super) fn bridge(file: Option<&str>, domain: Option<u32>) -> Option<Finding> {
     let file = file.map(fs::canonicalize).transpose().ok()?;
-    let mut numbers =
-        fs::read_dir("/proc").ok()?.filter_map(|it| it.ok()?.file_name().to_str()?.parse().ok());
-    numbers.find_map(|pid: u32| {
-        let folder = Path::new("/proc").join(pid.to_string());
+    processes().find_map(|(pid, folder)| {
         let text = |name| fs::read_to_string(folder.join(name));
-        let (stat, line) = (text("stat").ok()?, text("cmdline").ok()?);
+        let line = text("cmdline").ok()?;
         let words: Vec<_> = line.split_terminator('\0').collect();
         let is_ours = words.first()?.ends_with("wrapyfi") && words.contains(&"bridge");
         let files = words.iter().map(|word| fs::canonicalize(folder.join("cwd").join(word)));
@@ -25,7 +34,7 @@ pub(super) fn bridge(file: Option<&str>, domain: Option<u32>) -> Option<Finding>
             return None;
         }
         let command = words.join(" ");
-        if stat.rsplit(") ").next()?.starts_with(['T', 't']) {
+        if is_stopped(&folder) {
             let what = format!("`{command}` is stopped and does not answer: its routes rest");
             let remedy = format!("kill -CONT {pid}, or `fg` in its shell");
             return Some(Finding::new(Cause::NoBridge, what, "whoever stopped it", remedy));
@@ -47,20 +56,30 @@ pub(super) fn bridge(file: Option<&str>, domain: Option<u32>) -> Option<Finding>
 
 /// Programs of this machine that are stopped while they have connections, by process.
 pub(super) fn programs() -> Vec<(u32, String)> {
-    let folders = fs::read_dir("/proc").into_iter().flatten().flatten();
-    let stopped = folders.filter_map(|folder| {
-        let (pid, folder) = (folder.file_name().to_str()?.parse().ok()?, folder.path());
-        let text = |name| fs::read_to_string(folder.join(name)).ok();
-        if !text("stat")?.rsplit(") ").next()?.starts_with(['T', 't']) {
-            return None;
-        }
+    let stopped = processes().filter(|(_, folder)| is_stopped(folder));
+    let connected = stopped.filter_map(|(pid, folder)| {
         // Those of others cannot be read.
         let mut open = fs::read_dir(folder.join("fd")).ok()?.flatten();
         let is_socket = |path: &Path| path.to_string_lossy().starts_with("socket:");
-        open.any(|file| fs::read_link(file.path()).is_ok_and(|to| is_socket(&to)))
-            .then_some((pid, text("cmdline")?.replace('\0', " ").trim_end().to_owned()))
+        if !open.any(|file| fs::read_link(file.path()).is_ok_and(|to| is_socket(&to))) {
+            return None;
+        }
+        let line = fs::read_to_string(folder.join("cmdline")).ok()?;
+        Some((pid, line.replace('\0', " ").trim_end().to_owned()))
     });
-    stopped.collect()
+    connected.collect()
+}
+
+/// The finding that nobody is there, with the programs that may be and are stopped.
+pub(super) fn resting(finding: Finding, way: &Way) -> Finding {
+    use Cause::{Idle, NobodyListens, NobodyOffers, NobodyPublishes};
+    if !matches!(finding.cause, NobodyPublishes | NobodyOffers | NobodyListens | Idle) {
+        return finding;
+    }
+    let stopped = way.resting.iter().map(|(pid, command)| {
+        format!("; or `{command}`, which is stopped and goes on by kill -CONT {pid}")
+    });
+    Finding { who: finding.who + &stopped.collect::<String>(), ..finding }
 }
 
 /// Failure that no bridge has answered, with the cause: one of this machine is stopped, or is in another domain.

@@ -4,7 +4,8 @@ use wrapyfi_data::types::{DataType, MessageType};
 use wrapyfi_endpoint::{AnnouncedQos, Discovered, Qos, QosPolicy, Role, Traffic};
 use wrapyfi_ros2::remedy;
 
-use super::End;
+use super::names::nearest;
+use super::{Cause, End, Finding};
 
 pub(super) fn nobody(end: &End, role: Role) -> String {
     let address = &end.address;
@@ -127,6 +128,27 @@ pub(super) fn between(policy: QosPolicy, offered: &AnnouncedQos, asked: &Announc
         Qos { reliability: qos.reliability, deadline: qos.deadline, lease: qos.lease, ..default }
     };
     format!("{}, or {}", remedy(policy, true, &own(asked)), remedy(policy, false, &own(offered)))
+}
+
+/// A name that exists, and is nearly the one that is looked for.
+pub(super) fn same_name_differently(end: &End, role: Role) -> Option<Finding> {
+    let address = &end.address;
+    let of_role = || end.found.iter().filter(|one| one.role == role);
+    let (name, kinship) = nearest(&address.name, of_role().map(|one| one.name.as_str()))?;
+    let one = of_role().find(|one| one.name == name)?;
+    let what = format!(
+        "{}; {}:{name} has {}: the name differs by {}",
+        nobody(end, role),
+        address.middleware,
+        people(&[one], role),
+        kinship.words()
+    );
+    let middleware = &address.middleware;
+    let remedy = format!(
+        "write {middleware}:{name} instead of {address}, or give it the name {} there",
+        address.name
+    );
+    Some(Finding::new(Cause::OtherName, what, owner(one), remedy))
 }
 
 #[cfg(test)]
