@@ -1,10 +1,8 @@
 #!/usr/bin/env bash
-# Compares licences and sources of all crates with deny.toml, then counts the crates that wrapyfi_core with `#[communicator]` on ZeroMQ alone depends on: what is heavy is a feature
-# that is off, and stays it.
+# Counts the crates that wrapyfi_core with `#[communicator]` on ZeroMQ alone depends on: what is heavy is a feature that is
+# off, and stays it.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-
-"${PYTHON3:-/usr/bin/python3}" scripts/dependencies.py
 
 LIMIT=70
 
