@@ -1,6 +1,5 @@
 //! The same promises on messages as large as the limit allows, made of what costs most: where a
 //! fuzzer, whose inputs are short, would not see a factor or a square.
-#![allow(clippy::unwrap_used, clippy::print_stderr)]
 
 use std::time::Duration;
 

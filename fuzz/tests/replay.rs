@@ -1,5 +1,4 @@
 //! Every file of every corpus, once: what a fuzzer found stays found.
-#![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::path::{Path, PathBuf};
 

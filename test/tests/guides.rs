@@ -307,7 +307,7 @@ fn rust() -> Result {
         guide.pass_over("[dependencies]", BUILT)?;
         guide.pass_over(
             "impl Mirror",
-            "`listings` of the examples compares it with the program `mirror`",
+            "The test of `examples/communicator` compares it with the program `mirror`",
         )?;
         guide.pass_over("open_listener", "it is a part of an example in wrapyfi_core")?;
         let [publish, listen] = guide.lines("cargo run -- publish")?;

@@ -206,7 +206,7 @@ fn the_guides_show_what_runs_here() {
     let sources = [
         include_str!("../src/bin/mirror.rs"),
         include_str!("../src/bin/read_msg.rs"),
-        include_str!("listings.rs"),
+        include_str!("main.rs"),
     ];
     for part in sources.iter().flat_map(|source| source.split("\n// Listing ").skip(1)) {
         let (listing, _) = part.split_once("\n// End\n").unwrap();
