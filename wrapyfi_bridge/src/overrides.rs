@@ -8,7 +8,7 @@
 
 use wrapyfi_data::types::MessageType;
 use wrapyfi_engine::{Kind, Plan, QosConfig, QosOverride, Route};
-use wrapyfi_node::parameters::{EndpointRole, ParameterStore, QosOverrideError, QosOverrides};
+use wrapyfi_node::parameters::{EndpointRole, ParameterStore, QosOverrideError};
 
 use crate::node::Node;
 
@@ -45,9 +45,7 @@ fn change(
     store: &mut ParameterStore,
 ) -> Result<(), QosOverrideError> {
     let (base, follows) = (route.policy.qos.qos(), matches!(route.policy.qos, QosConfig::Match(_)));
-    let profile = QosOverrides::of(&base, follows);
-    let changed = store.declare_qos_overrides(topic, role, &profile)?;
-    let (pinned, follows) = changed.pin(&base, follows);
+    let (pinned, follows) = store.declare_qos_overrides(topic, role, &base, follows)?;
     let end = match role {
         EndpointRole::Publisher => &mut route.policy.to_override,
         EndpointRole::Subscription => &mut route.policy.from_override,

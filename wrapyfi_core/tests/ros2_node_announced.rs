@@ -132,7 +132,7 @@ fn a_node_without_type_descriptions_does_not_offer_them() {
     let off = [("start_type_description_service".to_owned(), false.into())];
     let store = ParameterStore::new(graph.node(), BTreeMap::from(off)).unwrap();
     let shared: Arc<dyn Graph> = Arc::new(graph.clone());
-    let node = NodeEndpoints::start(&shared, store).unwrap();
+    let node = NodeEndpoints::start(&shared, store, None).unwrap();
     // What it announces itself, which needs no discovery.
     let mut own: Vec<_> = graph.endpoints().unwrap().into_iter().map(|one| one.dds_topic).collect();
     own.retain(|topic| topic != "ros_discovery_info");

@@ -254,8 +254,9 @@ fn switches_of_every_node_keep_their_type() {
         let argv = ["--ros-args", "-p", rule].map(str::to_owned);
         NodeOptions::resolve("talker", "", &parse(&argv, b"").unwrap())
     };
-    assert!(resolve("use_sim_time:=yes").unwrap().use_sim_time());
-    assert!(!resolve("use_sim_time:=[]").unwrap().use_sim_time());
+    let switch = |rule: &str| resolve(rule).unwrap().parameters.remove("use_sim_time");
+    assert_eq!(switch("use_sim_time:=yes"), Some(true.into()));
+    assert_eq!(switch("use_sim_time:=[]"), Some(ParameterValue::NotSet));
     let error = resolve("start_type_description_service:=[1, 2]").unwrap_err().to_string();
     assert!(error.contains("to '[1, 2]' of type 'INTEGER_ARRAY'"), "{error}");
 }

@@ -47,12 +47,11 @@ const NODE_SWITCHES: [&str; 2] = ["use_sim_time", "start_type_description_servic
 /// A node as its process starts it: its own defaults, changed by the command line.
 ///
 /// ```
-/// use wrapyfi_node::{LogLevel, NodeOptions, args::RosArgs, read_params_file};
-/// let argv = ["--ros-args", "-r", "__ns:=/robot", "--log-level", "debug", "-p", "rate:=10"];
+/// use wrapyfi_node::{NodeOptions, args::RosArgs, read_params_file};
+/// let argv = ["--ros-args", "-r", "__ns:=/robot", "-p", "rate:=10"];
 /// let args = RosArgs::parse(argv, read_params_file)?;
 /// let options = NodeOptions::resolve("wrapyfi_bridge", "/", &args)?;
 /// assert_eq!(options.name.fqn(), "/robot/wrapyfi_bridge");
-/// assert_eq!(options.log_level, LogLevel::Debug);
 /// assert_eq!(options.parameters["rate"].type_name(), "INTEGER");
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -62,8 +61,6 @@ pub struct NodeOptions {
     pub name: NodeName,
     /// Parameters given from outside, which replace the node's own.
     pub parameters: BTreeMap<String, ParameterValue>,
-    /// Level of the node's logger.
-    pub log_level: LogLevel,
 }
 
 impl NodeOptions {
@@ -88,13 +85,7 @@ impl NodeOptions {
                 }
             }
         }
-        let log_level = args.log_level_of(&name.logger_name());
-        Ok(Self { name, parameters, log_level })
-    }
-
-    /// True when the node takes its time from `/clock`.
-    pub fn use_sim_time(&self) -> bool {
-        self.parameters.get("use_sim_time") == Some(&ParameterValue::Bool(true))
+        Ok(Self { name, parameters })
     }
 }
 

@@ -29,17 +29,10 @@ impl Node {
     /// # Errors
     /// When rmw refuses.
     pub fn topics(&self) -> Result<Vec<(String, Vec<String>)>, Fault> {
-        // SAFETY: structs of values, by value.
-        let (mut allocator, mut found) = unsafe {
-            (sys::rcutils_get_default_allocator(), sys::rmw_get_zero_initialized_names_and_types())
-        };
-        // SAFETY: the list is zero-initialised, and freed below.
-        let code = unsafe {
-            let found = &raw mut found;
-            sys::rmw_get_topic_names_and_types(self.0.node(), &raw mut allocator, true, found)
-        };
-        Fault::check("rmw_get_topic_names_and_types", code)?;
-        names_and_types(found)
+        // SAFETY: the node lives; allocator and list are `names_and_types`'s, which frees the list.
+        names_and_types("rmw_get_topic_names_and_types", |allocator, found| unsafe {
+            sys::rmw_get_topic_names_and_types(self.0.node(), allocator, true, found)
+        })
     }
 
     /// Name and namespace of every node, our own among them.
@@ -83,22 +76,15 @@ impl Node {
     ) -> Result<Vec<(String, Vec<String>)>, Fault> {
         let operation = "rmw_get_service_names_and_types_by_node";
         let (name, namespace) = (c_text(operation, name)?, c_text(operation, namespace)?);
-        // SAFETY: structs of values, by value.
-        let (mut allocator, mut found) = unsafe {
-            (sys::rcutils_get_default_allocator(), sys::rmw_get_zero_initialized_names_and_types())
-        };
         let ask = if clients {
             sys::rmw_get_client_names_and_types_by_node
         } else {
             sys::rmw_get_service_names_and_types_by_node
         };
-        // SAFETY: the texts end with zeros; the list is zero-initialised, and freed below.
-        let code = unsafe {
-            let found = &raw mut found;
-            ask(self.0.node(), &raw mut allocator, name.as_ptr(), namespace.as_ptr(), found)
-        };
-        Fault::check(operation, code)?;
-        names_and_types(found)
+        // SAFETY: as above; the texts end with zeros.
+        names_and_types(operation, |allocator, found| unsafe {
+            ask(self.0.node(), allocator, name.as_ptr(), namespace.as_ptr(), found)
+        })
     }
 
     /// The endpoints on one side of a topic, given as the middleware spells it; our own are among them.
@@ -133,10 +119,16 @@ impl Node {
     }
 }
 
-/// Reads a list that rmw has filled, and frees it.
+/// Reads the list that `ask` has rmw fill, and frees it.
 fn names_and_types(
-    mut found: sys::rmw_names_and_types_t,
+    operation: &'static str,
+    ask: impl FnOnce(*mut sys::rcutils_allocator_t, *mut sys::rmw_names_and_types_t) -> sys::rmw_ret_t,
 ) -> Result<Vec<(String, Vec<String>)>, Fault> {
+    // SAFETY: structs of values, by value; the list is zero-initialised, and freed below.
+    let (mut allocator, mut found) = unsafe {
+        (sys::rcutils_get_default_allocator(), sys::rmw_get_zero_initialized_names_and_types())
+    };
+    Fault::check(operation, ask(&raw mut allocator, &raw mut found))?;
     let mut all = Vec::new();
     for at in 0..found.names.size {
         // SAFETY: both arrays have `size` elements.

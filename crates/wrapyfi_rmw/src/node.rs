@@ -182,7 +182,7 @@ impl Node {
     /// True when the identity is that of an endpoint of this node: it begins as those of the node's
     /// publishers, on DDS by the twelve bytes of the participant.
     pub fn owns(&self, gid: &Gid) -> bool {
-        self.0.own().gids().any(|one| one.first_chunk::<12>() == gid.first_chunk::<12>())
+        self.0.own().gids.iter().any(|one| one.first_chunk::<12>() == gid.first_chunk::<12>())
     }
 }
 

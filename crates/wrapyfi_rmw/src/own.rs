@@ -10,7 +10,8 @@ use wrapyfi_endpoint::{AnnouncedQos, mismatches};
 pub(crate) struct Own {
     /// The middleware counts the node's own endpoints as matched with each other.
     are_counted: bool,
-    gids: HashSet<Gid>,
+    /// Identities of the node's publishers.
+    pub(crate) gids: HashSet<Gid>,
     topics: HashMap<(String, EndpointType), Vec<Kind>>,
 }
 
@@ -41,24 +42,6 @@ impl Own {
         if kinds.is_empty() {
             self.topics.remove(&key);
         }
-    }
-
-    pub(crate) fn add_gid(&mut self, gid: Gid) {
-        self.gids.insert(gid);
-    }
-
-    pub(crate) fn remove_gid(&mut self, gid: &Gid) {
-        self.gids.remove(gid);
-    }
-
-    /// True when a publisher of the node has the identity.
-    pub(crate) fn has(&self, gid: &Gid) -> bool {
-        self.gids.contains(gid)
-    }
-
-    /// Identities of the node's publishers.
-    pub(crate) fn gids(&self) -> impl Iterator<Item = &Gid> {
-        self.gids.iter()
     }
 
     /// Number of the node's own endpoints that the middleware counts as matched with one on `side`.

@@ -57,7 +57,7 @@ impl Node {
         // SAFETY: the node lives, the type support lives as long as the process, and rmw copies the rest.
         let raw = unsafe {
             let options = sys::rmw_get_default_publisher_options();
-            let profile = qos::to_rmw_of(qos, topic);
+            let profile = qos::to_rmw(qos, topic);
             sys::rmw_create_publisher(
                 node.node(),
                 support.0,
@@ -89,7 +89,7 @@ impl Node {
             node,
         };
         publisher.gid = own?;
-        publisher.node.own().add_gid(publisher.gid);
+        publisher.node.own().gids.insert(publisher.gid);
         let since = Arc::clone(&publisher.matched_since);
         let on_event = Arc::new(move || {
             let mut since = since.lock();
@@ -187,7 +187,7 @@ impl Drop for Publisher {
     fn drop(&mut self) {
         drop(self.events.take());
         let mut own = self.node.own();
-        own.remove_gid(&self.gid);
+        own.gids.remove(&self.gid);
         own.remove(&self.topic, EndpointType::Publishers, &self.kind);
         drop(own);
         if self.kind.qos.reliability == Reliability::Reliable {

@@ -7,13 +7,8 @@ use wrapyfi_endpoint::{
     AnnouncedDurability, AnnouncedQos, Durability, History, Liveliness, Qos, Reliability,
 };
 
-/// Profile of a publisher or a subscription: names without a slash in front are not changed.
-pub(crate) fn to_rmw_of(qos: &Qos, topic: &str) -> sys::rmw_qos_profile_t {
-    let avoid_ros_namespace_conventions = !topic.starts_with('/');
-    sys::rmw_qos_profile_t { avoid_ros_namespace_conventions, ..to_rmw(qos) }
-}
-
-pub(crate) fn to_rmw(qos: &Qos) -> sys::rmw_qos_profile_t {
+/// Profile of an endpoint: names without a slash in front are not changed.
+pub(crate) fn to_rmw(qos: &Qos, name: &str) -> sys::rmw_qos_profile_t {
     let (history, depth) = match qos.history {
         History::KeepLast(depth) => (sys::RMW_QOS_POLICY_HISTORY_KEEP_LAST, depth),
         History::KeepAll => (sys::RMW_QOS_POLICY_HISTORY_KEEP_ALL, 0),
@@ -39,7 +34,7 @@ pub(crate) fn to_rmw(qos: &Qos) -> sys::rmw_qos_profile_t {
             }
         },
         liveliness_lease_duration: time(qos.lease),
-        avoid_ros_namespace_conventions: false,
+        avoid_ros_namespace_conventions: !name.starts_with('/'),
     }
 }
 
@@ -113,7 +108,7 @@ mod tests {
             liveliness: Liveliness::ManualByTopic,
             lease: Some(Duration::from_secs(2)),
         };
-        assert_eq!(from_rmw(&to_rmw(&qos)), qos.into());
+        assert_eq!(from_rmw(&to_rmw(&qos, "/a")), qos.into());
         let other = Qos {
             reliability: Reliability::BestEffort,
             history: History::KeepAll,
@@ -121,7 +116,7 @@ mod tests {
             ..Qos::default()
         };
         assert_eq!(
-            from_rmw(&to_rmw(&other)),
+            from_rmw(&to_rmw(&other, "/a")),
             AnnouncedQos { history: None, ..other.into() },
             "what is kept is not announced"
         );

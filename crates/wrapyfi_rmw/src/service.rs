@@ -185,7 +185,7 @@ impl Node {
         let name = c_text("rmw_create_client", service.name)?;
         let node = Arc::clone(&self.0);
         let making = node.making();
-        let qos = qos::to_rmw(&service.qos);
+        let qos = qos::to_rmw(&service.qos, service.name);
         // SAFETY: the node lives, the type support lives as long as the process, and rmw copies the rest.
         let raw = unsafe {
             sys::rmw_create_client(node.node(), support.0, name.as_ptr(), &raw const qos)
@@ -213,7 +213,7 @@ impl Node {
         let name = c_text("rmw_create_service", service.name)?;
         let node = Arc::clone(&self.0);
         let making = node.making();
-        let qos = qos::to_rmw(&service.qos);
+        let qos = qos::to_rmw(&service.qos, service.name);
         // SAFETY: as for a client.
         let raw = unsafe {
             sys::rmw_create_service(node.node(), support.0, name.as_ptr(), &raw const qos)

@@ -103,7 +103,7 @@ impl Node {
         let raw = unsafe {
             let mut options = sys::rmw_get_default_subscription_options();
             options.ignore_local_publications = !hears_own;
-            let profile = qos::to_rmw_of(qos, topic);
+            let profile = qos::to_rmw(qos, topic);
             sys::rmw_create_subscription(
                 node.node(),
                 support.0,
@@ -167,7 +167,7 @@ impl Subscription {
             }
             let publisher = gid(&info.publisher_gid.data);
             // Not every middleware ignores our own where messages are taken as bytes.
-            if self.node.own().has(&publisher) {
+            if self.node.own().gids.contains(&publisher) {
                 continue;
             }
             let bytes = buffer.0.buffer_length;

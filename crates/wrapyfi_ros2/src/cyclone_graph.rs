@@ -161,9 +161,9 @@ impl CycloneGraph {
         let id = names::end_id(&node.gid, node.service_ends.fetch_add(1, Relaxed));
         let data =
             |hash: &Option<String>| marked(end_user_data(id_key, &id, hash.as_deref()), mark);
-        let requests = (names.requests(), data(&service.request_hash));
-        let replies = (names.replies(), data(&service.response_hash));
-        let (written, read) =
+        let requests = (names.requests, data(&service.request_hash));
+        let replies = (names.replies, data(&service.response_hash));
+        let ((written, written_data), (read, read_data)) =
             if id_key == "clientid" { (requests, replies) } else { (replies, requests) };
         let qos = |user_data| EndpointQos {
             qos: Qos { history: History::KeepLast(service.depth), ..Qos::default() },
@@ -175,9 +175,11 @@ impl CycloneGraph {
         };
         let events = || Events::new(&service.name, Reliability::Reliable, Arc::clone(on_event));
         // As ROS 2 does: the reader first, so that no reply finds nobody.
-        let reader = RawReader::new(&node.participant, read.0, &qos(&read.1), events());
+        let reader =
+            RawReader::new(&node.participant, (&read.0, &read.1), &qos(&read_data), events());
         let reader = reader.map_err(code)?;
-        let writer = RawWriter::new(&node.participant, written.0, &qos(&written.1), events());
+        let names = (written.0.as_str(), written.1.as_str());
+        let writer = RawWriter::new(&node.participant, names, &qos(&written_data), events());
         let writer = writer.map_err(code)?;
         let gid = writer.guid().map_err(code)?;
         let listed = [

@@ -84,20 +84,10 @@ pub(super) fn type_from_dds(dds: &str) -> Option<String> {
 /// DDS names of a service's two topics.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct ServiceNames {
-    request: (String, String),
-    reply: (String, String),
-}
-
-impl ServiceNames {
     /// Topic and type of its requests.
-    pub(super) fn requests(&self) -> (&str, &str) {
-        (&self.request.0, &self.request.1)
-    }
-
+    pub(super) requests: (String, String),
     /// Topic and type of its replies.
-    pub(super) fn replies(&self) -> (&str, &str) {
-        (&self.reply.0, &self.reply.1)
-    }
+    pub(super) replies: (String, String),
 }
 
 /// DDS names of a service: `/add` of `example_interfaces/srv/AddTwoInts` is `rq/addRequest` and
@@ -107,8 +97,8 @@ impl ServiceNames {
 /// When the type is not `package/kind/Type`.
 pub(super) fn service_to_dds(absolute: &str, ros: &str) -> Result<ServiceNames, TypeNameError> {
     Ok(ServiceNames {
-        request: (format!("rq{absolute}Request"), type_to_dds(&format!("{ros}_Request"))?),
-        reply: (format!("rr{absolute}Reply"), type_to_dds(&format!("{ros}_Response"))?),
+        requests: (format!("rq{absolute}Request"), type_to_dds(&format!("{ros}_Request"))?),
+        replies: (format!("rr{absolute}Reply"), type_to_dds(&format!("{ros}_Response"))?),
     })
 }
 
@@ -153,9 +143,9 @@ mod tests {
     fn services_have_two_topics_and_ids() {
         let names = service_to_dds("/a/add", "example_interfaces/srv/AddTwoInts").unwrap();
         let request = "example_interfaces::srv::dds_::AddTwoInts_Request_";
-        assert_eq!(names.requests(), ("rq/a/addRequest", request));
+        assert_eq!(names.requests, ("rq/a/addRequest".to_owned(), request.to_owned()));
         let reply = "example_interfaces::srv::dds_::AddTwoInts_Response_";
-        assert_eq!(names.replies(), ("rr/a/addReply", reply));
+        assert_eq!(names.replies, ("rr/a/addReply".to_owned(), reply.to_owned()));
         assert!(service_to_dds("/a", "AddTwoInts").is_err());
         let participant =
             [1, 0x10, 0x35, 0xf7, 0x26, 0xad, 0x60, 0xe, 0xac, 0xf5, 0x3c, 0xe6, 0, 0, 1, 0xc1];

@@ -43,23 +43,15 @@ pub struct NodeEndpoints {
 }
 
 impl NodeEndpoints {
-    /// Offers them on `graph`, in the order in which `rclpy` does.
+    /// Offers them on `graph`, in the order in which `rclpy` does; the levels of `loggers`, where there are,
+    /// can be read and set from outside, as with `enable_logger_service` of rclcpp.
     ///
     /// A service that the DDS stack refuses is missing, which is logged: the node has its topics all
     /// the same.
     ///
     /// # Errors
     /// When the DDS stack refuses one of the topics, or there can be no thread.
-    pub fn start(graph: &Arc<dyn Graph>, store: ParameterStore) -> GraphResult<Self> {
-        Self::start_with(graph, store, None)
-    }
-
-    /// As [`NodeEndpoints::start`]; the levels of `loggers`, where there are, can be read and set from
-    /// outside, as with `enable_logger_service` of rclcpp.
-    ///
-    /// # Errors
-    /// As [`NodeEndpoints::start`].
-    pub fn start_with(
+    pub fn start(
         graph: &Arc<dyn Graph>,
         mut store: ParameterStore,
         loggers: Option<&Arc<dyn Loggers>>,

@@ -157,13 +157,15 @@ pub(super) fn uncreated(service: &ServiceDescription) -> impl FnOnce(Fault) -> G
     |fault| GraphError::stack("creating a service's endpoints", &service.name, &fault)
 }
 
-/// The message of what was taken, or the error of one that was too large.
+/// The message that was taken, if one was, or the error of one that was too large.
 fn within(
-    received: Received,
+    taken: Result<Option<Received>, Fault>,
     service: &ServiceDescription,
-) -> GraphResult<(bytes::Bytes, Received)> {
+) -> GraphResult<Option<(bytes::Bytes, Received)>> {
+    let taken = taken.map_err(|fault| GraphError::stack("taking", &service.name, &fault))?;
+    let Some(received) = taken else { return Ok(None) };
     match &received.cdr {
-        Ok(cdr) => Ok((cdr.clone(), received)),
+        Ok(cdr) => Ok(Some((cdr.clone(), received))),
         Err(actual) => Err(GraphError::TooLarge {
             topic: service.name.clone(),
             actual: *actual,
@@ -200,13 +202,12 @@ impl CdrClient for RmwClient {
     }
 
     fn take(&mut self) -> GraphResult<Option<CdrReply>> {
-        let taken = self.client.take(self.service.max_bytes);
-        let taken =
-            taken.map_err(|fault| GraphError::stack("taking", &self.service.name, &fault))?;
-        let Some(received) = taken else { return Ok(None) };
-        let (cdr, received) = within(received, &self.service)?;
-        let (sequence, source_timestamp_ns) = (received.id.sequence, received.source_timestamp_ns);
-        Ok(Some(CdrReply { sequence, cdr, source_timestamp_ns }))
+        let taken = within(self.client.take(self.service.max_bytes), &self.service)?;
+        Ok(taken.map(|(cdr, Received { id, source_timestamp_ns, .. })| CdrReply {
+            sequence: id.sequence,
+            cdr,
+            source_timestamp_ns,
+        }))
     }
 
     fn servers(&self) -> Peers {
@@ -249,13 +250,11 @@ impl RmwServer {
 
 impl CdrServer for RmwServer {
     fn take(&mut self) -> GraphResult<Option<CdrRequest>> {
-        let taken = self.server.take(self.service.max_bytes);
-        let taken =
-            taken.map_err(|fault| GraphError::stack("taking", &self.service.name, &fault))?;
-        let Some(received) = taken else { return Ok(None) };
-        let (cdr, received) = within(received, &self.service)?;
-        let id = RequestId { client: received.id.client, sequence: received.id.sequence };
-        Ok(Some(CdrRequest { id, cdr, source_timestamp_ns: received.source_timestamp_ns }))
+        let taken = within(self.server.take(self.service.max_bytes), &self.service)?;
+        Ok(taken.map(|(cdr, Received { id, source_timestamp_ns, .. })| {
+            let id = RequestId { client: id.client, sequence: id.sequence };
+            CdrRequest { id, cdr, source_timestamp_ns }
+        }))
     }
 
     /// True: rmw itself waits until the client hears its reply.

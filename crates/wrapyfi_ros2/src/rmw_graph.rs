@@ -281,14 +281,14 @@ impl Shared {
                 for (service, types) in found.unwrap_or_default() {
                     for ros_type in types {
                         let Ok(dds) = names::service_to_dds(&service, &ros_type) else { continue };
-                        let (dds_topic, dds_type) = dds.requests();
+                        let (dds_topic, dds_type) = dds.requests;
                         let gid = gid_of(&(&fqn, &service, clients));
                         let found = DiscoveredEndpoint {
                             is_publisher: clients,
-                            topic: dds_topic.to_owned(),
-                            dds_topic: dds_topic.to_owned(),
-                            type_name: dds_type.to_owned(),
-                            dds_type: dds_type.to_owned(),
+                            topic: dds_topic.clone(),
+                            dds_topic,
+                            type_name: dds_type.clone(),
+                            dds_type,
                             type_hash: None,
                             gid,
                             qos: Qos::default().into(),

@@ -109,8 +109,8 @@ impl Ends {
 fn halves<'a>(names: &'a names::ServiceNames, service: &'a ServiceDescription) -> [Half<'a>; 2] {
     let kind = &service.type_name;
     [
-        (names.requests().0, format!("{kind}_Request"), service.request_hash.as_deref()),
-        (names.replies().0, format!("{kind}_Response"), service.response_hash.as_deref()),
+        (&names.requests.0, format!("{kind}_Request"), service.request_hash.as_deref()),
+        (&names.replies.0, format!("{kind}_Response"), service.response_hash.as_deref()),
     ]
 }
 

@@ -58,7 +58,7 @@ use super::config::CycloneConfig;
 use super::graph::{
     CdrClient, CdrServer, Created, GraphError, GraphResult, Notify, ServiceDescription,
 };
-use super::names;
+use super::names::{self, ServiceNames};
 use wrapyfi_endpoint::Mutex;
 use wrapyfi_node::NodeName;
 
@@ -121,7 +121,7 @@ impl RustServices {
     /// # Errors
     /// When a name is invalid or RustDDS refuses.
     pub fn client(&self, service: &ServiceDescription, on_event: Notify) -> Created<dyn CdrClient> {
-        let (requests, replies) = dds_names(service)?;
+        let ServiceNames { requests, replies } = dds_names(service)?;
         let topics = Topics { written: requests, read: replies, service: service.clone() };
         let mut clients = self.0.clients.lock();
         clients.retain(|(_, endpoints)| endpoints.strong_count() > 0);
@@ -142,7 +142,7 @@ impl RustServices {
     /// # Errors
     /// When a name is invalid or RustDDS refuses.
     pub fn server(&self, service: &ServiceDescription, on_event: Notify) -> Created<dyn CdrServer> {
-        let (requests, replies) = dds_names(service)?;
+        let ServiceNames { requests, replies } = dds_names(service)?;
         let topics = Topics { written: replies, read: requests, service: service.clone() };
         Ok(Box::new(Server::new(End::open(&self.0, "creating a server", topics, on_event)?)))
     }
@@ -152,17 +152,12 @@ impl RustServices {
     }
 }
 
-/// DDS topic and type.
-type Named = (String, String);
-
 /// Names of the requests and of the replies of a service.
-fn dds_names(service: &ServiceDescription) -> GraphResult<(Named, Named)> {
+fn dds_names(service: &ServiceDescription) -> GraphResult<ServiceNames> {
     let fault = |reason: String| GraphError::stack("naming", &service.name, &reason);
     NodeName::check_topic(&service.name).map_err(|error| fault(error.to_string()))?;
-    let names = names::service_to_dds(&service.name, &service.type_name)
-        .map_err(|error| fault(error.to_string()))?;
-    let owned = |(topic, type_name): (&str, &str)| (topic.to_owned(), type_name.to_owned());
-    Ok((owned(names.requests()), owned(names.replies())))
+    names::service_to_dds(&service.name, &service.type_name)
+        .map_err(|error| fault(error.to_string()))
 }
 
 #[cfg(test)]
@@ -183,7 +178,7 @@ mod tests {
 
     #[test]
     fn names_are_those_of_ros() {
-        let (requests, replies) =
+        let ServiceNames { requests, replies } =
             dds_names(&service("/add_two_ints", "example_interfaces/srv/AddTwoInts")).unwrap();
         let type_of = |half| format!("example_interfaces::srv::dds_::AddTwoInts_{half}_");
         assert_eq!(requests, ("rq/add_two_intsRequest".into(), type_of("Request")));

@@ -165,8 +165,8 @@ impl Middlewares {
         types: (&mut TypeStore, &BTreeSet<&'static str>),
     ) -> Result<Option<OfferedNode>, Failure> {
         let Some(graph) = &self.graph else { return Ok(None) };
-        let offered = NodeEndpoints::start_with(graph, parameters, logging::loggers().as_ref())
-            .context("ros2")?;
+        let offered =
+            NodeEndpoints::start(graph, parameters, logging::loggers().as_ref()).context("ros2")?;
         let (store, names) = types;
         describe(offered.handle(), store, names);
         if node.args.rosout_logs {

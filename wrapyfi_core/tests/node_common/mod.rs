@@ -38,7 +38,7 @@ impl Offering {
         store.declare(ParameterDescriptor::new("serial").read_only(), "A1").unwrap();
         store.declare(ParameterDescriptor::new("lens.label"), "left").unwrap();
         let shared: Arc<dyn Graph> = Arc::new(graph.clone());
-        let node = NodeEndpoints::start(&shared, store).unwrap();
+        let node = NodeEndpoints::start(&shared, store, None).unwrap();
         Self { graph, node }
     }
 }

@@ -30,10 +30,7 @@ pub use descriptor::{ParameterDescriptor, ParameterRange};
 pub use error::{DeclareError, GetError, SetError};
 pub use limits::{MAX_EVENTS, MAX_NAME_BYTES, MAX_PARAMETERS, MAX_REPLY_BYTES, MAX_VALUE_BYTES};
 pub use parameter::Parameter;
-pub use qos_overrides::{
-    DurabilityOverride, EndpointRole, HistoryOverride, LivelinessOverride, QosOverrideError,
-    QosOverrides, ReliabilityOverride,
-};
+pub use qos_overrides::{EndpointRole, QosOverrideError};
 pub use services::ParameterService;
 pub use store::ParameterStore;
 pub use watch::ParameterWatch;

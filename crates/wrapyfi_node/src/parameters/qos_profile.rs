@@ -1,110 +1,177 @@
-//! Quality of service from outside, as an endpoint uses it.
-//!
+//! Quality of service of an endpoint, as values from outside change it.
 //! ```text
-//!   Qos ─ QosOverrides::of ─▶ declare_qos_overrides ─▶ what was changed ─ pin ─▶ PinnedQos
+//!   Qos ─ Changed::new ─▶ Changed ◀─ set ─ policy, value
+//!                            └─ end ─▶ PinnedQos, true where the rest follows the peers
 //! ```
 
 use std::time::Duration;
 
-use super::{
-    DurabilityOverride, HistoryOverride, LivelinessOverride, QosOverrides, ReliabilityOverride,
-};
+use wrapyfi_interfaces::named;
+
+use crate::ParameterValue;
 use wrapyfi_endpoint::{Durability, History, Liveliness, PinnedQos, Qos, Reliability};
 
 /// Number that `rmw` uses for the best available deadline or lease, which is that of the peers.
 const BEST_AVAILABLE_NS: u64 = i64::MAX.unsigned_abs() - 1;
 
-impl QosOverrides {
-    /// Policies of an endpoint with `qos`, all of which may be changed. Policies that the peers of
-    /// one that `follows` them decide are given as the best available, and their times as 0.
-    pub fn of(qos: &Qos, follows: bool) -> Self {
-        let followed = |time| Some(if follows { 0 } else { nanoseconds(time) });
-        let (history, depth) = match qos.history {
-            History::KeepLast(depth) => (HistoryOverride::KeepLast, depth),
-            History::KeepAll => (HistoryOverride::KeepAll, default_depth()),
-        };
-        Self {
-            deadline_ns: followed(qos.deadline),
-            depth: Some(depth),
-            durability: Some(match qos.durability {
-                _ if follows => DurabilityOverride::BestAvailable,
-                Durability::Volatile => DurabilityOverride::Volatile,
-                Durability::TransientLocal => DurabilityOverride::TransientLocal,
-            }),
-            history: Some(history),
-            lifespan_ns: Some(nanoseconds(qos.lifespan)),
-            liveliness: Some(match qos.liveliness {
-                _ if follows => LivelinessOverride::BestAvailable,
-                Liveliness::ManualByTopic => LivelinessOverride::ManualByTopic,
-                Liveliness::Automatic | Liveliness::ManualByParticipant => {
-                    LivelinessOverride::Automatic
-                }
-            }),
-            liveliness_lease_duration_ns: followed(qos.lease),
-            reliability: Some(match qos.reliability {
-                _ if follows => ReliabilityOverride::BestAvailable,
-                Reliability::Reliable => ReliabilityOverride::Reliable,
-                Reliability::BestEffort => ReliabilityOverride::BestEffort,
-            }),
+named! {
+    /// A policy, by its name.
+    pub(super) enum Policy {
+        Deadline => "deadline",
+        Depth => "depth",
+        Durability => "durability",
+        History => "history",
+        Lifespan => "lifespan",
+        Liveliness => "liveliness",
+        LivelinessLeaseDuration => "liveliness_lease_duration",
+        Reliability => "reliability",
+    }
+    /// Word in the names of parameters.
+    pub fn word;
+}
+
+/// Word of a policy that is to be that of the peers.
+const BEST_AVAILABLE: &str = "best_available";
+
+impl Policy {
+    /// Words that the policy can be; none where it is a number.
+    fn words(self) -> &'static [&'static str] {
+        match self {
+            Self::Durability => &["system_default", "transient_local", "volatile", BEST_AVAILABLE],
+            Self::History => &["system_default", "keep_last", "keep_all"],
+            Self::Liveliness => &["system_default", "automatic", "manual_by_topic", BEST_AVAILABLE],
+            Self::Reliability => &["system_default", "reliable", "best_effort", BEST_AVAILABLE],
+            Self::Deadline | Self::Depth | Self::Lifespan | Self::LivelinessLeaseDuration => &[],
         }
     }
 
-    /// Policies that these overrides fix for an endpoint that has `base` without them, and true
-    /// when the endpoint follows its peers in the rest: because it `follows` them anyway, or
-    /// because a policy is to be the best available. `system_default` is as in
-    /// `rmw_cyclonedds_cpp`: reliable, volatile, keep last, automatic.
-    #[must_use]
-    pub fn pin(&self, base: &Qos, follows: bool) -> (PinnedQos, bool) {
-        let available = [
-            self.reliability == Some(ReliabilityOverride::BestAvailable),
-            self.durability == Some(DurabilityOverride::BestAvailable),
-            self.liveliness == Some(LivelinessOverride::BestAvailable),
-            self.deadline_ns == Some(BEST_AVAILABLE_NS),
-            self.liveliness_lease_duration_ns == Some(BEST_AVAILABLE_NS),
-        ];
-        // An endpoint that follows nobody otherwise does so in these policies alone.
-        let [reliability, durability, liveliness, deadline, lease] =
-            available.map(|available| follows || available);
-        let rest = PinnedQos::all_of(base);
-        let given = |value: Option<u64>| value.filter(|&ns| ns != BEST_AVAILABLE_NS).map(duration);
-        let pinned = PinnedQos {
-            reliability: match self.reliability {
-                Some(ReliabilityOverride::Reliable | ReliabilityOverride::SystemDefault) => {
-                    Some(Reliability::Reliable)
-                }
-                Some(ReliabilityOverride::BestEffort) => Some(Reliability::BestEffort),
-                _ => rest.reliability.filter(|_| !reliability),
-            },
-            durability: match self.durability {
-                Some(DurabilityOverride::Volatile | DurabilityOverride::SystemDefault) => {
-                    Some(Durability::Volatile)
-                }
-                Some(DurabilityOverride::TransientLocal) => Some(Durability::TransientLocal),
-                _ => rest.durability.filter(|_| !durability),
-            },
-            history: Some(self.history(base.history)),
-            deadline: given(self.deadline_ns).or(rest.deadline.filter(|_| !deadline)),
-            lifespan: self.lifespan_ns.map(duration).or(rest.lifespan),
-            liveliness: match self.liveliness {
-                Some(LivelinessOverride::Automatic | LivelinessOverride::SystemDefault) => {
-                    Some(Liveliness::Automatic)
-                }
-                Some(LivelinessOverride::ManualByTopic) => Some(Liveliness::ManualByTopic),
-                _ => rest.liveliness.filter(|_| !liveliness),
-            },
-            lease: given(self.liveliness_lease_duration_ns).or(rest.lease.filter(|_| !lease)),
-        };
-        (pinned, follows || available.contains(&true))
+    /// Values that the policy can have, in words.
+    pub(super) fn allowed(self) -> String {
+        match self {
+            Self::Depth => format!("an integer from 0 to {}", i32::MAX),
+            _ if self.words().is_empty() => "a time in nanoseconds: an integer from 0".to_owned(),
+            _ => self.words().join(", "),
+        }
     }
 
-    fn history(&self, base: History) -> History {
+    /// Value for an endpoint with `qos`. Policies that the peers of one that `follows` them decide
+    /// are given as the best available, and their times as 0.
+    pub(super) fn value(self, qos: &Qos, follows: bool) -> ParameterValue {
+        match self {
+            Self::Deadline | Self::LivelinessLeaseDuration if follows => 0.into(),
+            Self::Durability | Self::Liveliness | Self::Reliability if follows => {
+                BEST_AVAILABLE.into()
+            }
+            Self::Deadline => nanoseconds(qos.deadline).into(),
+            Self::Depth => match qos.history {
+                History::KeepLast(depth) => i64::from(depth).into(),
+                History::KeepAll => i64::from(default_depth()).into(),
+            },
+            Self::Durability => match qos.durability {
+                Durability::Volatile => "volatile".into(),
+                Durability::TransientLocal => "transient_local".into(),
+            },
+            Self::History => match qos.history {
+                History::KeepLast(_) => "keep_last".into(),
+                History::KeepAll => "keep_all".into(),
+            },
+            Self::Lifespan => nanoseconds(qos.lifespan).into(),
+            Self::Liveliness => match qos.liveliness {
+                Liveliness::ManualByTopic => "manual_by_topic".into(),
+                Liveliness::Automatic | Liveliness::ManualByParticipant => "automatic".into(),
+            },
+            Self::LivelinessLeaseDuration => nanoseconds(qos.lease).into(),
+            Self::Reliability => match qos.reliability {
+                Reliability::Reliable => "reliable".into(),
+                Reliability::BestEffort => "best_effort".into(),
+            },
+        }
+    }
+}
+
+/// Policies that are fixed for an endpoint.
+pub(super) struct Changed {
+    pinned: PinnedQos,
+    /// True when the endpoint follows its peers in the rest.
+    follows: bool,
+    base: History,
+    depth: Option<u32>,
+    /// True for all messages, false for the last ones, where the history is given.
+    keeps_all: Option<bool>,
+}
+
+impl Changed {
+    /// Policies of an endpoint that has `base`, as long as nothing is given. Peers of one that
+    /// `follows` them decide all but history and lifespan.
+    pub(super) fn new(base: &Qos, follows: bool) -> Self {
+        let all = PinnedQos::all_of(base);
+        let PinnedQos { history, lifespan, .. } = all;
+        let pinned =
+            if follows { PinnedQos { history, lifespan, ..PinnedQos::default() } } else { all };
+        Self { pinned, follows, base: base.history, depth: None, keeps_all: None }
+    }
+
+    /// Sets a policy, where it can have the value. One that is to be the best available follows the
+    /// peers. `system_default` is as in `rmw_cyclonedds_cpp`: reliable, volatile, keep last,
+    /// automatic.
+    pub(super) fn set(&mut self, policy: Policy, value: &ParameterValue) -> Option<()> {
+        let (number, word) = match value {
+            ParameterValue::Integer(value) => (u64::try_from(*value).ok(), ""),
+            ParameterValue::String(word) => (None, word.as_str()),
+            _ => (None, ""),
+        };
+        let pinned = &mut self.pinned;
+        let followed = |ns: u64| (ns != BEST_AVAILABLE_NS).then(|| duration(ns));
+        match policy {
+            Policy::Deadline => pinned.deadline = followed(number?),
+            Policy::Depth => {
+                let depth = number.filter(|&depth| i32::try_from(depth).is_ok());
+                self.depth = Some(u32::try_from(depth?).ok()?);
+            }
+            Policy::Lifespan => pinned.lifespan = Some(duration(number?)),
+            Policy::LivelinessLeaseDuration => pinned.lease = followed(number?),
+            _ if !policy.words().contains(&word) => return None,
+            Policy::Durability => {
+                pinned.durability = match word {
+                    BEST_AVAILABLE => None,
+                    "transient_local" => Some(Durability::TransientLocal),
+                    _ => Some(Durability::Volatile),
+                }
+            }
+            Policy::History => self.keeps_all = Some(word == "keep_all"),
+            Policy::Liveliness => {
+                pinned.liveliness = match word {
+                    BEST_AVAILABLE => None,
+                    "manual_by_topic" => Some(Liveliness::ManualByTopic),
+                    _ => Some(Liveliness::Automatic),
+                }
+            }
+            Policy::Reliability => {
+                pinned.reliability = match word {
+                    BEST_AVAILABLE => None,
+                    "best_effort" => Some(Reliability::BestEffort),
+                    _ => Some(Reliability::Reliable),
+                }
+            }
+        }
+        // An endpoint that follows nobody otherwise does so in these policies alone.
+        self.follows |= word == BEST_AVAILABLE
+            || number == Some(BEST_AVAILABLE_NS) && policy != Policy::Lifespan;
+        Some(())
+    }
+
+    /// Policies that are fixed, and true when the endpoint follows its peers in the rest.
+    pub(super) fn end(self) -> (PinnedQos, bool) {
         // As rmw_cyclonedds_cpp takes a depth of 0.
         let depth = self.depth.map(|depth| depth.max(1));
-        match (self.history, base) {
-            (Some(HistoryOverride::KeepAll), _) | (None, History::KeepAll) => History::KeepAll,
+        let history = match (self.keeps_all, self.base) {
+            (Some(true), _) | (None, History::KeepAll) => History::KeepAll,
             (_, History::KeepLast(base)) => History::KeepLast(depth.unwrap_or(base)),
-            (Some(_), History::KeepAll) => History::KeepLast(depth.unwrap_or_else(default_depth)),
-        }
+            (Some(false), History::KeepAll) => {
+                History::KeepLast(depth.unwrap_or_else(default_depth))
+            }
+        };
+        (PinnedQos { history: Some(history), ..self.pinned }, self.follows)
     }
 }
 
@@ -117,8 +184,8 @@ fn default_depth() -> u32 {
 }
 
 /// Converts a time to nanoseconds, in which 0 stands for an infinite one.
-fn nanoseconds(time: Option<Duration>) -> u64 {
-    time.map_or(0, |time| u64::try_from(time.as_nanos()).unwrap_or(u64::MAX))
+fn nanoseconds(time: Option<Duration>) -> i64 {
+    time.map_or(0, |time| i64::try_from(time.as_nanos()).unwrap_or(i64::MAX))
 }
 
 fn duration(nanoseconds: u64) -> Option<Duration> {
@@ -131,19 +198,23 @@ mod tests {
     use super::*;
     use wrapyfi_endpoint::QosPreset;
 
-    fn overrides() -> QosOverrides {
-        QosOverrides::default()
+    /// Policies of an endpoint with `base`, of which `given` are given.
+    fn pin(given: &[(Policy, ParameterValue)], base: &Qos, follows: bool) -> (PinnedQos, bool) {
+        let mut changed = Changed::new(base, follows);
+        for (policy, value) in given {
+            changed.set(*policy, value).unwrap();
+        }
+        changed.end()
     }
 
     #[test]
     fn what_is_given_is_laid_down_and_the_rest_follows() {
-        let given = QosOverrides {
-            reliability: Some(ReliabilityOverride::BestEffort),
-            depth: Some(20),
-            deadline_ns: Some(100_000_000),
-            ..overrides()
-        };
-        let (pinned, follows) = given.pin(&Qos::default(), true);
+        let given = [
+            (Policy::Reliability, "best_effort".into()),
+            (Policy::Depth, 20.into()),
+            (Policy::Deadline, 100_000_000.into()),
+        ];
+        let (pinned, follows) = pin(&given, &Qos::default(), true);
         assert!(follows);
         let expected = PinnedQos {
             reliability: Some(Reliability::BestEffort),
@@ -160,17 +231,16 @@ mod tests {
     fn nothing_given_changes_nothing() {
         for preset in [QosPreset::Default, QosPreset::SensorData, QosPreset::Latched] {
             let qos = Qos::from(preset);
-            let (pinned, follows) = overrides().pin(&qos, false);
+            let (pinned, follows) = pin(&[], &qos, false);
             assert_eq!((pinned.apply(Qos::default()), follows), (qos, false));
             // Parameters that are not overridden pin the same policies.
-            let (pinned, follows) = QosOverrides::of(&qos, false).pin(&qos, false);
+            let values = |follows| Policy::ALL.map(|policy| (policy, policy.value(&qos, follows)));
+            let (pinned, follows) = pin(&values(false), &qos, false);
             assert_eq!((pinned.apply(Qos::default()), follows), (qos, false));
-            let (pinned, follows) = QosOverrides {
-                deadline_ns: None,
-                liveliness_lease_duration_ns: None,
-                ..QosOverrides::of(&qos, true)
-            }
-            .pin(&qos, true);
+            let times = [Policy::Deadline, Policy::LivelinessLeaseDuration];
+            let mut values = values(true).to_vec();
+            values.retain(|(policy, _)| !times.contains(policy));
+            let (pinned, follows) = pin(&values, &qos, true);
             let history = Some(qos.history);
             assert_eq!(pinned, PinnedQos { history, lifespan: Some(None), ..PinnedQos::default() });
             assert!(follows);
@@ -180,27 +250,27 @@ mod tests {
     #[test]
     fn the_best_available_is_followed_alone_where_the_rest_is_written() {
         let latched = Qos::from(QosPreset::Latched);
-        let reliability = Some(ReliabilityOverride::BestAvailable);
-        let (pinned, follows) = QosOverrides { reliability, ..overrides() }.pin(&latched, false);
+        let reliability = (Policy::Reliability, "best_available".into());
+        let (pinned, follows) = pin(&[reliability], &latched, false);
         assert!(follows);
         assert_eq!(pinned, PinnedQos { reliability: None, ..PinnedQos::all_of(&latched) });
-        let deadline_ns = Some(BEST_AVAILABLE_NS);
-        let (pinned, _) = QosOverrides { deadline_ns, ..overrides() }.pin(&latched, false);
+        let deadline = (Policy::Deadline, (i64::MAX - 1).into());
+        let (pinned, _) = pin(&[deadline], &latched, false);
         assert_eq!(pinned, PinnedQos { deadline: None, ..PinnedQos::all_of(&latched) });
     }
 
     #[test]
     fn system_defaults_and_zeros_are_those_of_rmw() {
-        let given = QosOverrides {
-            reliability: Some(ReliabilityOverride::SystemDefault),
-            durability: Some(DurabilityOverride::SystemDefault),
-            history: Some(HistoryOverride::SystemDefault),
-            liveliness: Some(LivelinessOverride::SystemDefault),
-            depth: Some(0),
-            deadline_ns: Some(0),
-            lifespan_ns: Some(i64::MAX.unsigned_abs()),
-            liveliness_lease_duration_ns: Some(5),
-        };
+        let given = [
+            (Policy::Reliability, "system_default".into()),
+            (Policy::Durability, "system_default".into()),
+            (Policy::History, "system_default".into()),
+            (Policy::Liveliness, "system_default".into()),
+            (Policy::Depth, 0.into()),
+            (Policy::Deadline, 0.into()),
+            (Policy::Lifespan, i64::MAX.into()),
+            (Policy::LivelinessLeaseDuration, 5.into()),
+        ];
         let base = Qos {
             history: History::KeepAll,
             reliability: Reliability::BestEffort,
@@ -213,12 +283,10 @@ mod tests {
             lease: Some(Duration::from_nanos(5)),
             ..Qos::default()
         };
-        assert_eq!(given.pin(&base, true).0.apply(base), expected);
-        let history = Some(HistoryOverride::KeepLast);
-        let kept = QosOverrides { history, ..overrides() }.pin(&base, false).0.history;
+        assert_eq!(pin(&given, &base, true).0.apply(base), expected);
+        let kept = pin(&[(Policy::History, "keep_last".into())], &base, false).0.history;
         assert_eq!(kept, Some(History::KeepLast(10)));
-        let depth = Some(3);
-        let kept = QosOverrides { depth, ..overrides() }.pin(&base, false).0.history;
+        let kept = pin(&[(Policy::Depth, 3.into())], &base, false).0.history;
         assert_eq!(kept, Some(History::KeepAll));
     }
 }

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::{NodeName, ParameterValue};
+use wrapyfi_endpoint::{History, PinnedQos, Qos, Reliability};
 
 fn store_with(overrides: &[(&str, ParameterValue)]) -> ParameterStore {
     let overrides = overrides.iter().map(|(name, value)| ((*name).to_owned(), value.clone()));
@@ -10,30 +11,25 @@ fn store_with(overrides: &[(&str, ParameterValue)]) -> ParameterStore {
 
 #[test]
 fn qos_overrides_are_read_only_parameters() {
-    let profile = QosOverrides {
-        depth: Some(10),
-        reliability: Some(ReliabilityOverride::Reliable),
-        history: Some(HistoryOverride::KeepLast),
-        deadline_ns: Some(0),
-        ..QosOverrides::default()
-    };
     let camera = "qos_overrides./ns/camera.publisher";
     let mut store = store_with(&[
         (&format!("{camera}.reliability"), "best_effort".into()),
         (&format!("{camera}.depth"), 20.into()),
         ("qos_overrides./ns/camera.subscription.depth", 2.into()),
     ]);
-    let mut declare = |role| store.declare_qos_overrides("/ns/camera", role, &profile);
+    let base = Qos::default();
+    let mut declare = |role| store.declare_qos_overrides("/ns/camera", role, &base, false);
     let changed = declare(EndpointRole::Publisher).unwrap();
-    let expected = QosOverrides {
-        depth: Some(20),
-        reliability: Some(ReliabilityOverride::BestEffort),
-        ..QosOverrides::default()
+    let expected = PinnedQos {
+        reliability: Some(Reliability::BestEffort),
+        history: Some(History::KeepLast(20)),
+        ..PinnedQos::all_of(&base)
     };
-    assert_eq!(changed, expected);
+    assert_eq!(changed, (expected, false));
     // Another publisher of the topic gets the same.
-    assert_eq!(declare(EndpointRole::Publisher).unwrap(), expected);
-    assert_eq!(declare(EndpointRole::Subscription).unwrap().depth, Some(2));
+    assert_eq!(declare(EndpointRole::Publisher).unwrap(), (expected, false));
+    let (pinned, _) = declare(EndpointRole::Subscription).unwrap();
+    assert_eq!(pinned.history, Some(History::KeepLast(2)));
     assert_eq!(store.unused_overrides().count(), 0);
     let reliability = format!("{camera}.reliability");
     assert_eq!(store.get(&reliability).unwrap(), &ParameterValue::from("best_effort"));
@@ -42,23 +38,18 @@ fn qos_overrides_are_read_only_parameters() {
         &ParameterValue::from("keep_last")
     );
     assert!(matches!(store.set(&reliability, "reliable"), Err(SetError::ReadOnly { .. })));
-    assert!(store.describe(&format!("{camera}.durability")).is_none());
+    assert!(store.describe(&format!("{camera}.lifespan")).is_some());
+    assert!(store.describe("qos_overrides./ns/camera.subscription.lifespan").is_none());
 }
 
 #[test]
 fn a_wrong_qos_override_names_topic_policy_and_values() {
-    let profile = QosOverrides {
-        depth: Some(10),
-        reliability: Some(ReliabilityOverride::Reliable),
-        lifespan_ns: Some(0),
-        deadline_ns: Some(0),
-        ..QosOverrides::default()
-    };
     let error = |policy: &str, value: ParameterValue| {
         let name = format!("qos_overrides./chatter.subscription.{policy}");
         let mut store = store_with(&[(&name, value)]);
         let role = EndpointRole::Subscription;
-        let error = store.declare_qos_overrides("/chatter", role, &profile).unwrap_err();
+        let base = Qos::default();
+        let error = store.declare_qos_overrides("/chatter", role, &base, false).unwrap_err();
         assert_eq!(store.names().count(), 2);
         error.to_string()
     };
@@ -69,14 +60,14 @@ fn a_wrong_qos_override_names_topic_policy_and_values() {
          best_effort, best_available"
     );
     assert_eq!(
-        error("durability", "volatile".into()),
-        "parameter qos_overrides./chatter.subscription.durability: the subscription of /chatter has \
-         no policy \"durability\" to override; it has deadline, depth, reliability"
+        error("lifespan", 1.into()),
+        "parameter qos_overrides./chatter.subscription.lifespan: the subscription of /chatter has no \
+         policy \"lifespan\" to override; it has deadline, depth, durability, history, liveliness, \
+         liveliness_lease_duration, reliability"
     );
     assert!(error("deepth", 1.into()).contains("no policy \"deepth\""));
     for depth in [ParameterValue::from(-1), (1_i64 << 31).into(), 1.5.into(), "10".into()] {
         assert!(error("depth", depth).contains("an integer from 0 to 2147483647"));
     }
     assert!(error("deadline", (-1).into()).contains("nanoseconds"));
-    assert!(error("lifespan", 1.into()).contains("no policy \"lifespan\""));
 }

@@ -16,6 +16,7 @@
 //! open them on another participant.
 
 use std::collections::BTreeMap;
+use std::error::Error;
 use std::io;
 use std::net::SocketAddr;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -24,6 +25,7 @@ use std::sync::{Arc, Weak};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use rustdds::dds::CreateResult;
 use rustdds::mio1::event::Source as _;
 use rustdds::mio1::{Events, Interest, Poll, Registry, Token, Waker};
 use rustdds::{
@@ -104,13 +106,13 @@ impl Watch {
     /// Watches the pair that `create` makes, from before its first match on.
     ///
     /// Events of the participant are not looked at until it is made, so that none is missed.
-    pub(super) fn add<E>(
+    pub(super) fn add(
         &self,
-        create: impl FnOnce() -> Result<(Writer, Reader), E>,
+        create: impl FnOnce() -> CreateResult<(Writer, Reader)>,
         join: impl FnOnce((Writer, Reader)) -> Pair,
-    ) -> Result<Arc<Pair>, AddError<E>> {
+    ) -> Result<Arc<Pair>, Box<dyn Error>> {
         let mut routes = self.routes.lock();
-        let (mut writer, mut reader) = create().map_err(AddError::Create)?;
+        let (mut writer, mut reader) = create()?;
         let number = routes.last.wrapping_add(1);
         let token = |what: usize| Token(number.wrapping_mul(TOKENS_EACH).wrapping_add(what));
         let register = |source: &mut dyn rustdds::mio1::event::Source, what: usize| {
@@ -143,17 +145,6 @@ impl Drop for Watch {
             tracing::error!("the thread of the services panicked");
         }
     }
-}
-
-/// Error of watching a new pair of endpoints.
-#[derive(Debug, thiserror::Error)]
-pub(super) enum AddError<E> {
-    /// The pair could not be created.
-    #[error("{0}")]
-    Create(E),
-    /// The operating system refused.
-    #[error("{0}")]
-    Io(#[from] io::Error),
 }
 
 /// The thread's own.

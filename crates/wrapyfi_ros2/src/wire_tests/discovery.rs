@@ -67,11 +67,11 @@ fn check_names(topic: &str, dds_type: &str) {
         }
         RosName::Requests(name) => {
             let names = names::service_to_dds(name, &service()).unwrap();
-            assert_eq!(names.requests(), (topic, dds_type));
+            assert_eq!(names.requests, (topic.to_owned(), dds_type.to_owned()));
         }
         RosName::Replies(name) => {
             let names = names::service_to_dds(name, &service()).unwrap();
-            assert_eq!(names.replies(), (topic, dds_type));
+            assert_eq!(names.replies, (topic.to_owned(), dds_type.to_owned()));
         }
         RosName::Dds(name) => assert_eq!(name, "ros_discovery_info"),
     }
