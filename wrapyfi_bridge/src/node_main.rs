@@ -21,7 +21,7 @@ use wrapyfi_node::{NodeOptions, ParameterType, ParameterValue, read_params_file}
 
 use crate::cli::{BridgeArgs, NodeCli};
 use crate::command::bridge;
-use crate::exit::{Failure, finish};
+use crate::exit::{Failure, Result, finish};
 use crate::in_force::{Options, change_endpoints};
 use crate::logging;
 use crate::middleware_bridge::{MiddlewareBridge, Selection};
@@ -42,7 +42,7 @@ pub fn main_of(bridge: MiddlewareBridge) -> ExitCode {
     finish(run_executable(Some(bridge)))
 }
 
-fn run_executable(bridge: Option<MiddlewareBridge>) -> Result<(), Failure> {
+fn run_executable(bridge: Option<MiddlewareBridge>) -> Result<()> {
     crate::files::raise_limit();
     let ros = parse(std::env::args_os().skip(1))?;
     let (name, about) = match bridge {
@@ -70,7 +70,7 @@ pub fn split(words: impl Iterator<Item = OsString>) -> (Vec<OsString>, Vec<OsStr
 ///
 /// # Errors
 /// Exit code 2 with the first thing that ROS 2 would refuse.
-pub fn parse(words: impl Iterator<Item = OsString>) -> Result<RosArgs, Failure> {
+pub fn parse(words: impl Iterator<Item = OsString>) -> Result<RosArgs> {
     let words: Result<Vec<String>, OsString> = words.map(OsString::into_string).collect();
     let words =
         words.map_err(|word| Failure::Usage(format!("argument {word:?} is not UTF-8 text")))?;
@@ -79,7 +79,7 @@ pub fn parse(words: impl Iterator<Item = OsString>) -> Result<RosArgs, Failure> 
 }
 
 /// Enters the parameters that `args` stand for among those `given` as such.
-fn enter(args: &BridgeArgs, given: &mut BTreeMap<String, ParameterValue>) -> Result<(), Failure> {
+fn enter(args: &BridgeArgs, given: &mut BTreeMap<String, ParameterValue>) -> Result<()> {
     let config = args.config.as_ref().map(|path| match path.to_str() {
         Some(path) => Ok(ParameterValue::from(path)),
         None => Err(Failure::Usage(format!("--config {}: not UTF-8 text", path.display()))),
@@ -117,7 +117,7 @@ pub fn run(
     ros: RosArgs,
     bridge: Option<MiddlewareBridge>,
     level: LevelFilter,
-) -> Result<(), Failure> {
+) -> Result<()> {
     let default_name = bridge.map_or(DEFAULT_NAME, MiddlewareBridge::node);
     // First: what follows may take its time.
     let shutdown = Shutdown::on_signals().context("cannot catch signals")?;
@@ -146,10 +146,7 @@ struct Parameters {
 
 impl Parameters {
     /// Declares them; they are fixed from the start on.
-    fn declare(
-        store: &mut ParameterStore,
-        bridge: Option<MiddlewareBridge>,
-    ) -> Result<Self, Failure> {
+    fn declare(store: &mut ParameterStore, bridge: Option<MiddlewareBridge>) -> Result<Self> {
         let mut declare = |name: &str, text: &str, value: ParameterValue| {
             let fixed = ParameterDescriptor::new(name).with_description(text).read_only();
             let fixed = match name {

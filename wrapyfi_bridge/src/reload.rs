@@ -38,7 +38,7 @@ use wrapyfi_ros2::NodeHandle;
 
 use self::watched_file::WatchedFile;
 use crate::edits::Edits;
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::in_force::{
     InForce, Options, Running, change_by, change_endpoints, ros2_types, warn_of_unheard,
 };
@@ -90,8 +90,8 @@ impl Source {
     pub fn load(
         &self,
         added: &[Spanned<RouteConfig>],
-        change: impl FnOnce(&mut Endpoints) -> Result<(), Failure>,
-    ) -> Result<Loaded, Failure> {
+        change: impl FnOnce(&mut Endpoints) -> Result<()>,
+    ) -> Result<Loaded> {
         match self {
             Self::File(file) => middlewares::load_and_learn(file, added, change),
             Self::Text(text, name) => middlewares::load_text(text, name),
@@ -133,11 +133,7 @@ pub struct Reload {
 impl Reload {
     /// Reads the file and applies it with `edits`, of which one may leave out a `wanted` route; text and difference.
     /// Everything that may be refused is tried before anything changes.
-    fn apply(
-        &mut self,
-        mut edits: Edits,
-        wanted: Option<&str>,
-    ) -> Result<(String, PlanDiff), Failure> {
+    fn apply(&mut self, mut edits: Edits, wanted: Option<&str>) -> Result<(String, PlanDiff)> {
         let name = self.source.name();
         // The node has its parameters once nothing can be refused any more.
         let Running { node, routes, in_force } = &self.bridge;
@@ -196,7 +192,7 @@ impl Reload {
     }
 
     /// As [`Reload::apply`] for the file as it is now, and logs the outcome.
-    fn apply_and_tell(&mut self, known: &mut String) -> Result<PlanDiff, Failure> {
+    fn apply_and_tell(&mut self, known: &mut String) -> Result<PlanDiff> {
         told(&self.source.name(), known, false, || self.apply(self.edits.clone(), None))
     }
 
@@ -242,7 +238,7 @@ impl Reload {
     }
 
     /// Closes the routes, and forgets them with what they were told to change. Middlewares other than ROS 2 end.
-    fn put_away(&mut self) -> Result<(), Failure> {
+    fn put_away(&mut self) -> Result<()> {
         self.close();
         let endpoints = self.bridge.in_force.lock().endpoints.clone();
         let plan = Plan::default();
@@ -256,12 +252,7 @@ impl Reload {
     }
 
     /// Does what a service asks for, and logs the outcome.
-    fn serve(
-        &mut self,
-        service: Asked,
-        text: &str,
-        known: &mut String,
-    ) -> Result<PlanDiff, Failure> {
+    fn serve(&mut self, service: Asked, text: &str, known: &mut String) -> Result<PlanDiff> {
         if !self.is_configured() {
             let (state, node) = (self.lifecycle.state().label(), self.bridge.node.name().fqn());
             return Err(Failure::Usage(format!(
@@ -305,8 +296,8 @@ fn told(
     file: &str,
     known: &mut String,
     has_caller: bool,
-    apply: impl FnOnce() -> Result<(String, PlanDiff), Failure>,
-) -> Result<PlanDiff, Failure> {
+    apply: impl FnOnce() -> Result<(String, PlanDiff)>,
+) -> Result<PlanDiff> {
     let begin = Instant::now();
     let applied = contained(apply)
         .unwrap_or_else(|panic| Err(panicked(&format!("what reads {file}"), &panic)));
@@ -354,7 +345,7 @@ impl Watch {
     ///
     /// # Errors
     /// When the system refuses a thread or a handler.
-    pub fn start(mut reload: Reload) -> Result<Self, Failure> {
+    pub fn start(mut reload: Reload) -> Result<Self> {
         let (context, stop) = (Context::default(), Arc::<AtomicBool>::default());
         let hung_up = Arc::<AtomicBool>::default();
         let mut hang_up = None;

@@ -9,7 +9,7 @@ use wrapyfi_engine::{Engine, Plan};
 use wrapyfi_node::parameters::ParameterStore;
 
 use crate::edits::Edits;
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::in_force::{InForce, Options, Running, change_by, ros2_types, warn_of_unheard};
 use crate::lifecycle::Lifecycle;
 use crate::lines::Lines;
@@ -41,7 +41,7 @@ pub fn run(
     mut parameters: ParameterStore,
     options: Options,
     shutdown: &Shutdown,
-) -> Result<(), Failure> {
+) -> Result<()> {
     let name = source.name();
     let page_port = options.page_port.or(loaded.page_port);
     change_by(&mut loaded, node, &mut parameters, &options)?;

@@ -12,7 +12,7 @@ use super::other_types::OtherTypes;
 use super::{definitions, yaml};
 use crate::cli::{EchoArgs, TypeName};
 use crate::describe::{describe, describe_message, summary};
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::middlewares::{LearnTopicError, Role, check_topic, for_endpoint, of_topic};
 use crate::output;
 use crate::shutdown::Shutdown;
@@ -21,7 +21,7 @@ use crate::shutdown::Shutdown;
 ///
 /// # Errors
 /// Exit code 3 when a message did not come in time, 2 when the endpoint is wrong.
-pub fn run(args: &EchoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
+pub fn run(args: &EchoArgs, shutdown: &Shutdown) -> Result<()> {
     // Before anything starts.
     check_topic(&args.endpoint)?;
     let options = args.options.of(&args.endpoint.middleware)?;
@@ -47,7 +47,7 @@ fn learned(
     options: &Map,
     middleware: &dyn Middleware,
     shutdown: &Shutdown,
-) -> Result<Option<MessageType>, Failure> {
+) -> Result<Option<MessageType>> {
     let EndpointAddress { middleware: name, name: topic } = &args.endpoint;
     let is_ros2 = name == "ros2";
     let mut types = definitions::of_command(&args.definitions)?;
@@ -124,7 +124,7 @@ fn print_all(
     (message_type, options): (MessageType, Map),
     middleware: &dyn Middleware,
     shutdown: &Shutdown,
-) -> Result<(), Failure> {
+) -> Result<()> {
     let context = Context::default();
     let spec = TopicSpec {
         qos: args.qos.map_or_else(Qos::default, Qos::from),

@@ -12,14 +12,14 @@ use wrapyfi_yarp_endpoint::{self as yarp, YarpConfig};
 
 use super::{write_down, yarp_environment};
 use crate::cli::YarpServerArgs;
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::shutdown::Shutdown;
 
 /// Runs until the process is asked to end.
 ///
 /// # Errors
 /// Exit code 2 for bad settings, 1 when the port is taken.
-pub fn run(args: &YarpServerArgs, shutdown: &Shutdown) -> Result<(), Failure> {
+pub fn run(args: &YarpServerArgs, shutdown: &Shutdown) -> Result<()> {
     let environment = yarp_environment(args.namespace.as_deref());
     let place = place(args, &environment).map_err(Failure::usage)?;
     let ip = resolve(&place.host).map_err(Failure::usage)?;

@@ -25,7 +25,7 @@ use super::load::Endpoints;
 use super::ros2::Ros2Section;
 use super::start::{Role, start};
 use super::yarp::YarpSection;
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::files::in_no_file;
 use crate::node::Node;
 
@@ -92,11 +92,7 @@ pub type Observer = (Arc<dyn Middleware>, Option<Arc<Ros1>>);
 ///
 /// # Errors
 /// Exit code 2 for settings that cannot be, and where nothing says where the server is.
-pub fn doors(
-    endpoints: &Endpoints,
-    middleware: &str,
-    is_service: bool,
-) -> Result<Vec<Door>, Failure> {
+pub fn doors(endpoints: &Endpoints, middleware: &str, is_service: bool) -> Result<Vec<Door>> {
     let largest = Limits::default().message_bytes;
     match middleware {
         "zeromq" => {
@@ -185,7 +181,7 @@ pub fn doors(
 ///
 /// # Errors
 /// Exit code 2 for settings that cannot work, 1 when it does not start.
-pub fn observer(endpoints: &Endpoints, middleware: &str) -> Result<Observer, Failure> {
+pub fn observer(endpoints: &Endpoints, middleware: &str) -> Result<Observer> {
     let largest = Limits::default().message_bytes;
     match middleware {
         "zeromq" => {
@@ -215,7 +211,7 @@ pub fn observer(endpoints: &Endpoints, middleware: &str) -> Result<Observer, Fai
 ///
 /// # Errors
 /// As [`observer`].
-pub fn ros2_elsewhere(section: &Ros2Section, domain_id: u32, wide: bool) -> Result<Ros2, Failure> {
+pub fn ros2_elsewhere(section: &Ros2Section, domain_id: u32, wide: bool) -> Result<Ros2> {
     let node = Node::hidden().map_err(Failure::usage)?;
     let domain_id = in_no_file(domain_id);
     let section = Ros2Section { domain_id: Some(domain_id), ..section.clone() };
