@@ -45,7 +45,7 @@ pub fn run(
     let name = source.name();
     let page_port = options.page_port.or(loaded.page_port);
     change_by(&mut loaded, node, &mut parameters, &options)?;
-    let Loaded { endpoints, plan, types: mut store, definitions, lines, .. } = loaded;
+    let Loaded { endpoints, plan, types: mut store, definitions, lines, text, .. } = loaded;
     if options.no_autostart && !plan.uses("ros2") {
         return Err(Failure::usage(
             "no route is on ros2, where others could configure and activate the bridge: leave --no-autostart \
@@ -88,6 +88,7 @@ pub fn run(
         options,
         bridge: bridge.clone(),
         handle: node.as_ref().map(|node| node.handle().clone()),
+        known: text,
         edits: Edits::default(),
         page_port,
         other_page_port: None,
