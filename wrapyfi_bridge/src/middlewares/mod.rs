@@ -226,9 +226,14 @@ pub fn for_service(
     endpoints.reached_at(own);
     endpoints.zeromq.rep_port = ports.rep_port.map(in_no_file);
     endpoints.zeromq.req_port = ports.req_port.map(in_no_file);
-    let Endpoints { zeromq, yarp, ros, ros2, hosts } = &endpoints;
+    start_as(&endpoints, &address.middleware, role)
+}
+
+/// Starts a middleware with these settings, for a program with this role.
+fn start_as(endpoints: &Endpoints, middleware: &str, role: Role) -> Result<Arc<dyn Middleware>> {
+    let Endpoints { zeromq, yarp, ros, ros2, hosts } = endpoints;
     let largest = Limits::default().message_bytes;
-    let one = match address.middleware.as_str() {
+    let one = match middleware {
         "zeromq" => One::ZeroMq(zeromq.checked(zeromq.config(Some(role), largest, hosts)?)?, false),
         yarp::NAME => {
             let listens = !matches!(role, Role::Observer | Role::Client);
