@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use wrapyfi_data::types::{Map, MessageType, Payload};
 use wrapyfi_endpoint::{
-    Context, DropReason, EndpointAddress, LearnError, Learned, Middleware, Overflow, Qos,
+    Context, DropReason, EndpointAddress, LearnError, Learned, Link, Middleware, Overflow, Qos,
     QueueSpec, Throttle, TopicSpec,
 };
 
@@ -177,9 +177,7 @@ fn print_all(
             }
             Ok(None) => {
                 other_types.look();
-                if let Some(at) = deadline
-                    && Instant::now() >= at
-                {
+                if deadline.is_some_and(|at| Instant::now() >= at) {
                     return Err(timed_out(args, printed, &listener.link(), &context));
                 }
                 match listener.link().waiting_for {
@@ -206,12 +204,7 @@ fn shown(payload: &Payload, as_json: bool) -> anyhow::Result<String> {
     }
 }
 
-fn timed_out(
-    args: &EchoArgs,
-    printed: u64,
-    link: &wrapyfi_endpoint::Link,
-    context: &Context,
-) -> Failure {
+fn timed_out(args: &EchoArgs, printed: u64, link: &Link, context: &Context) -> Failure {
     let why = match (&link.waiting_for, link.peers) {
         (Some(what), _) => format!("still waiting for {what}"),
         (None, Some(0)) => "no publisher is there".to_owned(),

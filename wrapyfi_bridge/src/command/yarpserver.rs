@@ -1,6 +1,6 @@
 //! `wrapyfi yarpserver`: a YARP name server, standalone, with the options of YARP's own.
 
-use std::net::{IpAddr, ToSocketAddrs};
+use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
@@ -92,12 +92,8 @@ fn place(args: &YarpServerArgs, environment: &Environment) -> Result<NameServerC
 fn resolve(host: &str) -> anyhow::Result<IpAddr> {
     let found = (host, 0).to_socket_addrs().with_context(|| format!("--ip {host}"))?;
     // YARP's clients know IPv4 best.
-    let (mut four, mut six) = (None, None);
-    for address in found {
-        let kept = if address.is_ipv4() { &mut four } else { &mut six };
-        kept.get_or_insert(address.ip());
-    }
-    four.or(six).ok_or_else(|| anyhow!("--ip {host} has no address"))
+    let first = found.min_by_key(SocketAddr::is_ipv6);
+    first.map(|it| it.ip()).ok_or_else(|| anyhow!("--ip {host} has no address"))
 }
 
 #[cfg(test)]

@@ -118,10 +118,7 @@ fn check(Call { args, kwargs }: &Call, kind: ServiceKind) -> Result<()> {
 fn arguments(option: &str, text: Option<&str>) -> Result<Vec<Value>> {
     match value(option, text.unwrap_or("[]"))? {
         Value::List(args) | Value::Tuple(args) => Ok(args),
-        other => Err(Failure::Usage(format!(
-            "{option} is {}; it must be a JSON list",
-            canonical(&other)
-        ))),
+        other => wrong(option, &other, "a JSON list"),
     }
 }
 
@@ -129,11 +126,12 @@ fn arguments(option: &str, text: Option<&str>) -> Result<Vec<Value>> {
 fn keywords(option: &str, text: Option<&str>) -> Result<Map> {
     match value(option, text.unwrap_or("{}"))? {
         Value::Map(kwargs) => Ok(kwargs),
-        other => Err(Failure::Usage(format!(
-            "{option} is {}; it must be a JSON object",
-            canonical(&other)
-        ))),
+        other => wrong(option, &other, "a JSON object"),
     }
+}
+
+fn wrong<T>(option: &str, found: &Value, wanted: &str) -> Result<T> {
+    Err(Failure::Usage(format!("{option} is {}; it must be {wanted}", canonical(found))))
 }
 
 /// The failure of a call for which the user gave `timeout`; discovery had its part of it before.
