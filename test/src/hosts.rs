@@ -17,7 +17,7 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, bail};
 
-use crate::{Process, Result, TestEnv, programs};
+use crate::{Args, Process, Result, TestEnv, programs};
 
 /// One machine.
 #[derive(Debug)]
@@ -144,7 +144,7 @@ impl Host<'_> {
     }
 
     /// Starts `wrapyfi` here.
-    pub fn wrapyfi<A: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = A>) -> Result<Process> {
+    pub fn wrapyfi(&self, args: impl Args) -> Result<Process> {
         self.start("wrapyfi", &self.env.command(&programs::program()?, args))
     }
 
@@ -155,7 +155,7 @@ impl Host<'_> {
 
     /// Starts a program of `examples/communicator` here; `args` are split at blanks.
     pub fn example(&self, name: &str, args: &str) -> Result<Process> {
-        self.start(name, &self.env.command(&programs::example(name)?, args.split_whitespace()))
+        self.start(name, &self.env.command(&programs::executable(name)?, args.split_whitespace()))
     }
 
     /// Starts a peer on rospy here; `args` are split at blanks.

@@ -116,7 +116,7 @@ impl Installation {
 }
 
 /// File `name` on a `PATH`.
-fn on_path(name: &str, path: Option<OsString>) -> Option<PathBuf> {
+pub(crate) fn on_path(name: &str, path: Option<OsString>) -> Option<PathBuf> {
     std::env::split_paths(&path?).map(|folder| folder.join(name)).find(|file| file.is_file())
 }
 

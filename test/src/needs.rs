@@ -7,9 +7,7 @@ use std::sync::OnceLock;
 use anyhow::{Context as _, bail};
 
 use crate::installation::{self, Installation};
-use crate::programs::{
-    SYSTEM_PYTHON, chromium, example, executable, node, pose_mirror, program, python,
-};
+use crate::programs::{SYSTEM_PYTHON, chromium, executable, node, program, python};
 use crate::{Result, TestEnv, cpp, hosts};
 
 /// Something a test cannot do without.
@@ -68,12 +66,10 @@ pub fn run(test: &str, needs: &[Need], body: impl FnOnce(&TestEnv) -> Result) ->
         if let Err(reason) = check(*need) {
             let is_required = match need {
                 Need::FastDds => !cpp::FAST_DDS.lacks_library(),
-                Need::Hosts | Need::Chromium => false,
                 Need::Ros1 => has_package("python3-rospy"),
                 Need::Roscpp => !cpp::ROSCPP.lacks_library() || has_package("libroscpp-dev"),
-                Need::Rmw | Need::Ros2Package(_) | Need::WrapyfiOnRos2 | Need::YarpDevice(_) => {
-                    false
-                }
+                Need::Hosts | Need::Chromium | Need::Rmw => false,
+                Need::Ros2Package(_) | Need::WrapyfiOnRos2 | Need::YarpDevice(_) => false,
                 _ => true,
             };
             let variable = match need {
@@ -96,9 +92,8 @@ fn check(need: Need) -> Result {
     match need {
         Need::Program => program().map(drop),
         Need::Node => node().map(drop),
-        Need::Executable(name) => executable(name).map(drop),
-        Need::PoseMirror => pose_mirror().map(drop),
-        Need::Example(name) => example(name).map(drop),
+        Need::PoseMirror => executable("pose_mirror").map(drop),
+        Need::Executable(name) | Need::Example(name) => executable(name).map(drop),
         Need::Python => python().map(drop),
         Need::Package(name) => package(name),
         Need::Ros1 => ros1(),

@@ -6,6 +6,7 @@ use std::sync::OnceLock;
 
 use anyhow::{Context as _, bail};
 
+use crate::installation::on_path;
 use crate::{Result, repository};
 
 /// The interpreter that the distribution's packages are for.
@@ -21,28 +22,16 @@ pub(crate) fn node() -> Result<PathBuf> {
     built("bridge", "WRAPYFI_BRIDGE_BIN")
 }
 
-/// A node executable that bridges all of a middleware.
+/// A node executable that bridges all of a middleware, or a program of the examples.
 pub(crate) fn executable(name: &str) -> Result<PathBuf> {
     built(name, &format!("WRAPYFI_{}_BIN", name.to_uppercase()))
 }
 
 /// Chromium by one of its names.
 pub(crate) fn chromium() -> Result<PathBuf> {
-    let path = std::env::var_os("PATH").unwrap_or_default();
-    let names = ["chromium", "chromium-browser", "google-chrome"];
-    let all = std::env::split_paths(&path).flat_map(|folder| names.map(|name| folder.join(name)));
-    let mut found = all.filter(|file| file.is_file());
-    found.next().context("there is no Chromium on the PATH: apt-get install chromium")
-}
-
-/// The example of a plug-in.
-pub(crate) fn pose_mirror() -> Result<PathBuf> {
-    built("pose_mirror", "WRAPYFI_POSE_MIRROR_BIN")
-}
-
-/// A program of the examples of the communicator.
-pub(crate) fn example(name: &str) -> Result<PathBuf> {
-    built(name, &format!("WRAPYFI_{}_BIN", name.to_uppercase()))
+    let mut names = ["chromium", "chromium-browser", "google-chrome"].into_iter();
+    let found = names.find_map(|name| on_path(name, std::env::var_os("PATH")));
+    found.context("there is no Chromium on the PATH: apt-get install chromium")
 }
 
 fn built(name: &str, variable: &str) -> Result<PathBuf> {

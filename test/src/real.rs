@@ -1,13 +1,13 @@
 //! A real installation of ROS 2 in one test: `ros2 …`, rclpy, and our programs in it.
 
-use std::ffi::{OsStr, OsString};
+use std::ffi::OsString;
 use std::path::Path;
 use std::process::Command;
 
 use anyhow::{Context as _, bail};
 
 use crate::installation::Installation;
-use crate::{Process, Result, TestEnv, programs, repository};
+use crate::{Args, Process, Result, TestEnv, programs, repository};
 
 /// ROS 2 as it is installed, in one test and under one middleware. Our packages are found in it as if
 /// they were installed, too.
@@ -70,7 +70,7 @@ impl<'w> RealRos2<'w> {
     }
 
     /// Starts `wrapyfi` where this ROS 2 is sourced.
-    pub fn wrapyfi<A: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = A>) -> Result<Process> {
+    pub fn wrapyfi(&self, args: impl Args) -> Result<Process> {
         self.env.start("wrapyfi", self.command(&programs::program()?, args)?)
     }
 
@@ -107,11 +107,7 @@ impl<'w> RealRos2<'w> {
         Ok(())
     }
 
-    fn command<A: AsRef<OsStr>>(
-        &self,
-        program: &Path,
-        args: impl IntoIterator<Item = A>,
-    ) -> Result<Command> {
+    fn command(&self, program: &Path, args: impl Args) -> Result<Command> {
         let mut command = self.env.command(program, args);
         command.envs(&self.installation.environment);
         for (name, value) in [

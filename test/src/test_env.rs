@@ -35,6 +35,11 @@ pub struct TestEnv {
     variables: Mutex<BTreeMap<String, OsString>>,
 }
 
+/// The arguments of a program.
+pub trait Args: IntoIterator<Item: AsRef<OsStr>> {}
+
+impl<T: IntoIterator<Item: AsRef<OsStr>>> Args for T {}
+
 impl TestEnv {
     /// Reserves everything for `test`.
     pub fn new(test: &str) -> Result<Self> {
@@ -128,8 +133,8 @@ impl TestEnv {
     }
 
     /// Starts `wrapyfi` with these arguments.
-    pub fn wrapyfi<A: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = A>) -> Result<Process> {
-        Process::start("wrapyfi", self.command(&programs::program()?, args), &self.pillars)
+    pub fn wrapyfi(&self, args: impl Args) -> Result<Process> {
+        self.start("wrapyfi", self.command(&programs::program()?, args))
     }
 
     /// Starts `wrapyfi` with a pipe for its output whose reader has gone, as `head` goes.
@@ -149,7 +154,7 @@ impl TestEnv {
         let args = args.iter().map(Into::into);
         let all = ["-c".into(), script.into(), "bash".into(), program].into_iter().chain(args);
         let command = self.command(Path::new("bash"), all);
-        Process::start("wrapyfi", command, &self.pillars)
+        self.start("wrapyfi", command)
     }
 
     /// Starts a YARP name server of ours on this test's port, where its programs look for one.
@@ -168,27 +173,22 @@ impl TestEnv {
     }
 
     /// Starts `wrapyfi` with these arguments and another `RMW_IMPLEMENTATION`.
-    pub fn wrapyfi_as<A: AsRef<OsStr>>(
-        &self,
-        rmw: &str,
-        args: impl IntoIterator<Item = A>,
-    ) -> Result<Process> {
+    pub fn wrapyfi_as(&self, rmw: &str, args: impl Args) -> Result<Process> {
         let mut command = self.command(&programs::program()?, args);
         command.env("RMW_IMPLEMENTATION", rmw);
-        Process::start("wrapyfi", command, &self.pillars)
+        self.start("wrapyfi", command)
     }
 
     /// Starts the node executable with these arguments.
-    pub fn node<A: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = A>) -> Result<Process> {
-        Ok(Process::start("bridge", self.command(&programs::node()?, args), &self.pillars)?
-            .pillar())
+    pub fn node(&self, args: impl Args) -> Result<Process> {
+        Ok(self.start("bridge", self.command(&programs::node()?, args))?.pillar())
     }
 
     /// Starts a node executable that bridges all of a middleware, by its name, with these ROS arguments.
     pub fn executable(&self, name: &str, ros_args: &[&str]) -> Result<Process> {
         let args = ["--ros-args"].iter().chain(ros_args);
         let command = self.command(&programs::executable(name)?, args);
-        Ok(Process::start(name, command, &self.pillars)?.pillar())
+        Ok(self.start(name, command)?.pillar())
     }
 
     /// Starts the node executable with these routes and more ROS arguments.
@@ -202,27 +202,23 @@ impl TestEnv {
     }
 
     /// Starts the node executable with these arguments and another `RMW_IMPLEMENTATION`.
-    pub fn node_as<A: AsRef<OsStr>>(
-        &self,
-        rmw: &str,
-        args: impl IntoIterator<Item = A>,
-    ) -> Result<Process> {
+    pub fn node_as(&self, rmw: &str, args: impl Args) -> Result<Process> {
         let mut command = self.command(&programs::node()?, args);
         command.env("RMW_IMPLEMENTATION", rmw);
-        Ok(Process::start("bridge", command, &self.pillars)?.pillar())
+        Ok(self.start("bridge", command)?.pillar())
     }
 
     /// Starts the example `pose_mirror` with these topics.
     pub fn pose_mirror(&self, from: &str, to: &str) -> Result<Process> {
-        let command = self.command(&programs::pose_mirror()?, [from, to]);
-        Ok(Process::start("pose_mirror", command, &self.pillars)?.pillar())
+        let command = self.command(&programs::executable("pose_mirror")?, [from, to]);
+        Ok(self.start("pose_mirror", command)?.pillar())
     }
 
     /// Starts a program of `examples/communicator`; `args` are split at blanks.
     pub fn example(&self, name: &str, args: &str) -> Result<Process> {
-        let mut command = self.command(&programs::example(name)?, args.split_whitespace());
+        let mut command = self.command(&programs::executable(name)?, args.split_whitespace());
         self.cross_ports(&mut command, args);
-        Process::start(name, command, &self.pillars)
+        self.start(name, command)
     }
 
     /// Starts `wrapyfi bridge --json` with this configuration.
@@ -273,7 +269,7 @@ impl TestEnv {
 
     /// Starts a Python peer from `test/peers`; `args` are split at blanks.
     pub fn peer(&self, script: &str, args: &str) -> Result<Process> {
-        Process::start(script, self.peer_command(script, args)?, &self.pillars)
+        self.start(script, self.peer_command(script, args)?)
     }
 
     pub(crate) fn peer_command(&self, script: &str, args: &str) -> Result<Command> {
@@ -288,7 +284,7 @@ impl TestEnv {
     /// Starts the peer on Fast DDS; `args` are split at blanks.
     pub fn fast_peer(&self, args: &str) -> Result<Process> {
         let command = self.command(&cpp::FAST_DDS.or_why_not()?, args.split_whitespace());
-        Process::start("fast_peer", command, &self.pillars)
+        self.start("fast_peer", command)
     }
 
     /// Starts the Python script of the example of a plug-in.
@@ -297,7 +293,7 @@ impl TestEnv {
         let args = [folder.join("poses.py").into_os_string(), there.into(), back.into()];
         let mut command = self.command(&programs::python()?, args);
         command.env("WRAPYFI_PLUGIN_PATHS", folder);
-        Process::start("poses.py", command, &self.pillars)
+        self.start("poses.py", command)
     }
 
     /// Starts a real Wrapyfi publisher that goes on until it is dropped. `args` says type and flavour.
@@ -345,7 +341,7 @@ impl TestEnv {
     /// Starts a peer on rospy from `test/peers`, with the system's Python; `args` are split at
     /// blanks, `value` is its `--value` as it is.
     pub fn rospy(&self, args: &str, value: Option<&str>) -> Result<Process> {
-        Process::start("rospy_peer.py", self.rospy_command(args, value), &self.pillars)
+        self.start("rospy_peer.py", self.rospy_command(args, value))
     }
 
     pub(crate) fn rospy_command(&self, args: &str, value: Option<&str>) -> Command {
@@ -363,7 +359,7 @@ impl TestEnv {
         let program = cpp::ROSCPP.or_why_not()?;
         let value = value.into_iter().flat_map(|value| ["--value", value]);
         let command = self.command(&program, args.split_whitespace().chain(value));
-        Process::start("ros1_cpp", command, &self.pillars)
+        self.start("ros1_cpp", command)
     }
 
     /// Starts Debian's ROS 1 master on this test's port.
@@ -383,7 +379,7 @@ impl TestEnv {
         let mut command =
             self.command(Path::new("/usr/bin").join(tool).as_path(), args.split_whitespace());
         command.env("PYTHONUNBUFFERED", "1");
-        Process::start(tool, command, &self.pillars)
+        self.start(tool, command)
     }
 
     /// Starts a DDS subscriber on CycloneDDS.
@@ -480,11 +476,7 @@ impl TestEnv {
     }
 
     /// A command that sees this test's domain and ports, and only the loopback interface.
-    pub(crate) fn command<A: AsRef<OsStr>>(
-        &self,
-        program: &Path,
-        args: impl IntoIterator<Item = A>,
-    ) -> Command {
+    pub(crate) fn command(&self, program: &Path, args: impl Args) -> Command {
         let mut command = Command::new(program);
         command
             .args(args)

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use wrapyfi_endpoint::EndpointAddress;
 use wrapyfi_engine::{Config, Plan, Route, RouteConfig, Spanned};
 
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::files::in_no_file;
 use crate::middlewares::{Endpoints, Loaded};
 
@@ -41,7 +41,7 @@ impl Edits {
     ///
     /// # Errors
     /// When the text is no entry; lines count from the one before it.
-    pub fn add(&mut self, text: &str) -> Result<(), Failure> {
+    pub fn add(&mut self, text: &str) -> Result<()> {
         // Indented, no line of it can be another key of the configuration.
         let list = format!("routes:\n- {}", text.trim().replace('\n', "\n  "));
         let config: Config<Endpoints> = Config::from_yaml(&list, SOURCE).map_err(Failure::usage)?;
@@ -75,7 +75,7 @@ impl Edits {
     ///
     /// # Errors
     /// When `wanted` is none of its routes.
-    pub fn leave_out(&mut self, wanted: Option<&str>, loaded: &mut Loaded) -> Result<(), Failure> {
+    pub fn leave_out(&mut self, wanted: Option<&str>, loaded: &mut Loaded) -> Result<()> {
         let Loaded { plan, lines, .. } = loaded;
         for name in std::mem::take(&mut self.removed).into_keys() {
             let of_file = plan.routes.len().saturating_sub(self.added.len());

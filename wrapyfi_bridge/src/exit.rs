@@ -32,6 +32,9 @@ pub enum Failure {
     Failed(#[from] anyhow::Error),
 }
 
+/// Result of what a command does.
+pub type Result<T, E = Failure> = std::result::Result<T, E>;
+
 impl Failure {
     /// A wrong argument or configuration.
     #[expect(clippy::needless_pass_by_value, reason = "so that it fits into map_err")]
@@ -52,7 +55,7 @@ impl Failure {
 
 /// Prints the failure, if any, and turns it into the process's exit code.
 #[must_use]
-pub fn finish(outcome: Result<(), Failure>) -> ExitCode {
+pub fn finish(outcome: Result<()>) -> ExitCode {
     let code = outcome.as_ref().err().map_or(0, Failure::code);
     match outcome {
         Ok(()) | Err(Failure::Unread | Failure::Found) => logging::finish(LAST_WORDS),

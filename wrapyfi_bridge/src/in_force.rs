@@ -12,7 +12,7 @@ use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 use wrapyfi_node::parameters::ParameterStore;
 use wrapyfi_ros1 as ros1;
 
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::files::in_no_file;
 use crate::middlewares::{Endpoints, Loaded, show_endpoints, take_parameters};
 use crate::node::Node;
@@ -81,7 +81,7 @@ pub fn change_by(
     node: &Node,
     parameters: &mut ParameterStore,
     options: &Options,
-) -> Result<(), Failure> {
+) -> Result<()> {
     change_endpoints(&mut loaded.endpoints, node, parameters, options)?;
     loaded.endpoints.check_permitted(loaded.file.as_deref())?;
     show_endpoints(&loaded.endpoints, parameters);
@@ -97,7 +97,7 @@ pub fn change_endpoints(
     node: &Node,
     parameters: &mut ParameterStore,
     options: &Options,
-) -> Result<(), Failure> {
+) -> Result<()> {
     if options.lives_with == Some(ros1::NAME) {
         // One name on both sides, unless the file says another.
         endpoints.ros.node.get_or_insert_with(|| in_no_file(node.name().fqn()));

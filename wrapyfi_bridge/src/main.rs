@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use anyhow::Context as _;
 use clap::Parser as _;
 use wrapyfi_bridge::cli::{Cli, Command};
-use wrapyfi_bridge::exit::{Failure, finish};
+use wrapyfi_bridge::exit::{Failure, Result, finish};
 use wrapyfi_bridge::shutdown::Shutdown;
 use wrapyfi_bridge::{command, logging, node_main};
 
@@ -16,7 +16,7 @@ fn main() -> ExitCode {
     finish(run(&Cli::parse_from(words), ros))
 }
 
-fn run(cli: &Cli, ros: Vec<OsString>) -> Result<(), Failure> {
+fn run(cli: &Cli, ros: Vec<OsString>) -> Result<()> {
     if let Command::Bridge(args) = &cli.command {
         let level = logging::level(cli.log_level.as_deref().unwrap_or("info"));
         let level = level.map_err(Failure::usage)?;

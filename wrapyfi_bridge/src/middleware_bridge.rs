@@ -25,7 +25,7 @@ pub enum MiddlewareBridge {
 }
 
 /// Names that are bridged, and settings of their routes.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Selection {
     /// Names that are meant, as regular expressions; all where there are none.
     pub allow: Vec<String>,
@@ -33,25 +33,12 @@ pub struct Selection {
     pub deny: Vec<String>,
     /// Put before names on the ROS 2 side: `/lab`.
     pub prefix: String,
-    /// Leaves out what is hidden, of every node, or of the system.
-    pub default_deny: bool,
+    /// Carries what is hidden, of every node, or of the system, too: `default_deny: false`.
+    pub has_hidden: bool,
     /// Time that a call may take, in milliseconds; that of every route where there is none.
     pub service_timeout_ms: Option<u64>,
     /// Carries `/clock` from ROS 1.
     pub clock: bool,
-}
-
-impl Default for Selection {
-    fn default() -> Self {
-        Self {
-            allow: Vec::new(),
-            deny: Vec::new(),
-            prefix: String::new(),
-            default_deny: true,
-            service_timeout_ms: None,
-            clock: false,
-        }
-    }
 }
 
 impl MiddlewareBridge {
@@ -87,7 +74,7 @@ impl MiddlewareBridge {
     /// # Errors
     /// When the prefix cannot begin a name of ROS 2, or an entry of `allow` or `deny` is no pattern.
     pub fn yaml(self, selection: &Selection) -> Result<String, String> {
-        let Selection { allow, deny, prefix, default_deny, service_timeout_ms, clock } = selection;
+        let Selection { allow, deny, prefix, has_hidden, service_timeout_ms, clock } = selection;
         let prefix = prefix.trim_matches('/');
         if !prefix.is_empty() {
             NodeName::check_topic(&format!("/{prefix}"))
@@ -122,7 +109,7 @@ impl MiddlewareBridge {
                         let _infallible = write!(text, ", {key}: [{}]", list(names));
                     }
                 }
-                if !default_deny {
+                if *has_hidden {
                     text.push_str(", default_deny: false");
                 }
                 if let Some(timeout_ms) = service_timeout_ms.filter(|_| is_service) {
@@ -198,7 +185,7 @@ mod tests {
     #[test]
     fn clock_time_out_and_what_is_denied_are_as_wished() {
         let wished = Selection {
-            default_deny: false,
+            has_hidden: true,
             service_timeout_ms: Some(1234),
             clock: true,
             ..Selection::default()

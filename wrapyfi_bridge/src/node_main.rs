@@ -21,7 +21,7 @@ use wrapyfi_node::{NodeOptions, ParameterType, ParameterValue, read_params_file}
 
 use crate::cli::{BridgeArgs, NodeCli};
 use crate::command::bridge;
-use crate::exit::{Failure, finish};
+use crate::exit::{Failure, Result, finish};
 use crate::in_force::{Options, change_endpoints};
 use crate::logging;
 use crate::middleware_bridge::{MiddlewareBridge, Selection};
@@ -42,7 +42,7 @@ pub fn main_of(bridge: MiddlewareBridge) -> ExitCode {
     finish(run_executable(Some(bridge)))
 }
 
-fn run_executable(bridge: Option<MiddlewareBridge>) -> Result<(), Failure> {
+fn run_executable(bridge: Option<MiddlewareBridge>) -> Result<()> {
     crate::files::raise_limit();
     let ros = parse(std::env::args_os().skip(1))?;
     let (name, about) = match bridge {
@@ -70,7 +70,7 @@ pub fn split(words: impl Iterator<Item = OsString>) -> (Vec<OsString>, Vec<OsStr
 ///
 /// # Errors
 /// Exit code 2 with the first thing that ROS 2 would refuse.
-pub fn parse(words: impl Iterator<Item = OsString>) -> Result<RosArgs, Failure> {
+pub fn parse(words: impl Iterator<Item = OsString>) -> Result<RosArgs> {
     let words: Result<Vec<String>, OsString> = words.map(OsString::into_string).collect();
     let words =
         words.map_err(|word| Failure::Usage(format!("argument {word:?} is not UTF-8 text")))?;
@@ -79,7 +79,7 @@ pub fn parse(words: impl Iterator<Item = OsString>) -> Result<RosArgs, Failure> 
 }
 
 /// Enters the parameters that `args` stand for among those `given` as such.
-fn enter(args: &BridgeArgs, given: &mut BTreeMap<String, ParameterValue>) -> Result<(), Failure> {
+fn enter(args: &BridgeArgs, given: &mut BTreeMap<String, ParameterValue>) -> Result<()> {
     let config = args.config.as_ref().map(|path| match path.to_str() {
         Some(path) => Ok(ParameterValue::from(path)),
         None => Err(Failure::Usage(format!("--config {}: not UTF-8 text", path.display()))),
@@ -117,7 +117,7 @@ pub fn run(
     ros: RosArgs,
     bridge: Option<MiddlewareBridge>,
     level: LevelFilter,
-) -> Result<(), Failure> {
+) -> Result<()> {
     let default_name = bridge.map_or(DEFAULT_NAME, MiddlewareBridge::node);
     // First: what follows may take its time.
     let shutdown = Shutdown::on_signals().context("cannot catch signals")?;
@@ -130,137 +130,125 @@ pub fn run(
     enter(args, &mut overrides)?;
     let node = Node { name: options.name, args: Arc::new(ros), overrides };
     let mut store = node.parameters().map_err(Failure::usage)?;
-    let Parameters { source, mut options } = Parameters::declare(&mut store, bridge)?;
+    let (source, mut options) = declared(&mut store, bridge)?;
     options.own = args.own;
     let loaded =
         source.load(&[], |endpoints| change_endpoints(endpoints, &node, &mut store, &options))?;
     shutdown.outcome(bridge::run(loaded, source, &node, store, options, &shutdown))
 }
 
-/// The parameters of the bridge node.
-#[derive(Debug)]
-struct Parameters {
-    source: Source,
-    options: Options,
-}
-
-impl Parameters {
-    /// Declares them; they are fixed from the start on.
-    fn declare(
-        store: &mut ParameterStore,
-        bridge: Option<MiddlewareBridge>,
-    ) -> Result<Self, Failure> {
-        let mut declare = |name: &str, text: &str, value: ParameterValue| {
-            let fixed = ParameterDescriptor::new(name).with_description(text).read_only();
-            let fixed = match name {
-                "config_file" => fixed.with_type(ParameterType::String),
-                // `seconds:=20` is an integer, `seconds:=0.5` is not: both are meant.
-                "seconds" => fixed.dynamic(),
-                _ => fixed,
+/// Declares the parameters of the bridge node, which are fixed from the start on: where its configuration is, and its
+/// options.
+fn declared(
+    store: &mut ParameterStore,
+    bridge: Option<MiddlewareBridge>,
+) -> Result<(Source, Options)> {
+    let mut declare = |name: &str, text: &str, value: ParameterValue| {
+        let fixed = ParameterDescriptor::new(name).with_description(text).read_only();
+        let fixed = match name {
+            "config_file" => fixed.with_type(ParameterType::String),
+            // `seconds:=20` is an integer, `seconds:=0.5` is not: both are meant.
+            "seconds" => fixed.dynamic(),
+            _ => fixed,
+        };
+        store.declare(fixed, value).map_err(Failure::usage)
+    };
+    let by_default = if bridge.is_some() { "".into() } else { ParameterValue::NotSet };
+    let config_file = declare("config_file", "Path of the file with the routes.", by_default)?;
+    let built_in = match bridge {
+        None => None,
+        Some(bridge) => {
+            let names = |given| match given {
+                ParameterValue::StringArray(names) => names,
+                _ => Vec::new(),
             };
-            store.declare(fixed, value).map_err(Failure::usage)
-        };
-        let by_default = if bridge.is_some() { "".into() } else { ParameterValue::NotSet };
-        let config_file = declare("config_file", "Path of the file with the routes.", by_default)?;
-        let built_in = match bridge {
-            None => None,
-            Some(bridge) => {
-                let names = |given| match given {
-                    ParameterValue::StringArray(names) => names,
-                    _ => Vec::new(),
-                };
-                let none = || ParameterValue::StringArray(Vec::new());
-                let meant = "Names that are bridged, as regular expressions; none: all.";
-                let allow = names(declare("allow", meant, none())?);
-                let deny = "Names that are not, as regular expressions.";
-                let deny = names(declare("deny", deny, none())?);
-                let prefix = "Put before names on the ROS 2 side.";
-                let prefix = match declare("prefix", prefix, "".into())? {
-                    ParameterValue::String(prefix) => prefix,
-                    _ => String::new(),
-                };
-                let meant =
-                    "Leaves out hidden names, those of the logs, of time and of every node.";
-                let default_deny =
-                    declare("default_deny", meant, true.into())? == ParameterValue::Bool(true);
-                let meant = "Milliseconds that a call may take; 0: as in a configuration, 5000.";
-                let service_timeout_ms = match declare("service_timeout_ms", meant, 0.into())? {
-                    ParameterValue::Integer(0) => None,
-                    ParameterValue::Integer(ms) if ms > 0 => u64::try_from(ms).ok(),
-                    other => {
-                        let text = format!("parameter service_timeout_ms is {other}: write 5000");
-                        return Err(Failure::Usage(text));
-                    }
-                };
-                let meant = "Carries /clock from ROS 1.";
-                let clock = bridge == MiddlewareBridge::Ros1
-                    && declare("clock", meant, false.into())? == ParameterValue::Bool(true);
-                let selection =
-                    Selection { allow, deny, prefix, default_deny, service_timeout_ms, clock };
-                Some((bridge, selection))
-            }
-        };
-        // A value from the start on, because `ros2 param dump` writes null for what has none, and null in a
-        // parameter file is a text.
-        let meant = "How long to run; 0: until interrupted.";
-        let seconds = declare("seconds", meant, 0.0.into())?;
-        let meant = "Print the routes' status as JSON once a second.";
-        let json = declare("status_json", meant, false.into())? == ParameterValue::Bool(true);
-        let meant =
-            "Configures and activates the node at its start, without anybody who asks for it.";
-        let no_autostart = declare("autostart", meant, true.into())? == ParameterValue::Bool(false);
-        let meant = "Port of the live page; 0: as the configuration says.";
-        let page = declare("page_port", meant, 0.into())?;
-        let source = match (config_file, built_in) {
-            (ParameterValue::String(file), None) => Source::File(file.into()),
-            (ParameterValue::String(file), Some((bridge, selection))) if !file.is_empty() => {
-                if selection != Selection::default() {
-                    return Err(Failure::Usage(format!(
-                        "parameters allow, deny, prefix, default_deny, service_timeout_ms and clock are \
-                         for the built-in configuration of {}; with config_file, write them into the \
-                         file",
-                        bridge.node()
-                    )));
+            let none = || ParameterValue::StringArray(Vec::new());
+            let meant = "Names that are bridged, as regular expressions; none: all.";
+            let allow = names(declare("allow", meant, none())?);
+            let deny = "Names that are not, as regular expressions.";
+            let deny = names(declare("deny", deny, none())?);
+            let prefix = "Put before names on the ROS 2 side.";
+            let prefix = match declare("prefix", prefix, "".into())? {
+                ParameterValue::String(prefix) => prefix,
+                _ => String::new(),
+            };
+            let meant = "Leaves out hidden names, those of the logs, of time and of every node.";
+            let has_hidden =
+                declare("default_deny", meant, true.into())? == ParameterValue::Bool(false);
+            let meant = "Milliseconds that a call may take; 0: as in a configuration, 5000.";
+            let service_timeout_ms = match declare("service_timeout_ms", meant, 0.into())? {
+                ParameterValue::Integer(0) => None,
+                ParameterValue::Integer(ms) if ms > 0 => u64::try_from(ms).ok(),
+                other => {
+                    let text = format!("parameter service_timeout_ms is {other}: write 5000");
+                    return Err(Failure::Usage(text));
                 }
-                Source::File(file.into())
+            };
+            let meant = "Carries /clock from ROS 1.";
+            let clock = bridge == MiddlewareBridge::Ros1
+                && declare("clock", meant, false.into())? == ParameterValue::Bool(true);
+            let selection =
+                Selection { allow, deny, prefix, has_hidden, service_timeout_ms, clock };
+            Some((bridge, selection))
+        }
+    };
+    // A value from the start on, because `ros2 param dump` writes null for what has none, and null in a
+    // parameter file is a text.
+    let meant = "How long to run; 0: until interrupted.";
+    let seconds = declare("seconds", meant, 0.0.into())?;
+    let meant = "Print the routes' status as JSON once a second.";
+    let json = declare("status_json", meant, false.into())? == ParameterValue::Bool(true);
+    let meant = "Configures and activates the node at its start, without anybody who asks for it.";
+    let no_autostart = declare("autostart", meant, true.into())? == ParameterValue::Bool(false);
+    let meant = "Port of the live page; 0: as the configuration says.";
+    let page = declare("page_port", meant, 0.into())?;
+    let source = match (config_file, built_in) {
+        (ParameterValue::String(file), None) => Source::File(file.into()),
+        (ParameterValue::String(file), Some((bridge, selection))) if !file.is_empty() => {
+            if selection != Selection::default() {
+                return Err(Failure::Usage(format!(
+                    "parameters allow, deny, prefix, default_deny, service_timeout_ms and clock are \
+                     for the built-in configuration of {}; with config_file, write them into the \
+                     file",
+                    bridge.node()
+                )));
             }
-            (_, Some((bridge, selection))) => {
-                let text = bridge.yaml(&selection).map_err(Failure::Usage)?;
-                Source::Text(text, bridge.node().to_owned())
-            }
-            (_, None) => {
-                return Err(Failure::usage(
-                    "no configuration: give --config FILE, or --ros-args -p config_file:=FILE",
-                ));
-            }
-        };
-        let seconds = match seconds {
-            ParameterValue::Double(0.0) | ParameterValue::Integer(0) => None,
-            ParameterValue::Double(seconds) => Duration::try_from_secs_f64(seconds).ok(),
-            ParameterValue::Integer(seconds) => {
-                u64::try_from(seconds).ok().map(Duration::from_secs)
-            }
-            other => {
-                let text = format!(
-                    "parameter seconds is {other}, a {}; it must be a number",
-                    other.type_name()
-                );
-                return Err(Failure::Usage(text));
-            }
-        };
-        let lives_with = bridge.map(MiddlewareBridge::middleware);
-        let page_port = match page {
-            ParameterValue::Integer(0) => None,
-            ParameterValue::Integer(port @ 1..=65535) => u16::try_from(port).ok(),
-            _ => {
-                let text = "it must be a port from 0 to 65535";
-                return Err(Failure::Usage(format!("parameter page_port is {page}, {text}")));
-            }
-        };
-        let own = OwnAddress::default();
-        let options = Options { seconds, json, page_port, no_autostart, own, lives_with };
-        Ok(Self { source, options })
-    }
+            Source::File(file.into())
+        }
+        (_, Some((bridge, selection))) => {
+            let text = bridge.yaml(&selection).map_err(Failure::Usage)?;
+            Source::Text(text, bridge.node().to_owned())
+        }
+        (_, None) => {
+            return Err(Failure::usage(
+                "no configuration: give --config FILE, or --ros-args -p config_file:=FILE",
+            ));
+        }
+    };
+    let seconds = match seconds {
+        ParameterValue::Double(0.0) | ParameterValue::Integer(0) => None,
+        ParameterValue::Double(seconds) => Duration::try_from_secs_f64(seconds).ok(),
+        ParameterValue::Integer(seconds) => u64::try_from(seconds).ok().map(Duration::from_secs),
+        other => {
+            let text = format!(
+                "parameter seconds is {other}, a {}; it must be a number",
+                other.type_name()
+            );
+            return Err(Failure::Usage(text));
+        }
+    };
+    let lives_with = bridge.map(MiddlewareBridge::middleware);
+    let page_port = match page {
+        ParameterValue::Integer(0) => None,
+        ParameterValue::Integer(port @ 1..=65535) => u16::try_from(port).ok(),
+        _ => {
+            let text = "it must be a port from 0 to 65535";
+            return Err(Failure::Usage(format!("parameter page_port is {page}, {text}")));
+        }
+    };
+    let own = OwnAddress::default();
+    let options = Options { seconds, json, page_port, no_autostart, own, lives_with };
+    Ok((source, options))
 }
 
 #[cfg(test)]
@@ -279,15 +267,15 @@ mod tests {
             let file = ParameterValue::String("routes.yaml".to_owned());
             let overrides = BTreeMap::from([("config_file".to_owned(), file)]);
             let mut store = ParameterStore::new(&name, overrides).unwrap();
-            let parameters = Parameters::declare(&mut store, bridge).unwrap();
-            assert_eq!(parameters.options.seconds, None);
+            let (_, options) = declared(&mut store, bridge).unwrap();
+            assert_eq!(options.seconds, None);
             let dump: BTreeMap<String, ParameterValue> = store
                 .names()
                 .map(|name| (name.to_owned(), store.get(name).unwrap().clone()))
                 .collect();
             assert!(!dump.values().any(|value| *value == ParameterValue::NotSet), "{dump:?}");
             let mut again = ParameterStore::new(&name, dump).unwrap();
-            assert_eq!(Parameters::declare(&mut again, bridge).unwrap().options.seconds, None);
+            assert_eq!(declared(&mut again, bridge).unwrap().1.seconds, None);
         }
     }
 
@@ -336,12 +324,12 @@ mod tests {
         let declare = |given: &[(&str, ParameterValue)]| {
             let given = given.iter().map(|(name, value)| ((*name).to_owned(), value.clone()));
             let mut store = ParameterStore::new(&name, given.collect()).unwrap();
-            Parameters::declare(&mut store, Some(MiddlewareBridge::Ros1))
+            declared(&mut store, Some(MiddlewareBridge::Ros1))
         };
-        let built_in = declare(&[("prefix", "lab".into())]).unwrap();
-        assert!(matches!(built_in.source, Source::Text(text, _) if text.contains("ros2:/lab/")));
+        let (built_in, _) = declare(&[("prefix", "lab".into())]).unwrap();
+        assert!(matches!(built_in, Source::Text(text, _) if text.contains("ros2:/lab/")));
         let file = ("config_file", "routes.yaml".into());
-        let Source::File(named) = declare(std::slice::from_ref(&file)).unwrap().source else {
+        let (Source::File(named), _) = declare(std::slice::from_ref(&file)).unwrap() else {
             panic!("it is a file");
         };
         assert_eq!(named, PathBuf::from("routes.yaml"));

@@ -9,7 +9,7 @@ use wrapyfi_data::types::{Map, Value};
 use wrapyfi_endpoint::codec::json;
 use wrapyfi_engine::known_option;
 
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::middlewares::option_names;
 use crate::own_address::OwnAddress;
 
@@ -51,7 +51,7 @@ impl EndpointOptions {
     ///
     /// # Errors
     /// Exit code 2 for an option that the middleware does not know, and an address that it has not.
-    pub fn of(&self, middleware: &str) -> Result<Map, Failure> {
+    pub fn of(&self, middleware: &str) -> Result<Map> {
         self.own.check(middleware)?;
         let (known, place) = (option_names(middleware), format!("on {middleware}"));
         for option in &self.options {

@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use anyhow::Context as _;
 
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 
 /// Prints a text and a line break, and hands it over at once: whoever reads a pipe sees each message
 /// when it comes.
@@ -12,11 +12,11 @@ use crate::exit::Failure;
 /// # Errors
 /// [`Failure::Unread`] when the reader has seen enough, as in `wrapyfi echo … | head`; else when it
 /// cannot be printed.
-pub fn line(text: &str) -> Result<(), Failure> {
+pub fn line(text: &str) -> Result<()> {
     line_to(&mut io::stdout().lock(), text)
 }
 
-fn line_to(out: &mut impl Write, text: &str) -> Result<(), Failure> {
+fn line_to(out: &mut impl Write, text: &str) -> Result<()> {
     match writeln!(out, "{text}").and_then(|()| out.flush()) {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Err(Failure::Unread),
         printed => Ok(printed.context("cannot print")?),

@@ -5,7 +5,7 @@ use std::net::IpAddr;
 use clap::Args;
 use {wrapyfi_ros1 as ros1, wrapyfi_yarp_endpoint as yarp};
 
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 
 /// The address that others are told of this program's ports on YARP and of its node on ROS 1.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Args)]
@@ -24,7 +24,7 @@ impl OwnAddress {
     ///
     /// # Errors
     /// Exit code 2 with where the address of the others is said.
-    pub fn check(&self, middleware: &str) -> Result<(), Failure> {
+    pub fn check(&self, middleware: &str) -> Result<()> {
         if *self == Self::default() || [yarp::NAME, ros1::NAME].contains(&middleware) {
             return Ok(());
         }

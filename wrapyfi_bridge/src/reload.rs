@@ -38,7 +38,7 @@ use wrapyfi_ros2::NodeHandle;
 
 use self::watched_file::WatchedFile;
 use crate::edits::Edits;
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::in_force::{
     InForce, Options, Running, change_by, change_endpoints, ros2_types, warn_of_unheard,
 };
@@ -90,8 +90,8 @@ impl Source {
     pub fn load(
         &self,
         added: &[Spanned<RouteConfig>],
-        change: impl FnOnce(&mut Endpoints) -> Result<(), Failure>,
-    ) -> Result<Loaded, Failure> {
+        change: impl FnOnce(&mut Endpoints) -> Result<()>,
+    ) -> Result<Loaded> {
         match self {
             Self::File(file) => middlewares::load_and_learn(file, added, change),
             Self::Text(text, name) => middlewares::load_text(text, name),
@@ -118,6 +118,8 @@ pub struct Reload {
     pub bridge: Running,
     /// Handle of the node on the graph; `None` where it is on none.
     pub handle: Option<NodeHandle>,
+    /// Text of the configuration when it was read last.
+    pub known: String,
     /// Changes to the routes of the file.
     pub edits: Edits,
     /// Port of the live page since the start.
@@ -131,13 +133,9 @@ pub struct Reload {
 }
 
 impl Reload {
-    /// Reads the file and applies it with `edits`, of which one may leave out a `wanted` route; text and difference.
+    /// Reads the file and applies it with `edits`, of which one may leave out a `wanted` route.
     /// Everything that may be refused is tried before anything changes.
-    fn apply(
-        &mut self,
-        mut edits: Edits,
-        wanted: Option<&str>,
-    ) -> Result<(String, PlanDiff), Failure> {
+    fn apply(&mut self, mut edits: Edits, wanted: Option<&str>) -> Result<PlanDiff> {
         let name = self.source.name();
         // The node has its parameters once nothing can be refused any more.
         let Running { node, routes, in_force } = &self.bridge;
@@ -192,12 +190,13 @@ impl Reload {
                 show_endpoints(&endpoints, store);
             });
         }
-        Ok((text, diff))
+        self.known = text;
+        Ok(diff)
     }
 
     /// As [`Reload::apply`] for the file as it is now, and logs the outcome.
-    fn apply_and_tell(&mut self, known: &mut String) -> Result<PlanDiff, Failure> {
-        told(&self.source.name(), known, false, || self.apply(self.edits.clone(), None))
+    fn apply_and_tell(&mut self) -> Result<PlanDiff> {
+        told(&self.source.name(), false, || self.apply(self.edits.clone(), None))
     }
 
     /// True once the node has read its configuration.
@@ -206,9 +205,9 @@ impl Reload {
     }
 
     /// Work of a state of the life cycle that is not primary.
-    fn work(&mut self, state: State, known: &mut String) -> Outcome {
+    fn work(&mut self, state: State) -> Outcome {
         let done = contained(|| match state {
-            State::Configuring => self.apply_and_tell(known).map(drop),
+            State::Configuring => self.apply_and_tell().map(drop),
             State::Activating => {
                 self.bridge.routes.set_active(true);
                 Ok(())
@@ -242,7 +241,7 @@ impl Reload {
     }
 
     /// Closes the routes, and forgets them with what they were told to change. Middlewares other than ROS 2 end.
-    fn put_away(&mut self) -> Result<(), Failure> {
+    fn put_away(&mut self) -> Result<()> {
         self.close();
         let endpoints = self.bridge.in_force.lock().endpoints.clone();
         let plan = Plan::default();
@@ -256,12 +255,7 @@ impl Reload {
     }
 
     /// Does what a service asks for, and logs the outcome.
-    fn serve(
-        &mut self,
-        service: Asked,
-        text: &str,
-        known: &mut String,
-    ) -> Result<PlanDiff, Failure> {
+    fn serve(&mut self, service: Asked, text: &str) -> Result<PlanDiff> {
         if !self.is_configured() {
             let (state, node) = (self.lifecycle.state().label(), self.bridge.node.name().fqn());
             return Err(Failure::Usage(format!(
@@ -270,12 +264,12 @@ impl Reload {
         }
         let (file, mut edits) = (self.source.name(), self.edits.clone());
         match service {
-            Asked::Reload => self.apply_and_tell(known),
-            Asked::AddRoute => told(&file, known, true, || {
+            Asked::Reload => self.apply_and_tell(),
+            Asked::AddRoute => told(&file, true, || {
                 edits.add(text)?;
                 self.apply(edits, None)
             }),
-            Asked::RemoveRoute => told(&file, known, true, || {
+            Asked::RemoveRoute => told(&file, true, || {
                 edits.remove(text);
                 self.apply(edits, Some(text))
             }),
@@ -303,16 +297,14 @@ fn panicked(what: &str, panic: &str) -> Failure {
 /// caller, who is answered, is none.
 fn told(
     file: &str,
-    known: &mut String,
     has_caller: bool,
-    apply: impl FnOnce() -> Result<(String, PlanDiff), Failure>,
-) -> Result<PlanDiff, Failure> {
+    apply: impl FnOnce() -> Result<PlanDiff>,
+) -> Result<PlanDiff> {
     let begin = Instant::now();
     let applied = contained(apply)
         .unwrap_or_else(|panic| Err(panicked(&format!("what reads {file}"), &panic)));
     match applied {
-        Ok((text, diff)) => {
-            *known = text;
+        Ok(diff) => {
             let all = diff.to_string();
             let lines = all.lines().take(all.lines().count().saturating_sub(1));
             let is_few = all.lines().count() <= FEW;
@@ -354,7 +346,7 @@ impl Watch {
     ///
     /// # Errors
     /// When the system refuses a thread or a handler.
-    pub fn start(mut reload: Reload) -> Result<Self, Failure> {
+    pub fn start(mut reload: Reload) -> Result<Self> {
         let (context, stop) = (Context::default(), Arc::<AtomicBool>::default());
         let hung_up = Arc::<AtomicBool>::default();
         let mut hang_up = None;
@@ -408,18 +400,19 @@ impl Watch {
             };
             restarted("thread reload", pause, || {
                 while !told.load(Relaxed) {
-                    let is_other = file.as_deref().is_some_and(|file| looked.is_other(file));
+                    let is_other =
+                        file.as_deref().is_some_and(|file| looked.is_other(file, &reload.known));
                     if (hung_up.swap(false, Relaxed) || is_other) && reload.is_configured() {
                         // It is told in the log.
-                        _ = reload.apply_and_tell(&mut looked.text);
+                        _ = reload.apply_and_tell();
                     }
                     reload.start_ended_anew(&mut ends);
                     for (service, offered) in &mut services {
                         if let Some(offered) = offered {
-                            answer(*service, offered, &mut reload, &mut looked.text);
+                            answer(*service, offered, &mut reload);
                         }
                     }
-                    managed.answer(|state| reload.work(state, &mut looked.text));
+                    managed.answer(|state| reload.work(state));
                     if lifecycle.state() == State::Finalized {
                         // Later: the end of the program takes a reply along that is not on its way yet.
                         let since = *finalized_at.get_or_insert_with(Instant::now);
@@ -457,7 +450,7 @@ enum Asked {
 }
 
 /// Answers those who asked by a service.
-fn answer(service: Asked, offered: &mut Offered, reload: &mut Reload, known: &mut String) {
+fn answer(service: Asked, offered: &mut Offered, reload: &mut Reload) {
     let field = match service {
         Asked::Reload => "",
         Asked::AddRoute => "route",
@@ -466,7 +459,7 @@ fn answer(service: Asked, offered: &mut Offered, reload: &mut Reload, known: &mu
     while let Some(asked) = offered.next() {
         let call = asked.request.into_call().unwrap_or_default();
         let text = call.kwargs.get(field).and_then(Value::as_str).unwrap_or_default();
-        let told = reload.serve(service, text, known);
+        let told = reload.serve(service, text);
         let success = told.is_ok();
         let mut message = told.map_or_else(|why| why.to_string(), |diff| diff.to_string());
         if success && reload.other_page_port.is_some() {
@@ -498,12 +491,9 @@ mod tests {
     }
 
     #[test]
-    fn a_panic_while_the_file_is_read_leaves_everything_as_it_is_and_says_so() {
-        let mut known = "before".to_owned();
-        let told = |known: &mut String| told("bridge.yaml", known, true, || panic!("on purpose"));
-        let error = told(&mut known).unwrap_err();
+    fn a_panic_while_the_file_is_read_is_an_error_that_says_so() {
+        let error = told("bridge.yaml", true, || panic!("on purpose")).unwrap_err();
         assert_eq!(error.to_string(), "what reads bridge.yaml panicked: on purpose");
         assert_eq!(error.code(), 1, "an error of the node, and none of its configuration");
-        assert_eq!(known, "before", "it is read again where it changes");
     }
 }

@@ -8,7 +8,7 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use wrapyfi_data::Limits;
 
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::logging;
 
 /// Set once the process is asked to end.
@@ -73,7 +73,7 @@ impl Shutdown {
     ///
     /// # Errors
     /// As `outcome`, where the process was not asked to end, or the settings are wrong.
-    pub fn outcome(&self, outcome: Result<(), Failure>) -> Result<(), Failure> {
+    pub fn outcome(&self, outcome: Result<()>) -> Result<()> {
         match outcome {
             Err(failure @ (Failure::Absent(_) | Failure::Failed(_))) if self.requested() => {
                 tracing::info!("ends while it starts: {failure}");

@@ -8,7 +8,6 @@ use syn::{Ident, ImplItem, ItemImpl, Type, Visibility};
 
 use crate::emit;
 use crate::method::{self, Method};
-use crate::suggest::wrong;
 
 /// The block, its type and its registered methods.
 pub(crate) struct Block {
@@ -94,12 +93,9 @@ fn analyse(attribute: TokenStream, block: &mut ItemImpl) -> syn::Result<Block> {
         }
         _ => None,
     };
-    if name.is_none() {
-        errors.push(syn::Error::new(
-            block.self_ty.span(),
-            "a communicator is made of a struct or an enum",
-        ));
-    }
+    let nameless = "a communicator is made of a struct or an enum";
+    let name = name.ok_or_else(|| syn::Error::new(block.self_ty.span(), nameless));
+    errors.extend(name.as_ref().err().cloned());
     if methods.is_empty() && errors.is_empty() {
         errors.push(syn::Error::new(
             block.self_ty.span(),
@@ -120,27 +116,21 @@ fn analyse(attribute: TokenStream, block: &mut ItemImpl) -> syn::Result<Block> {
             errors.push(syn::Error::new(found.name.span(), text));
         }
     }
-    let krate = krate.unwrap_or_else(|error| {
-        errors.push(error);
-        None
-    });
-    let first = errors.into_iter().reduce(|mut all, next| {
+    errors.extend(krate.as_ref().err().cloned());
+    let all = errors.into_iter().reduce(|mut all, next| {
         all.combine(next);
         all
     });
-    match (first, name) {
-        (None, Some(name)) => Ok(Block {
-            this: (*block.self_ty).clone(),
-            name,
-            visibility: widest(&methods),
-            krate: krate.map_or_else(|| quote!(::wrapyfi_core), |path| path.to_token_stream()),
-            methods,
-        }),
-        (Some(error), _) => Err(error),
-        (None, None) => {
-            wrong(block.self_ty.span(), "a communicator is made of a struct or an enum")
-        }
+    if let Some(all) = all {
+        return Err(all);
     }
+    Ok(Block {
+        this: (*block.self_ty).clone(),
+        name: name?,
+        visibility: widest(&methods),
+        krate: krate?.map_or_else(|| quote!(::wrapyfi_core), |path| path.to_token_stream()),
+        methods,
+    })
 }
 
 /// The most visible of the methods' visibilities.

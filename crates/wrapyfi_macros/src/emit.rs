@@ -12,7 +12,6 @@ use syn::ext::IdentExt as _;
 
 use crate::block::Block;
 use crate::method::{Method, without_self};
-use crate::register::Registration;
 use crate::wrapper::Wrapper;
 
 /// Methods that every communicator has.
@@ -163,8 +162,7 @@ pub(crate) fn emit(block: &Block) -> TokenStream {
 fn describe(method: &Method, this: &syn::Type, api: &TokenStream) -> TokenStream {
     let name = method.name.unraw().to_string();
     let arguments = method.arguments.iter().map(|argument| argument.name.unraw().to_string());
-    let registers = method.registrations.iter().flat_map(Registration::registers);
-    let registers = registers.zip(&method.returns).map(|(register, returned)| {
+    let registers = method.registers().zip(&method.returns).map(|(register, returned)| {
         register.constant(api, &without_self(returned.to_token_stream(), this))
     });
     let receives = method.received.is_some();

@@ -10,14 +10,12 @@
 //! An argument is lent or given to the body. A server decodes an owned twin of it: `String` for
 //! `&str`, `Vec<T>` for `&[T]`, `T` for `&T` and `T`.
 
-use std::collections::HashMap;
-
 use proc_macro2::{Ident, Span, TokenStream, TokenTree};
 use quote::{ToTokens as _, format_ident, quote};
 use syn::spanned::Spanned as _;
 use syn::{Attribute, FnArg, GenericParam, ImplItemFn, Pat, ReturnType, Type};
 
-use crate::register::Registration;
+use crate::register::{Register, Registration};
 use crate::suggest::{did_you_mean, listed, wrong};
 
 /// Way in which an argument is passed.
@@ -59,36 +57,22 @@ pub(crate) struct Method {
 
 /// Takes `#[register]`, `#[received]` and `#[default]` off a method; `None` where it has no `#[register]`.
 pub(crate) fn analyse(method: &mut ImplItemFn) -> Option<syn::Result<Method>> {
-    let mut marks = Vec::new();
-    method.attrs.retain(|attribute| {
-        let marked = is(attribute, "register");
-        if marked {
-            marks.push(attribute.clone());
+    let marks = taken(&mut method.attrs, "register");
+    let of_arguments = method.sig.inputs.iter_mut().map(|input| match input {
+        FnArg::Typed(argument) => {
+            ["received", "default"].map(|name| taken(&mut argument.attrs, name))
         }
-        !marked
+        FnArg::Receiver(_) => OfArgument::default(),
     });
-    let mut received = Vec::new();
-    let mut defaults = HashMap::new();
-    for (index, input) in method.sig.inputs.iter_mut().enumerate() {
-        if let FnArg::Typed(argument) = input {
-            let before = argument.attrs.len();
-            argument.attrs.retain(|attribute| !is(attribute, "received"));
-            if argument.attrs.len() != before {
-                received.push(index);
-            }
-            argument.attrs.retain(|attribute| {
-                let marked = is(attribute, "default");
-                if marked {
-                    defaults.insert(index, attribute.clone());
-                }
-                !marked
-            });
-        }
-    }
-    if marks.is_empty() {
-        return None;
-    }
-    Some(Method::new(method, &marks, &received, &defaults))
+    let of_arguments: Vec<_> = of_arguments.collect();
+    (!marks.is_empty()).then(|| Method::new(method, &marks, &of_arguments))
+}
+
+/// The `#[received]` and the `#[default]` of an argument.
+type OfArgument = [Vec<Attribute>; 2];
+
+fn taken(attributes: &mut Vec<Attribute>, name: &str) -> Vec<Attribute> {
+    attributes.extract_if(.., |attribute| is(attribute, name)).collect()
 }
 
 fn is(attribute: &Attribute, name: &str) -> bool {
@@ -99,8 +83,7 @@ impl Method {
     fn new(
         method: &ImplItemFn,
         marks: &[Attribute],
-        received: &[usize],
-        defaults: &HashMap<usize, Attribute>,
+        of_arguments: &[OfArgument],
     ) -> syn::Result<Self> {
         let signature = &method.sig;
         let name = signature.ident.clone();
@@ -127,10 +110,11 @@ impl Method {
         let mut arguments = Vec::new();
         let mut prev = None;
         // The receiver is input 0.
-        for (index, input) in signature.inputs.iter().enumerate().skip(1) {
+        let inputs = signature.inputs.iter().zip(of_arguments).enumerate();
+        for (index, (input, [received, default])) in inputs.skip(1) {
             let FnArg::Typed(argument) = input else { continue };
             let (name, written) = (argument_name(&argument.pat)?, (*argument.ty).clone());
-            if received.contains(&index) {
+            if !received.is_empty() {
                 if prev.is_some() {
                     return wrong(name.span(), "one argument can be #[received], not two");
                 }
@@ -138,7 +122,7 @@ impl Method {
                 continue;
             }
             let passing = passing(&written)?;
-            let default = defaults.get(&index).map(default_value).transpose()?;
+            let default = default.last().map(default_value).transpose()?;
             arguments.push(Argument { name, written, passing, default });
         }
         let returns = returns(&signature.output, &registrations)?;
@@ -158,15 +142,14 @@ impl Method {
         Ok(method)
     }
 
+    pub(crate) fn registers(&self) -> impl Iterator<Item = &Register> {
+        self.registrations.iter().flat_map(Registration::registers)
+    }
+
     /// The arguments that options name with `$`, by their place.
     pub(crate) fn substituted(&self) -> Vec<usize> {
-        let texts: Vec<_> = self
-            .registrations
-            .iter()
-            .flat_map(Registration::registers)
-            .flat_map(crate::register::Register::texts)
-            .map(syn::LitStr::value)
-            .collect();
+        let texts: Vec<_> =
+            self.registers().flat_map(Register::texts).map(syn::LitStr::value).collect();
         let is_used = |index: usize, name: &str| {
             texts
                 .iter()
@@ -174,14 +157,9 @@ impl Method {
                 .any(|wanted| wanted == name || wanted.parse() == Ok(index))
         };
         // A constant may turn out to be one of them: then all are kept.
-        let constant =
-            self.registrations.iter().flat_map(Registration::registers).any(|register| {
-                register
-                    .middleware
-                    .iter()
-                    .chain([&register.topic])
-                    .any(|text| !matches!(text, syn::Expr::Lit(_)))
-            });
+        let is_constant = |text: &syn::Expr| !matches!(text, syn::Expr::Lit(_));
+        let mut ends = self.registers().flat_map(|it| it.middleware.iter().chain([&it.topic]));
+        let constant = ends.any(is_constant);
         let arguments = self.arguments.iter().enumerate();
         arguments
             .filter(|(index, argument)| constant || is_used(*index, &argument.name.to_string()))
@@ -193,7 +171,7 @@ impl Method {
     fn check_names(&self) -> syn::Result<()> {
         let names: Vec<_> =
             self.arguments.iter().map(|argument| argument.name.to_string()).collect();
-        for register in self.registrations.iter().flat_map(Registration::registers) {
+        for register in self.registers() {
             for text in register.texts() {
                 let value = text.value();
                 let Some(wanted) = value.strip_prefix('$') else { continue };

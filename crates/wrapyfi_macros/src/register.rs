@@ -156,23 +156,17 @@ impl Register {
                 );
             }
         };
-        let twice = |what: &str, expr: &Expr| {
-            syn::Error::new(expr.span(), format!("{what} is given twice: leave one of them out"))
+        let once = |what: &str, one: Option<Expr>, named: Option<Expr>| match (one, named) {
+            (Some(_), Some(named)) => {
+                wrong(named.span(), format!("{what} is given twice: leave one of them out"))
+            }
+            (one, other) => Ok(one.or(other)),
         };
-        let middleware = match (middleware, named_middleware) {
-            (Some(_), Some(named)) => return Err(twice("the middleware", &named)),
-            (one, other) => one.or(other),
+        let middleware = once("the middleware", middleware, named_middleware)?;
+        let Some(topic) = once("the topic", topic, named_topic)? else {
+            let text = format!("no topic: write #[register({data_type}, \"zeromq\", \"/name\")]");
+            return wrong(span, text);
         };
-        let topic = match (topic, named_topic) {
-            (Some(_), Some(named)) => return Err(twice("the topic", &named)),
-            (one, other) => one.or(other),
-        };
-        let topic = topic.ok_or_else(|| {
-            syn::Error::new(
-                span,
-                format!("no topic: write #[register({data_type}, \"zeromq\", \"/name\")]"),
-            )
-        })?;
         for text in middleware.iter().chain([&topic]) {
             check_dollar(text)?;
         }
@@ -325,9 +319,9 @@ impl SettingValue {
             Expr::Lit(ExprLit { lit, .. }) => (lit, false),
             Expr::Unary(syn::ExprUnary { op: UnOp::Neg(_), expr: inner, .. }) => match &**inner {
                 Expr::Lit(ExprLit { lit, .. }) => (lit, true),
-                _ => return Err(Self::no_literal(expr)),
+                _ => return Self::no_literal(expr),
             },
-            _ => return Err(Self::no_literal(expr)),
+            _ => return Self::no_literal(expr),
         };
         match lit {
             Lit::Bool(value) if !negative => Ok(Self::Switch(value.value)),
@@ -343,19 +337,17 @@ impl SettingValue {
                 let value: f64 = number.base10_parse()?;
                 Ok(Self::Float(if negative { -value } else { value }))
             }
-            _ => Err(Self::no_literal(expr)),
+            _ => Self::no_literal(expr),
         }
     }
 
-    fn no_literal(expr: &Expr) -> syn::Error {
+    fn no_literal(expr: &Expr) -> syn::Result<Self> {
         let found = expr.to_token_stream();
-        syn::Error::new(
-            expr.span(),
-            format!(
-                "`{found}` is no value of an option: write true, a number or a text, or \"$argument\" for \
-                 what is known at the first call"
-            ),
-        )
+        let text = format!(
+            "`{found}` is no value of an option: write true, a number or a text, or \"$argument\" for \
+             what is known at the first call"
+        );
+        wrong(expr.span(), text)
     }
 }
 
@@ -365,8 +357,7 @@ fn check_dollar(expr: &Expr) -> syn::Result<()> {
     let value = text.value();
     match value.find('$') {
         None | Some(0) if value != "$" => Ok(()),
-        None => Ok(()),
-        Some(_) => wrong(
+        _ => wrong(
             text.span(),
             "`$` stands first and an argument's name or number follows it, such as \"$topic\" or \"$0\": \
              the argument replaces the whole text",

@@ -80,7 +80,7 @@ impl Wrapper<'_> {
             }
         });
         let request = self.request(&session, &gathered, &taken);
-        let reply = self.reply(&session, &own, &some, &nothing);
+        let reply = self.reply(&own, &some, &nothing);
         let from = format!("What `{}::{name}` does in the mode that is active.", block.name);
         quote! {
             #(#docs)*
@@ -169,8 +169,7 @@ impl Wrapper<'_> {
 
     /// The marker of a value's data type.
     fn kind(&self, index: usize) -> TokenStream {
-        let mut registers = self.method.registrations.iter().flat_map(Registration::registers);
-        let data_type = registers.nth(index).map(|register| &register.data_type);
+        let data_type = self.method.registers().nth(index).map(|register| &register.data_type);
         quote!(kind::#data_type)
     }
 
@@ -241,15 +240,9 @@ impl Wrapper<'_> {
         }
     }
 
-    fn reply(
-        &self,
-        session: &Ident,
-        own: &TokenStream,
-        some: &TokenStream,
-        nothing: &TokenStream,
-    ) -> TokenStream {
+    fn reply(&self, own: &TokenStream, some: &TokenStream, nothing: &TokenStream) -> TokenStream {
         let (api, this, method) = (self.api, &self.block.this, self.method);
-        let request = hidden("request");
+        let (session, request) = (hidden("session"), hidden("request"));
         let twins: Vec<_> =
             (0..method.arguments.len()).map(|index| hidden(&format!("twin_{index}"))).collect();
         let decoded =

@@ -9,7 +9,7 @@ use wrapyfi_engine::{Engine, Plan};
 use wrapyfi_node::parameters::ParameterStore;
 
 use crate::edits::Edits;
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::in_force::{InForce, Options, Running, change_by, ros2_types, warn_of_unheard};
 use crate::lifecycle::Lifecycle;
 use crate::lines::Lines;
@@ -41,11 +41,11 @@ pub fn run(
     mut parameters: ParameterStore,
     options: Options,
     shutdown: &Shutdown,
-) -> Result<(), Failure> {
+) -> Result<()> {
     let name = source.name();
     let page_port = options.page_port.or(loaded.page_port);
     change_by(&mut loaded, node, &mut parameters, &options)?;
-    let Loaded { endpoints, plan, types: mut store, definitions, lines, .. } = loaded;
+    let Loaded { endpoints, plan, types: mut store, definitions, lines, text, .. } = loaded;
     if options.no_autostart && !plan.uses("ros2") {
         return Err(Failure::usage(
             "no route is on ros2, where others could configure and activate the bridge: leave --no-autostart \
@@ -88,6 +88,7 @@ pub fn run(
         options,
         bridge: bridge.clone(),
         handle: node.as_ref().map(|node| node.handle().clone()),
+        known: text,
         edits: Edits::default(),
         page_port,
         other_page_port: None,

@@ -9,7 +9,7 @@ use wrapyfi_endpoint::network::Place;
 use wrapyfi_zeromq::{Broker, BrokerError, CurveClient, ServiceBroker, ZeroMqConfig};
 
 use crate::cli::BrokerArgs;
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::middlewares::ZeroMqSection;
 use crate::shutdown::Shutdown;
 
@@ -17,7 +17,7 @@ use crate::shutdown::Shutdown;
 ///
 /// # Errors
 /// Exit code 2 for bad settings, 1 when a port is taken.
-pub fn run(args: &BrokerArgs, shutdown: &Shutdown) -> Result<(), Failure> {
+pub fn run(args: &BrokerArgs, shutdown: &Shutdown) -> Result<()> {
     let mut config = ZeroMqConfig::from_env().map_err(Failure::usage)?;
     config.insecure.said(Place::Argument, args.ip.is_some(), args.insecure);
     if let Some(ip) = &args.ip {

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::in_force::{in_lines, warn_of_unheard};
 use crate::middlewares::{self, Loaded, Settings};
 use crate::node::Node;
@@ -15,7 +15,7 @@ use crate::sros2;
 ///
 /// # Errors
 /// Exit code 2 with every fault of a file, each with its line.
-pub fn run(file: &Path, against: Option<&Path>, prints_policy: bool) -> Result<(), Failure> {
+pub fn run(file: &Path, against: Option<&Path>, prints_policy: bool) -> Result<()> {
     let loaded = middlewares::load(file)?;
     loaded.endpoints.check_permitted(Some(file))?;
     let settings = |of: &Loaded, before: &Settings| Settings::of(&of.endpoints, &of.plan, before);

@@ -10,7 +10,7 @@ use wrapyfi_data::types::{MessageType, RosType};
 use wrapyfi_interfaces::ros1::{Rules, Types};
 use wrapyfi_interfaces::store::TypeStore;
 
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 
 /// Definitions of ROS types: in `folders` first, then where `AMENT_PREFIX_PATH` says, then those
 /// this program is built with, so that the common ones need no ROS. Without an installed ROS 2 most of its
@@ -45,14 +45,14 @@ pub(crate) fn check(folder: &Path) -> Result<(), String> {
 }
 
 /// Definitions of ROS types for a command, whose option they are named by.
-pub(crate) fn of_command(folders: &[PathBuf]) -> Result<TypeStore, Failure> {
+pub(crate) fn of_command(folders: &[PathBuf]) -> Result<TypeStore> {
     let fault = |text| Failure::Usage(format!("--definitions {text}"));
     folders.iter().try_for_each(|folder| check(folder)).map_err(fault)?;
     Ok(store(folders))
 }
 
 /// The type `name` as one that every middleware carries.
-pub(super) fn message_type(name: &str, folders: &[PathBuf]) -> Result<MessageType, Failure> {
+pub(super) fn message_type(name: &str, folders: &[PathBuf]) -> Result<MessageType> {
     let mut store = of_command(folders)?;
     let resolved = store
         .resolve_name(name)

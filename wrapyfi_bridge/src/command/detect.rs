@@ -9,7 +9,7 @@ use wrapyfi_yarp::name::multicast::{DISCOVERY_GROUP, NameServerSearch, discover}
 
 use super::{write_down, yarp_environment};
 use crate::cli::DetectArgs;
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::output;
 
 /// Time between two questions.
@@ -19,7 +19,7 @@ const PAUSE: Duration = Duration::from_millis(500);
 ///
 /// # Errors
 /// Exit code 3 when none answers, 2 for bad settings, 1 when the file cannot be written.
-pub fn run(args: &DetectArgs) -> Result<(), Failure> {
+pub fn run(args: &DetectArgs) -> Result<()> {
     let environment = yarp_environment(args.namespace.as_deref());
     let port = match args.port {
         Some(port) => port,

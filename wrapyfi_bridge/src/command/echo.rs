@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use wrapyfi_data::types::{Map, MessageType, Payload};
 use wrapyfi_endpoint::{
-    Context, DropReason, EndpointAddress, LearnError, Learned, Middleware, Overflow, Qos,
+    Context, DropReason, EndpointAddress, LearnError, Learned, Link, Middleware, Overflow, Qos,
     QueueSpec, Throttle, TopicSpec,
 };
 
@@ -12,7 +12,7 @@ use super::other_types::OtherTypes;
 use super::{definitions, yaml};
 use crate::cli::{EchoArgs, TypeName};
 use crate::describe::{describe, describe_message, summary};
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::middlewares::{LearnTopicError, Role, check_topic, for_endpoint, of_topic};
 use crate::output;
 use crate::shutdown::Shutdown;
@@ -21,7 +21,7 @@ use crate::shutdown::Shutdown;
 ///
 /// # Errors
 /// Exit code 3 when a message did not come in time, 2 when the endpoint is wrong.
-pub fn run(args: &EchoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
+pub fn run(args: &EchoArgs, shutdown: &Shutdown) -> Result<()> {
     // Before anything starts.
     check_topic(&args.endpoint)?;
     let options = args.options.of(&args.endpoint.middleware)?;
@@ -47,7 +47,7 @@ fn learned(
     options: &Map,
     middleware: &dyn Middleware,
     shutdown: &Shutdown,
-) -> Result<Option<MessageType>, Failure> {
+) -> Result<Option<MessageType>> {
     let EndpointAddress { middleware: name, name: topic } = &args.endpoint;
     let is_ros2 = name == "ros2";
     let mut types = definitions::of_command(&args.definitions)?;
@@ -124,7 +124,7 @@ fn print_all(
     (message_type, options): (MessageType, Map),
     middleware: &dyn Middleware,
     shutdown: &Shutdown,
-) -> Result<(), Failure> {
+) -> Result<()> {
     let context = Context::default();
     let spec = TopicSpec {
         qos: args.qos.map_or_else(Qos::default, Qos::from),
@@ -177,9 +177,7 @@ fn print_all(
             }
             Ok(None) => {
                 other_types.look();
-                if let Some(at) = deadline
-                    && Instant::now() >= at
-                {
+                if deadline.is_some_and(|at| Instant::now() >= at) {
                     return Err(timed_out(args, printed, &listener.link(), &context));
                 }
                 match listener.link().waiting_for {
@@ -206,12 +204,7 @@ fn shown(payload: &Payload, as_json: bool) -> anyhow::Result<String> {
     }
 }
 
-fn timed_out(
-    args: &EchoArgs,
-    printed: u64,
-    link: &wrapyfi_endpoint::Link,
-    context: &Context,
-) -> Failure {
+fn timed_out(args: &EchoArgs, printed: u64, link: &Link, context: &Context) -> Failure {
     let why = match (&link.waiting_for, link.peers) {
         (Some(what), _) => format!("still waiting for {what}"),
         (None, Some(0)) => "no publisher is there".to_owned(),

@@ -17,7 +17,7 @@ use super::WAIT_SLICE;
 use crate::cli::ListArgs;
 use crate::columns::aligned;
 use crate::discovery_watch::DiscoveryWatch;
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::middlewares::{self, Role};
 use crate::output;
 use crate::own_address::OwnAddress;
@@ -41,7 +41,7 @@ struct Side {
 /// # Errors
 /// Exit code 2 for a middleware that there is not; 1 or 3 when the only one asked for, or all of
 /// them, cannot be reached.
-pub fn run(args: &ListArgs, shutdown: &Shutdown) -> Result<(), Failure> {
+pub fn run(args: &ListArgs, shutdown: &Shutdown) -> Result<()> {
     if let Some(middleware) = &args.middleware {
         args.own.check(middleware)?;
     }
@@ -118,14 +118,14 @@ pub fn run(args: &ListArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     }
 }
 
-fn open(name: &'static str, own: OwnAddress) -> Result<Side, Failure> {
+fn open(name: &'static str, own: OwnAddress) -> Result<Side> {
     let address = EndpointAddress { middleware: name.to_owned(), name: "/".to_owned() };
     let middleware = middlewares::for_endpoint(&address, Role::Observer, own)?;
     let watch = DiscoveryWatch::new(middleware.discover().context(name)?);
     Ok(Side { name, watch, _middleware: middleware })
 }
 
-fn lines(out: &mut String, middleware: &str, found: &[Discovered]) -> Result<(), Failure> {
+fn lines(out: &mut String, middleware: &str, found: &[Discovered]) -> Result<()> {
     #[derive(serde::Serialize)]
     struct EndpointRecord<'a> {
         middleware: &'a str,

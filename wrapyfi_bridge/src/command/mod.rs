@@ -5,7 +5,7 @@ use std::time::Duration;
 use wrapyfi_yarp::name::conf::{NameServerConf, file_of};
 use wrapyfi_yarp::name::environment::Environment;
 
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 
 pub mod bridge;
 pub mod broker;
@@ -36,11 +36,7 @@ fn yarp_environment(namespace: Option<&str>) -> Environment {
 }
 
 /// Writes down where the name server of a namespace is, as `yarp conf` does.
-fn write_down(
-    environment: &Environment,
-    namespace: &str,
-    server: &NameServerConf,
-) -> Result<(), Failure> {
+fn write_down(environment: &Environment, namespace: &str, server: &NameServerConf) -> Result<()> {
     let file = file_of(environment, namespace).map_err(Failure::usage)?;
     server.write(&file).map_err(anyhow::Error::new)?;
     tracing::info!("wrote {}", file.display());

@@ -10,7 +10,7 @@ use super::definitions;
 use super::echo::Waiting;
 use super::other_types::OtherTypes;
 use crate::cli::{PubArgs, TypeName};
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::middlewares::{Role, for_endpoint};
 use crate::shutdown::Shutdown;
 use crate::{describe, input};
@@ -19,7 +19,7 @@ use crate::{describe, input};
 ///
 /// # Errors
 /// Exit code 3 when no listener came in time, 2 when endpoint or input is wrong.
-pub fn run(args: &PubArgs, shutdown: &Shutdown) -> Result<(), Failure> {
+pub fn run(args: &PubArgs, shutdown: &Shutdown) -> Result<()> {
     let args = &with_defaults(args);
     let options = args.options.of(&args.endpoint.middleware)?;
     let message_type = match &args.message_type {
@@ -69,7 +69,7 @@ fn wait_for_listener(
     other_types: &mut OtherTypes,
     context: &Context,
     shutdown: &Shutdown,
-) -> Result<bool, Failure> {
+) -> Result<bool> {
     let deadline = args.timeout.map(|timeout| Instant::now() + timeout);
     let mut waiting = Waiting::new(&args.endpoint);
     while !shutdown.requested() {
@@ -95,7 +95,7 @@ fn publish(
     context: &Context,
     payload: &mut Payload,
     shutdown: &Shutdown,
-) -> Result<u64, Failure> {
+) -> Result<u64> {
     let interval = Duration::from_secs_f64(1.0 / args.rate);
     // Peers that are matched now were discovered before.
     other_types.look_now();

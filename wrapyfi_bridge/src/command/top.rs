@@ -12,7 +12,7 @@ use wrapyfi_interfaces::wrapyfi_msgs::srv::ListRoutes_Response;
 
 use super::WAIT_SLICE;
 use crate::cli::TopArgs;
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::middlewares::Ros2Section;
 use crate::on_graph::client::{Asker, LIST_ROUTES, the_bridge};
 use crate::output;
@@ -31,7 +31,7 @@ const ANSWERED_WITHIN: Duration = Duration::from_secs(3);
 /// # Errors
 /// Exit code 2 where there is no terminal to draw on, or several bridges and none was named; 3 where no bridge
 /// answers.
-pub fn run(args: &TopArgs, shutdown: &Shutdown) -> Result<(), Failure> {
+pub fn run(args: &TopArgs, shutdown: &Shutdown) -> Result<()> {
     if !args.once && !std::io::stdout().is_terminal() {
         let text = "standard output is no terminal; in a script, run `wrapyfi top --once`";
         return Err(Failure::usage(text));
@@ -64,7 +64,7 @@ pub fn run(args: &TopArgs, shutdown: &Shutdown) -> Result<(), Failure> {
 }
 
 /// A reply, and the instant at which it came.
-type Reply = (Instant, Result<ListRoutes_Response, Failure>);
+type Reply = (Instant, Result<ListRoutes_Response>);
 
 /// Asks once each `every` until nobody wants to know any more.
 fn ask_again(
@@ -86,7 +86,7 @@ fn watch(
     mut screen: Screen,
     replies: &Receiver<Reply>,
     shutdown: &Shutdown,
-) -> Result<(), Failure> {
+) -> Result<()> {
     let mut heard = Instant::now();
     while !shutdown.requested() {
         while let Ok((at, reply)) = replies.try_recv() {

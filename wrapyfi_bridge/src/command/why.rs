@@ -8,7 +8,7 @@ use wrapyfi_data::types::{Map, Value};
 use wrapyfi_interfaces::wrapyfi_msgs::srv::Explain_Response;
 
 use crate::cli::WhyArgs;
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::middlewares::Ros2Section;
 use crate::on_graph::client::{Asker, the_bridge};
 use crate::output;
@@ -24,7 +24,7 @@ const ELSEWHERE: Duration = Duration::from_secs(5);
 /// # Errors
 /// Exit code 1 where something is missing, 2 where the name means nothing or the configuration is wrong, 3
 /// where the bridge that was asked does not answer.
-pub fn run(args: &WhyArgs) -> Result<(), Failure> {
+pub fn run(args: &WhyArgs) -> Result<()> {
     let begin = Instant::now();
     let verdict = match &args.node {
         Some(node) => elsewhere(node, &args.name)?,
@@ -34,7 +34,7 @@ pub fn run(args: &WhyArgs) -> Result<(), Failure> {
 }
 
 /// Answer of a bridge that runs elsewhere on the graph.
-fn elsewhere(node: &str, name: &str) -> Result<Verdict, Failure> {
+fn elsewhere(node: &str, name: &str) -> Result<Verdict> {
     let ros2 = Ros2Section::default().hidden()?;
     let (node, _) = the_bridge(&ros2, Some(node), "why", &|| false)?;
     let mut asker = Asker::<Explain_Response>::open(&ros2, &node, "explain")?;
@@ -48,7 +48,7 @@ fn elsewhere(node: &str, name: &str) -> Result<Verdict, Failure> {
     Ok(Verdict { way, passed, finding })
 }
 
-fn show(verdict: &Verdict, json: bool, begin: Instant) -> Result<(), Failure> {
+fn show(verdict: &Verdict, json: bool, begin: Instant) -> Result<()> {
     #[derive(Serialize)]
     struct Line<'v> {
         #[serde(flatten)]

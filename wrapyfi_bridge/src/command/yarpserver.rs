@@ -1,6 +1,6 @@
 //! `wrapyfi yarpserver`: a YARP name server, standalone, with the options of YARP's own.
 
-use std::net::{IpAddr, ToSocketAddrs};
+use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
@@ -12,14 +12,14 @@ use wrapyfi_yarp_endpoint::{self as yarp, YarpConfig};
 
 use super::{write_down, yarp_environment};
 use crate::cli::YarpServerArgs;
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::shutdown::Shutdown;
 
 /// Runs until the process is asked to end.
 ///
 /// # Errors
 /// Exit code 2 for bad settings, 1 when the port is taken.
-pub fn run(args: &YarpServerArgs, shutdown: &Shutdown) -> Result<(), Failure> {
+pub fn run(args: &YarpServerArgs, shutdown: &Shutdown) -> Result<()> {
     let environment = yarp_environment(args.namespace.as_deref());
     let place = place(args, &environment).map_err(Failure::usage)?;
     let ip = resolve(&place.host).map_err(Failure::usage)?;
@@ -92,12 +92,8 @@ fn place(args: &YarpServerArgs, environment: &Environment) -> Result<NameServerC
 fn resolve(host: &str) -> anyhow::Result<IpAddr> {
     let found = (host, 0).to_socket_addrs().with_context(|| format!("--ip {host}"))?;
     // YARP's clients know IPv4 best.
-    let (mut four, mut six) = (None, None);
-    for address in found {
-        let kept = if address.is_ipv4() { &mut four } else { &mut six };
-        kept.get_or_insert(address.ip());
-    }
-    four.or(six).ok_or_else(|| anyhow!("--ip {host} has no address"))
+    let first = found.min_by_key(SocketAddr::is_ipv6);
+    first.map(|it| it.ip()).ok_or_else(|| anyhow!("--ip {host} has no address"))
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use wrapyfi_endpoint::{EndpointAddress, Registry};
 use wrapyfi_engine::Available;
 
 use super::{ros1, ros2, yarp, zeromq};
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 
 /// Names under which routes and commands address the middlewares, with their rules for topics.
 pub(super) fn available() -> [Available<'static>; 4] {
@@ -17,7 +17,7 @@ pub(super) fn available() -> [Available<'static>; 4] {
 ///
 /// # Errors
 /// Exit code 2 with the rule.
-pub fn check_topic(address: &EndpointAddress) -> Result<(), Failure> {
+pub fn check_topic(address: &EndpointAddress) -> Result<()> {
     let known = available().into_iter().find(|known| known.name == address.middleware);
     let fault = |text| Failure::Usage(format!("{address}: {text}"));
     known.map_or(Ok(()), |known| (known.check_topic)(&address.name).map_err(fault))

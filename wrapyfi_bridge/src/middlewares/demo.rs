@@ -11,7 +11,7 @@ use wrapyfi_zeromq::{BrokerMode, ZeroMqConfig};
 
 use super::start::start;
 use super::zeromq::ZeroMqSection;
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::node::Node;
 
 /// The three parties of the demo, each with sockets of its own.
@@ -40,7 +40,7 @@ impl DemoMiddlewares {
     ///
     /// # Errors
     /// Exit code 1 when a middleware does not start.
-    pub fn start() -> Result<Self, Failure> {
+    pub fn start() -> Result<Self> {
         let mut config = ZeroMqConfig::from_env().map_err(Failure::usage)?;
         config.broker = BrokerMode::Embedded;
         let mut config = ZeroMqSection::default().checked(config)?;
@@ -70,7 +70,7 @@ impl DemoMiddlewares {
         let name_server = robot_side.name_server().to_owned();
         sources.register(Arc::new(robot_side));
 
-        let graph = |name: &str| -> Result<_, Failure> {
+        let graph = |name: &str| -> Result<_> {
             let lookup = |name: &str| match (name, std::env::var(name).ok()) {
                 ("ROS_AUTOMATIC_DISCOVERY_RANGE", None) => Some("LOCALHOST".to_owned()),
                 (_, value) => value,

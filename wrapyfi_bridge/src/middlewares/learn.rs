@@ -16,7 +16,7 @@ use wrapyfi_ros1 as ros1;
 
 use super::load::Endpoints;
 use super::start::start;
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 
 /// Pause between two looks.
 const LOOK: Duration = Duration::from_millis(20);
@@ -27,10 +27,7 @@ const LEARNING: Duration = Duration::from_secs(5);
 ///
 /// # Errors
 /// Exit code 1 when ROS 1 does not start. A publisher that is not there is only said.
-pub(super) fn from_publishers(
-    config: &Config<Endpoints>,
-    types: &mut TypeStore,
-) -> Result<(), Failure> {
+pub(super) fn from_publishers(config: &Config<Endpoints>, types: &mut TypeStore) -> Result<()> {
     let mut node = None;
     let begin = Instant::now();
     for entry in &config.routes {

@@ -20,7 +20,7 @@ use super::yarp::YarpSection;
 use super::zeromq::ZeroMqSection;
 use crate::command::definitions;
 use crate::edits::SOURCE;
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::files::read_file;
 use crate::own_address::OwnAddress;
 
@@ -66,7 +66,7 @@ impl Endpoints {
     ///
     /// # Errors
     /// Exit code 2 with the line of the address in `file`, where it is from there, and the word that permits it.
-    pub fn check_permitted(&self, file: Option<&Path>) -> Result<(), Failure> {
+    pub fn check_permitted(&self, file: Option<&Path>) -> Result<()> {
         let checked = self.zeromq.check_permitted(&self.hosts);
         let checked = checked.and_then(|()| self.yarp.check_permitted());
         let problem = match checked.and_then(|()| self.ros.check_permitted(&self.hosts)) {
@@ -110,7 +110,7 @@ pub struct Loaded {
 ///
 /// # Errors
 /// Exit code 2 with every fault, each with its line.
-pub fn load(file: &Path) -> Result<Loaded, Failure> {
+pub fn load(file: &Path) -> Result<Loaded> {
     load_with(file, &[], |_, _| Ok(()))
 }
 
@@ -122,8 +122,8 @@ pub fn load(file: &Path) -> Result<Loaded, Failure> {
 pub fn load_and_learn(
     file: &Path,
     added: &[Spanned<RouteConfig>],
-    change: impl FnOnce(&mut Endpoints) -> Result<(), Failure>,
-) -> Result<Loaded, Failure> {
+    change: impl FnOnce(&mut Endpoints) -> Result<()>,
+) -> Result<Loaded> {
     load_with(file, added, |config, types| {
         change(&mut config.endpoints)?;
         learn::from_publishers(config, types)
@@ -146,11 +146,7 @@ pub struct Undefined {
 ///
 /// # Errors
 /// As [`load`].
-pub fn load_noting(
-    file: &Path,
-    meant: &str,
-    undefined: &mut Option<Undefined>,
-) -> Result<Loaded, Failure> {
+pub fn load_noting(file: &Path, meant: &str, undefined: &mut Option<Undefined>) -> Result<Loaded> {
     load_with(file, &[], |config, types| {
         let text = |written: &Option<Spanned<String>>| Some(written.as_ref()?.value.clone());
         for Spanned { value: route, .. } in &config.routes {
@@ -178,8 +174,8 @@ pub fn load_noting(
 fn load_with(
     file: &Path,
     added: &[Spanned<RouteConfig>],
-    learn: impl FnOnce(&mut Config<Endpoints>, &mut TypeStore) -> Result<(), Failure>,
-) -> Result<Loaded, Failure> {
+    learn: impl FnOnce(&mut Config<Endpoints>, &mut TypeStore) -> Result<()>,
+) -> Result<Loaded> {
     let name = file.display().to_string();
     // Read no further than a configuration may be long: what has no end is one, too.
     let text = read_file(file).map_err(|error| Failure::usage(format!("{name}: {error}")))?;
@@ -193,7 +189,7 @@ fn load_with(
 ///
 /// # Errors
 /// As [`load`].
-pub fn load_text(text: &str, name: &str) -> Result<Loaded, Failure> {
+pub fn load_text(text: &str, name: &str) -> Result<Loaded> {
     read(text.to_owned(), name, Path::new(""), &[], |_, _| Ok(()))
 }
 
@@ -202,8 +198,8 @@ fn read(
     name: &str,
     beside: &Path,
     added: &[Spanned<RouteConfig>],
-    learn: impl FnOnce(&mut Config<Endpoints>, &mut TypeStore) -> Result<(), Failure>,
-) -> Result<Loaded, Failure> {
+    learn: impl FnOnce(&mut Config<Endpoints>, &mut TypeStore) -> Result<()>,
+) -> Result<Loaded> {
     let Reading { value, mut problems, .. } = Config::<Endpoints>::read(&text, example);
     let refused = |mut problems: Vec<Problem>| {
         problems.sort_by_key(|problem| problem.position);

@@ -55,7 +55,7 @@ pub use self::settings::Settings;
 pub use self::start::Role;
 pub use self::yarp::YarpSection;
 pub use self::zeromq::{ServicePorts, ZeroMqSection};
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::files::in_no_file;
 use crate::logging;
 use crate::node::Node;
@@ -78,12 +78,7 @@ impl Middlewares {
     /// # Errors
     /// Exit code 2 for settings that cannot work, 1 when the ROS 2 node does not start. Another
     /// middleware that does not start is no error: its routes wait, and it is tried again.
-    pub fn of_bridge(
-        endpoints: &Endpoints,
-        plan: &Plan,
-        node: &Node,
-        waits: bool,
-    ) -> Result<Self, Failure> {
+    pub fn of_bridge(endpoints: &Endpoints, plan: &Plan, node: &Node, waits: bool) -> Result<Self> {
         let mut settings = Settings::of(endpoints, plan, &Settings::default())?;
         if waits {
             settings = Settings::of(endpoints, &Plan::default(), &settings)?;
@@ -103,7 +98,7 @@ impl Middlewares {
     ///
     /// # Errors
     /// Exit code 2 for settings that cannot work.
-    pub fn turned_to(&self, settings: Settings) -> Result<Self, Failure> {
+    pub fn turned_to(&self, settings: Settings) -> Result<Self> {
         let (mut registry, graph) = (self.registry.clone(), self.graph.clone());
         for (&name, one) in &settings.each {
             let before = self.settings.each.get(name);
@@ -133,7 +128,7 @@ impl Middlewares {
     ///
     /// # Errors
     /// When the system gives no thread.
-    pub(crate) fn start_anew(&mut self, name: &'static str, reason: String) -> Result<(), Failure> {
+    pub(crate) fn start_anew(&mut self, name: &'static str, reason: String) -> Result<()> {
         if let (Some(one), Ok(before)) = (self.settings.each.get(name), self.registry.get(name)) {
             let before = (Arc::downgrade(before), reason);
             self.registry.register(start_or_wait(name, one.clone(), Some(before))?);
@@ -163,7 +158,7 @@ impl Middlewares {
         node: &Node,
         parameters: ParameterStore,
         types: (&mut TypeStore, &BTreeSet<&'static str>),
-    ) -> Result<Option<OfferedNode>, Failure> {
+    ) -> Result<Option<OfferedNode>> {
         let Some(graph) = &self.graph else { return Ok(None) };
         let offered =
             NodeEndpoints::start(graph, parameters, logging::loggers().as_ref()).context("ros2")?;
@@ -209,7 +204,7 @@ pub fn for_endpoint(
     address: &EndpointAddress,
     role: Role,
     own: OwnAddress,
-) -> Result<Arc<dyn Middleware>, Failure> {
+) -> Result<Arc<dyn Middleware>> {
     for_service(address, role, &ServicePorts::default(), own)
 }
 
@@ -222,7 +217,7 @@ pub fn for_service(
     role: Role,
     ports: &ServicePorts,
     own: OwnAddress,
-) -> Result<Arc<dyn Middleware>, Failure> {
+) -> Result<Arc<dyn Middleware>> {
     if address.middleware != "zeromq" && ports.any() {
         let text = format!("{address}: --rep-port and --req-port are for zeromq");
         return Err(Failure::Usage(text));
@@ -231,9 +226,14 @@ pub fn for_service(
     endpoints.reached_at(own);
     endpoints.zeromq.rep_port = ports.rep_port.map(in_no_file);
     endpoints.zeromq.req_port = ports.req_port.map(in_no_file);
-    let Endpoints { zeromq, yarp, ros, ros2, hosts } = &endpoints;
+    start_as(&endpoints, &address.middleware, role)
+}
+
+/// Starts a middleware with these settings, for a program with this role.
+fn start_as(endpoints: &Endpoints, middleware: &str, role: Role) -> Result<Arc<dyn Middleware>> {
+    let Endpoints { zeromq, yarp, ros, ros2, hosts } = endpoints;
     let largest = Limits::default().message_bytes;
-    let one = match address.middleware.as_str() {
+    let one = match middleware {
         "zeromq" => One::ZeroMq(zeromq.checked(zeromq.config(Some(role), largest, hosts)?)?, false),
         yarp::NAME => {
             let listens = !matches!(role, Role::Observer | Role::Client);
@@ -252,7 +252,7 @@ fn start_or_wait(
     name: &'static str,
     settings: One,
     before: Option<(Weak<dyn Middleware>, String)>,
-) -> Result<Arc<dyn Middleware>, Failure> {
+) -> Result<Arc<dyn Middleware>> {
     let absent = match &before {
         Some((_, reason)) => reason.clone(),
         None => match settings.start() {

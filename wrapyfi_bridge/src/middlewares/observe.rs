@@ -20,12 +20,11 @@ use wrapyfi_yarp::name::{Environment, NameServerConf};
 use wrapyfi_yarp_endpoint as yarp;
 use wrapyfi_zeromq::{BrokerMode, ZeroMqConfig};
 
-use super::available::unknown;
 use super::load::Endpoints;
 use super::ros2::Ros2Section;
 use super::start::{Role, start};
-use super::yarp::YarpSection;
-use crate::exit::Failure;
+use super::start_as;
+use crate::exit::{Failure, Result};
 use crate::files::in_no_file;
 use crate::node::Node;
 
@@ -92,11 +91,7 @@ pub type Observer = (Arc<dyn Middleware>, Option<Arc<Ros1>>);
 ///
 /// # Errors
 /// Exit code 2 for settings that cannot be, and where nothing says where the server is.
-pub fn doors(
-    endpoints: &Endpoints,
-    middleware: &str,
-    is_service: bool,
-) -> Result<Vec<Door>, Failure> {
+pub fn doors(endpoints: &Endpoints, middleware: &str, is_service: bool) -> Result<Vec<Door>> {
     let largest = Limits::default().message_bytes;
     match middleware {
         "zeromq" => {
@@ -185,37 +180,24 @@ pub fn doors(
 ///
 /// # Errors
 /// Exit code 2 for settings that cannot work, 1 when it does not start.
-pub fn observer(endpoints: &Endpoints, middleware: &str) -> Result<Observer, Failure> {
-    let largest = Limits::default().message_bytes;
-    match middleware {
-        "zeromq" => {
-            let observer = Some(Role::Observer);
-            let config = endpoints.zeromq.config(observer, largest, &endpoints.hosts)?;
-            let config = endpoints.zeromq.checked(config)?;
-            Ok((Arc::new(start("zeromq", &config)?), None))
-        }
-        yarp::NAME => {
-            let mut config = endpoints.yarp.config(largest, &endpoints.hosts)?;
-            config.embedded = false;
-            Ok((Arc::new(YarpSection::start_with(&config, false)?), None))
-        }
-        ros1::NAME => {
-            let mut config = endpoints.ros.config(&endpoints.hosts)?;
-            // The name of the bridge's node would end that node.
-            config.node = None;
-            let ros1 = Arc::new(start(ros1::NAME, &config)?);
-            Ok((Arc::clone(&ros1) as Arc<dyn Middleware>, Some(ros1)))
-        }
-        "ros2" => Ok((Arc::new(endpoints.ros2.hidden()?), None)),
-        other => Err(unknown(other)),
+pub fn observer(endpoints: &Endpoints, middleware: &str) -> Result<Observer> {
+    if middleware == ros1::NAME {
+        let mut config = endpoints.ros.config(&endpoints.hosts)?;
+        // The name of the bridge's node would end that node.
+        config.node = None;
+        let ros1 = Arc::new(start(ros1::NAME, &config)?);
+        return Ok((Arc::clone(&ros1) as Arc<dyn Middleware>, Some(ros1)));
     }
+    let mut endpoints = endpoints.clone();
+    endpoints.yarp.embedded = false;
+    Ok((start_as(&endpoints, middleware, Role::Observer)?, None))
 }
 
 /// ROS 2 that only looks, in another domain, or as far as multicast reaches.
 ///
 /// # Errors
 /// As [`observer`].
-pub fn ros2_elsewhere(section: &Ros2Section, domain_id: u32, wide: bool) -> Result<Ros2, Failure> {
+pub fn ros2_elsewhere(section: &Ros2Section, domain_id: u32, wide: bool) -> Result<Ros2> {
     let node = Node::hidden().map_err(Failure::usage)?;
     let domain_id = in_no_file(domain_id);
     let section = Ros2Section { domain_id: Some(domain_id), ..section.clone() };

@@ -9,7 +9,7 @@ use wrapyfi_node::ParameterValue;
 use wrapyfi_node::parameters::{ParameterDescriptor, ParameterStore};
 
 use super::load::Endpoints;
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::files::in_no_file;
 
 /// Prefix of the parameters' names.
@@ -52,12 +52,7 @@ const WORDS: [(&str, WordOf, &str); 3] = [
 
 impl Setting {
     /// Takes the value of the parameter `name`.
-    fn take(
-        &self,
-        endpoints: &mut Endpoints,
-        name: &str,
-        value: ParameterValue,
-    ) -> Result<(), Failure> {
+    fn take(&self, endpoints: &mut Endpoints, name: &str, value: ParameterValue) -> Result<()> {
         match (self, value) {
             (Self::Text(place), ParameterValue::String(text)) => *place(endpoints) = Some(text),
             (Self::Placed(place), ParameterValue::String(text)) => {
@@ -95,10 +90,7 @@ impl Setting {
 ///
 /// # Errors
 /// Exit code 2 for a name that there is not, or a value that it cannot have.
-pub(crate) fn take_parameters(
-    endpoints: &mut Endpoints,
-    store: &mut ParameterStore,
-) -> Result<(), Failure> {
+pub(crate) fn take_parameters(endpoints: &mut Endpoints, store: &mut ParameterStore) -> Result<()> {
     let given = store.overrides().keys().filter(|name| name.starts_with(PREFIX));
     let given: Vec<String> = given.cloned().collect();
     let before = WORDS.map(|(_, word, _)| *word(endpoints));

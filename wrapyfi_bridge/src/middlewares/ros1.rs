@@ -12,7 +12,7 @@ pub(super) use wrapyfi_ros1::NAME;
 use wrapyfi_ros1::{self as ros1, Ros1Config};
 
 use super::word::Word;
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 
 /// The middleware as routes and commands address it, with its rules for topics.
 pub(super) const AVAILABLE: Available<'static> = Available {
@@ -111,7 +111,7 @@ impl Ros1Section {
     ///
     /// # Errors
     /// Exit code 2 for variables of the environment that cannot be.
-    pub(super) fn config(&self, hosts: &Hosts) -> Result<Ros1Config, Failure> {
+    pub(super) fn config(&self, hosts: &Hosts) -> Result<Ros1Config> {
         let mut config = Ros1Config::from_env().map_err(Failure::usage)?;
         let Ros1Section { master_uri, hostname, namespace, node, remap, insecure, rules, .. } =
             self.clone();

@@ -8,7 +8,7 @@ use wrapyfi_engine::{Available, Problem, Spanned};
 use wrapyfi_ros2::{Adapter, Ros2, environment::MAX_DOMAIN_ID};
 
 use super::start::start;
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::node::Node;
 
 /// The middleware as routes and commands address it, with its rules for topics.
@@ -58,7 +58,7 @@ impl Ros2Section {
     ///
     /// # Errors
     /// Exit code 2 for settings that cannot work, 1 when the DDS stack refuses.
-    pub fn start(&self, node: &Node, largest_message: usize) -> Result<Ros2, Failure> {
+    pub fn start(&self, node: &Node, largest_message: usize) -> Result<Ros2> {
         start("ros2", &self.settings(node, largest_message)?)
     }
 
@@ -66,7 +66,7 @@ impl Ros2Section {
     ///
     /// # Errors
     /// As [`Self::start`].
-    pub fn hidden(&self) -> Result<Ros2, Failure> {
+    pub fn hidden(&self) -> Result<Ros2> {
         let node = Node::hidden().map_err(Failure::usage)?;
         self.start(&node, Limits::default().message_bytes)
     }
@@ -75,11 +75,7 @@ impl Ros2Section {
     ///
     /// # Errors
     /// Exit code 2 for variables of the environment that cannot be.
-    pub(super) fn settings(
-        &self,
-        node: &Node,
-        largest_message: usize,
-    ) -> Result<Ros2Settings, Failure> {
+    pub(super) fn settings(&self, node: &Node, largest_message: usize) -> Result<Ros2Settings> {
         let variable = |name: &str| std::env::var(name).ok();
         let settings = Ros2Settings::of_node(node.name().clone(), variable);
         let mut settings = settings.map_err(Failure::usage)?;

@@ -19,7 +19,7 @@ use wrapyfi_zeromq::ZeroMqConfig;
 use super::load::Endpoints;
 use super::start::start;
 use super::yarp::YarpSection;
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 
 /// Settings of all middlewares of a bridge.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -44,7 +44,7 @@ pub(super) enum One {
 
 impl One {
     /// Starts the middleware.
-    pub(super) fn start(&self) -> Result<Arc<dyn Middleware>, Failure> {
+    pub(super) fn start(&self) -> Result<Arc<dyn Middleware>> {
         Ok(match self {
             Self::ZeroMq(config, serves) => {
                 let zeromq = start("zeromq", config)?;
@@ -65,7 +65,7 @@ impl Settings {
     ///
     /// # Errors
     /// Exit code 2 for settings that cannot work.
-    pub fn of(endpoints: &Endpoints, plan: &Plan, before: &Self) -> Result<Self, Failure> {
+    pub fn of(endpoints: &Endpoints, plan: &Plan, before: &Self) -> Result<Self> {
         let Endpoints { zeromq, ros, yarp, ros2, hosts } = endpoints;
         let mut largest = before.largest.clone();
         for name in plan.middlewares() {

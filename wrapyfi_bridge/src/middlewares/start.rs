@@ -2,7 +2,7 @@
 
 use wrapyfi_core::start::{MiddlewareSettings, StartError};
 
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 
 /// Role of a command at its topic or service.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,10 +23,7 @@ pub enum Role {
 ///
 /// # Errors
 /// Exit code 2 for settings that cannot work, 1 when it does not start.
-pub(super) fn start<S: MiddlewareSettings>(
-    name: &str,
-    settings: &S,
-) -> Result<S::Middleware, Failure> {
+pub(super) fn start<S: MiddlewareSettings>(name: &str, settings: &S) -> Result<S::Middleware> {
     settings.start().map_err(|error| match error {
         StartError::Absent(what) => Failure::Absent(what),
         StartError::Failed(why) => {

@@ -12,7 +12,7 @@ use wrapyfi_yarp_endpoint::{self as yarp, Convention, Dialect, NameServerConf, Y
 
 use super::start::start;
 use super::word::Word;
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::files::in_no_file;
 use crate::logging;
 
@@ -112,11 +112,7 @@ impl YarpSection {
     ///
     /// # Errors
     /// Exit code 2 for variables of the environment and addresses that cannot be.
-    pub(super) fn config(
-        &self,
-        largest_message: usize,
-        hosts: &Hosts,
-    ) -> Result<YarpConfig, Failure> {
+    pub(super) fn config(&self, largest_message: usize, hosts: &Hosts) -> Result<YarpConfig> {
         let mut config = YarpConfig::from_env().map_err(Failure::usage)?;
         if let Some(written) = &self.name_server {
             config.name_server = Some(written.value.parse().map_err(Failure::usage)?);
@@ -142,7 +138,7 @@ impl YarpSection {
     ///
     /// # Errors
     /// Exit code 2 for settings that cannot work or that name nothing, 1 when it does not start.
-    pub(super) fn start_with(config: &YarpConfig, listens: bool) -> Result<Yarp, Failure> {
+    pub(super) fn start_with(config: &YarpConfig, listens: bool) -> Result<Yarp> {
         let yarp = start(NAME, config)?;
         if listens {
             yarp.may_listen().map_err(Failure::usage)?;

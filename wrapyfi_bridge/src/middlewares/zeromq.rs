@@ -15,7 +15,7 @@ use wrapyfi_zeromq::{
 
 use super::start::Role;
 use super::word::Word;
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 
 /// The middleware as routes and commands address it, with its rules for topics.
 pub(super) const AVAILABLE: Available<'static> = Available {
@@ -160,7 +160,7 @@ impl ZeroMqSection {
     ///
     /// # Errors
     /// Exit code 2 with the variable that is at fault.
-    pub fn checked(&self, config: ZeroMqConfig) -> Result<ZeroMqConfig, Failure> {
+    pub fn checked(&self, config: ZeroMqConfig) -> Result<ZeroMqConfig> {
         self.check_keys(&config).map_err(|fault| Failure::Usage(fault.message))?;
         Ok(config)
     }
@@ -241,7 +241,7 @@ impl ZeroMqSection {
         role: Option<Role>,
         largest_message: usize,
         hosts: &Hosts,
-    ) -> Result<ZeroMqConfig, Failure> {
+    ) -> Result<ZeroMqConfig> {
         let config = match role {
             Some(Role::Client) => ZeroMqConfig::from_env_of_client(),
             _ => ZeroMqConfig::from_env(),

@@ -15,7 +15,7 @@ use wrapyfi_ros2::Ros2;
 use wrapyfi_ros2::graph::{Graph, ServiceMapping};
 
 use crate::discovery_watch::DiscoveryWatch;
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::why::stopped;
 
 /// Name of the service that tells the routes, within a bridge's node.
@@ -66,7 +66,7 @@ pub fn the_bridge(
     named: Option<&str>,
     command: &str,
     is_ended: &dyn Fn() -> bool,
-) -> Result<(String, usize), Failure> {
+) -> Result<(String, usize)> {
     let begin = Instant::now();
     let named = named.map(|node| format!("/{}", node.trim_matches('/')));
     let is_over = |nodes: &BTreeMap<String, usize>, has_told: bool| {
@@ -141,7 +141,7 @@ impl<R: Message> Asker<R> {
     ///
     /// # Errors
     /// Exit code 2 when the name is none of a node.
-    pub fn open(ros2: &Ros2, node: &str, service: &str) -> Result<Self, Failure> {
+    pub fn open(ros2: &Ros2, node: &str, service: &str) -> Result<Self> {
         let type_name = R::ROS_TYPE.trim_end_matches("_Response");
         let kind = ServiceKind::resolve(type_name, &mut TypeStore::generated());
         let kind = kind.map_err(Failure::usage)?;
@@ -155,7 +155,7 @@ impl<R: Message> Asker<R> {
     ///
     /// # Errors
     /// Exit code 3 when there is none in time, 1 when it is none that can be read.
-    pub fn ask(&mut self, fields: Map, timeout: Duration) -> Result<R, Failure> {
+    pub fn ask(&mut self, fields: Map, timeout: Duration) -> Result<R> {
         let request = Request::default().with(fields);
         let reply = self.client.call(&request, timeout).map_err(|error| match error {
             CallError::TimedOut { .. } => Failure::TimedOut(format!(

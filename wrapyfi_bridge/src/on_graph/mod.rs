@@ -47,7 +47,7 @@ use wrapyfi_ros2::NodeHandle;
 use self::diagnostics::Diagnostics;
 use self::duplicate_nodes::DuplicateNodes;
 use self::info::{is_destination, is_source};
-use crate::exit::Failure;
+use crate::exit::Result;
 use crate::in_force::Running;
 use crate::lifecycle::{Lifecycle, State};
 use crate::middlewares;
@@ -87,7 +87,7 @@ impl OnGraph {
     ///
     /// # Errors
     /// When the system refuses a thread.
-    pub fn start(parts: Parts) -> Result<Self, Failure> {
+    pub fn start(parts: Parts) -> Result<Self> {
         let wake = parts.lifecycle.changes().clone();
         let (context, stop) =
             (Context { wake, ..Context::default() }, Arc::<AtomicBool>::default());

@@ -23,8 +23,6 @@ impl Mark {
 
 /// The file of a configuration, as it was at the last look.
 pub(super) struct WatchedFile {
-    /// Text of the file when it was read last.
-    pub(super) text: String,
     mark: Option<Mark>,
     /// True when the file is another, and is read once it stays the same.
     is_fresh: bool,
@@ -35,12 +33,11 @@ pub(super) struct WatchedFile {
 impl WatchedFile {
     pub(super) fn new(file: Option<&Path>) -> Self {
         let mark = file.and_then(Mark::of);
-        let text = file.and_then(|file| read_file(file).ok()).unwrap_or_default();
-        Self { text, mark, is_fresh: false, gone_since: None, is_told: false }
+        Self { mark, is_fresh: false, gone_since: None, is_told: false }
     }
 
-    /// True when the file has another text, and has had it for a while.
-    pub(super) fn is_other(&mut self, file: &Path) -> bool {
+    /// True when the file has another text than `known`, and has had it for a while.
+    pub(super) fn is_other(&mut self, file: &Path, known: &str) -> bool {
         let mark = Mark::of(file);
         if mark.is_none() {
             let since = *self.gone_since.get_or_insert_with(Instant::now);
@@ -57,7 +54,7 @@ impl WatchedFile {
         let is_file = || std::fs::metadata(file).is_ok_and(|meta| meta.is_file());
         // A file that cannot be read counts as changed, so that its reader reports the fault.
         std::mem::take(&mut self.is_fresh)
-            && (!is_file() || read_file(file).map_or(true, |text| text != self.text))
+            && (!is_file() || read_file(file).map_or(true, |text| text != known))
     }
 }
 
@@ -73,24 +70,24 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("bridge.yaml");
         std::fs::write(&file, "one").unwrap();
-        let mut looked = WatchedFile::new(Some(&file));
-        assert!(!looked.is_other(&file));
+        let (mut looked, mut known) = (WatchedFile::new(Some(&file)), "one");
+        assert!(!looked.is_other(&file, known));
         std::fs::write(&file, "two").unwrap();
-        assert!(!looked.is_other(&file), "it may not be all yet");
-        assert!(looked.is_other(&file));
-        looked.text = "two".to_owned();
-        assert!(!looked.is_other(&file));
+        assert!(!looked.is_other(&file, known), "it may not be all yet");
+        assert!(looked.is_other(&file, known));
+        known = "two";
+        assert!(!looked.is_other(&file, known));
         let beside = folder.path().join("new.yaml");
         std::fs::write(&beside, "three").unwrap();
         std::fs::remove_file(&file).unwrap();
-        assert!(!looked.is_other(&file));
+        assert!(!looked.is_other(&file, known));
         std::fs::rename(&beside, &file).unwrap();
-        assert!(!looked.is_other(&file));
-        assert!(looked.is_other(&file));
-        looked.text = "three".to_owned();
+        assert!(!looked.is_other(&file, known));
+        assert!(looked.is_other(&file, known));
+        known = "three";
         std::fs::write(&file, "three").unwrap();
-        assert!(!looked.is_other(&file));
-        assert!(!looked.is_other(&file), "its text is the same");
+        assert!(!looked.is_other(&file, known));
+        assert!(!looked.is_other(&file, known), "its text is the same");
         let endless = read_file(Path::new("/dev/zero")).unwrap();
         assert_eq!(endless.len(), MAX_CONFIG_BYTES + 1);
     }

@@ -88,10 +88,8 @@ pub(super) fn elsewhere(way: &Way) -> Option<Finding> {
     if way.running.is_some() || way.route.is_none() {
         return None;
     }
-    let of_process = || way.stopped.clone().filter(|it| it.cause == Cause::OtherDomain);
-    let (domain, bridge) = match &way.afar {
-        Some(afar) => afar,
-        None => return of_process(),
+    let Some((domain, bridge)) = &way.afar else {
+        return way.stopped.clone().filter(|it| it.cause == Cause::OtherDomain);
     };
     let mut graphs = way.source.iter().chain(&way.destination).filter_map(|end| end.graph.as_ref());
     let own = graphs.next().map_or(String::new(), |it| format!(" (domain {})", it.domain_id));

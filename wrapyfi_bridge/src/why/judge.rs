@@ -96,12 +96,11 @@ impl Walk<'_> {
             None if way.without_route.is_some() => {
                 let file = way.without_route.as_deref().unwrap_or_default();
                 let address = &source.address;
-                return Err(Finding::new(
-                    Cause::NoRoute,
-                    format!("no route of {file} begins or ends at {address}"),
-                    "the file of the routes",
-                    format!("write one: {{from: \"{address}\", to: …}}; or correct the name"),
-                ));
+                let what = format!("no route of {file} begins or ends at {address}");
+                let who = "the file of the routes";
+                let remedy =
+                    format!("write one: {{from: \"{address}\", to: …}}; or correct the name");
+                return Err(Finding::new(Cause::NoRoute, what, who, remedy));
             }
             None => {
                 self.callers(source)?;
@@ -555,12 +554,8 @@ impl Walk<'_> {
                 time.as_millis()
             );
             let remedy = "do what the reason says; where it names nothing, the broker or this machine is busy: ask again";
-            return Err(Finding::new(
-                Cause::Middleware,
-                what,
-                "the broker, or the keys of this shell",
-                remedy,
-            ));
+            let who = "the broker, or the keys of this shell";
+            return Err(Finding::new(Cause::Middleware, what, who, remedy));
         }
         let publisher = source.of(Role::Publisher).next();
         // A broker tells what came on a topic, not whether who sent it is there still.

@@ -28,7 +28,7 @@ use super::door::{Answer, Knock, connect};
 use super::names::kinship;
 use super::{End, Graph, PATIENCE, Registered, elsewhere, roles};
 use crate::discovery_watch::DiscoveryWatch;
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::middlewares::{self, Endpoints, Observer, Server};
 use crate::on_graph::client::mappings;
 
@@ -119,7 +119,7 @@ impl<'s> Sight<'s> {
         Self { endpoints, bridge: None, ros2: None, is_answered: &NEVER }
     }
 
-    fn open(&self, middleware: &str) -> Result<Observer, Failure> {
+    fn open(&self, middleware: &str) -> Result<Observer> {
         let of_bridge = self.bridge.and_then(|registry| registry.get(middleware).ok());
         match (of_bridge, self.ros2.filter(|_| middleware == "ros2")) {
             // Who is registered at a master is what a node of its own asks.

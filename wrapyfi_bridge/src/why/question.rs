@@ -28,7 +28,7 @@ use super::{
 };
 use crate::cli::WhyArgs;
 use crate::command::definitions;
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::in_force::{InForce, Running};
 use crate::lifecycle::State;
 use crate::middlewares::{self, Endpoints, Loaded, Undefined, is_ros};
@@ -41,7 +41,7 @@ const AT_ONCE: Duration = Duration::from_millis(300);
 ///
 /// # Errors
 /// Exit code 2 where the name means nothing, or the configuration has other faults.
-pub fn ask(asked: &WhyArgs) -> Result<Way, Failure> {
+pub fn ask(asked: &WhyArgs) -> Result<Way> {
     let way = match &asked.config {
         Some(file) => of_file(asked, file)?,
         None => of_name(asked)?,
@@ -49,7 +49,7 @@ pub fn ask(asked: &WhyArgs) -> Result<Way, Failure> {
     Ok(Way { resting: stopped::programs(), ..way })
 }
 
-fn of_name(asked: &WhyArgs) -> Result<Way, Failure> {
+fn of_name(asked: &WhyArgs) -> Result<Way> {
     let name = asked.name.as_str();
     match name.split('/').collect::<Vec<_>>()[..] {
         [package, "msg" | "srv", _] if !package.contains(':') => of_type(asked),
@@ -63,7 +63,7 @@ fn of_name(asked: &WhyArgs) -> Result<Way, Failure> {
     }
 }
 
-fn of_file(asked: &WhyArgs, path: &Path) -> Result<Way, Failure> {
+fn of_file(asked: &WhyArgs, path: &Path) -> Result<Way> {
     let file = path.display().to_string();
     let mut undefined = None;
     match middlewares::load_noting(path, &asked.name, &mut undefined) {
@@ -87,7 +87,7 @@ fn of_file(asked: &WhyArgs, path: &Path) -> Result<Way, Failure> {
     }
 }
 
-fn of_type(asked: &WhyArgs) -> Result<Way, Failure> {
+fn of_type(asked: &WhyArgs) -> Result<Way> {
     let name = asked.name.as_str();
     let mut types = definitions::of_command(&asked.definitions)?;
     let mut way = Way { title: name.to_owned(), ..Way::default() };
@@ -129,7 +129,7 @@ impl Configured<'_> {
     ///
     /// # Errors
     /// Exit code 2 where the name means nothing.
-    pub fn way(&self, name: &str, mut types: TypeStore) -> Result<Way, Failure> {
+    pub fn way(&self, name: &str, mut types: TypeStore) -> Result<Way> {
         let Self { file, plan, node, sight, removed, .. } = *self;
         let running = self.status.map(|status| status()).unwrap_or_default();
         let found = [plan, removed].into_iter().find_map(|plan| {
@@ -530,7 +530,7 @@ impl Running {
     ///
     /// # Errors
     /// As [`ask`].
-    pub(crate) fn explain(&self, name: &str) -> Result<Way, Failure> {
+    pub(crate) fn explain(&self, name: &str) -> Result<Way> {
         let (registry, plan) = (self.routes.registry(), self.routes.plan());
         let in_force = self.in_force.lock().clone();
         let InForce { file, is_of_parameters, endpoints, definitions, removed } = &in_force;

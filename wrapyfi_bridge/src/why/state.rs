@@ -199,12 +199,8 @@ pub(super) fn state(way: &Way) -> Passed {
         let lacks_server = |end: &&End| *reason == format!("a server of {}", end.address);
         if let Some(end) = way.source.as_ref().filter(lacks_server) {
             let remedy = example(end, Role::Server, None);
-            return Err(Finding::new(
-                Cause::NobodyOffers,
-                what,
-                "the program that offers it",
-                remedy,
-            ));
+            let who = "the program that offers it";
+            return Err(Finding::new(Cause::NobodyOffers, what, who, remedy));
         }
         let (who, remedy) = awaited(way, running);
         return Err(Finding::new(Cause::State, what, who, remedy));

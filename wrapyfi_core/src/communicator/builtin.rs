@@ -13,7 +13,7 @@ pub(super) fn sources() -> Vec<Arc<dyn Source>> {
         #[cfg(feature = "ros1")]
         Arc::new(ros1::Ros1Source::default()),
         #[cfg(feature = "ros2")]
-        Arc::new(ros2::Ros2Source::default()),
+        ros2_with(wrapyfi_node::args::RosArgs::default()),
         #[cfg(feature = "yarp")]
         Arc::new(yarp::YarpSource),
     ]
@@ -172,12 +172,6 @@ mod ros2 {
         /// Number in the names of this context's nameless nodes.
         number: u32,
         args: Arc<RosArgs>,
-    }
-
-    impl Default for Ros2Source {
-        fn default() -> Self {
-            Self::new(RosArgs::default())
-        }
     }
 
     impl Ros2Source {

@@ -29,7 +29,7 @@ pub(super) struct ClientEnd {
     pub(super) rules: Rules,
     counters: Arc<Counters>,
     timeout: Duration,
-    notifier: Notifier,
+    pub(super) notifier: Notifier,
     client: Mutex<Box<dyn Client>>,
 }
 
@@ -48,10 +48,6 @@ impl ClientEnd {
             notifier: Notifier::new(client.wake().clone()),
             client: Mutex::new(client),
         }
-    }
-
-    pub(super) fn ring(&self) {
-        self.notifier.ring();
     }
 
     pub(super) fn status(&self) -> (&EndpointAddress, Link, CountersSnapshot) {

@@ -84,19 +84,11 @@ impl<M: Method> Instance<M> {
     /// # Errors
     /// When the configuration gives it a mode that it cannot have.
     pub fn call(&self, index: usize) -> Result<RunningCall, MethodError> {
-        let Some(slot) = self.shared.slot(index) else {
-            return Ok(RunningCall {
-                shared: Arc::clone(&self.shared),
-                index,
-                mode: Mode::None,
-                session: None,
-            });
+        let (mode, session) = match self.shared.slot(index).as_deref() {
+            Some(Slot { fault: Some(fault), .. }) => return Err(fault.clone().into()),
+            Some(slot) => (slot.mode, slot.session.clone()),
+            None => (Mode::None, None),
         };
-        if let Some(fault) = &slot.fault {
-            return Err(fault.clone().into());
-        }
-        let (mode, session) = (slot.mode, slot.session.clone());
-        drop(slot);
         Ok(RunningCall { shared: Arc::clone(&self.shared), index, mode, session })
     }
 }
@@ -242,18 +234,14 @@ impl Shared {
             return Ok(());
         }
         slot.mode = mode;
-        let old = slot.session.take();
-        drop(slot);
-        end(old);
+        end(slot);
         Ok(())
     }
 
     fn close(&self, index: usize) {
         let Some(mut slot) = self.slot(index) else { return };
         slot.resolved = None;
-        let old = slot.session.take();
-        drop(slot);
-        end(old);
+        end(slot);
     }
 
     fn close_all(&self) {
@@ -321,7 +309,9 @@ impl Shared {
 }
 
 /// Ends the waits of a session and drops it, out of every lock.
-fn end(session: Option<Arc<Session>>) {
+fn end(mut slot: MutexGuard<'_, Slot>) {
+    let session = slot.session.take();
+    drop(slot);
     if let Some(session) = session {
         session.end();
     }

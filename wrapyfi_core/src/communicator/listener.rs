@@ -26,7 +26,7 @@ pub(super) struct ListenerEnd {
     pub(super) counters: Arc<Counters>,
     pub(super) should_wait: bool,
     pub(super) timeout: Option<Duration>,
-    notifier: Notifier,
+    pub(super) notifier: Notifier,
     clock: Clock,
     state: Mutex<State>,
 }
@@ -87,11 +87,6 @@ impl ListenerEnd {
     /// Gives back a message that was taken for a call that failed.
     pub(super) fn put_back(&self, payload: Payload) {
         self.state.lock().held.push_front(payload);
-        self.notifier.ring();
-    }
-
-    /// Makes all waiting calls look again.
-    pub(super) fn ring(&self) {
         self.notifier.ring();
     }
 

@@ -30,7 +30,7 @@ use wrapyfi_data::did_you_mean;
 use wrapyfi_data::returned::generated;
 use wrapyfi_data::types::{DataType, MessageType, ServiceKind};
 use wrapyfi_endpoint::{
-    self as endpoint, EndpointAddress, History, Middleware, OpenError, Overflow, Qos, QueueSpec,
+    self as endpoint, EndpointAddress, History, Middleware, OpenResult, Overflow, Qos, QueueSpec,
     ServiceSpec, TopicSpec,
 };
 
@@ -181,19 +181,19 @@ impl Opening<'_> {
     }
 
     fn listener(&self, value: &Resolved, end: &End) -> Result<ListenerEnd, MethodError> {
-        let (spec, options) = (self.topic_spec(value, end)?, self.end_options(&end.options)?);
+        let (spec, options) =
+            (self.read(|| self.topic_spec(value, end))?, self.end_options(&end.options)?);
         let context = endpoint::Context::default();
-        let listener = end.middleware.open_listener(&spec, &context);
-        let listener = listener.map_err(|source| self.refused(source))?;
+        let listener = self.opened(end.middleware.open_listener(&spec, &context))?;
         Ok(ListenerEnd::new(end.endpoint.clone(), listener, &context, options))
     }
 
     fn publisher(&self, value: &Resolved, end: &End) -> Result<Arc<PublisherEnd>, MethodError> {
-        let (spec, options) = (self.topic_spec(value, end)?, self.end_options(&end.options)?);
+        let (spec, options) =
+            (self.read(|| self.topic_spec(value, end))?, self.end_options(&end.options)?);
         let wake = self.live.runtime().bell();
         let context = endpoint::Context { wake, ..endpoint::Context::default() };
-        let publisher = end.middleware.open_publisher(&spec, &context);
-        let publisher = publisher.map_err(|source| self.refused(source))?;
+        let publisher = self.opened(end.middleware.open_publisher(&spec, &context))?;
         let in_ros = end.middleware.traits().ros_time;
         let (endpoint, counters) = (end.endpoint.clone(), context.counters);
         let publisher = Arc::new(PublisherEnd::new(endpoint, publisher, counters, options, in_ros));
@@ -204,16 +204,14 @@ impl Opening<'_> {
     fn client(&self, data_type: DataType, end: &End) -> Result<ClientEnd, MethodError> {
         let (spec, options) = (self.service_spec(data_type, end)?, self.end_options(&end.options)?);
         let context = endpoint::Context::default();
-        let client = end.middleware.open_client(&spec, &context);
-        let client = client.map_err(|source| self.refused(source))?;
+        let client = self.opened(end.middleware.open_client(&spec, &context))?;
         Ok(ClientEnd::new(end.endpoint.clone(), client, context.counters, options))
     }
 
     fn server(&self, data_type: DataType, end: &End) -> Result<ServerEnd, MethodError> {
         let (spec, options) = (self.service_spec(data_type, end)?, self.end_options(&end.options)?);
         let context = endpoint::Context::default();
-        let server = end.middleware.open_server(&spec, &context);
-        let server = server.map_err(|source| self.refused(source))?;
+        let server = self.opened(end.middleware.open_server(&spec, &context))?;
         Ok(ServerEnd::new(end.endpoint.clone(), server, &context, options))
     }
 
@@ -227,28 +225,27 @@ impl Opening<'_> {
         })
     }
 
-    fn topic_spec(&self, value: &Resolved, end: &End) -> Result<TopicSpec, MethodError> {
+    fn message_type(
+        &self,
+        value: &Resolved,
+        options: &Options,
+    ) -> Result<MessageType, OptionError> {
         let data_type = value.data_type;
-        self.read(|| {
-            let options = &end.options;
-            if data_type == DataType::RosMessage {
-                let message_type = self.ros_type(value, options)?;
-                return self.topic_of(message_type, data_type, end);
-            }
-            let message_type = match options.word::<MessageType>("message_type")? {
-                Some(written) if written.data_type() == data_type => written,
-                Some(other) => return Err(other_kind("message_type", &other, data_type)),
-                None => match data_type {
-                    DataType::NativeObject => MessageType::NativeObject,
-                    DataType::AudioChunk => MessageType::AudioChunk,
-                    DataType::Image if is_jpg(options)? => MessageType::CompressedImage,
-                    DataType::Image => MessageType::Image,
-                    DataType::Properties => MessageType::Properties,
-                    DataType::RosMessage => return Err(untyped()),
-                },
-            };
-            self.topic_of(message_type, data_type, end)
-        })
+        if data_type == DataType::RosMessage {
+            return self.ros_type(value, options);
+        }
+        match options.word::<MessageType>("message_type")? {
+            Some(written) if written.data_type() == data_type => Ok(written),
+            Some(other) => Err(other_kind("message_type", &other, data_type)),
+            None => Ok(match data_type {
+                DataType::NativeObject => MessageType::NativeObject,
+                DataType::AudioChunk => MessageType::AudioChunk,
+                DataType::Image if is_jpg(options)? => MessageType::CompressedImage,
+                DataType::Image => MessageType::Image,
+                DataType::Properties => MessageType::Properties,
+                DataType::RosMessage => return Err(untyped()),
+            }),
+        }
     }
 
     /// Type of a ROS message: that of the Rust type, or the one that is written.
@@ -276,15 +273,11 @@ impl Opening<'_> {
         Ok(MessageType::Ros(ros_type))
     }
 
-    fn topic_of(
-        &self,
-        message_type: MessageType,
-        data_type: DataType,
-        end: &End,
-    ) -> Result<TopicSpec, OptionError> {
+    fn topic_spec(&self, value: &Resolved, end: &End) -> Result<TopicSpec, OptionError> {
         let options = &end.options;
+        let message_type = self.message_type(value, options)?;
         let depth = options.number::<u32>("queue_size")?.map(|depth| depth.max(1));
-        let by_default = if data_type == DataType::NativeObject { OBJECTS } else { MEDIA };
+        let by_default = if value.data_type == DataType::NativeObject { OBJECTS } else { MEDIA };
         let queue_depth = match depth {
             Some(depth) => usize::try_from(depth).unwrap_or(usize::MAX),
             None => end.queue_depth.unwrap_or(by_default),
@@ -344,7 +337,8 @@ impl Opening<'_> {
         MethodError::Option { method: self.method.clone(), fault }
     }
 
-    fn refused(&self, source: OpenError) -> MethodError {
-        MethodError::Open { method: self.method.clone(), source: Box::new(source) }
+    fn opened<T>(&self, opened: OpenResult<T>) -> Result<T, MethodError> {
+        let method = || self.method.clone();
+        opened.map_err(|source| MethodError::Open { method: method(), source: Box::new(source) })
     }
 }

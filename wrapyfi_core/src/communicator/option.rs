@@ -121,13 +121,11 @@ impl Options {
         pairs: &[(&'static str, Literal)],
         replace: &mut impl FnMut(&'static str) -> Result<OptionValue, E>,
     ) -> Result<Self, E> {
-        pairs
-            .iter()
-            .map(|&(name, literal)| {
-                Ok((name.to_owned(), OptionValue::from_literal(literal, replace)?))
-            })
-            .collect::<Result<_, E>>()
-            .map(Self)
+        let mut options = Self::default();
+        for &(name, literal) in pairs {
+            options.0.insert(name.to_owned(), OptionValue::from_literal(literal, replace)?);
+        }
+        Ok(options)
     }
 
     /// Value of an option; `None` where it is not written or `None`.
@@ -199,17 +197,10 @@ impl Options {
     where
         T::Err: fmt::Display,
     {
-        self.text(name)?
-            .map(|text| {
-                text.parse().map_err(|error: T::Err| {
-                    OptionError::new(
-                        name,
-                        format_args!("{text:?}"),
-                        format!("another one: {error}"),
-                    )
-                })
-            })
-            .transpose()
+        let Some(text) = self.text(name)? else { return Ok(None) };
+        text.parse().map(Some).map_err(|error: T::Err| {
+            OptionError::new(name, format_args!("{text:?}"), format!("another one: {error}"))
+        })
     }
 
     /// Value of an option that holds options.

@@ -32,7 +32,7 @@ pub(super) struct PublisherEnd {
     /// True once the first listener has come, or where no call waits for it.
     is_established: AtomicBool,
     /// Bell that rings when the link changes.
-    changed: Notifier,
+    pub(super) changed: Notifier,
     state: Mutex<State>,
 }
 
@@ -131,11 +131,6 @@ impl PublisherEnd {
     /// True when a call need not wait for the first listener.
     pub(super) fn is_established(&self) -> bool {
         self.is_established.load(SeqCst)
-    }
-
-    /// Makes all waiting calls look again.
-    pub(super) fn ring(&self) {
-        self.changed.ring();
     }
 
     /// Connection of the publisher now. Sends go by it from here on.

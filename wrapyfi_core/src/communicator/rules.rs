@@ -80,25 +80,19 @@ impl Rules {
     fn check_pixels(&self, raw: &RawPixels) -> Result<(), PayloadError> {
         compare("the image's width", "width", self.width, &raw.width)?;
         compare("the image's height", "height", self.height, &raw.height)?;
-        let channels = self.rgb.map(|rgb| if rgb { 3 } else { 1 });
-        if channels.is_some_and(|channels| channels != raw.encoding.channels()) {
-            return Err(PayloadError::Rule {
-                what: "the image",
-                option: "rgb",
-                wanted: (channels == Some(3)).to_string(),
-                actual: raw.encoding.to_string(),
-            });
-        }
         let is_float = matches!(raw.encoding, Encoding::F32C1 | Encoding::F32C3);
-        if self.fp.is_some_and(|fp| fp != is_float) {
-            return Err(PayloadError::Rule {
+        let is_other = |rgb: &bool| raw.encoding.channels() != if *rgb { 3 } else { 1 };
+        let of_rgb = self.rgb.filter(is_other).map(|rgb| ("rgb", rgb));
+        let of_fp = self.fp.filter(|fp| *fp != is_float).map(|fp| ("fp", fp));
+        match of_rgb.or(of_fp) {
+            None => Ok(()),
+            Some((option, wanted)) => Err(PayloadError::Rule {
                 what: "the image",
-                option: "fp",
-                wanted: (!is_float).to_string(),
+                option,
+                wanted: wanted.to_string(),
                 actual: raw.encoding.to_string(),
-            });
+            }),
         }
-        Ok(())
     }
 
     fn check_sound(&self, sound: &AudioChunk) -> Result<(), PayloadError> {

@@ -37,7 +37,7 @@ pub(super) struct ServerEnd {
     rules: Rules,
     counters: Arc<Counters>,
     should_wait: bool,
-    notifier: Notifier,
+    pub(super) notifier: Notifier,
     clock: Clock,
     state: Mutex<Serving>,
 }
@@ -64,10 +64,6 @@ impl ServerEnd {
             clock: context.clock.clone(),
             state: Mutex::new(Serving { server, said: Throttle::default() }),
         }
-    }
-
-    pub(super) fn ring(&self) {
-        self.notifier.ring();
     }
 
     pub(super) fn status(&self) -> (&EndpointAddress, Link, CountersSnapshot) {

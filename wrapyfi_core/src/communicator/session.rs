@@ -14,6 +14,7 @@ use super::client::ClientEnd;
 use super::context::Live;
 use super::error::MethodError;
 use super::listener::ListenerEnd;
+use super::notifier::Notifier;
 use super::oneshot;
 use super::publisher::PublisherEnd;
 use super::server::ServerEnd;
@@ -269,12 +270,14 @@ impl Session {
         self.ring();
     }
 
+    /// Makes all waiting calls look again.
     fn ring(&self) {
-        self.publishers().for_each(|publisher| publisher.ring());
-        self.listeners().for_each(|(_, listener)| listener.ring());
-        for channel in &self.channels {
-            channel.client.iter().for_each(ClientEnd::ring);
-            channel.server.iter().for_each(|server| server.ring());
+        for Channel { publisher, listener, client, server, .. } in &self.channels {
+            let publisher = publisher.iter().map(|end| &end.changed);
+            let others = listener.iter().map(|end| &end.notifier);
+            let others = others.chain(client.iter().map(|end| &end.notifier));
+            let all = publisher.chain(others).chain(server.iter().map(|end| &end.notifier));
+            all.for_each(Notifier::ring);
         }
     }
 
@@ -291,10 +294,8 @@ impl Session {
     }
 
     fn listeners(&self) -> impl Iterator<Item = (usize, &ListenerEnd)> {
-        self.channels
-            .iter()
-            .enumerate()
-            .filter_map(|(index, channel)| Some((index, channel.listener.as_ref()?)))
+        let channels = self.channels.iter().enumerate();
+        channels.filter_map(|(index, channel)| Some((index, channel.listener.as_ref()?)))
     }
 }
 

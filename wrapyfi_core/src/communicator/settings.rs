@@ -76,18 +76,16 @@ pub(super) fn limits(options: &Options) -> Result<Limits, OptionError> {
 }
 
 pub(super) fn qos(options: &Options) -> Result<Option<QosPreset>, OptionError> {
-    options
-        .text("qos")?
-        .map(|word| match word {
-            "default" => Ok(QosPreset::Default),
-            "sensor_data" => Ok(QosPreset::SensorData),
-            "latched" => Ok(QosPreset::Latched),
-            other => {
-                let wanted = "default, sensor_data or latched";
-                Err(OptionError::new("qos", format_args!("{other:?}"), wanted))
-            }
-        })
-        .transpose()
+    Ok(match options.text("qos")? {
+        None => None,
+        Some("default") => Some(QosPreset::Default),
+        Some("sensor_data") => Some(QosPreset::SensorData),
+        Some("latched") => Some(QosPreset::Latched),
+        Some(other) => {
+            let wanted = "default, sensor_data or latched";
+            return Err(OptionError::new("qos", format_args!("{other:?}"), wanted));
+        }
+    })
 }
 
 pub(super) fn color_order(options: &Options) -> Result<Encoding, OptionError> {

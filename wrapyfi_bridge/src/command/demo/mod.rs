@@ -29,7 +29,7 @@ use wrapyfi_engine::{Engine, Plan};
 use self::sources::Sources;
 use self::viewer::Viewer;
 use crate::cli::DemoArgs;
-use crate::exit::Failure;
+use crate::exit::Result;
 use crate::in_force::{InForce, Running};
 use crate::middlewares::{DemoMiddlewares, Endpoints};
 use crate::node::Node;
@@ -44,7 +44,7 @@ use crate::top::routes::Routes;
 /// # Errors
 /// Exit code 1 when a topic delivered nothing or a call failed; the message names the route and its
 /// state.
-pub fn run(args: &DemoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
+pub fn run(args: &DemoArgs, shutdown: &Shutdown) -> Result<()> {
     let middlewares = DemoMiddlewares::start()?;
     let plan = routes::plan().context("demo routes")?;
     let mut viewer = Viewer::open(&middlewares.viewer)?;
@@ -113,7 +113,7 @@ impl Screen {
         Self { terminal: std::io::stdout().is_terminal(), lines: 0 }
     }
 
-    fn show(&mut self, text: &str) -> Result<(), Failure> {
+    fn show(&mut self, text: &str) -> Result<()> {
         let above = if self.terminal && self.lines > 0 {
             format!("\x1b[{}A\x1b[J", self.lines)
         } else {

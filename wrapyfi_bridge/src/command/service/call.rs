@@ -16,7 +16,7 @@ use crate::canonical::canonical;
 use crate::cli::CallArgs;
 use crate::command::definitions;
 use crate::describe::{describe, summary};
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::middlewares::{Role, for_service, is_ros};
 use crate::output;
 use crate::shutdown::Shutdown;
@@ -28,7 +28,7 @@ use crate::words::words;
 /// # Errors
 /// Exit code 3 when there was no reply in time, 2 when type, service or request is wrong, 1 when the
 /// server answered with an error.
-pub fn run(args: &CallArgs, shutdown: &Shutdown) -> Result<(), Failure> {
+pub fn run(args: &CallArgs, shutdown: &Shutdown) -> Result<()> {
     called(args, shutdown).map_err(|failure| match failure {
         Failure::TimedOut(text) if is_ros(&args.endpoint) => {
             let more =
@@ -39,7 +39,7 @@ pub fn run(args: &CallArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     })
 }
 
-fn called(args: &CallArgs, shutdown: &Shutdown) -> Result<(), Failure> {
+fn called(args: &CallArgs, shutdown: &Shutdown) -> Result<()> {
     let mut options = args.options.of(&args.endpoint.middleware)?;
     let begin = Instant::now();
     let named = match &args.service_type {
@@ -95,7 +95,7 @@ fn called(args: &CallArgs, shutdown: &Shutdown) -> Result<(), Failure> {
 }
 
 /// The request that the command line gives: fields, or what a function is called with.
-fn request(args: &CallArgs) -> Result<Call, Failure> {
+fn request(args: &CallArgs) -> Result<Call> {
     match &args.value {
         Some(text) => Ok(Call { args: vec![value("--value", text)?], kwargs: Map::new() }),
         None => Ok(Call {
@@ -106,7 +106,7 @@ fn request(args: &CallArgs) -> Result<Call, Failure> {
 }
 
 /// Refuses what is no request of a service that is no function of Wrapyfi.
-fn check(Call { args, kwargs }: &Call, kind: ServiceKind) -> Result<(), Failure> {
+fn check(Call { args, kwargs }: &Call, kind: ServiceKind) -> Result<()> {
     let ServiceKind::Ros(service) = kind else { return Ok(()) };
     let limit = Limits::default().message_bytes;
     fields_of_call(service.request(), args, kwargs, limit)
@@ -115,25 +115,23 @@ fn check(Call { args, kwargs }: &Call, kind: ServiceKind) -> Result<(), Failure>
 }
 
 /// Positional arguments: a JSON list in Wrapyfi's dialect.
-fn arguments(option: &str, text: Option<&str>) -> Result<Vec<Value>, Failure> {
+fn arguments(option: &str, text: Option<&str>) -> Result<Vec<Value>> {
     match value(option, text.unwrap_or("[]"))? {
         Value::List(args) | Value::Tuple(args) => Ok(args),
-        other => Err(Failure::Usage(format!(
-            "{option} is {}; it must be a JSON list",
-            canonical(&other)
-        ))),
+        other => wrong(option, &other, "a JSON list"),
     }
 }
 
 /// Keyword arguments: a JSON object in Wrapyfi's dialect.
-fn keywords(option: &str, text: Option<&str>) -> Result<Map, Failure> {
+fn keywords(option: &str, text: Option<&str>) -> Result<Map> {
     match value(option, text.unwrap_or("{}"))? {
         Value::Map(kwargs) => Ok(kwargs),
-        other => Err(Failure::Usage(format!(
-            "{option} is {}; it must be a JSON object",
-            canonical(&other)
-        ))),
+        other => wrong(option, &other, "a JSON object"),
     }
+}
+
+fn wrong<T>(option: &str, found: &Value, wanted: &str) -> Result<T> {
+    Err(Failure::Usage(format!("{option} is {}; it must be {wanted}", canonical(found))))
 }
 
 /// The failure of a call for which the user gave `timeout`; discovery had its part of it before.
@@ -153,7 +151,7 @@ fn announced(
     middleware: &dyn Middleware,
     context: &Context,
     shutdown: &Shutdown,
-) -> Result<Option<ServiceKind>, Failure> {
+) -> Result<Option<ServiceKind>> {
     let side = &args.endpoint.middleware;
     let name = format!("/{}", args.endpoint.name.trim_start_matches('/'));
     let mut types = definitions::of_command(&args.definitions)?;

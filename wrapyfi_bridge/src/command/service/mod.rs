@@ -17,7 +17,7 @@ use wrapyfi_endpoint::{EndpointAddress, Wake, codec::json};
 
 use super::{WAIT_SLICE, definitions, yaml};
 use crate::cli::ServiceName;
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 
 pub mod call;
 pub mod serve;
@@ -27,7 +27,7 @@ fn kind(
     name: &ServiceName,
     endpoint: &EndpointAddress,
     folders: &[PathBuf],
-) -> Result<ServiceKind, Failure> {
+) -> Result<ServiceKind> {
     if endpoint.middleware == "zeromq" {
         return name.0.parse().map_err(Failure::usage);
     }
@@ -36,7 +36,7 @@ fn kind(
 }
 
 /// The JSON of an option, in Wrapyfi's dialect.
-fn value(option: &str, text: &str) -> Result<Value, Failure> {
+fn value(option: &str, text: &str) -> Result<Value> {
     json::decode(&Bytes::copy_from_slice(text.as_bytes()), &Limits::default())
         .map_err(|error| Failure::Usage(format!("{option}: {error}")))
 }

@@ -17,7 +17,7 @@ use super::{kind, shown, value, wait};
 use crate::canonical::canonical;
 use crate::cli::ServeArgs;
 use crate::command::WAIT_SLICE;
-use crate::exit::Failure;
+use crate::exit::{Failure, Result};
 use crate::middlewares::{Role, for_service, is_ros};
 use crate::shutdown::Shutdown;
 use crate::{input, output};
@@ -26,7 +26,7 @@ use crate::{input, output};
 ///
 /// # Errors
 /// Exit code 2 when type, service or reply is wrong, 1 when the transport fails.
-pub fn run(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
+pub fn run(args: &ServeArgs, shutdown: &Shutdown) -> Result<()> {
     let options = args.options.of(&args.endpoint.middleware)?;
     let kind = match &args.service_type {
         Some(name) => kind(name, &args.endpoint, &args.definitions)?,
@@ -91,8 +91,8 @@ pub fn run(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
 fn answer_first(
     reply: impl FnOnce() -> ServeResult<usize>,
     request: u64,
-    print: impl FnOnce() -> Result<(), Failure>,
-) -> Result<(), Failure> {
+    print: impl FnOnce() -> Result<()>,
+) -> Result<()> {
     // One client that cannot be answered does not end the others' service.
     if let Err(error) = reply() {
         tracing::warn!("request {request} got no reply: {error}");
@@ -101,7 +101,7 @@ fn answer_first(
 }
 
 /// Reply to every request, where it is not made of the request.
-fn constant(args: &ServeArgs, spec: &ServiceSpec) -> Result<Option<Payload>, Failure> {
+fn constant(args: &ServeArgs, spec: &ServiceSpec) -> Result<Option<Payload>> {
     let ServiceKind::Ros(service) = spec.kind else {
         if let Some(file) = &args.file {
             let topic = TopicSpec::new(&spec.service, spec.kind.message_type());
