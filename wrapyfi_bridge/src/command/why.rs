@@ -14,7 +14,7 @@ use crate::on_graph::client::{Asker, the_bridge};
 use crate::output;
 use crate::why::judge::judge;
 use crate::why::question::ask;
-use crate::why::{Finding, Verdict, stopped};
+use crate::why::{Diagnosis, Finding, stopped};
 
 /// Longest time that a bridge elsewhere may take.
 const ELSEWHERE: Duration = Duration::from_secs(5);
@@ -26,15 +26,15 @@ const ELSEWHERE: Duration = Duration::from_secs(5);
 /// where the bridge that was asked does not answer.
 pub fn run(args: &WhyArgs) -> Result<()> {
     let begin = Instant::now();
-    let verdict = match &args.node {
+    let diagnosis = match &args.node {
         Some(node) => elsewhere(node, &args.name)?,
         None => judge(&ask(args)?),
     };
-    show(&verdict, args.json, begin)
+    show(&diagnosis, args.json, begin)
 }
 
 /// Answer of a bridge that runs elsewhere on the graph.
-fn elsewhere(node: &str, name: &str) -> Result<Verdict> {
+fn elsewhere(node: &str, name: &str) -> Result<Diagnosis> {
     let ros2 = Ros2Section::default().hidden()?;
     let (node, _) = the_bridge(&ros2, Some(node), "why", &|| false)?;
     let mut asker = Asker::<Explain_Response>::open(&ros2, &node, "explain")?;
@@ -45,23 +45,23 @@ fn elsewhere(node: &str, name: &str) -> Result<Verdict> {
         return Err(Failure::Usage(format!("{node}: {what}")));
     }
     let finding = (!cause.is_empty()).then_some(Finding { cause: cause.into(), what, who, remedy });
-    Ok(Verdict { way, passed, finding })
+    Ok(Diagnosis { way, passed, finding })
 }
 
-fn show(verdict: &Verdict, json: bool, begin: Instant) -> Result<()> {
+fn show(diagnosis: &Diagnosis, json: bool, begin: Instant) -> Result<()> {
     #[derive(Serialize)]
     struct Line<'v> {
         #[serde(flatten)]
-        verdict: &'v Verdict,
+        diagnosis: &'v Diagnosis,
         took_ms: u128,
     }
     if json {
-        let line = Line { verdict, took_ms: begin.elapsed().as_millis() };
+        let line = Line { diagnosis, took_ms: begin.elapsed().as_millis() };
         output::line(&serde_json::to_string(&line).context("cannot print")?)?;
     } else {
-        output::line(&verdict.to_string())?;
+        output::line(&diagnosis.to_string())?;
     }
-    match verdict.finding {
+    match diagnosis.finding {
         None => Ok(()),
         Some(_) => Err(Failure::Found),
     }

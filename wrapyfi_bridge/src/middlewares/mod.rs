@@ -46,7 +46,9 @@ pub(crate) use self::available::{unknown, waits};
 pub use self::demo::DemoMiddlewares;
 pub(crate) use self::learn::{LearnTopicError, of_topic};
 pub use self::load::{Endpoints, Loaded, Undefined, load, load_and_learn, load_noting, load_text};
-pub use self::observe::{Door, Observer, Reach, Server, doors, observer, ros2_elsewhere};
+pub use self::observe::{
+    Observer, Reach, Server, ServerAddress, observer, ros2_elsewhere, server_addresses,
+};
 pub(crate) use self::parameters::{show_endpoints, take_parameters};
 pub use self::ros1::Ros1Section;
 pub use self::ros2::Ros2Section;

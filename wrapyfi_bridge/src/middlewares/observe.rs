@@ -2,8 +2,8 @@
 //! no endpoint and starts no broker.
 //!
 //! ```text
-//!   Endpoints ─ doors ────▶ broker, name server, master: host, port, who starts it
-//!             └ observer ─▶ a middleware that only looks
+//!   Endpoints ─ server_addresses ─▶ broker, name server, master: host, port, who starts it
+//!             └ observer ─────────▶ a middleware that only looks
 //! ```
 
 use std::net::{IpAddr, Ipv4Addr};
@@ -46,7 +46,7 @@ named! {
 
 /// Place at which a server is expected.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Door {
+pub struct ServerAddress {
     /// Kind of the server.
     pub server: Server,
     /// Host as it is configured.
@@ -91,7 +91,11 @@ pub type Observer = (Arc<dyn Middleware>, Option<Arc<Ros1>>);
 ///
 /// # Errors
 /// Exit code 2 for settings that cannot be, and where nothing says where the server is.
-pub fn doors(endpoints: &Endpoints, middleware: &str, is_service: bool) -> Result<Vec<Door>> {
+pub fn server_addresses(
+    endpoints: &Endpoints,
+    middleware: &str,
+    is_service: bool,
+) -> Result<Vec<ServerAddress>> {
     let largest = Limits::default().message_bytes;
     match middleware {
         "zeromq" => {
@@ -133,8 +137,8 @@ pub fn doors(endpoints: &Endpoints, middleware: &str, is_service: bool) -> Resul
                     reach.options += &format!(" {option} {port}");
                 }
             }
-            let at = Door { server, host, port: 0, is_own, start, reach };
-            Ok(ports.map(|port| Door { port, ..at.clone() }).into())
+            let at = ServerAddress { server, host, port: 0, is_own, start, reach };
+            Ok(ports.map(|port| ServerAddress { port, ..at.clone() }).into())
         }
         yarp::NAME => {
             let config = endpoints.yarp.config(largest, &endpoints.hosts)?;
@@ -153,7 +157,7 @@ pub fn doors(endpoints: &Endpoints, middleware: &str, is_service: bool) -> Resul
             let ours = start_at("wrapyfi yarpserver", &host, &on("--port"));
             let start = format!("{ours}    # or {}", start_at("yarpserver", "*", &on("--socket")));
             let reach = Reach::default();
-            Ok(vec![Door { server: Server::NameServer, host, port, is_own, start, reach }])
+            Ok(vec![ServerAddress { server: Server::NameServer, host, port, is_own, start, reach }])
         }
         ros1::NAME => {
             let config = endpoints.ros.config(&endpoints.hosts)?;
@@ -170,7 +174,14 @@ pub fn doors(endpoints: &Endpoints, middleware: &str, is_service: bool) -> Resul
                 None => String::new(),
             };
             let reach = Reach { variables, options: String::new() };
-            Ok(vec![Door { server: Server::Master, host, port, is_own: false, start, reach }])
+            Ok(vec![ServerAddress {
+                server: Server::Master,
+                host,
+                port,
+                is_own: false,
+                start,
+                reach,
+            }])
         }
         _ => Ok(Vec::new()),
     }
@@ -214,11 +225,11 @@ mod tests {
     use crate::middlewares::load_text;
 
     /// First server of a middleware where a configuration says.
-    fn door(middleware: &str, settings: &str, is_service: bool) -> Door {
+    fn server_address(middleware: &str, settings: &str, is_service: bool) -> ServerAddress {
         let route = "routes:\n  - { from: 'zeromq:/a', to: 'ros2:/a', type: Text }\n";
         let text = format!("endpoints: {{ {settings} }}\n{route}");
         let endpoints = load_text(&text, "x.yaml").unwrap().endpoints;
-        doors(&endpoints, middleware, is_service).unwrap().remove(0)
+        server_addresses(&endpoints, middleware, is_service).unwrap().remove(0)
     }
 
     #[test]
@@ -243,7 +254,7 @@ mod tests {
             ),
         ] {
             let Reach { variables: led, options: given } =
-                door(middleware, settings, is_service).reach;
+                server_address(middleware, settings, is_service).reach;
             assert_eq!((led.as_str(), given.as_str()), (variables, options), "{settings}");
         }
     }
@@ -278,7 +289,7 @@ mod tests {
                 "roscore -p 11411    # or have `master_uri` say where it runs",
             ),
         ] {
-            assert_eq!(door(middleware, settings, false).start, wanted);
+            assert_eq!(server_address(middleware, settings, false).start, wanted);
         }
     }
 }

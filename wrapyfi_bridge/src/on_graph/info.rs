@@ -7,7 +7,7 @@ use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 use wrapyfi_interfaces::wrapyfi_msgs::srv::Explain_Response;
 
 use crate::node::Node;
-use crate::why::Verdict;
+use crate::why::Diagnosis;
 
 /// State and counters of a route of the bridge with this `node` as a message.
 pub fn of(status: &RouteStatus, node: &Node) -> RouteInfo {
@@ -60,16 +60,16 @@ pub(crate) fn is_destination(running: &RouteInfo, address: &str) -> bool {
     running.destination == address || running.resolved_destination == address
 }
 
-/// A verdict as the reply of `~/explain`, with the routes that it is about.
-pub fn explained(verdict: &Verdict, routes: Vec<RouteInfo>) -> Explain_Response {
+/// A diagnosis as the reply of `~/explain`, with the routes that it is about.
+pub fn explained(diagnosis: &Diagnosis, routes: Vec<RouteInfo>) -> Explain_Response {
     let mut reply = Explain_Response {
         known: true,
-        way: verdict.way.clone(),
-        passed: verdict.passed.clone(),
+        way: diagnosis.way.clone(),
+        passed: diagnosis.passed.clone(),
         routes,
         ..Explain_Response::default()
     };
-    if let Some(finding) = &verdict.finding {
+    if let Some(finding) = &diagnosis.finding {
         reply.cause = finding.cause.to_string();
         reply.what.clone_from(&finding.what);
         reply.who.clone_from(&finding.who);
@@ -145,12 +145,12 @@ mod tests {
             who: "a node".to_owned(),
             remedy: "start it".to_owned(),
         };
-        let verdict = Verdict {
+        let diagnosis = Diagnosis {
             way: "talk".to_owned(),
             passed: vec!["x".to_owned()],
             finding: Some(finding),
         };
-        let reply = explained(&verdict, vec![of(&status(), &Node::bridge().unwrap())]);
+        let reply = explained(&diagnosis, vec![of(&status(), &Node::bridge().unwrap())]);
         assert!(reply.known);
         assert_eq!(reply.cause, "nobody_publishes");
         assert_eq!(reply.remedy, "start it");

@@ -9,7 +9,7 @@
 //!   client        asks a bridge elsewhere
 //!   diagnostics   statuses -> DiagnosticArray
 //!   lifecycle     the services of a managed node, and ~/transition_event
-//!   info          a status -> RouteInfo, a verdict -> Explain_Response, and back
+//!   info          a status -> RouteInfo, a diagnosis -> Explain_Response, and back
 //!   duplicate_nodes     other bridges of the same node name
 //! ```
 //!
@@ -52,7 +52,7 @@ use crate::in_force::Running;
 use crate::lifecycle::{Lifecycle, State};
 use crate::middlewares;
 use crate::node::Node;
-use crate::why::Verdict;
+use crate::why::Diagnosis;
 use crate::why::bridges::not_active;
 use crate::why::judge::judge;
 
@@ -292,8 +292,8 @@ fn answer_all(
             let state = lifecycle.state();
             if state != State::Active {
                 let finding = Some(not_active(state, &bridge.node.name().fqn(), None));
-                let verdict = Verdict { way: name.clone(), passed: Vec::new(), finding };
-                return Ok(info::explained(&verdict, meant(&name, &name, bridge.infos())));
+                let diagnosis = Diagnosis { way: name.clone(), passed: Vec::new(), finding };
+                return Ok(info::explained(&diagnosis, meant(&name, &name, bridge.infos())));
             }
             let way = bridge.explain(&name).map_err(|failure| failure.to_string())?;
             Ok(info::explained(&judge(&way), meant(&way.title, &name, bridge.infos())))

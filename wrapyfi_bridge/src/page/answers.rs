@@ -177,7 +177,7 @@ impl Answers {
             contained(|| ask().map(|way| judge(&way))).flatten()
         });
         match asked.await {
-            Ok(Ok(verdict)) => Answer::json(&verdict),
+            Ok(Ok(diagnosis)) => Answer::json(&diagnosis),
             Ok(Err(text)) => fault(&text),
             Err(error) => fault(&error.to_string()),
         }

@@ -8,7 +8,7 @@ use wrapyfi_engine::TO_BE_ACTIVATED;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
 use wrapyfi_ros2::graph::ServiceMapping;
 
-use super::door::Answer;
+use super::server_check::Answer;
 use super::state::Passed;
 use super::{Cause, End, Finding, OTHER_NODE, RouteFacts, Step, Way, roles, same_node};
 use crate::lifecycle::State;
@@ -38,8 +38,8 @@ pub(super) fn unconfigured(others: &BTreeMap<String, BridgeStatus>) -> Option<Fi
 }
 
 /// The finding that a pattern makes no route of a mere name which somebody has.
-pub(super) fn passed_over(way: &Way, end: &End) -> Option<Finding> {
-    let (node, pattern) = way.passed_over.as_ref()?;
+pub(super) fn matched_without_route(way: &Way, end: &End) -> Option<Finding> {
+    let (node, pattern) = way.matched_without_route.as_ref()?;
     let address = &end.address;
     let what =
         format!("the pattern {pattern} of {node} matches {address}, and makes no route of it");
@@ -88,7 +88,7 @@ pub(super) fn elsewhere(way: &Way) -> Option<Finding> {
     if way.running.is_some() || way.route.is_none() {
         return None;
     }
-    let Some((domain, bridge)) = &way.afar else {
+    let Some((domain, bridge)) = &way.other_domain else {
         return way.stopped.clone().filter(|it| it.cause == Cause::OtherDomain);
     };
     let mut graphs = way.source.iter().chain(&way.destination).filter_map(|end| end.graph.as_ref());
@@ -142,7 +142,7 @@ pub(super) fn lacking(way: &Way, source: &End, destination: Option<&End>) -> Pas
     let tells = |end: &End| end.address.middleware != "zeromq";
     let seen = source.of(at_source).next().is_some()
         || destination.of(at_destination).next().is_some()
-        || !destination.doors.iter().all(|knock| knock.answer == Answer::Open)
+        || !destination.servers.iter().all(|check| check.answer == Answer::Open)
         || (!tells(source) && !tells(destination));
     if seen {
         return Ok(Some(MAY_RUN.to_owned()));

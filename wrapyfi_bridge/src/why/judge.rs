@@ -12,21 +12,21 @@ use wrapyfi_yarp_endpoint as yarp;
 
 use crate::middlewares::Server;
 
-use super::bridges::{elsewhere, inactive, lacking, passed_over, several};
+use super::bridges::{elsewhere, inactive, lacking, matched_without_route, several};
 use super::configured::{by_parameters, defined, limit, of_file};
-use super::door::Answer;
 use super::ends::is_told;
 use super::reach::{opened, reachable};
+use super::server_check::Answer;
 use super::state::{
     broken, brought, counted, flows, hears_others, is_carried, is_met, is_provider, is_used,
     other_mapping, rate, refused, refused_alone, runs, state, unopened,
 };
-use super::stopped::resting;
+use super::stopped::stopped_programs;
 use super::words::{
     between, example, is_same_type, nobody, owner, people, provider, same_name_differently,
     types_differ,
 };
-use super::{Cause, Elsewhere, End, Finding, Graph, Registered, Step, Verdict, Way, roles};
+use super::{Cause, Diagnosis, Elsewhere, End, Finding, Graph, Registered, Step, Way, roles};
 
 /// Steps of a walk: what is in place, until something is not.
 struct Walk<'w> {
@@ -35,14 +35,15 @@ struct Walk<'w> {
 }
 
 /// Walks along the way.
-pub fn judge(way: &Way) -> Verdict {
+pub fn judge(way: &Way) -> Diagnosis {
     let mut walk = Walk { way, passed: way.known.clone() };
-    let finding = inactive(way).or_else(|| walk.walk().err()).map(|finding| resting(finding, way));
+    let finding =
+        inactive(way).or_else(|| walk.walk().err()).map(|finding| stopped_programs(finding, way));
     let finding = finding.map(|finding| match way.is_of_parameters {
         true => by_parameters(finding, way),
         false => finding,
     });
-    Verdict { way: way.title.clone(), passed: walk.passed, finding }
+    Diagnosis { way: way.title.clone(), passed: walk.passed, finding }
 }
 
 /// True for a publisher that the bridge with the ROS 2 node `own` may be itself. Only ROS names the nodes of
@@ -108,7 +109,8 @@ impl Walk<'_> {
                 if !way.is_service {
                     let nobody = self.somebody(source, taker);
                     // A pattern of the bridge might have listened.
-                    nobody.map_err(|nobody| passed_over(way, source).unwrap_or(nobody))?;
+                    nobody
+                        .map_err(|nobody| matched_without_route(way, source).unwrap_or(nobody))?;
                     self.reached(source, taker)?;
                     self.messages(source)?;
                 }
@@ -116,7 +118,7 @@ impl Walk<'_> {
                     state(way)?;
                 }
                 several(way, &[source])?;
-                passed_over(way, source).map_or(Ok(()), Err)?;
+                matched_without_route(way, source).map_or(Ok(()), Err)?;
             }
             Some(destination) => {
                 self.passed.extend(lacking(way, source, Some(destination))?);
@@ -151,9 +153,9 @@ impl Walk<'_> {
     /// The servers of a side, and the side itself.
     fn side(&mut self, end: &End) -> Step {
         let does = if end.away.is_some() { "accepts a connection" } else { "answers" };
-        for knock in &end.doors {
-            match opened(knock, &end.address, self.way) {
-                Ok(()) => self.pass(format!("{} {does}", knock.words())),
+        for check in &end.servers {
+            match opened(check, &end.address, self.way) {
+                Ok(()) => self.pass(format!("{} {does}", check.words())),
                 // A connection needs neither a master nor a name server.
                 Err(away) if flows(self.way) => {
                     self.pass(format!("messages pass, but {}", away.what));
@@ -184,7 +186,7 @@ impl Walk<'_> {
             let remedy = "ask again; `top` shows what keeps the machine busy";
             return Err(Finding::new(Cause::Slow, what, who, remedy));
         }
-        let remedy = match end.doors.first() {
+        let remedy = match end.servers.first() {
             _ if end.is_told => {
                 "do what the reason says; keys are those of `endpoints: zeromq: curve`, at the broker and here, and of \
                  WRAPYFI_ZEROMQ_CURVE_SERVER_KEY and WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE for what that leaves out"
@@ -193,11 +195,11 @@ impl Walk<'_> {
             Some(_) if away.contains("--insecure") => {
                 "add --insecure to this command, where the network may be trusted".to_owned()
             }
-            Some(knock) => format!(
+            Some(check) => format!(
                 "look what runs on port {} of {}; it has to be a {}, which goes on with kill -CONT PID where it is stopped",
-                knock.door.port,
-                knock.door.host,
-                knock.door.server
+                check.address.port,
+                check.address.host,
+                check.address.server
             ),
             None if middleware == yarp::NAME => {
                 "start a name server: yarpserver --write, or wrapyfi yarpserver --write where there is no YARP; or find the one that runs: \
@@ -269,7 +271,7 @@ impl Walk<'_> {
         };
         if !there.is_empty() {
             let found = format!("{address} has {}", people(&there, role));
-            let server = registry(end).filter(|_| end.is_forgotten && is_provider(role));
+            let server = registry(end).filter(|_| end.is_unregistered && is_provider(role));
             self.pass(match server {
                 Some(server) => format!("{found}, but {}", forgotten(server)),
                 None => found,
@@ -358,7 +360,7 @@ impl Walk<'_> {
             let Err(gone) = reachable(end, one) else { continue };
             // What it was registered for is known to pass: another one of its name does that. One that hangs keeps its
             // connections, and only what comes tells.
-            if is_carried(self.way) && (flows(self.way) || one.answer != Answer::Mute) {
+            if is_carried(self.way) && (flows(self.way) || one.answer != Answer::AcceptsOnly) {
                 self.pass(format!("messages pass all the same, but {}", gone.what));
                 return Ok(());
             }
@@ -578,7 +580,7 @@ impl Walk<'_> {
 /// Name of the server at which those who have the name of an end are registered, where there is one.
 fn registry(end: &End) -> Option<&'static str> {
     let is_registry = |server: &Server| matches!(server, Server::Master | Server::NameServer);
-    end.doors.iter().map(|knock| knock.door.server).find(is_registry).map(Server::name)
+    end.servers.iter().map(|check| check.address.server).find(is_registry).map(Server::name)
 }
 
 fn cause_of_nobody(role: Role) -> Cause {

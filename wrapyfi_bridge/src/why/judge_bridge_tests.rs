@@ -34,8 +34,8 @@ fn the_bridges_that_are_heard_say_whether_one_runs_the_route() {
     }
     // The one of the file's own node is not to be started once more, whatever is not there while it is unconfigured.
     let mut own = Way { node: "/a".to_owned(), ..beside(&[("/a", "unconfigured")]) };
-    own.source.as_mut().unwrap().doors =
-        vec![knock(Server::Broker, "127.0.0.1", Answer::Refused, true, true)];
+    own.source.as_mut().unwrap().servers =
+        vec![server_check(Server::Broker, "127.0.0.1", Answer::Refused, true, true)];
     assert_eq!(found(&own).cause, Cause::State);
     assert_eq!(
         found(&own).remedy,
@@ -73,8 +73,8 @@ fn bridges_that_carry_the_same_route_are_named_before_their_names() {
 #[test]
 fn a_bridge_that_runs_the_route_is_not_to_be_started_for_its_broker() {
     let of = |running| {
-        let own = || knock(Server::Broker, "127.0.0.1", Answer::Refused, true, true);
-        let way = of_source(|it| it.doors = vec![own()]);
+        let own = || server_check(Server::Broker, "127.0.0.1", Answer::Refused, true, true);
+        let way = of_source(|it| it.servers = vec![own()]);
         judge(&Way { running, ..way }).finding.unwrap().remedy
     };
     assert!(of(None).starts_with("wrapyfi bridge --config b.yaml"));
@@ -83,9 +83,9 @@ fn a_bridge_that_runs_the_route_is_not_to_be_started_for_its_broker() {
 
 #[test]
 fn a_broker_that_is_silent_in_a_stopped_bridge_is_not_to_be_looked_at() {
-    let broker = || knock(Server::Broker, "127.0.0.1", Answer::Open, true, true);
+    let broker = || server_check(Server::Broker, "127.0.0.1", Answer::Open, true, true);
     let way = of_source(|it| {
-        (it.doors, it.away) = (vec![broker()], Some("no answer from the broker".to_owned()));
+        (it.servers, it.away) = (vec![broker()], Some("no answer from the broker".to_owned()));
     });
     assert!(judge(&way).finding.unwrap().remedy.contains("look what runs on port 5555"));
     let what = "`wrapyfi bridge --config b.yaml` is stopped".to_owned();
@@ -222,9 +222,9 @@ fn what_keeps_a_route_that_runs_names_the_nearest_cause() {
     let both = [Answer::Refused, Answer::Open]
         .map(|answer| registered(Role::Listener, "127.0.0.1", false, answer));
     let way = of_destination(|it| it.registered = both.to_vec());
-    let verdict = judge(&way);
-    assert_eq!(verdict.finding, None, "{verdict}");
-    assert!(verdict.to_string().contains("it was killed, and its name remains"), "{verdict}");
+    let diagnosis = judge(&way);
+    assert_eq!(diagnosis.finding, None, "{diagnosis}");
+    assert!(diagnosis.to_string().contains("it was killed, and its name remains"), "{diagnosis}");
     // A limit is no reason for a name that nobody has.
     let mut nobody = of_source(|it| it.found.clear());
     nobody.route.as_mut().unwrap().limit = Some((2, 9));
@@ -234,8 +234,8 @@ fn what_keeps_a_route_that_runs_names_the_nearest_cause() {
     (pattern.destination, pattern.node) = (None, "/eye".to_owned());
     assert!(judge(&pattern).finding.unwrap().what.contains("no name matches"));
     pattern.running = running("active", "", 9, 9);
-    let verdict = judge(&pattern);
-    assert_eq!(verdict.finding, None, "{verdict}");
+    let diagnosis = judge(&pattern);
+    assert_eq!(diagnosis.finding, None, "{diagnosis}");
     // Nobody has connected to our own broker, and a client speaks another mapping.
     let mut light = whole();
     light.is_service = true;
@@ -254,10 +254,11 @@ fn what_keeps_a_route_that_runs_names_the_nearest_cause() {
 
 #[test]
 fn a_publisher_that_the_bridge_alone_remembers_is_told_so() {
-    let way = |is_forgotten| {
+    let way = |is_unregistered| {
         let mut way = of_source(|it| {
-            it.doors = vec![knock(Server::NameServer, "127.0.0.1", Answer::Open, true, false)];
-            it.is_forgotten = is_forgotten;
+            it.servers =
+                vec![server_check(Server::NameServer, "127.0.0.1", Answer::Open, true, false)];
+            it.is_unregistered = is_unregistered;
         });
         way.running = running("active", "", 4, 4);
         judge(&way).to_string()
@@ -345,7 +346,7 @@ fn an_input_port_that_nobody_has_opened_is_opened_by_what_is_to_be_tried() {
     let of = |found: Vec<Discovered>| {
         let mut way = of_destination(|it| {
             (it.address, it.type_name) = (address("yarp:/robot/in"), Some("Text".to_owned()));
-            (it.doors, it.found) = (Vec::new(), found);
+            (it.servers, it.found) = (Vec::new(), found);
         });
         let status = running("waiting", &format!("port /robot/in{UNOPENED}"), 0, 0).unwrap();
         let [source, destination] = ["ros2:/in", "yarp:/robot/in"].map(str::to_owned);
@@ -407,7 +408,8 @@ fn routes_of_parameters_are_mended_by_parameters() {
 fn a_program_that_hangs_is_named_once_nothing_comes_of_it() {
     let of = |messages_per_s| {
         let mut way = of_source(|it| {
-            it.registered = vec![registered(Role::Publisher, "10.0.0.2", false, Answer::Mute)];
+            it.registered =
+                vec![registered(Role::Publisher, "10.0.0.2", false, Answer::AcceptsOnly)];
         });
         let running = running("active", "", 40, 40).unwrap();
         way.running = Some(RouteInfo { messages_per_s, ..running });
@@ -452,8 +454,8 @@ fn bridges_that_carry_a_mere_name_twice_are_named() {
 
 #[test]
 fn a_bridge_of_another_domain_is_not_to_be_started_once_more() {
-    let afar = Some((7, "/lab/bridge".to_owned()));
-    let way = Way { afar, others: Some(BTreeMap::new()), ..whole() };
+    let other_domain = Some((7, "/lab/bridge".to_owned()));
+    let way = Way { other_domain, others: Some(BTreeMap::new()), ..whole() };
     let found = judge(&way).finding.unwrap();
     assert_eq!(found.cause, Cause::OtherDomain);
     let wanted = "no bridge runs the route here (domain 3): /lab/bridge does in domain 7 of ROS 2";
@@ -464,10 +466,10 @@ fn a_bridge_of_another_domain_is_not_to_be_started_once_more() {
 /// Of what is in another domain than the bridge nothing here tells.
 #[test]
 fn another_domain_comes_before_what_is_not_here() {
-    let mut way = Way { afar: Some((7, "/lab/bridge".to_owned())), ..whole() };
+    let mut way = Way { other_domain: Some((7, "/lab/bridge".to_owned())), ..whole() };
     way.source.as_mut().unwrap().found.clear();
     assert_eq!(judge(&way).finding.unwrap().cause, Cause::OtherDomain);
-    way.afar = None;
+    way.other_domain = None;
     assert_eq!(judge(&way).finding.unwrap().cause, Cause::NobodyPublishes);
     let there = |cause| Finding::new(cause, "`wrapyfi bridge`".to_owned(), "", "");
     way.stopped = Some(there(Cause::OtherDomain));

@@ -9,11 +9,11 @@ use wrapyfi_engine::{LeftOut, TO_BE_ACTIVATED};
 use wrapyfi_ros2::SPEAKS_NOT;
 use wrapyfi_yarp_endpoint::UNOPENED;
 
-use super::super::door::Answer;
+use super::super::server_check::Answer;
 use super::super::{Limited, RouteFacts, Unheard};
 use super::*;
-use crate::middlewares::{Door, Reach, Server};
-use crate::why::Knock;
+use crate::middlewares::{Reach, Server, ServerAddress};
+use crate::why::ServerCheck;
 
 #[path = "judge_bridge_tests.rs"]
 mod bridges;
@@ -56,7 +56,7 @@ fn whole() -> Way {
     (source.silent, source.heard) = (Some(Duration::from_millis(600)), 4);
     let mut destination = End::new(address("ros:/out"));
     destination.type_name = Some(TEXT.to_owned());
-    destination.doors = vec![master("127.0.0.1", Answer::Open, true)];
+    destination.servers = vec![master("127.0.0.1", Answer::Open, true)];
     destination.found = vec![publisher("/out"), listener("/out")];
     Way {
         title: "talk".to_owned(),
@@ -67,14 +67,21 @@ fn whole() -> Way {
     }
 }
 
-fn knock(server: Server, host: &str, answer: Answer, is_here: bool, is_own: bool) -> Knock {
+fn server_check(
+    server: Server,
+    host: &str,
+    answer: Answer,
+    is_here: bool,
+    is_own: bool,
+) -> ServerCheck {
     let (host, start) = (host.to_owned(), format!("start {server}"));
-    let door = Door { server, host, port: 5555, is_own, start, reach: Reach::default() };
-    Knock { door, answer, is_here, greeting: None }
+    let address =
+        ServerAddress { server, host, port: 5555, is_own, start, reach: Reach::default() };
+    ServerCheck { address, answer, is_here, greeting: None }
 }
 
-fn master(host: &str, answer: Answer, is_here: bool) -> Knock {
-    knock(Server::Master, host, answer, is_here, false)
+fn master(host: &str, answer: Answer, is_here: bool) -> ServerCheck {
+    server_check(Server::Master, host, answer, is_here, false)
 }
 
 fn of_source(change: impl FnOnce(&mut End)) -> Way {
@@ -107,12 +114,12 @@ fn elsewhere(place: &str) -> Elsewhere {
 
 #[test]
 fn nothing_is_missing_where_all_is_there() {
-    let verdict = judge(&whole());
-    assert_eq!(verdict.finding, None, "{verdict}");
-    assert!(verdict.to_string().ends_with("nothing is missing"), "{verdict}");
+    let diagnosis = judge(&whole());
+    assert_eq!(diagnosis.finding, None, "{diagnosis}");
+    assert!(diagnosis.to_string().ends_with("nothing is missing"), "{diagnosis}");
     assert!(
-        verdict.passed.iter().any(|step| step.contains("ros2:/in has 1 publisher")),
-        "{verdict}"
+        diagnosis.passed.iter().any(|step| step.contains("ros2:/in has 1 publisher")),
+        "{diagnosis}"
     );
 }
 
@@ -192,7 +199,8 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
         (of_route(|it| it.limit = Some((2, 9))), Cause::Limit, "9 names match", "max_routes: 9"),
         (
             of_source(|it| {
-                it.doors = vec![knock(Server::Broker, "robot", unresolved(), false, false)];
+                it.servers =
+                    vec![server_check(Server::Broker, "robot", unresolved(), false, false)];
             }),
             Cause::UnresolvedHost,
             "does not resolve",
@@ -200,7 +208,8 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
         ),
         (
             of_source(|it| {
-                it.doors = vec![knock(Server::Broker, "127.0.0.1", Answer::Refused, true, true)];
+                it.servers =
+                    vec![server_check(Server::Broker, "127.0.0.1", Answer::Refused, true, true)];
             }),
             Cause::ServerAway,
             "nothing listens on port 5555",
@@ -208,14 +217,15 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
         ),
         (
             of_source(|it| {
-                it.doors = vec![knock(Server::Broker, "10.0.0.2", Answer::Refused, false, false)];
+                it.servers =
+                    vec![server_check(Server::Broker, "10.0.0.2", Answer::Refused, false, false)];
             }),
             Cause::LoopbackElsewhere,
             "listens on 127.0.0.1 of that machine alone",
             "on 10.0.0.2: start ZeroMQ broker",
         ),
         (
-            of_destination(|it| it.doors = vec![master("127.0.0.1", Answer::Refused, true)]),
+            of_destination(|it| it.servers = vec![master("127.0.0.1", Answer::Refused, true)]),
             Cause::ServerAway,
             "ROS 1 master 127.0.0.1:5555 does not answer",
             "start ROS 1 master",
@@ -223,14 +233,14 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
         (
             Way {
                 route: None,
-                ..of_destination(|it| it.doors = vec![master("127.0.0.1", Answer::Refused, true)])
+                ..of_destination(|it| it.servers = vec![master("127.0.0.1", Answer::Refused, true)])
             },
             Cause::ServerAway,
             "ROS 1 master 127.0.0.1:5555 does not answer",
             "a name of ROS 2 is written ros2:/",
         ),
         (
-            of_destination(|it| it.doors = vec![master("10.0.0.2", Answer::Silent, false)]),
+            of_destination(|it| it.servers = vec![master("10.0.0.2", Answer::Silent, false)]),
             Cause::ServerAway,
             "a firewall is between",
             "ping 10.0.0.2",
@@ -424,12 +434,12 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
             "wrapyfi echo ros2:/in",
         ),
     ] {
-        let verdict = judge(&way);
-        let found = verdict.finding.clone().unwrap_or_else(|| panic!("{cause:?} is not found"));
-        assert_eq!(found.cause, cause, "{verdict}");
-        assert!(found.what.contains(what), "{what:?} is not in {verdict}");
-        assert!(found.remedy.contains(remedy), "{remedy:?} is not in {verdict}");
-        assert!(!found.who.is_empty(), "{verdict}");
+        let diagnosis = judge(&way);
+        let found = diagnosis.finding.clone().unwrap_or_else(|| panic!("{cause:?} is not found"));
+        assert_eq!(found.cause, cause, "{diagnosis}");
+        assert!(found.what.contains(what), "{what:?} is not in {diagnosis}");
+        assert!(found.remedy.contains(remedy), "{remedy:?} is not in {diagnosis}");
+        assert!(!found.who.is_empty(), "{diagnosis}");
     }
 }
 
@@ -503,7 +513,7 @@ fn a_route_that_is_not_well_lacks_something_whatever_is_there() {
         };
         judge(&Way { running: Some(running), ..whole() })
     };
-    for (verdict, cause, words) in [
+    for (diagnosis, cause, words) in [
         (of("error", "bad key", &[]), Cause::State, ["state error: bad key", "changed file"]),
         (
             of("waiting", "a listener of b/C", &[]),
@@ -538,10 +548,10 @@ fn a_route_that_is_not_well_lacks_something_whatever_is_there() {
             ["95 of 100", "`type` or `encoding`"],
         ),
     ] {
-        let found = verdict.finding.clone().unwrap_or_else(|| panic!("{words:?} is not found"));
-        assert_eq!(found.cause, cause, "{verdict}");
+        let found = diagnosis.finding.clone().unwrap_or_else(|| panic!("{words:?} is not found"));
+        assert_eq!(found.cause, cause, "{diagnosis}");
         for word in words {
-            assert!(verdict.to_string().contains(word), "{word:?} is not in {verdict}");
+            assert!(diagnosis.to_string().contains(word), "{word:?} is not in {diagnosis}");
         }
     }
     let few = of("active", "", &[("queue_full", 3)]);

@@ -1,7 +1,7 @@
 //! Facts about one end: the servers, the endpoints of the side, the addresses of those who have the name.
 //!
 //! ```text
-//!   doors ─ closed: that is all      open ─▶ discovery until it has told, or PATIENCE ─▶ End
+//!   servers ─ closed: that is all    open ─▶ discovery until it has told, or TIMEOUT ─▶ End
 //!                                            ├ ROS 1, YARP: addresses that were registered
 //!                                            ├ ROS 2: mapping of services, other domains
 //!                                            └ messages, where somebody publishes
@@ -24,9 +24,9 @@ use wrapyfi_yarp::name::{NameClient, NameServerConf};
 use wrapyfi_yarp::port::names::Registration;
 use wrapyfi_yarp::port::{Network, NetworkOptions};
 
-use super::door::{Answer, Knock, connect};
-use super::names::kinship;
-use super::{End, Graph, PATIENCE, Registered, elsewhere, roles};
+use super::names::name_difference;
+use super::server_check::{Answer, ServerCheck, connect};
+use super::{End, Graph, Registered, TIMEOUT, elsewhere, roles};
 use crate::discovery_watch::DiscoveryWatch;
 use crate::exit::{Failure, Result};
 use crate::middlewares::{self, Endpoints, Observer, Server};
@@ -40,10 +40,10 @@ const HERE_AT_FIRST: Duration = Duration::from_millis(200);
 /// Time for which the names of nodes, and clients, are waited for: some tell theirs a second after their endpoints. What
 /// is left of two seconds is for listening.
 const NAMED_WITHIN: Duration = Duration::from_millis(1300);
-/// Time for which it goes on, after [`PATIENCE`], where endpoints still come: nodes tell of themselves slowly on a busy
+/// Time for which it goes on, after [`TIMEOUT`], where endpoints still come: nodes tell of themselves slowly on a busy
 /// machine.
 const NEWS: Duration = Duration::from_millis(1000);
-/// Time for which a ZeroMQ broker that has greeted is waited for after [`PATIENCE`]: what is left of two seconds.
+/// Time for which a ZeroMQ broker that has greeted is waited for after [`TIMEOUT`]: what is left of two seconds.
 const SLOW: Duration = Duration::from_millis(400);
 /// Time within which a broker tells what passes there, once it is reached.
 const BROKER_TELLS_WITHIN: Duration = Duration::from_secs(1);
@@ -139,20 +139,21 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
     let (endpoints, looked_since) = (sight.endpoints, Instant::now());
     let mut end = End::new(wanted.address.clone());
     let middleware = wanted.address.middleware.as_str();
-    match middlewares::doors(endpoints, middleware, wanted.is_service) {
-        Ok(doors) => {
+    match middlewares::server_addresses(endpoints, middleware, wanted.is_service) {
+        Ok(servers) => {
             // Side by side: a name that does not resolve takes its time.
-            end.doors = std::thread::scope(|scope| {
-                let knock = |door| scope.spawn(move || Knock::at(door, &endpoints.hosts));
-                let knocks: Vec<_> = doors.into_iter().map(knock).collect();
-                knocks.into_iter().filter_map(|knock| knock.join().ok()).collect()
+            end.servers = std::thread::scope(|scope| {
+                let check =
+                    |address| scope.spawn(move || ServerCheck::at(address, &endpoints.hosts));
+                let checks: Vec<_> = servers.into_iter().map(check).collect();
+                checks.into_iter().filter_map(|check| check.join().ok()).collect()
             });
         }
         Err(fault) => end.away = Some(fault.to_string()),
     }
     // Services of ZeroMQ have no names to be found.
     if !end.is_open() || (middleware == "zeromq" && wanted.is_service) {
-        let is_own = !end.is_open() && end.doors.iter().any(|knock| knock.door.is_own);
+        let is_own = !end.is_open() && end.servers.iter().any(|check| check.address.is_own);
         let zeromq = &endpoints.zeromq;
         let config = || zeromq.checked(zeromq.config(None, 0, &endpoints.hosts)?);
         // The bridge that would run the broker does not start with the settings here.
@@ -160,7 +161,7 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
             && is_own
             && let Err(fault) = config()
         {
-            (end.doors, end.away, end.is_told) = (Vec::new(), Some(fault.to_string()), true);
+            (end.servers, end.away, end.is_told) = (Vec::new(), Some(fault.to_string()), true);
         }
         return end;
     }
@@ -184,16 +185,17 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
         carrier.clone_into(&mut graph.carried_by);
     }
     let meant = wanted.address.name.clone();
-    discovery.only(Box::new(move |other| other == meant || kinship(&meant, other).is_some()));
+    discovery
+        .only(Box::new(move |other| other == meant || name_difference(&meant, other).is_some()));
     // From when the side is open: on a busy machine that takes a while, too.
     let begin = Instant::now();
-    let deadline = begin + end.graph.as_ref().map_or(PATIENCE, patience);
-    let doors = end.doors.clone();
+    let deadline = begin + end.graph.as_ref().map_or(TIMEOUT, timeout);
+    let servers = end.servers.clone();
     // A broker with much to do is slow with a handshake, too.
-    let is_slow = || deadline.elapsed() < SLOW && doors.iter().all(Knock::has_greeted);
+    let is_slow = || deadline.elapsed() < SLOW && servers.iter().all(ServerCheck::has_greeted);
     let is_over = || {
         let is_late = Instant::now() >= deadline;
-        sight.is_answered.load(Relaxed) || (is_late && (doors.is_empty() || !is_slow()))
+        sight.is_answered.load(Relaxed) || (is_late && (servers.is_empty() || !is_slow()))
     };
     // Until all is told: who is missing is as telling as who is there.
     let mut side = DiscoveryWatch::new(discovery);
@@ -229,8 +231,8 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
     let has_failed = side.has_told_all();
     drop(side);
     if let Err(fault) = seen {
-        let is_broker = !end.doors.is_empty() && end.doors.iter().all(Knock::has_greeted);
-        let is_slow = is_broker && !has_failed && begin.elapsed() >= PATIENCE;
+        let is_broker = !end.servers.is_empty() && end.servers.iter().all(ServerCheck::has_greeted);
+        let is_slow = is_broker && !has_failed && begin.elapsed() >= TIMEOUT;
         end.slow = is_slow.then(|| begin.elapsed());
         (end.away, end.is_told) = (Some(fault), is_broker);
         return end;
@@ -272,8 +274,8 @@ pub(super) fn widen(endpoints: &Endpoints, wanted: &Wanted, end: &mut End) -> bo
 }
 
 /// Time for which the own domain is looked at: as much is left for [`widen`] as it takes.
-pub(super) fn patience(graph: &Graph) -> Duration {
-    if graph.is_narrow() { PATIENCE - elsewhere::WIDE } else { PATIENCE }
+pub(super) fn timeout(graph: &Graph) -> Duration {
+    if graph.is_narrow() { TIMEOUT - elsewhere::WIDE } else { TIMEOUT }
 }
 
 /// Network of ROS 2 as this program sees it.
@@ -316,7 +318,7 @@ fn watch(
         if waits.is_none() {
             reached.get_or_insert_with(Instant::now);
         }
-        if is_over(end, told) || begin.elapsed() >= PATIENCE + NEWS {
+        if is_over(end, told) || begin.elapsed() >= TIMEOUT + NEWS {
             let is_new = reached.is_some_and(|at| at.elapsed() < BROKER_TELLS_WITHIN);
             return match waits {
                 Some(what) => Err(format!("no answer from {what}")),
@@ -339,7 +341,7 @@ fn is_service(end: &End) -> bool {
     };
     let (topic, service) = ([Role::Publisher, Role::Listener], [Role::Server, Role::Client]);
     let is_it = |other: &str| other == name;
-    let is_near = |other: &str| kinship(name, other).is_some();
+    let is_near = |other: &str| name_difference(name, other).is_some();
     let is_topic = with(topic, &is_it);
     !is_topic && (with(service, &is_it) || (with(service, &is_near) && !with(topic, &is_near)))
 }
@@ -357,7 +359,7 @@ fn tidy(end: &mut End) {
 
 /// Addresses that were registered under the name, and whether somebody is there.
 fn addresses(end: &mut End, endpoints: &Endpoints, ros1: Option<&Ros1>) {
-    let is_afar = end.doors.iter().any(|knock| !knock.is_here);
+    let is_afar = end.servers.iter().any(|check| !check.is_here);
     let name = end.address.name.clone();
     let mut all = match (ros1, end.address.middleware.as_str()) {
         (Some(ros1), _) => match ros1.registered(&name) {
@@ -375,7 +377,7 @@ fn addresses(end: &mut End, endpoints: &Endpoints, ros1: Option<&Ros1>) {
             let owner = there.and_then(|one| one.node.clone()).unwrap_or_else(|| name.clone());
             let is_provided = there.is_some() && role != Role::Listener;
             let Ok(found) = port(&owner, end, endpoints) else { return };
-            end.is_forgotten = is_provided && found.is_none();
+            end.is_unregistered = is_provided && found.is_none();
             found.into_iter().map(|(host, port)| (role, owner.clone(), host, port)).collect()
         }
         _ => return,
@@ -390,13 +392,13 @@ fn addresses(end: &mut End, endpoints: &Endpoints, ros1: Option<&Ros1>) {
     }
     all.truncate(MAX_CONNECTED);
     end.registered = std::thread::scope(|scope| {
-        let knocks: Vec<_> = all
+        let checks: Vec<_> = all
             .into_iter()
             .map(|(role, who, host, port)| {
                 scope.spawn(move || {
                     let answer = match connect(&host, port, &endpoints.hosts) {
                         Answer::Open if !answers(ros1, &who, &host, port, endpoints) => {
-                            Answer::Mute
+                            Answer::AcceptsOnly
                         }
                         answer => answer,
                     };
@@ -404,7 +406,7 @@ fn addresses(end: &mut End, endpoints: &Endpoints, ros1: Option<&Ros1>) {
                 })
             })
             .collect();
-        knocks.into_iter().filter_map(|knock| knock.join().ok()).collect()
+        checks.into_iter().filter_map(|check| check.join().ok()).collect()
     });
 }
 
@@ -427,9 +429,9 @@ fn answers(ros1: Option<&Ros1>, node: &str, host: &str, port: u16, endpoints: &E
 
 /// Address under which YARP's name server has a port; an error where it says nothing in time.
 fn port(name: &str, end: &End, endpoints: &Endpoints) -> Result<Option<(String, u16)>, ()> {
-    let server = end.doors.iter().find(|knock| knock.door.server == Server::NameServer);
-    let Some(Knock { door, .. }) = server else { return Err(()) };
-    let conf = NameServerConf { host: door.host.clone(), port: door.port };
+    let server = end.servers.iter().find(|check| check.address.server == Server::NameServer);
+    let Some(ServerCheck { address, .. }) = server else { return Err(()) };
+    let conf = NameServerConf { host: address.host.clone(), port: address.port };
     let client = NameClient::new(conf)
         .with_hosts(endpoints.hosts.iter().map(|(host, ip)| (host.to_owned(), ip)))
         .with_timeout(LISTEN);

@@ -4,14 +4,14 @@
 //!   name ─ question ─▶ route or endpoint ─ look, each side by itself ─▶ Way: facts
 //!                                                                       │ judge, pure
 //!                                                                       ▼
-//!                                             Verdict: what is in place, and the first Finding
+//!                                             Diagnosis: what is in place, and the first Finding
 //!
 //!   drops    what the reasons of drops mean
 //!   names    names that are nearly the same
-//!   judge    facts -> verdict; reach: servers and addresses; state: a route that runs; words: ends and remedies;
+//!   judge    facts -> diagnosis; reach: servers and addresses; state: a route that runs; words: ends and remedies;
 //!            bridges: who runs the route; stopped: a bridge whose process is
 //!   configured  what the configuration alone tells
-//!   door     a server that has to answer first
+//!   server_check  a server that has to answer first
 //!   look     facts about one end
 //!   elsewhere  the same name on ROS 2 in other domains
 //!   ends     what a route lays down at an end
@@ -25,7 +25,6 @@
 
 pub(crate) mod bridges;
 mod configured;
-pub mod door;
 mod drops;
 mod elsewhere;
 mod ends;
@@ -36,6 +35,7 @@ pub mod names;
 pub mod question;
 mod reach;
 mod running;
+pub mod server_check;
 mod state;
 pub(crate) mod stopped;
 mod words;
@@ -51,10 +51,10 @@ use wrapyfi_engine::LeftOut;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
 use wrapyfi_ros2::graph::ServiceMapping;
 
-use self::door::Knock;
+use self::server_check::ServerCheck;
 
 /// Longest time that looking at a side may take until it is judged by what is known.
-const PATIENCE: Duration = Duration::from_millis(1400);
+const TIMEOUT: Duration = Duration::from_millis(1400);
 
 /// Way of messages or calls, and what is known about it.
 #[derive(Debug, Clone, Default)]
@@ -83,11 +83,11 @@ pub struct Way {
     /// The finding that the bridge of the file is stopped, where none that answers has the route.
     pub stopped: Option<Finding>,
     /// Programs of this machine that are stopped while they have connections, by process.
-    pub resting: Vec<(u32, String)>,
+    pub stopped_programs: Vec<(u32, String)>,
     /// Bridge and its pattern that matches a mere name which somebody has, and makes no route of it.
-    pub passed_over: Option<(String, String)>,
+    pub matched_without_route: Option<(String, String)>,
     /// Domain of ROS 2 in which a bridge has the route, and its node, where there is no bridge in the own.
-    pub afar: Option<(u32, String)>,
+    pub other_domain: Option<(u32, String)>,
     /// True where the parameters of the bridge's node made its routes, which stand in no file.
     pub is_of_parameters: bool,
     /// File of which no route means the endpoint that was asked for.
@@ -153,7 +153,7 @@ pub struct End {
     /// Quality of service that the route lays down; `None` where it follows its peers.
     pub qos: Option<Qos>,
     /// Servers that have to answer first, and whether they did.
-    pub doors: Vec<Knock>,
+    pub servers: Vec<ServerCheck>,
     /// Reason that the side does not work, in its own words.
     pub away: Option<String>,
     /// True where that reason names what to mend: settings here, or those of what greets as ZeroMQ does.
@@ -167,7 +167,7 @@ pub struct End {
     /// Mapping of services that a client of the name speaks, and that of its servers, which is another.
     pub clients: Option<(ServiceMapping, ServiceMapping)>,
     /// True where the bridge that looks knows who has the name, and the server of names does not.
-    pub is_forgotten: bool,
+    pub is_unregistered: bool,
     /// Addresses of those who have the name.
     pub registered: Vec<Registered>,
     /// Endpoints of the name that are found in another domain or range.
@@ -196,7 +196,8 @@ impl End {
 
     /// True where the servers of the side answer, and it works.
     fn is_open(&self) -> bool {
-        self.away.is_none() && self.doors.iter().all(|knock| knock.answer == door::Answer::Open)
+        self.away.is_none()
+            && self.servers.iter().all(|check| check.answer == server_check::Answer::Open)
     }
 
     /// Endpoints of this name in a role.
@@ -220,7 +221,7 @@ pub struct Registered {
     /// True where the server that told the address is on another machine.
     pub is_told_afar: bool,
     /// Outcome of a connection to the address.
-    pub answer: door::Answer,
+    pub answer: server_check::Answer,
 }
 
 /// An endpoint that exists where the route does not look.
@@ -258,7 +259,7 @@ impl Graph {
 
 /// Result of the walk.
 #[derive(Debug, Clone, Serialize)]
-pub struct Verdict {
+pub struct Diagnosis {
     /// The ends, in words.
     pub way: String,
     /// Parts that are in place, in the order of the way.
@@ -360,7 +361,7 @@ impl fmt::Display for Cause {
     }
 }
 
-impl fmt::Display for Verdict {
+impl fmt::Display for Diagnosis {
     /// Writes what is in place, a line each, and then the finding.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{}", self.way)?;

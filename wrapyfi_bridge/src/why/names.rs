@@ -11,7 +11,7 @@ const SHORTEST: usize = 5;
 named! {
     /// Difference between two names that are perhaps meant to be one, nearest first.
     #[derive(PartialOrd, Ord)]
-    pub enum Kinship {
+    pub enum NameDifference {
         /// Only slashes at the beginning, at the end or in a row differ.
         Slash => "a slash",
         /// Only capital letters differ.
@@ -27,20 +27,20 @@ named! {
 
 /// Difference between `one` and `other`, where they are perhaps meant to be the same; `None` where
 /// they are the same, or have nothing in common.
-pub fn kinship(one: &str, other: &str) -> Option<Kinship> {
+pub fn name_difference(one: &str, other: &str) -> Option<NameDifference> {
     if one == other {
         return None;
     }
     let (a, b) = (parts(one), parts(other));
     if a == b {
-        return Some(Kinship::Slash);
+        return Some(NameDifference::Slash);
     }
     let lower = |name: &[&str]| name.iter().map(|part| part.to_lowercase()).collect::<Vec<_>>();
     if lower(&a) == lower(&b) {
-        return Some(Kinship::Case);
+        return Some(NameDifference::Case);
     }
     if !a.is_empty() && !b.is_empty() && (a.ends_with(&b) || b.ends_with(&a)) {
-        return Some(Kinship::Namespace);
+        return Some(NameDifference::Namespace);
     }
     // One letter instead of another in a name of one or two is another name.
     let same = a.iter().zip(&b).take_while(|(one, other)| one == other).count();
@@ -55,16 +55,16 @@ pub fn kinship(one: &str, other: &str) -> Option<Kinship> {
     let most = MOST_LETTERS.min(a.min(b) / SHORTEST);
     // Long names that differ by more in length are not compared; what is numbered is meant to be several.
     let may_be = most > 0 && a.abs_diff(b) <= most && digits(one) == digits(other);
-    (may_be && damerau_levenshtein(one, other) <= most).then_some(Kinship::Letters)
+    (may_be && damerau_levenshtein(one, other) <= most).then_some(NameDifference::Letters)
 }
 
 /// The nearest of `names` to `wanted`, with the difference.
 pub fn nearest<'n>(
     wanted: &str,
     names: impl Iterator<Item = &'n str>,
-) -> Option<(&'n str, Kinship)> {
-    let near = names.filter_map(|name| Some((name, kinship(wanted, name)?)));
-    near.min_by_key(|&(name, kinship)| (kinship, name))
+) -> Option<(&'n str, NameDifference)> {
+    let near = names.filter_map(|name| Some((name, name_difference(wanted, name)?)));
+    near.min_by_key(|&(name, name_difference)| (name_difference, name))
 }
 
 fn parts(name: &str) -> Vec<&str> {
@@ -78,13 +78,13 @@ mod tests {
     #[test]
     fn names_that_were_perhaps_meant() {
         for (one, other, wanted) in [
-            ("/chatter", "chatter", Some(Kinship::Slash)),
-            ("/a/b/", "/a//b", Some(Kinship::Slash)),
-            ("/Chatter", "/chatter", Some(Kinship::Case)),
-            ("/chatter", "/robot/chatter", Some(Kinship::Namespace)),
-            ("/lab/robot/odom", "/robot/odom", Some(Kinship::Namespace)),
-            ("/chatter", "/chater", Some(Kinship::Letters)),
-            ("/camera/left", "/camera/lfet", Some(Kinship::Letters)),
+            ("/chatter", "chatter", Some(NameDifference::Slash)),
+            ("/a/b/", "/a//b", Some(NameDifference::Slash)),
+            ("/Chatter", "/chatter", Some(NameDifference::Case)),
+            ("/chatter", "/robot/chatter", Some(NameDifference::Namespace)),
+            ("/lab/robot/odom", "/robot/odom", Some(NameDifference::Namespace)),
+            ("/chatter", "/chater", Some(NameDifference::Letters)),
+            ("/camera/left", "/camera/lfet", Some(NameDifference::Letters)),
             ("/chatter", "/chatter", None),
             ("/cat", "/car", None),
             ("/lamp", "/cam", None),
@@ -94,11 +94,14 @@ mod tests {
             ("/", "/chatter", None),
             ("/robot/a", "/robot/b", None),
         ] {
-            assert_eq!(kinship(one, other), wanted, "{one} {other}");
-            assert_eq!(kinship(other, one), wanted, "{other} {one}");
+            assert_eq!(name_difference(one, other), wanted, "{one} {other}");
+            assert_eq!(name_difference(other, one), wanted, "{other} {one}");
         }
         let names = ["/x/chatter", "/Chatter", "/chattel"];
-        assert_eq!(nearest("/chatter", names.into_iter()), Some(("/Chatter", Kinship::Case)));
+        assert_eq!(
+            nearest("/chatter", names.into_iter()),
+            Some(("/Chatter", NameDifference::Case))
+        );
         assert_eq!(nearest("/none", names.into_iter()), None);
     }
 }

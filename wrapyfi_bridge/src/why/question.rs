@@ -20,7 +20,7 @@ use wrapyfi_ros2::Ros2;
 use super::drops::count;
 use super::ends::{entry, listens_on, qos_at, shown, type_at};
 use super::judge::may_be_bridge;
-use super::look::{LOOK, Sight, Wanted, graph, look, patience, widen};
+use super::look::{LOOK, Sight, Wanted, graph, look, timeout, widen};
 use super::meaning::{address, left_out, of_other_kind, route};
 use super::state::{came, lacks_listener, leads_to, takes};
 use super::{
@@ -46,7 +46,7 @@ pub fn ask(asked: &WhyArgs) -> Result<Way> {
         Some(file) => of_file(asked, file)?,
         None => of_name(asked)?,
     };
-    Ok(Way { resting: stopped::programs(), ..way })
+    Ok(Way { stopped_programs: stopped::programs(), ..way })
 }
 
 fn of_name(asked: &WhyArgs) -> Result<Way> {
@@ -316,9 +316,9 @@ impl Configured<'_> {
         let stopped =
             running.is_none().then(|| stopped::bridge(Some(&facts.file), of_environment)).flatten();
         let (route, source) = (Some(facts), Some(source));
-        let running::Heard { others, also, foreign, afar, .. } = heard;
+        let running::BridgeReports { others, also, foreign, other_domain, .. } = heard;
         let way = Way { title, is_service, route, source, destination, ..Way::default() };
-        Way { node, running, others, also, foreign, stopped, afar, known, ..way }
+        Way { node, running, others, also, foreign, stopped, other_domain, known, ..way }
     }
 
     /// Looks at the two ends of a route, which have these names, until it is known that they have others.
@@ -402,11 +402,11 @@ fn beside_bridges<R>(
     find: running::Find<'_>,
     find_afar: Option<running::Find<'_>>,
     look: impl FnOnce() -> R,
-) -> (R, running::Heard) {
+) -> (R, running::BridgeReports) {
     let graph = graph(sight.endpoints);
-    let (begin, patience) = (Instant::now(), patience(&graph));
+    let (begin, timeout) = (Instant::now(), timeout(&graph));
     let (has_looked, is_alone) = (&AtomicBool::new(false), &AtomicBool::new(true));
-    let is_late = || begin.elapsed() >= patience;
+    let is_late = || begin.elapsed() >= timeout;
     let is_over = &|bridges: usize, is_found: bool| {
         is_alone.store(bridges == 0, Relaxed);
         // Another bridge may have the route, too.
@@ -414,7 +414,7 @@ fn beside_bridges<R>(
         is_late() || (is_enough && begin.elapsed() >= AT_ONCE)
     };
     // Only where it is likely that none is here: each domain that is looked at takes a participant.
-    let look_afar = || {
+    let look_in_other_domains = || {
         let is_over = || is_late() || !is_alone.load(Relaxed) || sight.is_answered.load(Relaxed);
         while !is_over() && begin.elapsed() < 2 * AT_ONCE {
             std::thread::sleep(LOOK);
@@ -425,12 +425,12 @@ fn beside_bridges<R>(
     std::thread::scope(|scope| {
         let hear = |ros2| scope.spawn(move || running::heard(ros2, find, is_over));
         let heard = sight.ros2.map(|ros2| hear(ros2.as_ref()));
-        let afar = heard.as_ref().map(|_| scope.spawn(look_afar));
+        let other_domain = heard.as_ref().map(|_| scope.spawn(look_in_other_domains));
         let seen = look();
         has_looked.store(true, Relaxed);
         let heard = heard.and_then(|heard| heard.join().ok()).unwrap_or_default();
-        let afar = afar.and_then(|afar| afar.join().ok()).flatten();
-        (seen, running::Heard { afar, ..heard })
+        let other_domain = other_domain.and_then(|other_domain| other_domain.join().ok()).flatten();
+        (seen, running::BridgeReports { other_domain, ..heard })
     })
 }
 
@@ -519,9 +519,9 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, types: &mut TypeStore
         known.extend(begins.map(|it| format!("{}; {}", it.what, it.remedy)));
     }
     let others = heard.others.as_ref().filter(|_| !is_missing && running.is_none());
-    let passed_over = others.and_then(|all| bridges::pattern_of(address, all));
+    let matched_without_route = others.and_then(|all| bridges::pattern_of(address, all));
     let (source, foreign) = (Some(end), heard.foreign);
-    let (title, rest) = (text, Way { passed_over, ..Way::default() });
+    let (title, rest) = (text, Way { matched_without_route, ..Way::default() });
     Way { title, is_service, node, running, also, source, foreign, stopped, known, ..rest }
 }
 
@@ -544,7 +544,7 @@ impl Running {
         };
         let way = configured.way(name, definitions::of_command(definitions)?)?;
         let (node, is_of_parameters) = (self.node.name().fqn(), *is_of_parameters);
-        Ok(Way { node, is_of_parameters, resting: stopped::programs(), ..way })
+        Ok(Way { node, is_of_parameters, stopped_programs: stopped::programs(), ..way })
     }
 }
 

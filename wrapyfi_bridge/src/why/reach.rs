@@ -2,18 +2,18 @@
 
 use wrapyfi_endpoint::EndpointAddress;
 
-use super::door::{Answer, Knock};
+use super::server_check::{Answer, ServerCheck};
 use super::{Cause, End, Finding, Registered, Step, Way};
-use crate::middlewares::{Door, Server};
+use crate::middlewares::{Server, ServerAddress};
 
 /// A server that answered, or the finding that it did not.
-pub(super) fn opened(knock: &Knock, address: &EndpointAddress, way: &Way) -> Step {
-    let server = knock.door.server;
-    let (words, Door { host, port, start, .. }) = (knock.words(), &knock.door);
+pub(super) fn opened(check: &ServerCheck, address: &EndpointAddress, way: &Way) -> Step {
+    let server = check.address.server;
+    let (words, ServerAddress { host, port, start, .. }) = (check.words(), &check.address);
     // One that runs the route would run the server, if it were to.
     let route = way.route.as_ref().filter(|_| way.running.is_none());
     let bridge = route.map(|route| format!("wrapyfi bridge --config {}", route.file));
-    let (cause, what, who, remedy) = match &knock.answer {
+    let (cause, what, who, remedy) = match &check.answer {
         Answer::Open => return Ok(()),
         Answer::Unresolved(reason) => (
             Cause::UnresolvedHost,
@@ -21,9 +21,9 @@ pub(super) fn opened(knock: &Knock, address: &EndpointAddress, way: &Way) -> Ste
             "whoever knows the machine's address".to_owned(),
             format!("`hosts: {{ {host}: ADDRESS }}` in the configuration, or /etc/hosts"),
         ),
-        Answer::Refused if knock.is_here => {
+        Answer::Refused if check.is_here => {
             let more = match (&bridge, server) {
-                (Some(bridge), _) if knock.door.is_own => {
+                (Some(bridge), _) if check.address.is_own => {
                     format!("{bridge}    # it runs the server itself; or {start}")
                 }
                 // Who asks about a mere name may not have meant ROS 1.
@@ -52,14 +52,14 @@ pub(super) fn opened(knock: &Knock, address: &EndpointAddress, way: &Way) -> Ste
                 Server::Master => format!("on {host}: ROS_IP={host} {start}"),
             },
         ),
-        Answer::Mute => (
+        Answer::AcceptsOnly => (
             Cause::ServerAway,
             format!("{words} does not answer: what listens on port {port} hangs or is stopped"),
             format!("a {server}"),
             format!("kill -CONT PID, if it is stopped; else end it, and {start}"),
         ),
         Answer::Silent | Answer::NoWay(_) => {
-            let why = match &knock.answer {
+            let why = match &check.answer {
                 Answer::NoWay(why) => why,
                 _ => "nothing comes back: the machine is off, or a firewall is between",
             };
@@ -105,7 +105,7 @@ pub(super) fn reachable(end: &End, one: &Registered) -> Step {
                 format!("start {who} again; `{clean}` takes the name away"),
             )
         }
-        Answer::Mute => (
+        Answer::AcceptsOnly => (
             Cause::PeerUnreachable,
             format!(
                 "{registered}, where connections are accepted and nobody answers: it hangs or is stopped, or another \

@@ -30,7 +30,7 @@ pub(super) type Find<'f> = &'f (dyn Fn(Vec<RouteInfo>) -> Option<RouteInfo> + Sy
 
 /// Account of the bridges on the graph of ROS 2 about a route.
 #[derive(Debug, Default)]
-pub(super) struct Heard {
+pub(super) struct BridgeReports {
     /// Node of the bridge that has it, and its status there.
     pub(super) running: Option<(String, RouteInfo)>,
     /// Nodes of the further bridges in which it is active, too.
@@ -40,13 +40,17 @@ pub(super) struct Heard {
     /// Mapping of services of the bridges that have another than ours, by node.
     pub(super) foreign: BTreeMap<String, ServiceMapping>,
     /// Domain in which a bridge has it, and its node, where there is no bridge in the own.
-    pub(super) afar: Option<(u32, String)>,
+    pub(super) other_domain: Option<(u32, String)>,
 }
 
 /// Hears the bridges on the graph until it `is_over`, which is told their number and whether one has the route.
-pub(super) fn heard(ros2: &Ros2, find: Find<'_>, is_over: &dyn Fn(usize, bool) -> bool) -> Heard {
+pub(super) fn heard(
+    ros2: &Ros2,
+    find: Find<'_>,
+    is_over: &dyn Fn(usize, bool) -> bool,
+) -> BridgeReports {
     let (Ok(mut discovery), Ok(ros_type)) = (ros2.discover(), ros_type::<BridgeStatus>()) else {
-        return Heard::default();
+        return BridgeReports::default();
     };
     discovery.only(Box::new(|name| name.ends_with(STATUS)));
     let context = Context::default();
@@ -58,7 +62,7 @@ pub(super) fn heard(ros2: &Ros2, find: Find<'_>, is_over: &dyn Fn(usize, bool) -
     let served =
         |node: &str| mappings(graph, &format!("{node}/change_state"), false).first().copied();
     loop {
-        let Ok(found) = discovery.endpoints() else { return Heard::default() };
+        let Ok(found) = discovery.endpoints() else { return BridgeReports::default() };
         for one in found {
             let is_status = one.role == Role::Publisher
                 && one.type_name.as_deref() == Some(BridgeStatus::ROS_TYPE);
@@ -107,7 +111,13 @@ pub(super) fn heard(ros2: &Ros2, find: Find<'_>, is_over: &dyn Fn(usize, bool) -
         let also = all.filter(|(_, route)| is_same(route)).map(|(node, _)| node);
         let others = bridges.into_iter().map(|(node, (_, status))| Some((node, status?)));
         let others = others.collect::<Option<_>>().filter(|_| running.is_none());
-        return Heard { also: also.collect(), others, running, foreign, afar: None };
+        return BridgeReports {
+            also: also.collect(),
+            others,
+            running,
+            foreign,
+            other_domain: None,
+        };
     }
 }
 

@@ -63,7 +63,7 @@ pub(super) fn example(end: &End, role: Role, port: Option<&str>) -> String {
         }
         Role::Client => format!("call {address}"),
     };
-    let reach = end.doors.first().map(|knock| knock.door.reach.clone()).unwrap_or_default();
+    let reach = end.servers.first().map(|check| check.address.reach.clone()).unwrap_or_default();
     format!("start it; to try: {}wrapyfi {command}{}", reach.variables, reach.options)
 }
 
@@ -134,14 +134,14 @@ pub(super) fn between(policy: QosPolicy, offered: &AnnouncedQos, asked: &Announc
 pub(super) fn same_name_differently(end: &End, role: Role) -> Option<Finding> {
     let address = &end.address;
     let of_role = || end.found.iter().filter(|one| one.role == role);
-    let (name, kinship) = nearest(&address.name, of_role().map(|one| one.name.as_str()))?;
+    let (name, name_difference) = nearest(&address.name, of_role().map(|one| one.name.as_str()))?;
     let one = of_role().find(|one| one.name == name)?;
     let what = format!(
         "{}; {}:{name} has {}: the name differs by {}",
         nobody(end, role),
         address.middleware,
         people(&[one], role),
-        kinship.words()
+        name_difference.words()
     );
     let middleware = &address.middleware;
     let remedy = format!(

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use wrapyfi_endpoint::network::{Hosts, is_of_this_machine};
 
-use crate::middlewares::{Door, Server};
+use crate::middlewares::{Server, ServerAddress};
 
 /// Longest time that a connection may take to be accepted.
 const CONNECT: Duration = Duration::from_millis(800);
@@ -27,16 +27,16 @@ pub enum Answer {
     /// Nothing came back.
     Silent,
     /// Somebody accepted the connection, and did not answer on it.
-    Mute,
+    AcceptsOnly,
     /// No way leads there, in the system's words.
     NoWay(String),
 }
 
 /// A server, and what happened when somebody connected to it.
 #[derive(Debug, Clone)]
-pub struct Knock {
+pub struct ServerCheck {
     /// The server.
-    pub door: Door,
+    pub address: ServerAddress,
     /// Result of connecting to it.
     pub answer: Answer,
     /// True where the host is this machine.
@@ -45,17 +45,17 @@ pub struct Knock {
     pub greeting: Option<Arc<TcpStream>>,
 }
 
-impl Knock {
+impl ServerCheck {
     /// Connects to a server.
     #[must_use]
-    pub fn at(door: Door, hosts: &Hosts) -> Self {
+    pub fn at(address: ServerAddress, hosts: &Hosts) -> Self {
         // A broker that is bound to all interfaces is reached through loopback.
-        let host = if door.host == "*" { "127.0.0.1" } else { &door.host };
-        let (answer, ip, stream) = connected(host, door.port, hosts);
+        let host = if address.host == "*" { "127.0.0.1" } else { &address.host };
+        let (answer, ip, stream) = connected(host, address.port, hosts);
         let is_here = ip.is_some_and(is_of_this_machine);
-        let is_broker = matches!(door.server, Server::Broker | Server::ServiceBroker);
+        let is_broker = matches!(address.server, Server::Broker | Server::ServiceBroker);
         let greeting = stream.filter(|it| is_broker && it.set_nonblocking(true).is_ok());
-        Self { door, answer, is_here, greeting: greeting.map(Arc::new) }
+        Self { address, answer, is_here, greeting: greeting.map(Arc::new) }
     }
 
     /// True once a ZeroMQ socket has greeted, which it does as soon as it has time for us.
@@ -68,7 +68,7 @@ impl Knock {
 
     /// Server in words, with its address.
     pub fn words(&self) -> String {
-        let Door { server, host, port, .. } = &self.door;
+        let ServerAddress { server, host, port, .. } = &self.address;
         format!("{server} {host}:{port}")
     }
 }
@@ -89,7 +89,9 @@ fn connected(host: &str, port: u16, hosts: &Hosts) -> (Answer, Option<IpAddr>, O
         Err(error) => match error.kind() {
             ErrorKind::ConnectionRefused => Answer::Refused,
             // The system accepts for a program that is stopped, until as many wait as it may have.
-            ErrorKind::TimedOut | ErrorKind::WouldBlock if is_of_this_machine(ip) => Answer::Mute,
+            ErrorKind::TimedOut | ErrorKind::WouldBlock if is_of_this_machine(ip) => {
+                Answer::AcceptsOnly
+            }
             ErrorKind::TimedOut | ErrorKind::WouldBlock => Answer::Silent,
             _ => Answer::NoWay(error.to_string()),
         },
@@ -139,21 +141,21 @@ mod tests {
         let host = "127.0.0.1".to_owned();
         let (server, start) = (Server::Broker, String::new());
         let reach = Reach::default();
-        let door = Door { server, host, port, is_own: false, start, reach };
+        let address = ServerAddress { server, host, port, is_own: false, start, reach };
         for (said, is_greeting) in [
             (&b"\xff\0\0\0\0\0\0\0\x01\x7f\x03"[..], true),
             (b"HTTP/1.1 400", false),
             (b"\xff", false),
         ] {
-            let knock = Knock::at(door.clone(), &Hosts::default());
-            assert!(!knock.has_greeted());
+            let check = ServerCheck::at(address.clone(), &Hosts::default());
+            assert!(!check.has_greeted());
             let (mut peer, _) = listener.accept().unwrap();
             std::io::Write::write_all(&mut peer, said).unwrap();
             let begin = std::time::Instant::now();
-            while knock.has_greeted() != is_greeting && begin.elapsed() < CONNECT {
+            while check.has_greeted() != is_greeting && begin.elapsed() < CONNECT {
                 std::thread::sleep(Duration::from_millis(1));
             }
-            assert_eq!(knock.has_greeted(), is_greeting, "{said:?}");
+            assert_eq!(check.has_greeted(), is_greeting, "{said:?}");
         }
     }
 }
