@@ -28,7 +28,7 @@ use wrapyfi_endpoint::codec::{self, npy::NpyArray};
 /// When the text is no JSON, or no object of the type.
 pub fn from_json(text: &str, spec: &TopicSpec) -> anyhow::Result<Payload> {
     let value = codec::json::decode(&Bytes::copy_from_slice(text.as_bytes()), &spec.limits)
-        .context("--value")?;
+        .context("--value, which is JSON (a text has quotes: '\"hello\"')")?;
     of_value(value, spec)
 }
 

@@ -272,7 +272,7 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
             of_source(nobody),
             Cause::NobodyPublishes,
             "nobody publishes ros2:/in",
-            "wrapyfi pub ros2:/in --type std_msgs/msg/String --value '\"hello\"'",
+            "wrapyfi pub ros2:/in --type Text --value '\"hello\"'",
         ),
         (
             of_source(|it| {

@@ -54,7 +54,10 @@ fn of_name(asked: &WhyArgs) -> Result<Way> {
     match name.split('/').collect::<Vec<_>>()[..] {
         [package, "msg" | "srv", _] if !package.contains(':') => of_type(asked),
         _ => {
-            let address = address(name).map_err(Failure::Usage)?;
+            let address = address(name).map_err(|fault| match name.contains(':') {
+                true => Failure::Usage(fault),
+                false => Failure::Usage(format!("{fault}; for the name of a route add --config")),
+            })?;
             let mut endpoints = Endpoints::default();
             endpoints.reached_at(asked.own);
             let sight = Sight::of_command(&endpoints);

@@ -178,6 +178,10 @@ fn awaited(way: &Way, running: &RouteInfo) -> (String, String) {
         let remedy = format!("mend what the reason names: the route begins by itself then{more}");
         return ("the program or setting that the reason names".to_owned(), remedy);
     }
+    if lacks_listener(running) && !running.destination.starts_with("yarp:") {
+        let remedy = format!("start it; to try: wrapyfi echo {}{more}", running.destination);
+        return ("a program that subscribes".to_owned(), remedy);
+    }
     ("whoever provides that".to_owned(), format!("start it: the route begins by itself{more}"))
 }
 

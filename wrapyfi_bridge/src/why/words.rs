@@ -45,7 +45,7 @@ pub(super) fn example(end: &End, role: Role, port: Option<&str>) -> String {
     let command = match role {
         // A route without a type takes any.
         Role::Publisher => {
-            let known = known.unwrap_or("Text");
+            let known = known.filter(|known| *known != "std_msgs/msg/String").unwrap_or("Text");
             format!("pub {address} --type {known} {}", sample(known))
         }
         // On ZeroMQ there are functions of Wrapyfi alone, which services of ROS are called as.
