@@ -149,6 +149,8 @@ fn declared(
             "config_file" => fixed.with_type(ParameterType::String),
             // `seconds:=20` is an integer, `seconds:=0.5` is not: both are meant.
             "seconds" => fixed.dynamic(),
+            "page_port" => fixed.with_integer_range(0, u16::MAX.into(), 1),
+            "service_timeout_ms" => fixed.with_integer_range(0, i64::MAX, 1),
             _ => fixed,
         };
         store.declare(fixed, value).map_err(Failure::usage)
@@ -176,14 +178,8 @@ fn declared(
             let has_hidden =
                 declare("default_deny", meant, true.into())? == ParameterValue::Bool(false);
             let meant = "Milliseconds that a call may take; 0: as in a configuration, 5000.";
-            let service_timeout_ms = match declare("service_timeout_ms", meant, 0.into())? {
-                ParameterValue::Integer(0) => None,
-                ParameterValue::Integer(ms) if ms > 0 => u64::try_from(ms).ok(),
-                other => {
-                    let text = format!("parameter service_timeout_ms is {other}: write 5000");
-                    return Err(Failure::Usage(text));
-                }
-            };
+            let service_timeout_ms =
+                count(&declare("service_timeout_ms", meant, 0.into())?).filter(|ms| *ms != 0);
             let meant = "Carries /clock from ROS 1.";
             let clock = bridge == MiddlewareBridge::Ros1
                 && declare("clock", meant, false.into())? == ParameterValue::Bool(true);
@@ -228,7 +224,7 @@ fn declared(
     let seconds = match seconds {
         ParameterValue::Double(0.0) | ParameterValue::Integer(0) => None,
         ParameterValue::Double(seconds) => Duration::try_from_secs_f64(seconds).ok(),
-        ParameterValue::Integer(seconds) => u64::try_from(seconds).ok().map(Duration::from_secs),
+        seconds @ ParameterValue::Integer(_) => count(&seconds).map(Duration::from_secs),
         other => {
             let text = format!(
                 "parameter seconds is {other}, a {}; it must be a number",
@@ -238,17 +234,19 @@ fn declared(
         }
     };
     let lives_with = bridge.map(MiddlewareBridge::middleware);
-    let page_port = match page {
-        ParameterValue::Integer(0) => None,
-        ParameterValue::Integer(port @ 1..=65535) => u16::try_from(port).ok(),
-        _ => {
-            let text = "it must be a port from 0 to 65535";
-            return Err(Failure::Usage(format!("parameter page_port is {page}, {text}")));
-        }
-    };
+    let page_port =
+        count(&page).and_then(|port| u16::try_from(port).ok()).filter(|port| *port != 0);
     let own = OwnAddress::default();
     let options = Options { seconds, json, page_port, no_autostart, own, lives_with };
     Ok((source, options))
+}
+
+/// Number that a parameter is, where it is one from zero on.
+fn count(value: &ParameterValue) -> Option<u64> {
+    match value {
+        ParameterValue::Integer(number) => u64::try_from(*number).ok(),
+        _ => None,
+    }
 }
 
 #[cfg(test)]
