@@ -168,7 +168,9 @@ fn a_camera_tells_its_calibration_once() {
         let info = loop {
             time_s += 1.0;
             let picture = Image::from_packed(PixelCode::Rgb, 4, 2, vec![7; 24].into()).unwrap();
-            let picture = Message::new(PortPayload::object(picture.encode().unwrap()));
+            let picture = Message::new(PortPayload::object(
+                picture.encode(wrapyfi_yarp::sig::Rows::Announced).unwrap(),
+            ));
             assert_eq!(eye.write_object(picture.stamped(Stamp { count: 1, time_s })).targets, 1);
             let mut came = None;
             until(&here, "a calibration", || {

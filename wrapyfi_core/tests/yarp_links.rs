@@ -509,7 +509,7 @@ fn ports_are_listed_by_their_connections() {
 #[test]
 fn other_machines_do_not_reach_ports_unless_they_may() {
     let ip = Some(Ipv4Addr::UNSPECIFIED.into());
-    let name_server = Some(([127, 0, 0, 1], 1).into());
+    let name_server = Some(SocketAddr::from(([127, 0, 0, 1], 1)).into());
     let config = YarpConfig { ip, name_server, ..YarpConfig::default() };
     let opened = |config: &YarpConfig| {
         // Who only looks or calls is not connected to.

@@ -24,7 +24,7 @@ fn options() -> NetworkOptions {
 
 fn network() -> Network {
     // Sockets are gone from there as soon as both ends have met.
-    let sockets = Environment::from_pairs([("YARP_RUNTIME_DIR", env!("CARGO_TARGET_TMPDIR"))]);
+    let sockets = Environment::default().with("YARP_RUNTIME_DIR", env!("CARGO_TARGET_TMPDIR"));
     Network::new(NetworkOptions { environment: sockets, ..options() })
 }
 
@@ -218,7 +218,7 @@ async fn requests_are_answered_over_every_carrier_with_replies() {
             assert!(request.reply.send(Answer::Bottle(reply)).is_ok());
             drop(requests.recv().await.unwrap());
             let last = requests.recv().await.unwrap();
-            last.reply.send(Answer::Last(Box::new(Answer::Bottle(Bottle::new())))).unwrap();
+            last.reply.send(Answer::Bottle(Bottle::new())).unwrap();
             server
         });
         let reply = client.call(&bottle("one \"two words\" 3"), TIMEOUT).await.unwrap().unwrap();

@@ -31,7 +31,7 @@ async fn within<T>(future: impl Future<Output = T>) -> T {
 }
 
 fn network(folder: &Path, names: NameTable) -> Network {
-    let environment = Environment::from_pairs([("YARP_RUNTIME_DIR", folder)]);
+    let environment = Environment::default().with("YARP_RUNTIME_DIR", folder);
     let timeouts = Timeouts {
         handshake: Duration::from_millis(300),
         close: Duration::from_millis(300),

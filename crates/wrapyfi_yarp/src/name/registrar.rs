@@ -91,7 +91,6 @@ struct Shared {
 #[derive(Debug, Clone)]
 struct Wanted {
     at: Registration,
-    type_name: Option<String>,
     /// Properties, so that they come back with the name.
     properties: BTreeMap<String, Vec<crate::Value>>,
     announced: bool,
@@ -149,7 +148,7 @@ impl Names for Registrar {
             let at = self.client().register(request).await?;
             // Groups belong to a port that opens them again; their numbers mean nothing later.
             if at.carrier != "mcast" {
-                self.0.shared.insert(at.clone(), request.type_name.clone());
+                self.0.shared.insert(at.clone());
             }
             Ok(at)
         })
@@ -189,10 +188,10 @@ impl Names for Registrar {
 }
 
 impl Shared {
-    fn insert(&self, at: Registration, type_name: Option<String>) {
+    fn insert(&self, at: Registration) {
         let name = at.name.clone();
         let properties = BTreeMap::new();
-        let wanted = Wanted { at, type_name, properties, announced: false, taken: false };
+        let wanted = Wanted { at, properties, announced: false, taken: false };
         self.names.lock().insert(name, wanted);
         self.wake.notify_one();
     }
@@ -254,7 +253,6 @@ impl Shared {
             carrier: Some(carrier.clone()),
             host: Some(host.clone()),
             port: Some(*port),
-            type_name: wanted.type_name.clone(),
         };
         self.client.register(&request).await?;
         for (key, values) in &wanted.properties {

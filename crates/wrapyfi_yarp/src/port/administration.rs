@@ -284,7 +284,7 @@ fn about(core: &Core) -> Bottle {
         ("is_input", flag(!matches!(core.sink, Sink::Nobody))),
         ("is_output", flag(core.role.outputs)),
         ("is_rpc", flag(core.rpc)),
-        ("type", core.type_name.as_deref().unwrap_or_default().into()),
+        ("type", "".into()),
     ];
     let process = admin::dict("process", process);
     [sched(), process, admin::dict("platform", platform), admin::dict("port", port)]

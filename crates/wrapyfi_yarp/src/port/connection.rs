@@ -81,11 +81,7 @@ async fn serve(
         match event {
             Event::Data(data) => {
                 let answer = entered.deliver(data).await;
-                let last = matches!(answer, Answer::Last(_));
                 session.answer(answer).await?;
-                if last {
-                    return Ok(Turn::End);
-                }
             }
             Event::Admin(request) => {
                 let answer = administration::administer(core, &request).await;

@@ -105,8 +105,6 @@ pub(super) struct Core {
     pub(super) registered: bool,
     /// True when the owner says that the port is for requests.
     pub(super) rpc: bool,
-    /// Type that the owner says the port carries.
-    pub(super) type_name: Option<String>,
     /// True when carrier mjpeg is taken.
     pub(super) pictures: bool,
     /// Ports that messages may go to.

@@ -40,8 +40,6 @@ pub struct NameRequest {
     pub host: Option<String>,
     /// The number; the server chooses when `None`.
     pub port: Option<u16>,
-    /// `yarp/image` and such.
-    pub type_name: Option<String>,
 }
 
 /// A name server, as ports need it. Each call is one request, bounded in time by whoever implements

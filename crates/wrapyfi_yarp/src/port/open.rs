@@ -24,8 +24,6 @@ pub struct PortOptions {
     pub address: Option<SocketAddr>,
     /// Register the name.
     pub register: bool,
-    /// Type of what it carries, as YARP registers it: `yarp/image`.
-    pub type_name: Option<String>,
     /// Tell those who ask what the port is that it answers requests, as YARP's `setRpcMode` does.
     pub rpc: bool,
     /// Take connections of carrier mjpeg. It brings nothing if the messages are no pictures: such a
@@ -73,8 +71,8 @@ impl fmt::Debug for Admission {
 impl Default for PortOptions {
     fn default() -> Self {
         let (rpc, pictures) = (false, true);
-        let (address, type_name, senders, readers) = (None, None, None, None);
-        Self { address, register: true, type_name, rpc, pictures, senders, readers }
+        let (address, senders, readers) = (None, None, None);
+        Self { address, register: true, rpc, pictures, senders, readers }
     }
 }
 
@@ -175,7 +173,6 @@ pub(super) async fn open(
             name: name.to_owned(),
             host: host.or(own_host),
             port: Some(address.port()),
-            type_name: options.type_name.clone(),
             ..NameRequest::default()
         };
         let answer = shared.names.register(&request).await;

@@ -64,7 +64,6 @@ impl Owner {
             contact: opened.contact,
             registered: options.register,
             rpc: options.rpc || role.client,
-            type_name: options.type_name.clone(),
             pictures: options.pictures,
             readers: options.readers.clone(),
             role,
