@@ -19,10 +19,11 @@ use tokio::sync::Semaphore;
 use super::conf::NameServerConf;
 use super::error::NameError;
 use super::name_fault;
-use super::reply::{self, AnswerReader, Lined};
+use super::reply;
 use crate::port::link::{Link, LinkError, LinkOptions};
 use crate::port::names::{Later, NameRequest, Names, Registration};
 use crate::port::tools::contact;
+use crate::wire::text::{AnswerReader, Lined};
 use crate::wire::{Carrier, Command, Sender};
 use crate::{Bottle, Dialect, Limits, Value};
 
@@ -328,7 +329,7 @@ impl NameClient {
             let (address, options) = (self.address(), self.link_options());
             let mut link = Link::connect(&address, Carrier::Text, &options).await?;
             link.write_raw(&[request.as_bytes()]).await?;
-            let mut reader = AnswerReader::new(&options.limits);
+            let mut reader = AnswerReader::new(&options.limits, reply::is_end);
             link.poll(|buffer| reader.poll(buffer)).await
         };
         self.request(command, asked).await
