@@ -5,7 +5,7 @@ use std::sync::Arc;
 use tokio::net::TcpStream;
 
 use super::administration;
-use super::core::Core;
+use super::core::{Core, Role};
 use super::datagrams;
 use super::entered::Entered;
 use super::open::Admission;
@@ -87,7 +87,7 @@ async fn serve(
                 let answer = administration::administer(core, &request).await;
                 session.answer(Answer::Bottle(answer)).await?;
             }
-            Event::Command(Command::Reverse) if core.role.outputs && !core.role.client => {
+            Event::Command(Command::Reverse) if core.role == Role::Output => {
                 return Ok(Turn::Reverse);
             }
             Event::Command(command) => {
@@ -98,7 +98,7 @@ async fn serve(
             Event::Http(request) => {
                 let answer = if !request.wants_stream() {
                     page(core)
-                } else if core.role.outputs && !core.role.client && core.pictures {
+                } else if core.role == Role::Output && core.pictures {
                     return Ok(Turn::Pictures);
                 } else {
                     let fault = Fault::NoPictures(core.name.clone());

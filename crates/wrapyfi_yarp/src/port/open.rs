@@ -13,11 +13,12 @@ use tokio::net::TcpListener;
 
 use super::names::{NameRequest, Registration};
 use super::network::Network;
+use super::outbox::Overflow;
 use crate::name::NameError;
 use crate::name::environment::{EnvironmentError, PortNaming};
 use crate::wire::{Carrier, Fault};
 
-/// Address that a port listens on, and its registration.
+/// Address that a port listens on, its registration, and how it keeps messages for its targets.
 #[derive(Debug, Clone)]
 pub struct PortOptions {
     /// Listen here, instead of at any free number.
@@ -33,6 +34,10 @@ pub struct PortOptions {
     pub senders: Option<Admission>,
     /// Ports that the port may send to; every port where there is none.
     pub readers: Option<Admission>,
+    /// Most messages that wait for one target, at least 1.
+    pub queue: usize,
+    /// Message that gives way when the queue is full.
+    pub overflow: Overflow,
 }
 
 /// Test of the name and the address of the program at the other end of a connection.
@@ -72,7 +77,8 @@ impl Default for PortOptions {
     fn default() -> Self {
         let (rpc, pictures) = (false, true);
         let (address, senders, readers) = (None, None, None);
-        Self { address, register: true, rpc, pictures, senders, readers }
+        let (queue, overflow) = (16, Overflow::default());
+        Self { address, register: true, rpc, pictures, senders, readers, queue, overflow }
     }
 }
 
