@@ -102,15 +102,15 @@ pub fn yarp_object(data: &[u8]) {
 
 fn image(bytes: &Bytes, rows: Rows) {
     let limits = limits();
-    let read = bounded(bytes.len(), BYTES, || Image::decode_as(bytes, rows, &limits));
+    let read = bounded(bytes.len(), BYTES, || Image::decode(bytes, rows, &limits));
     let Ok(image) = read else { return };
     let header = image.header();
     assert_eq!(image.data().len(), header.image_bytes());
     let pixels = image.rows().map(<[u8]>::len).sum::<usize>();
     assert!(pixels <= image.data().len(), "pixels beyond the bytes");
     let packed: Vec<u8> = image.rows().flatten().copied().collect();
-    let written = image.encode_as(rows).expect("what was read can be written");
-    let again = Image::decode_as(&written.into(), rows, &limits).expect("what was written is read");
+    let written = image.encode(rows).expect("what was read can be written");
+    let again = Image::decode(&written.into(), rows, &limits).expect("what was written is read");
     assert!(again.rows().flatten().copied().eq(packed), "changed by writing and reading");
 }
 

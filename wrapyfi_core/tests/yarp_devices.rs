@@ -42,7 +42,7 @@ fn a_control_board_names_its_joints_and_is_moved() {
     };
     let (rpc, state, (command, mut commands)) = net.runtime.block_on(async {
         let rpc = network.serve("/robot/rpc:i", &PortOptions::default(), answer).await.unwrap();
-        let wanted = OutputOptions::default();
+        let wanted = PortOptions::default();
         let state = network.open_output("/robot/state:o", &wanted).await.unwrap();
         let command = input(&network, "/robot/command:i").await;
         (rpc, state, command)
@@ -139,7 +139,7 @@ fn a_camera_tells_its_calibration_once() {
         std::future::ready(Answer::Bottle(told))
     };
     let open_eye = || {
-        let wanted = OutputOptions::default();
+        let wanted = PortOptions::default();
         let eye = network.open_output("/robot/rgbImage:o", &wanted);
         net.runtime.block_on(eye).unwrap()
     };
@@ -168,7 +168,9 @@ fn a_camera_tells_its_calibration_once() {
         let info = loop {
             time_s += 1.0;
             let picture = Image::from_packed(PixelCode::Rgb, 4, 2, vec![7; 24].into()).unwrap();
-            let picture = Message::new(PortPayload::object(picture.encode().unwrap()));
+            let picture = Message::new(PortPayload::object(
+                picture.encode(wrapyfi_yarp::sig::Rows::Announced).unwrap(),
+            ));
             assert_eq!(eye.write_object(picture.stamped(Stamp { count: 1, time_s })).targets, 1);
             let mut came = None;
             until(&here, "a calibration", || {

@@ -20,8 +20,7 @@ use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 use wrapyfi_yarp::port::names::NameRequest;
 use wrapyfi_yarp::port::{
-    Answer, Message, Network, NetworkOptions, OutputOptions, OutputPort, PortOptions, PortPayload,
-    RpcServer,
+    Answer, Message, Network, NetworkOptions, OutputPort, PortOptions, PortPayload, RpcServer,
 };
 use wrapyfi_yarp::server::{NameServer, NameServerOptions};
 use wrapyfi_yarp::sig::{Sound, Vector};
@@ -67,7 +66,7 @@ impl YarpNetwork {
     /// A port that somebody may read, behind a relay that counts who connects.
     fn output(&self, name: &str, counts: &Counts) -> OutputPort {
         let network = self.network();
-        let options = OutputOptions { port: unregistered(), ..OutputOptions::default() };
+        let options = unregistered();
         let port = self.runtime.block_on(network.open_output(name, &options)).unwrap();
         self.runtime.block_on(self.relay(name, port.address(), counts));
         port
@@ -289,8 +288,7 @@ fn the_first_message_shows_the_type() {
 fn a_port_under_carrier_mjpeg_has_files() {
     let net = YarpNetwork::new();
     let jpeg = [&[0xff_u8, 0xd8, 0xff, 0xe0], &b"a picture"[..], &[0xff, 0xd9]].concat();
-    let pictures = PortOptions { pictures: true, ..unregistered() };
-    let options = OutputOptions { port: pictures, ..OutputOptions::default() };
+    let options = PortOptions { pictures: true, ..unregistered() };
     let network = net.network();
     let cam = net.runtime.block_on(network.open_output("/served", &options)).unwrap();
     let register = |name: &str| {
@@ -299,7 +297,6 @@ fn a_port_under_carrier_mjpeg_has_files() {
             carrier: Some("mjpeg".to_owned()),
             host: Some(cam.address().ip().to_string()),
             port: Some(cam.address().port()),
-            ..NameRequest::default()
         };
         net.runtime.block_on(net.names().register(&request)).unwrap();
     };

@@ -10,7 +10,7 @@ use wrapyfi_yarp_endpoint::{Yarp, YarpConfig};
 
 #[test]
 fn idle_ports_cost_nothing() {
-    let name_server = Some(([127, 0, 0, 1], 0).into());
+    let name_server = Some(std::net::SocketAddr::from(([127, 0, 0, 1], 0)).into());
     let config = YarpConfig { name_server, embedded: true, ..YarpConfig::default() };
     let yarp = Yarp::start(&config).unwrap();
     let context = Context::default();

@@ -18,8 +18,8 @@ use wrapyfi_yarp::bottle::Vocab;
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 use wrapyfi_yarp::port::names::NameRequest;
 use wrapyfi_yarp::port::{
-    Answer, Message, Network, NetworkOptions, OutputOptions, OutputPort, PortOptions, PortPayload,
-    Received, RpcServer,
+    Answer, Message, Network, NetworkOptions, OutputPort, PortOptions, PortPayload, Received,
+    RpcServer,
 };
 use wrapyfi_yarp::server::{NameServer, NameServerOptions};
 use wrapyfi_yarp::sig::{Image, PixelCode, Stamp};
@@ -231,7 +231,7 @@ fn ports_that_a_new_name_server_does_not_know_stay_while_they_live() {
     let (yarp, network, here) = (net.yarp(), net.network(), Context::default());
     // Two programs: one of them is killed.
     let (robot, camera) = (Runtime::new().unwrap(), Runtime::new().unwrap());
-    let talk = robot.block_on(network.open_output("/talk", &OutputOptions::default())).unwrap();
+    let talk = robot.block_on(network.open_output("/talk", &PortOptions::default())).unwrap();
     let heard = Arc::new(AtomicUsize::new(0));
     let count = Arc::clone(&heard);
     let plain = PortOptions::default();
@@ -245,7 +245,7 @@ fn ports_that_a_new_name_server_does_not_know_stay_while_they_live() {
         Answer::Bottle(received.bottle().unwrap_or_default())
     });
     let rpc = robot.block_on(rpc).unwrap();
-    let shown = camera.block_on(network.open_output("/eye", &OutputOptions::default())).unwrap();
+    let shown = camera.block_on(network.open_output("/eye", &PortOptions::default())).unwrap();
     let mut look = yarp.discover().unwrap();
     let mut found = |names: &[(&str, Role)]| {
         let found = look.endpoints().unwrap();
@@ -354,7 +354,7 @@ fn names_are_waited_for() {
     until(&here, "the missing port is named", || {
         sink.link().waiting_for.is_some_and(|what| what.contains("/taken"))
     });
-    let options = OutputOptions::default();
+    let options = PortOptions::default();
     let foreign = net.runtime.block_on(network.open_output("/taken", &options)).unwrap();
     open_way(&here, || sink.link());
     let mut source = yarp.open_publisher(&spec, &there).unwrap();
@@ -403,7 +403,7 @@ fn ports_have_the_names_that_are_asked_for() {
     let (here, there) = (Context::default(), Context::default());
     let ((reader, mut messages), writer) = net.runtime.block_on(async {
         let reader = input(&network, "/view/in").await;
-        let writer = network.open_output("/cam/out", &OutputOptions::default()).await.unwrap();
+        let writer = network.open_output("/cam/out", &PortOptions::default()).await.unwrap();
         (reader, writer)
     });
     for persistent in [true, false] {
@@ -447,9 +447,8 @@ fn ports_of_a_list_are_heard_and_reached_and_no_others() {
     let ((reader, mut messages), (other, _), writer, stranger) = net.runtime.block_on(async {
         let reader = input(&network, "/view/in").await;
         let other = input(&network, "/other/in").await;
-        let writer = network.open_output("/cam/out", &OutputOptions::default()).await.unwrap();
-        let stranger =
-            network.open_output("/stranger/out", &OutputOptions::default()).await.unwrap();
+        let writer = network.open_output("/cam/out", &PortOptions::default()).await.unwrap();
+        let stranger = network.open_output("/stranger/out", &PortOptions::default()).await.unwrap();
         (reader, other, writer, stranger)
     });
     let connect = |from: &str, to: &str| net.runtime.block_on(network.connect(from, to, None));
@@ -487,7 +486,7 @@ fn ports_of_a_list_are_heard_and_reached_and_no_others() {
 fn ports_are_listed_by_their_connections() {
     let net = YarpNetwork::new();
     let (yarp, context) = (net.yarp(), Context::default());
-    let (network, wanted) = (net.network(), OutputOptions::default());
+    let (network, wanted) = (net.network(), PortOptions::default());
     let ((reader, _), writer) = net.runtime.block_on(async {
         let reader = input(&network, "/plain").await;
         let writer = network.open_output("/source", &wanted).await.unwrap();
@@ -509,7 +508,7 @@ fn ports_are_listed_by_their_connections() {
 #[test]
 fn other_machines_do_not_reach_ports_unless_they_may() {
     let ip = Some(Ipv4Addr::UNSPECIFIED.into());
-    let name_server = Some(([127, 0, 0, 1], 1).into());
+    let name_server = Some(SocketAddr::from(([127, 0, 0, 1], 1)).into());
     let config = YarpConfig { ip, name_server, ..YarpConfig::default() };
     let opened = |config: &YarpConfig| {
         // Who only looks or calls is not connected to.

@@ -10,8 +10,7 @@ use wrapyfi_conformance::{Capabilities, TIMEOUT, Testbed, TypeCheck, WireEnd, co
 use wrapyfi_endpoint::{Middleware, ServiceSpec, TopicSpec};
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 use wrapyfi_yarp::port::{
-    Message, Network, NetworkOptions, OutputOptions, OutputPort, PortOptions, PortPayload,
-    RpcClient,
+    Message, Network, NetworkOptions, OutputPort, PortOptions, PortPayload, RpcClient,
 };
 use wrapyfi_yarp_endpoint::{Yarp, YarpConfig};
 
@@ -88,7 +87,7 @@ impl Testbed for Named {
         let port = ports.entry(spec.topic.clone()).or_insert_with(|| {
             runtime.block_on(async {
                 let name = format!("/raw{}", spec.topic);
-                let port = network.open_output(&name, &OutputOptions::default()).await.unwrap();
+                let port = network.open_output(&name, &PortOptions::default()).await.unwrap();
                 let (reader, mut readers) = (format!("{}:in", spec.topic), 0);
                 let all = names.list("").await.unwrap();
                 for found in all.iter().filter(|found| found.name.starts_with(&reader)) {

@@ -10,7 +10,7 @@
 use std::error::Error;
 
 use bytes::Bytes;
-use wrapyfi_yarp::sig::{Image, PixelCode, Stamp};
+use wrapyfi_yarp::sig::{Image, PixelCode, Rows, Stamp};
 use wrapyfi_yarp::{Bottle, Dialect, Limits, Value};
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -35,8 +35,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     // Two rows of three pixels, without padding between them.
     let pixels: Vec<u8> = (0..18).collect();
     let image = Image::from_packed(PixelCode::Rgb, 3, 2, pixels.into())?;
-    let payload = Bytes::from(image.encode()?);
-    let read = Image::decode(&payload, &limits)?;
+    let payload = Bytes::from(image.encode(Rows::Announced)?);
+    let read = Image::decode(&payload, Rows::Announced, &limits)?;
     println!(
         "{} x {} pixels {}, {} bytes from row to row",
         read.width(),

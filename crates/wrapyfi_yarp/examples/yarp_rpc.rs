@@ -4,9 +4,11 @@
 //! there, and `yarp rpc` or a terminal (`CONNECT me`, `d`, `add 1 2`) may ask it.
 #![allow(clippy::print_stdout)]
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use wrapyfi_yarp::port::{Answer, Network, NetworkOptions, PortOptions};
+use wrapyfi_yarp::server::{NameServer, NameServerOptions};
 use wrapyfi_yarp::{Bottle, Value};
 
 /// `add 1 2` is 3.
@@ -23,7 +25,10 @@ fn answer(request: &Bottle) -> Bottle {
 #[tokio::main(flavor = "current_thread")]
 async fn main() -> Result<(), Box<dyn std::error::Error>> {
     let address = std::env::args().nth(1).map(|address| address.parse()).transpose()?;
-    let network = Network::new(NetworkOptions::default());
+    let name_server =
+        NameServer::start(NameServerOptions { port: 0, ..Default::default() }).await?;
+    let names = Arc::new(name_server.client());
+    let network = Network::new(NetworkOptions { names, ..NetworkOptions::default() });
     let options = PortOptions { address, ..PortOptions::default() };
     let server = network
         .serve("/example/server", &options, async |request, _wanted| {

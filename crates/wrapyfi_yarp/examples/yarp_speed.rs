@@ -3,14 +3,16 @@
 //! `cargo run --release -p wrapyfi_yarp --example yarp_speed [ROUNDS]`
 #![allow(clippy::print_stdout)]
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::mpsc;
 use wrapyfi_yarp::port::{
-    Answer, Message, Network, NetworkOptions, OutputOptions, PortOptions, PortPayload, Received,
+    Answer, Message, Network, NetworkOptions, PortOptions, PortPayload, Received,
 };
+use wrapyfi_yarp::server::{NameServer, NameServerOptions};
 use wrapyfi_yarp::{Bottle, Dialect};
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
@@ -51,7 +53,10 @@ async fn bare_round_trip(rounds: usize, size: usize) -> Outcome<Duration> {
 }
 
 async fn round_trip(rounds: usize, carrier: &str) -> Outcome<(Duration, usize)> {
-    let network = Network::new(NetworkOptions::default());
+    let name_server =
+        NameServer::start(NameServerOptions { port: 0, ..Default::default() }).await?;
+    let names = Arc::new(name_server.client());
+    let network = Network::new(NetworkOptions { names, ..NetworkOptions::default() });
     let options = PortOptions::default();
     let server = network
         .serve("/server", &options, async |request, _| Answer::Object(request.payload.bytes))
@@ -93,7 +98,10 @@ async fn bare_images(rounds: usize) -> Outcome<f64> {
 }
 
 async fn images(rounds: usize, carrier: &str) -> Outcome<f64> {
-    let network = Network::new(NetworkOptions::default());
+    let name_server =
+        NameServer::start(NameServerOptions { port: 0, ..Default::default() }).await?;
+    let names = Arc::new(name_server.client());
+    let network = Network::new(NetworkOptions { names, ..NetworkOptions::default() });
     let (sender, mut messages) = mpsc::channel(4);
     let handler = move |message: Received, _wants_reply| {
         let sender = sender.clone();
@@ -103,7 +111,7 @@ async fn images(rounds: usize, carrier: &str) -> Outcome<f64> {
         }
     };
     let _reader = network.serve("/view", &PortOptions::default(), handler).await?;
-    let options = OutputOptions { queue: rounds, ..OutputOptions::default() };
+    let options = PortOptions { queue: rounds, ..PortOptions::default() };
     let writer = network.open_output("/cam", &options).await?;
     writer.connect(&format!("{carrier}://view")).await?;
     let writing = tokio::spawn(async move {

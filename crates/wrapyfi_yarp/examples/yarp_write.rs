@@ -8,18 +8,29 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use wrapyfi_yarp::Bottle;
-use wrapyfi_yarp::port::names::NameTable;
-use wrapyfi_yarp::port::{Message, Network, NetworkOptions, OutputOptions, PortPayload};
+use wrapyfi_yarp::port::names::NameRequest;
+use wrapyfi_yarp::port::{Message, Network, NetworkOptions, PortOptions, PortPayload};
+use wrapyfi_yarp::server::{NameServer, NameServerOptions};
 use wrapyfi_yarp::sig::Stamp;
 
 #[tokio::main(flavor = "current_thread")]
 async fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
-    let address = arguments.next().ok_or("usage: yarp_write ADDRESS:PORT [CARRIER]")?.parse()?;
+    let address: std::net::SocketAddr =
+        arguments.next().ok_or("usage: yarp_write ADDRESS:PORT [CARRIER]")?.parse()?;
     let carrier = arguments.next().unwrap_or_else(|| "tcp".to_owned());
-    let names = Arc::new(NameTable::new().with("/example/reader", address));
+    let name_server =
+        NameServer::start(NameServerOptions { port: 0, ..Default::default() }).await?;
+    let names = Arc::new(name_server.client());
+    let reader = NameRequest {
+        name: "/example/reader".to_owned(),
+        host: Some(address.ip().to_string()),
+        port: Some(address.port()),
+        ..NameRequest::default()
+    };
+    names.register(&reader).await?;
     let network = Network::new(NetworkOptions { names, ..NetworkOptions::default() });
-    let writer = network.open_output("/example/writer", &OutputOptions::default()).await?;
+    let writer = network.open_output("/example/writer", &PortOptions::default()).await?;
     writer.connect(&format!("{carrier}://example/reader")).await?;
     let mut connected = writer.connected();
     for count in 0.. {

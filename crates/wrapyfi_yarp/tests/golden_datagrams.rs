@@ -5,14 +5,12 @@ use std::sync::Arc;
 
 use crate::golden::conversation::{Part, TIMEOUT, datagrams, expect, expect_end, parts};
 use crate::input::{Connections, InputPort, input};
+use crate::names::NameTable;
 use bytes::Bytes;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream, UdpSocket};
 use wrapyfi_yarp::Limits;
-use wrapyfi_yarp::port::names::NameTable;
-use wrapyfi_yarp::port::{
-    Message, Network, NetworkOptions, OutputOptions, OutputPort, PortPayload,
-};
+use wrapyfi_yarp::port::{Message, Network, NetworkOptions, OutputPort, PortOptions, PortPayload};
 use wrapyfi_yarp::wire::datagram::Assembler;
 use wrapyfi_yarp::wire::{Body, Command, header, number};
 
@@ -111,7 +109,7 @@ async fn writer(name: &str) -> (OutputPort, TcpListener) {
     let names = NameTable::new().with("/golden/dst", listener.local_addr().unwrap());
     let header = header_of(name);
     let own = std::str::from_utf8(&header[12..header.len() - 1]).unwrap();
-    let port = network(names).open_output(own, &OutputOptions::default()).await.unwrap();
+    let port = network(names).open_output(own, &PortOptions::default()).await.unwrap();
     (port, listener)
 }
 

@@ -35,7 +35,6 @@ async fn listen(server: &NameServer, name: &str) -> TcpListener {
         carrier: Some("tcp".to_owned()),
         host: Some("127.0.0.1".to_owned()),
         port: Some(listener.local_addr().unwrap().port()),
-        type_name: None,
     };
     server.client().register(&request).await.unwrap();
     listener
@@ -162,7 +161,6 @@ async fn persistent_connections_are_made_as_recorded() {
                 carrier: Some("tcp".to_owned()),
                 host: Some("127.0.0.1".to_owned()),
                 port: Some(sender.local_addr().unwrap().port()),
-                type_name: None,
             };
             client.register(&request).await.unwrap();
             client.announce(src, true).await.unwrap();

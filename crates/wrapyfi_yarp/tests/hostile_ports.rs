@@ -5,12 +5,12 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use crate::input::{Connections, InputPort, input};
+use crate::names::NameTable;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
-use wrapyfi_yarp::port::names::NameTable;
 use wrapyfi_yarp::port::{
-    Answer, Fate, Loss, Message, Network, NetworkOptions, OutputOptions, PortOptions, PortPayload,
-    Room, Rooms, RpcError, Timeouts, Written,
+    Answer, Fate, Loss, Message, Network, NetworkOptions, PortOptions, PortPayload, Room, Rooms,
+    RpcError, Timeouts, Written,
 };
 use wrapyfi_yarp::wire::{mjpeg, number};
 use wrapyfi_yarp::{Bottle, Limits};
@@ -18,7 +18,8 @@ use wrapyfi_yarp::{Bottle, Limits};
 const TIMEOUT: Duration = Duration::from_secs(20);
 
 fn options() -> NetworkOptions {
-    NetworkOptions { listen: [127, 0, 0, 1].into(), ..NetworkOptions::default() }
+    let names = Arc::new(NameTable::new());
+    NetworkOptions { names, listen: [127, 0, 0, 1].into(), ..NetworkOptions::default() }
 }
 
 fn waiting(timeouts: Timeouts) -> Network {
@@ -169,7 +170,7 @@ async fn what_has_begun_has_no_more_room_than_is_given() {
     let line = [b"CONNECT x\nd\n(".to_vec(), b"1 ".repeat(1 << 20)].concat();
     is_closed(offend(&port, &line, "over_budget").await).await;
     // Messages that fit pass, one after the other, and what is written waits in the same room.
-    let writer = network.open_output("/writer", &OutputOptions::default()).await.unwrap();
+    let writer = network.open_output("/writer", &PortOptions::default()).await.unwrap();
     writer.connect("tcp://port").await.unwrap();
     for _ in 0..5 {
         let message = Message::new(PortPayload::object(vec![0; 700_000]));
@@ -187,7 +188,7 @@ async fn datagrams_and_pictures_that_have_begun_have_no_more_room_than_is_given(
     let port = port(&network).await;
     let names = NameTable::new().with("/port", port.address());
     let sender = Network::new(NetworkOptions { names: Arc::new(names), ..options() });
-    let writer = sender.open_output("/writer", &OutputOptions::default()).await.unwrap();
+    let writer = sender.open_output("/writer", &PortOptions::default()).await.unwrap();
     writer.connect("udp://port").await.unwrap();
     let large = Message::new(PortPayload::object(vec![0; 2 << 20]));
     // A datagram may be lost, and its message with it.
@@ -306,7 +307,7 @@ async fn peer() -> (TcpListener, Network) {
 #[tokio::test]
 async fn a_receiver_that_says_nothing_stalls_nobody() {
     let (listener, network) = peer().await;
-    let writer = network.open_output("/writer", &OutputOptions::default()).await.unwrap();
+    let writer = network.open_output("/writer", &PortOptions::default()).await.unwrap();
     // Accepted by the system, answered by nobody.
     let error = within(writer.connect("/peer")).await.unwrap_err();
     assert_eq!(error.to_string(), "Cannot connect to /peer");
@@ -339,7 +340,7 @@ impl Fate for Fates {
 async fn what_a_connection_takes_with_it_is_told() {
     for (gone, expected) in [(true, Loss::Connection), (false, Loss::Closed)] {
         let (listener, network) = peer().await;
-        let options = OutputOptions { queue: 10, ..OutputOptions::default() };
+        let options = PortOptions { queue: 10, ..PortOptions::default() };
         let writer = network.open_output("/writer", &options).await.unwrap();
         let accepting = tokio::spawn(async move {
             let (mut stream, _) = listener.accept().await.unwrap();
@@ -407,7 +408,7 @@ async fn replies_that_are_none_are_errors_with_a_name() {
 async fn what_has_no_form_on_a_carrier_is_told() {
     let network = Network::new(options());
     let port = port(&network).await;
-    let writer = network.open_output("/writer", &OutputOptions::default()).await.unwrap();
+    let writer = network.open_output("/writer", &PortOptions::default()).await.unwrap();
     writer.connect("text_ack://port").await.unwrap();
     let fates = Arc::new(Fates::default());
     let no_bottle = PortPayload::object(&b"no bottle"[..]);

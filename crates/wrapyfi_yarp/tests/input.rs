@@ -6,8 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use tokio::sync::{Mutex, mpsc};
 use wrapyfi_yarp::port::{
-    AdminError, Answer, Network, OpenError, OutputOptions, OutputPort, PortOptions, Received,
-    RpcServer,
+    AdminError, Answer, Network, OpenError, OutputPort, PortOptions, Received, RpcServer,
 };
 
 /// Messages of a port: acknowledged as soon as there is room for them.
@@ -70,7 +69,7 @@ pub(crate) async fn input(network: &Network, name: &str, places: usize) -> Input
 /// Opens a port for both directions.
 pub(crate) async fn both_ways(network: &Network, name: &str, places: usize) -> Reading<OutputPort> {
     let (handler, messages) = queue(places);
-    let port = network.open_port(name, &OutputOptions::default(), handler).await.unwrap();
+    let port = network.open_port(name, &PortOptions::default(), handler).await.unwrap();
     Reading { port, messages }
 }
 

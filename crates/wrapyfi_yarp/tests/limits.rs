@@ -2,7 +2,7 @@
 
 use bytes::Bytes;
 use wrapyfi_yarp::bottle::{BottleError, EncodeError, Frame, Vocab64};
-use wrapyfi_yarp::sig::{Image, PixelCode, SigError, Sound, Vector};
+use wrapyfi_yarp::sig::{Image, PixelCode, Rows, SigError, Sound, Vector};
 use wrapyfi_yarp::{Bottle, Dialect, Limits, Value};
 
 fn words(words: &[i32]) -> Bytes {
@@ -77,7 +77,9 @@ fn messages_end_at_the_limit() {
     let framed = Bottle::frame(&words(&[266, 1_000_000]), Dialect::V3, &limits).unwrap_err();
     assert_eq!(framed, BottleError::TooLong { length: 8_000_008, limit: 50 });
     let image = Image::from_packed(PixelCode::Mono, 8, 8, Bytes::from_static(&[0; 64])).unwrap();
-    let error = Image::decode(&image.encode().unwrap().into(), &limits).unwrap_err();
+    let error =
+        Image::decode(&image.encode(Rows::Announced).unwrap().into(), Rows::Announced, &limits)
+            .unwrap_err();
     assert_eq!(error, SigError::TooLong { what: "an image", length: 124, limit: 50 });
     let sound = Sound::from_interleaved(&[0; 8], 1, 8000).unwrap().encode(Dialect::V3).unwrap();
     let error = Sound::decode(&sound.into(), Dialect::V3, &limits).unwrap_err();
@@ -134,13 +136,13 @@ fn sounds_that_contradict_themselves_are_refused() {
 #[test]
 fn images_that_contradict_themselves_are_refused() {
     let image = Image::from_packed(PixelCode::Rgb, 4, 2, Bytes::from_static(&[0; 24])).unwrap();
-    let image = image.encode().unwrap();
+    let image = image.encode(Rows::Announced).unwrap();
     let with = |words: &[(usize, i32)]| {
         let mut image = image.clone();
         for &(at, word) in words {
             image[at..at + 4].copy_from_slice(&word.to_le_bytes());
         }
-        Image::decode(&image.into(), &Limits::default()).unwrap_err()
+        Image::decode(&image.into(), Rows::Announced, &Limits::default()).unwrap_err()
     };
     for (words, damage) in [
         ((44, 5), "5 x 2 pixels of 3 bytes do not fit 24 bytes of rows"),

@@ -23,6 +23,7 @@ mod lookup;
 mod name_live;
 mod name_properties;
 mod name_tools;
+mod names;
 mod ports;
 mod properties;
 mod queued;

@@ -11,7 +11,7 @@ use wrapyfi_yarp::name::events::NameEvents;
 use wrapyfi_yarp::name::registrar::RegistrarOptions;
 use wrapyfi_yarp::name::{NameClient, NameError, NameEvent, NameServerConf, Registrar};
 use wrapyfi_yarp::port::names::{NameRequest, Names};
-use wrapyfi_yarp::port::{AdminError, Network, NetworkOptions, OutputOptions};
+use wrapyfi_yarp::port::{AdminError, Network, NetworkOptions, PortOptions};
 use wrapyfi_yarp::server::{NameServer, NameServerLimits, NameServerOptions};
 
 const TIMEOUT: Duration = Duration::from_secs(20);
@@ -60,10 +60,9 @@ async fn a_client_does_everything() {
     assert_eq!(client.query("/b").await.unwrap(), None);
     let unnamed = client.register(&named("...")).await.unwrap();
     assert_eq!(unnamed.name, "/tmp/port/1");
-    let typed = NameRequest { type_name: Some("yarp/image".into()), ..named("/a/image") };
-    let typed = client.register(&typed).await.unwrap();
+    let below = client.register(&named("/a/image")).await.unwrap();
     let listed = client.list("/a").await.unwrap();
-    assert_eq!(listed, [a.clone(), typed]);
+    assert_eq!(listed, [a.clone(), below]);
     assert!(client.list("").await.unwrap().len() >= 5);
 
     let values = ["red", "/x", "two words"].map(Value::from);
@@ -230,7 +229,7 @@ async fn ports_take_no_number_that_the_name_server_gives_away() {
     let client = server.client();
     let first = client.register(&named("/first")).await.unwrap().port;
     let network = network(client.clone());
-    let output = network.open_output("/cam", &OutputOptions::default()).await.unwrap();
+    let output = network.open_output("/cam", &PortOptions::default()).await.unwrap();
     let registered = client.query("/cam").await.unwrap().unwrap();
     assert_eq!(registered.port, output.address().port());
     assert_eq!(client.register(&named("/second")).await.unwrap().port, first + 1);
@@ -290,7 +289,7 @@ async fn persistent_connections_join_our_ports_whoever_comes_first() {
     client.subscribe("/talk/out", "fast_tcp://talk/in").await.unwrap();
     for turn in 0..2 {
         let input = input(&network, "/talk/in", 4).await;
-        let output = network.open_output("/talk/out", &OutputOptions::default()).await.unwrap();
+        let output = network.open_output("/talk/out", &PortOptions::default()).await.unwrap();
         tokio::time::timeout(TIMEOUT, output.wait_for_outputs(1)).await.unwrap();
         output.write_bottle(&wrapyfi_yarp::Bottle::from(vec![turn.into()])).unwrap();
         let message = tokio::time::timeout(TIMEOUT, input.recv()).await.unwrap().unwrap();
@@ -313,7 +312,7 @@ async fn ports_are_connected_looked_at_and_disconnected_from_outside() {
     let client = server.client();
     let network = network(client.clone());
     let input = input(&network, "/view", 4).await;
-    let output = network.open_output("/cam", &OutputOptions::default()).await.unwrap();
+    let output = network.open_output("/cam", &PortOptions::default()).await.unwrap();
     assert!(network.exists("/cam").await);
     assert!(network.exists("/root").await, "the name server is a port, too");
     assert!(!network.exists("/nobody").await);

@@ -7,11 +7,11 @@ use bytes::Bytes;
 
 use crate::hostile_ports::Fates;
 use crate::input::{Connections, InputPort, input, open_input};
+use crate::names::NameTable;
 use crate::queued::queued;
 use wrapyfi_yarp::name::Environment;
-use wrapyfi_yarp::port::names::NameTable;
 use wrapyfi_yarp::port::{
-    Answer, Loss, Message, Network, NetworkOptions, OutputOptions, Overflow, PayloadKind,
+    Answer, Inspection, Loss, Message, Modes, Network, NetworkOptions, Overflow, PayloadKind,
     PortOptions, PortPayload, RpcError,
 };
 use wrapyfi_yarp::{Bottle, Limits, Value};
@@ -19,12 +19,13 @@ use wrapyfi_yarp::{Bottle, Limits, Value};
 const TIMEOUT: Duration = Duration::from_secs(20);
 
 fn options() -> NetworkOptions {
-    NetworkOptions { listen: [127, 0, 0, 1].into(), ..NetworkOptions::default() }
+    let names = Arc::new(NameTable::new());
+    NetworkOptions { names, listen: [127, 0, 0, 1].into(), ..NetworkOptions::default() }
 }
 
 fn network() -> Network {
     // Sockets are gone from there as soon as both ends have met.
-    let sockets = Environment::from_pairs([("YARP_RUNTIME_DIR", env!("CARGO_TARGET_TMPDIR"))]);
+    let sockets = Environment::default().with("YARP_RUNTIME_DIR", env!("CARGO_TARGET_TMPDIR"));
     Network::new(NetworkOptions { environment: sockets, ..options() })
 }
 
@@ -47,7 +48,7 @@ async fn messages_arrive_over_every_push_carrier() {
     {
         let network = network();
         let reader = input(&network, "/reader", 16).await;
-        let writer = network.open_output("/writer", &OutputOptions::default()).await.unwrap();
+        let writer = network.open_output("/writer", &PortOptions::default()).await.unwrap();
         writer.connect(&format!("{carrier}://reader")).await.unwrap();
         within(reader.wait_for_inputs(1)).await;
         let text = "1 (a 2 (0.5)) \"end of it\"";
@@ -82,7 +83,7 @@ async fn a_reader_that_closes_first_ends_the_output() {
     for carrier in ["tcp", "fast_tcp", "text_ack", "udp", "unix_stream", "unix_stream+ack"] {
         let network = network();
         let reader = input(&network, "/reader", 16).await;
-        let writer = network.open_output("/writer", &OutputOptions::default()).await.unwrap();
+        let writer = network.open_output("/writer", &PortOptions::default()).await.unwrap();
         reader.subscribe(&network, "/writer", carrier).await.unwrap();
         within(writer.wait_for_outputs(1)).await;
         within(reader.wait_for_inputs(1)).await;
@@ -99,7 +100,7 @@ async fn one_multicast_datagram_reaches_all_targets() {
     let network = network();
     let first = input(&network, "/first", 4).await;
     let second = input(&network, "/second", 4).await;
-    let writer = network.open_output("/writer", &OutputOptions::default()).await.unwrap();
+    let writer = network.open_output("/writer", &PortOptions::default()).await.unwrap();
     writer.connect("mcast://first").await.unwrap();
     writer.connect("mcast://second").await.unwrap();
     within(first.wait_for_inputs(1)).await;
@@ -126,7 +127,7 @@ async fn large_messages_pass_in_datagrams_and_in_streams() {
     for carrier in ["tcp", "fast_tcp", "text_ack", "udp", "mcast"] {
         let network = network();
         let reader = input(&network, "/reader", 4).await;
-        let writer = network.open_output("/writer", &OutputOptions::default()).await.unwrap();
+        let writer = network.open_output("/writer", &PortOptions::default()).await.unwrap();
         writer.connect(&format!("{carrier}://reader")).await.unwrap();
         within(reader.wait_for_inputs(1)).await;
         writer.write_bottle(&big).unwrap();
@@ -138,7 +139,7 @@ async fn large_messages_pass_in_datagrams_and_in_streams() {
 async fn pictures_are_pulled() {
     let network = network();
     let reader = input(&network, "/view", 4).await;
-    let writer = network.open_output("/cam", &OutputOptions::default()).await.unwrap();
+    let writer = network.open_output("/cam", &PortOptions::default()).await.unwrap();
     network.connect("/cam", "/view", Some("mjpeg")).await.unwrap();
     within(writer.wait_for_outputs(1)).await;
     let jpeg: &[u8] = &[0xff, 0xd8, 0xff, 0xe0, 0, 2, 0xff, 0xda, 0, 2, 1, 2, 3, 0xff, 0xd9];
@@ -178,9 +179,8 @@ async fn mjpeg_is_refused_where_no_pictures_are() {
     let bottles = PortOptions { pictures: false, ..PortOptions::default() };
     let view = input(&network, "/view", 4).await;
     let ears = open_input(&network, "/ears", &bottles, 4).await.unwrap();
-    let talk = OutputOptions { port: bottles, ..OutputOptions::default() };
-    let talk = network.open_output("/talk", &talk).await.unwrap();
-    let cam = network.open_output("/cam", &OutputOptions::default()).await.unwrap();
+    let talk = network.open_output("/talk", &bottles).await.unwrap();
+    let cam = network.open_output("/cam", &PortOptions::default()).await.unwrap();
     let refused = network.connect("/cam", "/ears", Some("mjpeg")).await.unwrap_err();
     assert!(refused.to_string().contains("port /ears has no pictures"), "{refused}");
     let refused = network.connect("/talk", "/view", Some("mjpeg")).await.unwrap_err();
@@ -218,7 +218,7 @@ async fn requests_are_answered_over_every_carrier_with_replies() {
             assert!(request.reply.send(Answer::Bottle(reply)).is_ok());
             drop(requests.recv().await.unwrap());
             let last = requests.recv().await.unwrap();
-            last.reply.send(Answer::Last(Box::new(Answer::Bottle(Bottle::new())))).unwrap();
+            last.reply.send(Answer::Bottle(Bottle::new())).unwrap();
             server
         });
         let reply = client.call(&bottle("one \"two words\" 3"), TIMEOUT).await.unwrap().unwrap();
@@ -296,7 +296,7 @@ async fn a_slow_target_stalls_nobody() {
     let slow = input(&network, "/slow", 1).await;
     let fast = input(&network, "/fast", 1000).await;
     for (overflow, kept) in [(Overflow::DropOldest, 99), (Overflow::DropNewest, 0)] {
-        let options = OutputOptions { queue: 4, overflow, ..OutputOptions::default() };
+        let options = PortOptions { queue: 4, overflow, ..PortOptions::default() };
         let writer = network.open_output("/writer", &options).await.unwrap();
         writer.connect("tcp://slow").await.unwrap();
         writer.connect("tcp://fast").await.unwrap();
@@ -344,7 +344,7 @@ async fn names_are_chosen_taken_and_refused() {
 async fn a_qualifier_that_we_lack_ends_the_connection() {
     let network = network();
     let reader = input(&network, "/reader", 4).await;
-    let writer = network.open_output("/writer", &OutputOptions::default()).await.unwrap();
+    let writer = network.open_output("/writer", &PortOptions::default()).await.unwrap();
     for (count, carrier) in [(1, "fast_tcp"), (2, "tcp"), (3, "text_ack"), (4, "udp")] {
         let wanted = format!("{carrier}+recv.portmonitor+type.dll+file.nosuch://reader");
         let error = writer.connect(&wanted).await.unwrap_err();
@@ -369,7 +369,7 @@ async fn a_qualifier_that_we_lack_ends_the_connection() {
 async fn graphs_of_the_network_find_what_they_ask_for() {
     let network = network();
     let reader = input(&network, "/reader", 4).await;
-    let writer = network.open_output("/writer", &OutputOptions::default()).await.unwrap();
+    let writer = network.open_output("/writer", &PortOptions::default()).await.unwrap();
     writer.connect("tcp://reader").await.unwrap();
     within(reader.wait_for_inputs(1)).await;
     let asked = async |port: &str, about: &str| {
@@ -416,8 +416,8 @@ async fn a_second_connection_of_a_name_replaces_the_first() {
     let reader = input(&network, "/reader", 4).await;
     let names = Arc::new(NameTable::new().with("/reader", reader.address()));
     let other = Network::new(NetworkOptions { names, ..options() });
-    let first = network.open_output("/writer", &OutputOptions::default()).await.unwrap();
-    let second = other.open_output("/writer", &OutputOptions::default()).await.unwrap();
+    let first = network.open_output("/writer", &PortOptions::default()).await.unwrap();
+    let second = other.open_output("/writer", &PortOptions::default()).await.unwrap();
     first.connect("/reader").await.unwrap();
     within(reader.wait_for_inputs(1)).await;
     second.connect("/reader").await.unwrap();
@@ -426,4 +426,38 @@ async fn a_second_connection_of_a_name_replaces_the_first() {
     second.write_bottle(&bottle("2")).unwrap();
     assert_eq!(next(&reader).await.bottle().unwrap(), bottle("2"));
     assert_eq!(reader.counters().get("replaced"), 1);
+}
+
+#[tokio::test]
+async fn ours_say_what_they_are() {
+    let network = network();
+    let plain = PortOptions::default();
+    let reader = network.serve("/reader", &plain, async |_, _| Answer::Nothing).await.unwrap();
+    let writer = network.open_output("/writer", &PortOptions::default()).await.unwrap();
+    writer.connect("tcp://reader").await.unwrap();
+    let client = network.open_rpc_client("/ask", &PortOptions::default()).await.unwrap();
+    let options = PortOptions { rpc: true, ..PortOptions::default() };
+    let server = network.serve("/rpc", &options, async |_, _| Answer::Nothing).await.unwrap();
+    for (name, modes, inputs, outputs) in [
+        ("/reader", (true, false, false), vec!["/writer".to_owned()], vec![]),
+        ("/writer", (false, true, false), vec![], vec!["/reader".into()]),
+        ("/ask", (false, true, true), vec![], vec![]),
+        ("/rpc", (true, false, true), vec![], vec![]),
+    ] {
+        let (input, output, rpc) = modes;
+        let wanted = Inspection {
+            modes: Some(Modes { input, output, rpc }),
+            type_name: None,
+            inputs,
+            outputs,
+        };
+        let contact = network.query(name).await.unwrap().unwrap().contact();
+        for contact in [None, Some(contact.as_str())] {
+            assert_eq!(network.inspect(name, contact, true).await.unwrap(), wanted, "{name}");
+        }
+    }
+    let wanted = Inspection { outputs: vec!["/reader".to_owned()], ..Inspection::default() };
+    assert_eq!(network.inspect("/writer", None, false).await.unwrap(), wanted);
+    drop((reader, writer, client, server));
+    assert!(network.inspect("/nobody", None, true).await.is_err());
 }

@@ -171,16 +171,16 @@ proptest! {
         let header = ImageHeader::new(pixel, width, height, quantum).unwrap();
         let data = Bytes::from(vec![fill; header.image_bytes()]);
         let image = Image::from_parts(header, data).unwrap();
-        let bytes = Bytes::from(image.encode().unwrap());
-        let read = Image::decode(&bytes, &limits).unwrap();
+        let bytes = Bytes::from(image.encode(Rows::Announced).unwrap());
+        let read = Image::decode(&bytes, Rows::Announced, &limits).unwrap();
         if header.is_empty() {
             prop_assert_eq!(read.rows().count(), 0);
         } else {
             prop_assert_eq!(&read, &image);
             prop_assert_eq!(read.rows().count(), height);
         }
-        let dense = Bytes::from(image.encode_as(Rows::Packed).unwrap());
-        let dense = Image::decode_as(&dense, Rows::Packed, &limits).unwrap();
+        let dense = Bytes::from(image.encode(Rows::Packed).unwrap());
+        let dense = Image::decode(&dense, Rows::Packed, &limits).unwrap();
         prop_assert_eq!(packed(&dense), packed(&image));
     }
 
@@ -188,9 +188,9 @@ proptest! {
     #[test]
     fn damaged_images(at in 0..15_usize, word in prop_oneof![-3..40_i32, any::<i32>()]) {
         let image = Image::from_packed(PixelCode::Rgb, 3, 2, Bytes::from_static(&[7; 18])).unwrap();
-        let mut bytes = image.encode().unwrap();
+        let mut bytes = image.encode(Rows::Announced).unwrap();
         bytes[4 * at..4 * at + 4].copy_from_slice(&word.to_le_bytes());
-        if let Ok(image) = Image::decode(&bytes.into(), &Limits::default()) {
+        if let Ok(image) = Image::decode(&bytes.into(), Rows::Announced, &Limits::default()) {
             prop_assert_eq!(image.data().len(), image.header().image_bytes());
             prop_assert!(image.rows().map(<[u8]>::len).sum::<usize>() <= 18);
         }
@@ -248,7 +248,7 @@ proptest! {
         let vector = Vector::<i32>::decode(&bytes, dialect, &limits);
         prop_assert!(vector.is_err() || bytes.len() >= 8);
         prop_assert!(Matrix::decode(&bytes, dialect, &limits).is_err() || bytes.len() >= 32);
-        prop_assert!(Image::decode(&bytes, &limits).is_err() || bytes.len() >= 60);
+        prop_assert!(Image::decode(&bytes, Rows::Announced, &limits).is_err() || bytes.len() >= 60);
         prop_assert!(Stamp::from_envelope(&bytes).is_none() || bytes.len() >= 3);
     }
 }

@@ -8,13 +8,11 @@ use std::time::Duration;
 
 use crate::golden::{file, hex};
 use crate::input::{Connections, InputPort, input};
+use crate::names::NameTable;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream, UnixListener, UnixStream};
 use wrapyfi_yarp::name::Environment;
-use wrapyfi_yarp::port::names::NameTable;
-use wrapyfi_yarp::port::{
-    Answer, Network, NetworkOptions, OutputOptions, PortOptions, RpcError, Timeouts,
-};
+use wrapyfi_yarp::port::{Answer, Network, NetworkOptions, PortOptions, RpcError, Timeouts};
 use wrapyfi_yarp::{Bottle, Dialect, Limits};
 
 const TIMEOUT: Duration = Duration::from_secs(20);
@@ -31,7 +29,7 @@ async fn within<T>(future: impl Future<Output = T>) -> T {
 }
 
 fn network(folder: &Path, names: NameTable) -> Network {
-    let environment = Environment::from_pairs([("YARP_RUNTIME_DIR", folder)]);
+    let environment = Environment::default().with("YARP_RUNTIME_DIR", folder);
     let timeouts = Timeouts {
         handshake: Duration::from_millis(300),
         close: Duration::from_millis(300),
@@ -131,7 +129,7 @@ async fn our_writer_writes_as_yarp() {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let names = NameTable::new().with("/dst", listener.local_addr().unwrap());
     let network = network(folder.path(), names);
-    let writer = network.open_output("/src", &OutputOptions::default()).await.unwrap();
+    let writer = network.open_output("/src", &PortOptions::default()).await.unwrap();
     let header = said("unix_stream_write", "c2s", "tcp");
     let (connected, (began, mut stream)) = tokio::join!(
         writer.connect("unix_stream://dst"),
@@ -265,7 +263,7 @@ async fn a_place_where_ports_cannot_meet_is_refused_with_the_reason() {
     ] {
         let network = network(place, NameTable::new());
         let port = input(&network, "/dst", 8).await;
-        let writer = network.open_output("/src", &OutputOptions::default()).await.unwrap();
+        let writer = network.open_output("/src", &PortOptions::default()).await.unwrap();
         let error = within(writer.connect("unix_stream://dst")).await.unwrap_err().to_string();
         assert!(error.contains(why) && error.contains("YARP_RUNTIME_DIR"), "{error}");
         // Whoever connects to us.

@@ -22,15 +22,16 @@ use tokio::sync::{Notify, watch};
 use wrapyfi_yarp::Dialect;
 use wrapyfi_yarp::port::{LinkError, PortOptions, RpcClient, RpcError};
 
+use super::client_dialects::{self, Written};
 use super::directory::unless_slow;
 use super::found_format::{self, FoundFormat};
 use super::link_state::LinkState;
 use super::name::{UNOPENED, check_name};
 use super::opening::{numbered, until_open};
 use super::options::YarpOptions;
+use super::payload;
 use super::shared::Shared;
 use super::tasks::{Stop, Stopped};
-use super::{client_dialects, payload};
 use wrapyfi_data::types::Stamp;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::calls::{Calls, Stage};
@@ -52,10 +53,6 @@ enum Body {
     /// Request as it is, while nobody knows yet how the server reads.
     Unwritten(Request),
 }
-
-/// A request in the dialect that is set or that the server has told, and in the other one where its floats
-/// differ and the server may have that.
-struct Written(Bytes, Option<Bytes>);
 
 /// Calls one service.
 pub(super) struct YarpClient {
@@ -117,20 +114,15 @@ impl ClientState {
         let options = PortOptions { register: false, ..shared.asking() };
         // A name of its own: a server keeps one connection of each.
         let name = format!("{base}/{}", numbered(""));
-        let client = match shared.network(&self.options).open_rpc_client(&name, &options).await {
-            Ok(client) => client,
-            Err(error) => {
-                tracing::debug!(service = self.spec.service, %error, "no connection");
-                return None;
-            }
+        let opened = async {
+            let client = shared.network(&self.options).open_rpc_client(&name, &options).await?;
+            client.connect(&self.target()).await?;
+            Ok::<_, Box<dyn std::error::Error + Send + Sync>>(Arc::new(client))
         };
-        match client.connect(&self.target()).await {
-            Ok(()) => Some(Arc::new(client)),
-            Err(error) => {
-                tracing::debug!(service = self.spec.service, %error, "no connection");
-                None
-            }
-        }
+        let opened = opened.await.inspect_err(|error| {
+            tracing::debug!(service = self.spec.service, %error, "no connection");
+        });
+        opened.ok()
     }
 
     /// The options, with the format that the server reads.
@@ -141,19 +133,16 @@ impl ClientState {
     /// A request in the dialect that the server has `known`, where it has.
     fn write(&self, request: &Request, known: Option<Dialect>) -> EncodeResult<Written> {
         let options = self.options();
-        let write = |dialect| payload::encode_request(request, &self.spec, options, dialect);
-        let usual = write(known.unwrap_or(self.dialect))?;
         let is_known = known.or(options.dialect).is_some();
-        if is_known || payload::is_json(&self.spec, options) {
-            return Ok(Written(usual, None));
-        }
-        let other = write(self.dialect.other()).ok().filter(|other| *other != usual);
-        Ok(Written(usual, other))
+        let is_enough = is_known || payload::is_json(&self.spec, options);
+        Written::of(known.unwrap_or(self.dialect), is_enough, |dialect| {
+            payload::encode_request(request, &self.spec, options, dialect)
+        })
     }
 
     /// The format of a request that the server reads: it is asked once, and where that decides.
     async fn readable<'a>(&self, shared: &Shared, written: &'a Written) -> &'a Bytes {
-        let Written(usual, Some(other)) = written else { return &written.0 };
+        let Written { usual, other: Some(other) } = written else { return &written.usual };
         let known = *self.known_dialect.lock();
         let dialect = match known {
             Some(dialect) => dialect,
@@ -398,7 +387,8 @@ impl ClientWire for YarpClient {
         }
         // Another server may be there by the time that it is sent.
         let written = self.state.write(request, None)?;
-        let bytes = written.0.len().saturating_add(written.1.as_ref().map_or(0, Bytes::len));
+        let other = written.other.as_ref().map_or(0, Bytes::len);
+        let bytes = written.usual.len().saturating_add(other);
         Ok((Outgoing { body: Body::Written(written), deadline }, bytes))
     }
 

@@ -13,6 +13,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
 
+use bytes::Bytes;
 use tokio::sync::OnceCell;
 use wrapyfi_yarp::bottle::Frame;
 use wrapyfi_yarp::port::{Network, Received};
@@ -20,6 +21,7 @@ use wrapyfi_yarp::{Bottle, Dialect};
 
 use super::options::{BottleFormat, YarpOptions};
 use wrapyfi_endpoint::Mutex;
+use wrapyfi_endpoint::codec::EncodeResult;
 
 /// Most clients whose dialect is remembered.
 const MOST: usize = 256;
@@ -29,6 +31,28 @@ const PATIENCE: Duration = Duration::from_secs(1);
 const ONE_STRING: [u8; 8] = [4, 1, 0, 0, 1, 0, 0, 0];
 /// Bytes before the text of that string.
 const BEFORE_TEXT: usize = 12;
+
+/// A message in the dialect of its reader, as far as that is known, and in the other one where its floats differ
+/// and the reader may have that.
+pub(super) struct Written {
+    pub(super) usual: Bytes,
+    pub(super) other: Option<Bytes>,
+}
+
+impl Written {
+    /// Writes a message in `dialect`, and in the other one unless the reader is known to have `dialect` or both
+    /// are alike.
+    pub(super) fn of(
+        dialect: Dialect,
+        is_enough: bool,
+        write: impl Fn(Dialect) -> EncodeResult<Bytes>,
+    ) -> EncodeResult<Self> {
+        let usual = write(dialect)?;
+        // What only one dialect has a form for is written in that one.
+        let other = if is_enough { None } else { write(dialect.other()).ok() };
+        Ok(Self { other: other.filter(|other| *other != usual), usual })
+    }
+}
 
 /// The dialects of the clients of one port.
 pub(super) struct ClientDialects {

@@ -90,13 +90,6 @@ impl Default for YarpConfig {
 /// Room above a message limit for what is around the message.
 pub(super) const SLACK: usize = 64 * 1024;
 
-/// A name server to speak with.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Where {
-    pub(super) server: NameServerConf,
-    pub(super) namespace: String,
-}
-
 /// Address on which ports listen, and the one that other programs are told.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Listening {
@@ -144,31 +137,31 @@ impl YarpConfig {
     /// These settings with the name server that they lead to now: another one where YARP's own configuration has changed.
     #[must_use]
     pub fn located(mut self) -> Self {
-        if let Ok(Where { server, namespace }) = self.find() {
+        if let Ok(Located { server, namespace }) = self.find() {
             (self.name_server, self.namespace) = (Some(server), Some(namespace));
         }
         self
     }
 
     /// The name server that these settings mean.
-    pub(super) fn find(&self) -> Result<Where, conf::ConfError> {
+    pub(super) fn find(&self) -> Result<Located, conf::ConfError> {
         let environment = Environment::from_process();
         let namespace = |known: Option<String>| {
             let wanted = self.namespace.clone().or(known);
             wanted.unwrap_or_else(|| DEFAULT_NAMESPACE.to_owned())
         };
         if let Some(server) = &self.name_server {
-            return Ok(Where { server: server.clone(), namespace: namespace(None) });
+            return Ok(Located { server: server.clone(), namespace: namespace(None) });
         }
         match locate(&environment) {
-            Ok(Located { conf, namespace: known, .. }) => {
-                Ok(Where { server: conf, namespace: namespace(Some(known)) })
+            Ok(Located { server, namespace: known }) => {
+                Ok(Located { server, namespace: namespace(Some(known)) })
             }
             Err(missing) if self.embedded && missing.is_missing() => {
                 let port = wrapyfi_yarp::name::environment::DEFAULT_PORT;
                 let host = Ipv4Addr::LOCALHOST.to_string();
                 let server = NameServerConf { host, port };
-                Ok(Where { server, namespace: namespace(None) })
+                Ok(Located { server, namespace: namespace(None) })
             }
             Err(error) => Err(error),
         }
@@ -212,7 +205,7 @@ mod tests {
 
     #[test]
     fn an_address_needs_no_file() {
-        let name_server = Some(([127, 0, 0, 1], 10_050).into());
+        let name_server = Some(SocketAddr::from(([127, 0, 0, 1], 10_050)).into());
         let config = YarpConfig { name_server, ..YarpConfig::default() };
         let found = config.find().unwrap();
         assert_eq!((found.server.host.as_str(), found.server.port), ("127.0.0.1", 10_050));
@@ -229,7 +222,7 @@ mod tests {
         let listening = config.listening(server, &nothing).unwrap();
         let here = Listening { on: local, advertised: Some(local), is_afar: false, refused: None };
         assert_eq!(listening, here);
-        let variable = Environment::from_pairs([("YARP_IP", "192.0.2.7")]);
+        let variable = Environment::default().with("YARP_IP", "192.0.2.7");
         let refused = config.listening(server, &variable).unwrap().refused.unwrap().to_string();
         assert!(refused.contains("192.0.2.7") && refused.contains(INSECURE), "{refused}");
         let open = YarpConfig { insecure: true.into(), ..config.clone() };

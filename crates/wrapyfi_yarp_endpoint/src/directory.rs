@@ -12,6 +12,8 @@
 //! answers where it was ([`super::unlisted`]).
 
 use std::collections::BTreeMap;
+use std::convert::Infallible;
+use std::error::Error;
 use std::sync::{Arc, Weak};
 use std::time::Duration;
 
@@ -221,18 +223,15 @@ impl Directory {
     fn apply(&self, event: NameEvent) {
         let mut inner = self.inner.lock();
         inner.changes += 1;
-        let name = match event {
-            NameEvent::Added(name) => {
-                inner.entered += 1;
-                let entry = Entry::new(inner.entered, None);
-                inner.names.insert(name.clone(), entry);
-                name
-            }
-            NameEvent::Removed(name) => {
-                inner.names.remove(&name);
-                name
-            }
-        };
+        let is_there = matches!(event, NameEvent::Added(_));
+        let (NameEvent::Added(name) | NameEvent::Removed(name)) = event;
+        if is_there {
+            inner.entered += 1;
+            let entry = Entry::new(inner.entered, None);
+            inner.names.insert(name.clone(), entry);
+        } else {
+            inner.names.remove(&name);
+        }
         inner.ring(&name);
     }
 
@@ -317,7 +316,7 @@ pub(super) async fn follow(shared: Arc<Shared>) {
         // A machine that vanished closes nothing; the registrar asks it now and then.
         let silent = status.wait_for(|status| status.lost > lost);
         tokio::select! {
-            error = told => shared.directory.lost(&error),
+            Err(error) = told => shared.directory.lost(&error),
             Ok(_) = silent => shared.directory.lost(&"its connection was lost"),
         }
         backoff.pause().await;
@@ -325,21 +324,16 @@ pub(super) async fn follow(shared: Arc<Shared>) {
 }
 
 /// Hears one name server until it ends.
-async fn listen(shared: &Arc<Shared>, backoff: &mut Backoff) -> Box<dyn std::fmt::Display + Send> {
+async fn listen(
+    shared: &Arc<Shared>,
+    backoff: &mut Backoff,
+) -> Result<Infallible, Box<dyn Error + Send + Sync>> {
     let (client, directory) = (shared.registrar.client(), &shared.directory);
-    let mut events = match NameEvents::open(client).await {
-        Ok(events) => events,
-        Err(error) => return Box::new(error),
-    };
+    let mut events = NameEvents::open(client).await?;
     // They end with this name server: the next one may know the ports.
     let mut watches = JoinSet::new();
-    match client.list("").await {
-        Ok(found) => {
-            for (name, entry) in directory.found(found) {
-                watches.spawn(unlisted::until_gone(Arc::clone(shared), name, entry));
-            }
-        }
-        Err(error) => return Box::new(error),
+    for (name, entry) in directory.found(client.list("").await?) {
+        watches.spawn(unlisted::until_gone(Arc::clone(shared), name, entry));
     }
     backoff.reset();
     let begin = tokio::time::Instant::now();
@@ -348,23 +342,17 @@ async fn listen(shared: &Arc<Shared>, backoff: &mut Backoff) -> Box<dyn std::fmt
     loop {
         let look_at = begin + next_look.copied().unwrap_or_default();
         tokio::select! {
-            event = events.next() => match event {
-                Ok(NameEvent::Added(name)) if directory.unlisted(&name).is_some() => {
-                    match client.query(&name).await {
-                        Ok(port) => port.into_iter().for_each(|port| directory.listed(port)),
-                        Err(error) => return Box::new(error),
-                    }
+            event = events.next() => match event? {
+                NameEvent::Added(name) if directory.unlisted(&name).is_some() => {
+                    let port = client.query(&name).await?;
+                    port.into_iter().for_each(|port| directory.listed(port));
                 }
-                Ok(event) => directory.apply(event),
-                Err(error) => return Box::new(error),
+                event => directory.apply(event),
             },
             () = tokio::time::sleep_until(look_at), if next_look.is_some() => {
                 next_look = looks.next();
                 // Changes that are told meanwhile wait in the connection, and are applied after it.
-                match client.list("").await {
-                    Ok(found) => directory.amended(found),
-                    Err(error) => return Box::new(error),
-                }
+                directory.amended(client.list("").await?);
             }
         }
     }

@@ -8,7 +8,7 @@ use wrapyfi_yarp::server::NameServerError;
 ///
 /// ```
 /// use wrapyfi_yarp_endpoint::{Yarp, YarpConfig, YarpError};
-/// let name_server = Some(([192, 0, 2, 1], 10000).into()); // another machine's address
+/// let name_server = Some(std::net::SocketAddr::from(([192, 0, 2, 1], 10000)).into()); // another machine's address
 /// let config = YarpConfig { name_server, embedded: true, ..YarpConfig::default() };
 /// assert!(matches!(Yarp::start(&config), Err(YarpError::NotLoopback(_))));
 /// ```

@@ -113,7 +113,7 @@ const NAMES_TIMEOUT: Duration = Duration::from_secs(5);
 /// use wrapyfi_data::types::MessageType;
 /// use wrapyfi_yarp_endpoint::{Yarp, YarpConfig};
 /// // A name server of its own, on any free port.
-/// let name_server = Some(([127, 0, 0, 1], 0).into());
+/// let name_server = Some(std::net::SocketAddr::from(([127, 0, 0, 1], 0)).into());
 /// let yarp = Yarp::start(&YarpConfig { name_server, embedded: true, ..YarpConfig::default() })?;
 /// let spec = TopicSpec::new("/head/camera:o", MessageType::Image);
 /// let mut listener = yarp.open_listener(&spec, &Context::default())?;

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use tokio::sync::{Mutex, mpsc};
-use wrapyfi_yarp::port::{OutputOptions, OutputPort};
+use wrapyfi_yarp::port::{OutputPort, PortOptions};
 use wrapyfi_yarp::{Bottle, Value};
 
 use super::link_state::LinkState;
@@ -75,7 +75,7 @@ fn name() -> String {
 async fn run(shared: Arc<Shared>, name: String, lines: Arc<Mutex<mpsc::Receiver<Bottle>>>) {
     let mut lines = lines.lock().await;
     let link_state = LinkState::new(Wake::new(), String::new());
-    let options = OutputOptions { queue: MOST, ..OutputOptions::default() };
+    let options = PortOptions { queue: MOST, ..PortOptions::default() };
     let port: OutputPort = until_open(&shared, &name, &link_state, || {
         let (network, name, options) = (shared.network.clone(), name.clone(), options.clone());
         async move { network.open_output(&name, &options).await }

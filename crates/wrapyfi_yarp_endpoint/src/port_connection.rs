@@ -8,7 +8,7 @@
 
 use std::time::Duration;
 
-use tokio::sync::watch;
+use tokio::sync::{Notify, watch};
 use wrapyfi_yarp::port::Connected;
 
 use super::directory::unless_slow;
@@ -88,10 +88,7 @@ impl PortConnection {
             let reached = shared.directory.reached();
             if reached.is_none() {
                 say(shared.directory.waiting_for().unwrap_or_default());
-                tokio::select! {
-                    () = bell.notified() => {}
-                    Ok(()) = changed.changed() => {}
-                }
+                news(&bell, &mut changed).await;
                 continue;
             }
             let has_files = self.reads_files(shared).await;
@@ -118,18 +115,12 @@ impl PortConnection {
             if is_connected() {
                 backoff.reset();
                 is_reminded = false;
-                tokio::select! {
-                    () = bell.notified() => {}
-                    Ok(()) = changed.changed() => {}
-                }
+                news(&bell, &mut changed).await;
                 continue;
             }
             if !shared.directory.knows(self.other()) {
                 say(format!("port {}{UNOPENED}", self.other()));
-                tokio::select! {
-                    () = bell.notified() => {}
-                    Ok(()) = changed.changed() => {}
-                }
+                news(&bell, &mut changed).await;
                 continue;
             }
             let mut failure = None;
@@ -174,5 +165,13 @@ impl PortConnection {
         if let Ok(Err(error)) = tokio::time::timeout(FAREWELL, forgotten).await {
             tracing::debug!(own = self.own, %error, "a persistent connection stays known");
         }
+    }
+}
+
+/// Waits until the other port comes or goes, or a connection of ours does.
+async fn news(bell: &Notify, changed: &mut watch::Receiver<Connected>) {
+    tokio::select! {
+        () = bell.notified() => {}
+        Ok(()) = changed.changed() => {}
     }
 }

@@ -22,9 +22,7 @@ use std::time::Duration;
 use tokio::sync::watch;
 use tokio::time::Instant;
 use wrapyfi_yarp::Dialect;
-use wrapyfi_yarp::port::{
-    Connected, Fate, Message, OutputOptions, Overflow, PayloadKind, PortOptions, Written,
-};
+use wrapyfi_yarp::port::{Connected, Fate, Message, Overflow, PayloadKind, PortOptions, Written};
 
 use super::device::Device;
 use super::input;
@@ -282,15 +280,13 @@ async fn serve(
     pictures: bool,
     destination: Option<&str>,
 ) {
-    let wanted = OutputOptions {
-        port: PortOptions {
-            pictures,
-            readers: YarpOptions::admission(options.to_peers.as_ref()),
-            ..PortOptions::default()
-        },
+    let wanted = PortOptions {
+        pictures,
+        readers: YarpOptions::admission(options.to_peers.as_ref()),
         queue: shared.send_queue,
         // The publisher is told what finds no room, as on ZeroMQ.
         overflow: Overflow::DropNewest,
+        ..PortOptions::default()
     };
     // Two colons: no other bridge takes it for an endpoint.
     let numbered = destination.map(|port| format!("{port}:out:{}", number()));

@@ -18,7 +18,7 @@ use tokio::sync::oneshot;
 use wrapyfi_yarp::Dialect;
 use wrapyfi_yarp::port::{Answer, PortOptions, Received, RpcServer};
 
-use super::client_dialects::{self, ClientDialects};
+use super::client_dialects::{self, ClientDialects, Written};
 use super::found_format::{self, FoundFormat};
 use super::link_state::LinkState;
 use super::losses::Losses;
@@ -44,7 +44,7 @@ pub(super) struct YarpServer {
 /// A request, and the way back.
 pub(super) struct Ask {
     body: Bytes,
-    reply: oneshot::Sender<Reply>,
+    reply: oneshot::Sender<Written>,
     format: RequestFormat,
 }
 
@@ -54,13 +54,6 @@ struct RequestFormat {
     /// Dialect, as far as it shows.
     dialect: Option<Dialect>,
     bottle: BottleFormat,
-}
-
-/// Encoded reply.
-pub(super) enum Reply {
-    Known(Bytes),
-    /// Reply in the dialect that is set, and in the other one, which the client may have.
-    Either(Bytes, Bytes),
 }
 
 /// State that the server shares with its port.
@@ -88,20 +81,12 @@ impl ServerState {
     }
 
     /// Writes an answer; twice where its floats differ and nobody knows what the client reads.
-    fn write(
-        &self,
-        answer: &Payload,
-        format: RequestFormat,
-    ) -> EncodeResult<(Bytes, Option<Bytes>)> {
+    fn write(&self, answer: &Payload, format: RequestFormat) -> EncodeResult<Written> {
         let options = self.formats.of(&self.options, format.bottle);
-        let write = |dialect| payload::encode_reply(answer, &self.spec, options, dialect);
-        let body = write(format.dialect.unwrap_or(self.dialect))?;
-        if format.dialect.is_some() || payload::is_json(&self.spec, options) {
-            return Ok((body, None));
-        }
-        // A reply that only one dialect has a form for is written in that one.
-        let other = write(self.dialect.other()).ok().filter(|other| *other != body);
-        Ok((body, other))
+        let is_enough = format.dialect.is_some() || payload::is_json(&self.spec, options);
+        Written::of(format.dialect.unwrap_or(self.dialect), is_enough, |dialect| {
+            payload::encode_reply(answer, &self.spec, options, dialect)
+        })
     }
 
     /// True when the server takes calls as Wrapyfi's functions do.
@@ -126,11 +111,11 @@ impl ServerState {
             return Answer::Nothing;
         }
         Answer::Object(match answered.await {
-            Ok(Reply::Known(body)) => body,
-            Ok(Reply::Either(body, other)) => {
+            Ok(Written { usual, other: None }) => usual,
+            Ok(Written { usual, other: Some(other) }) => {
                 let dialect = self.clients.usual().await;
                 self.clients.written(&received, dialect);
-                if dialect == self.dialect { body } else { other }
+                if dialect == self.dialect { usual } else { other }
             }
             Err(_dropped) => self.error(&format!("{:?} has ended", self.spec.service), format),
         })
@@ -243,7 +228,7 @@ async fn close(shared: &Shared, state: &ServerState) {
 
 impl ServerWire for YarpServer {
     type Ask = Ask;
-    type Answer = (Bytes, Option<Bytes>);
+    type Answer = Written;
 
     fn read(&self, Ask { body, format, .. }: &Ask) -> Result<Request, DecodeError> {
         let ServerState { spec, options, dialect, .. } = &*self.state;
@@ -251,17 +236,14 @@ impl ServerWire for YarpServer {
         payload::decode_request(body, spec, options, format.dialect.unwrap_or(*dialect))
     }
 
-    fn write(&self, ask: &Ask, payload: &Payload) -> EncodeResult<Self::Answer> {
+    fn write(&self, ask: &Ask, payload: &Payload) -> EncodeResult<Written> {
         self.state.write(payload, ask.format)
     }
 
-    fn send(&mut self, Ask { reply, format, .. }: Ask, answer: Result<Self::Answer, &str>) -> Sent {
-        let (body, other) = answer.unwrap_or_else(|why| (self.state.error(why, format), None));
-        let bytes = body.len();
-        let answer = match other {
-            None => Reply::Known(body),
-            Some(other) => Reply::Either(body, other),
-        };
+    fn send(&mut self, Ask { reply, format, .. }: Ask, answer: Result<Written, &str>) -> Sent {
+        let failed = |why: &str| Written { usual: self.state.error(why, format), other: None };
+        let answer = answer.unwrap_or_else(failed);
+        let bytes = answer.usual.len();
         // Whoever asked may be gone: then nobody waits for it any more.
         reply.send(answer).ok();
         Ok(Some(bytes))

@@ -125,7 +125,7 @@ pub(super) fn of_message(message: &Bytewise, limits: &Limits) -> Option<&'static
 
 #[cfg(test)]
 mod tests {
-    use wrapyfi_yarp::sig::{Image, PixelCode};
+    use wrapyfi_yarp::sig::{Image, PixelCode, Rows};
 
     use super::*;
 
@@ -138,7 +138,7 @@ mod tests {
         let pixels = vec![7; 4 * 2 * 3];
         let rgb = PixelCode::Rgb;
         let image = Image::from_packed(rgb, 4, 2, pixels.into()).unwrap();
-        assert_eq!(type_of(image.encode().unwrap()), Some("Image"));
+        assert_eq!(type_of(image.encode(Rows::Announced).unwrap()), Some("Image"));
         assert_eq!(
             of_message(&Bytewise::raw(vec![0xff, 0xd8]), &Limits::default()),
             Some("CompressedImage")

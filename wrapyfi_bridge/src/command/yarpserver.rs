@@ -116,7 +116,7 @@ mod tests {
     #[test]
     fn what_is_given_goes_before_what_the_file_says() {
         let folder = tempfile::tempdir().unwrap();
-        let environment = Environment::from_pairs([("YARP_CONFIG_HOME", folder.path())]);
+        let environment = Environment::default().with("YARP_CONFIG_HOME", folder.path());
         let conf = |host: &str, port| NameServerConf { host: host.to_owned(), port };
         assert_eq!(place(&args(), &environment).unwrap(), conf("127.0.0.1", 10_000));
         let read = YarpServerArgs { read: true, ..args() };

@@ -145,7 +145,7 @@ pub fn server_addresses(
             let found = match config.name_server {
                 Some(written) => written,
                 None => match locate(&Environment::from_process()) {
-                    Ok(located) => located.conf,
+                    Ok(located) => located.server,
                     Err(_) if config.embedded => {
                         NameServerConf { host: "127.0.0.1".to_owned(), port: DEFAULT_PORT }
                     }

@@ -19,10 +19,11 @@ use tokio::sync::Semaphore;
 use super::conf::NameServerConf;
 use super::error::NameError;
 use super::name_fault;
-use super::reply::{self, AnswerReader, Lined};
+use super::reply;
 use crate::port::link::{Link, LinkError, LinkOptions};
 use crate::port::names::{Later, NameRequest, Names, Registration};
 use crate::port::tools::contact;
+use crate::wire::text::{AnswerReader, Lined};
 use crate::wire::{Carrier, Command, Sender};
 use crate::{Bottle, Dialect, Limits, Value};
 
@@ -328,7 +329,7 @@ impl NameClient {
             let (address, options) = (self.address(), self.link_options());
             let mut link = Link::connect(&address, Carrier::Text, &options).await?;
             link.write_raw(&[request.as_bytes()]).await?;
-            let mut reader = AnswerReader::new(&options.limits);
+            let mut reader = AnswerReader::new(&options.limits, reply::is_end);
             link.poll(|buffer| reader.poll(buffer)).await
         };
         self.request(command, asked).await
@@ -358,20 +359,17 @@ impl NameClient {
 
     /// The line that asks for it.
     fn register_command(&self, request: &NameRequest) -> Result<String, NameError> {
-        let NameRequest { name, carrier, host, port, type_name } = request;
+        let NameRequest { name, carrier, host, port } = request;
         // The name server completes these.
         self.checked(&match name.strip_prefix('=') {
             Some(tail) => format!("/{tail}"),
             None => name.clone(),
         })?;
         let mut command = format!("register {name}");
-        let some = carrier.is_some() || host.is_some() || port.is_some() || type_name.is_some();
-        if some {
-            let word = |word: &Option<String>| word.clone().unwrap_or_else(|| "...".to_owned());
-            // As YARP asks for any port, depending on whether a type follows.
-            let any = if type_name.is_some() { "-1" } else { "..." };
-            let port = port.map_or_else(|| any.to_owned(), |port| port.to_string());
-            for word in [word(carrier), word(host), port].iter().chain(type_name) {
+        let port = port.map(|port| port.to_string());
+        let wanted = [carrier, host, &port];
+        if wanted.iter().any(|word| word.is_some()) {
+            for word in wanted.map(|word| word.as_deref().unwrap_or("...")) {
                 if word.is_empty()
                     || word.contains(|letter: char| letter.is_whitespace() || letter == '"')
                 {
@@ -463,8 +461,6 @@ mod tests {
         let placed =
             NameRequest { host: Some("127.0.0.1".into()), port: Some(10_444), ..named("/cam") };
         assert_eq!(command(&placed), "register /cam ... 127.0.0.1 10444");
-        let typed = NameRequest { type_name: Some("yarp/image".into()), ..named("/x") };
-        assert_eq!(command(&typed), "register /x ... ... -1 yarp/image");
         let group = NameRequest { carrier: Some("mcast".into()), ..named("...") };
         assert_eq!(command(&group), "register ... mcast ... ...");
     }

@@ -26,7 +26,7 @@ const MAX_CONF_BYTES: u64 = 64 * 1024;
 ///
 /// ```
 /// use wrapyfi_yarp::name::NameServerConf;
-/// let here = NameServerConf::from(([127, 0, 0, 1], 10000));
+/// let here = NameServerConf::from(std::net::SocketAddr::from(([127, 0, 0, 1], 10000)));
 /// assert_eq!((here.host.as_str(), here.port), ("127.0.0.1", 10000));
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -41,11 +41,9 @@ pub struct NameServerConf {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Located {
     /// Address of the name server.
-    pub conf: NameServerConf,
+    pub server: NameServerConf,
     /// Port name of the name server.
     pub namespace: String,
-    /// The file that says so.
-    pub file: PathBuf,
 }
 
 /// Error of the configuration that should name the name server.
@@ -90,12 +88,6 @@ impl ConfError {
 impl From<SocketAddr> for NameServerConf {
     fn from(address: SocketAddr) -> Self {
         Self { host: address.ip().to_string(), port: address.port() }
-    }
-}
-
-impl From<([u8; 4], u16)> for NameServerConf {
-    fn from(address: ([u8; 4], u16)) -> Self {
-        SocketAddr::from(address).into()
     }
 }
 
@@ -249,7 +241,7 @@ pub fn file_of(environment: &Environment, namespace: &str) -> Result<PathBuf, Co
 pub fn locate(environment: &Environment) -> Result<Located, ConfError> {
     let namespace = namespace(environment)?;
     let file = file_of(environment, &namespace)?;
-    Ok(Located { conf: NameServerConf::read(&file)?, namespace, file })
+    Ok(Located { server: NameServerConf::read(&file)?, namespace })
 }
 
 /// The text of a file; none where there is no such file.

@@ -34,7 +34,7 @@ fn what_is_no_configuration_is_explained() {
 #[test]
 fn files_are_found_by_namespace_and_errors_name_them() {
     let folder = tempfile::tempdir().unwrap();
-    let environment = Environment::from_pairs([("YARP_CONFIG_HOME", folder.path())]);
+    let environment = Environment::default().with("YARP_CONFIG_HOME", folder.path());
     let missing = locate(&environment).unwrap_err().to_string();
     assert!(missing.contains("yarp.conf does not exist"), "{missing}");
 
@@ -42,7 +42,7 @@ fn files_are_found_by_namespace_and_errors_name_them() {
     conf("127.0.0.1", 10_000).write(&file).unwrap();
     assert_eq!(std::fs::read_to_string(&file).unwrap(), "127.0.0.1 10000 yarp\n");
     let located = locate(&environment).unwrap();
-    assert_eq!((located.namespace.as_str(), located.conf.port), ("/root", 10_000));
+    assert_eq!((located.namespace.as_str(), located.server.port), ("/root", 10_000));
 
     std::fs::write(folder.path().join("yarp_namespace.conf"), "/icub01 /other\n").unwrap();
     let missing = locate(&environment).unwrap_err().to_string();

@@ -58,15 +58,6 @@ impl Environment {
         Self { variables }
     }
 
-    /// An environment of exactly these variables.
-    pub fn from_pairs<N: Into<String>, V: Into<OsString>>(
-        pairs: impl IntoIterator<Item = (N, V)>,
-    ) -> Self {
-        Self {
-            variables: pairs.into_iter().map(|(name, value)| (name.into(), value.into())).collect(),
-        }
-    }
-
     /// The same with one variable changed; an empty value takes it away.
     #[must_use]
     pub fn with(mut self, name: &str, value: impl Into<OsString>) -> Self {
@@ -212,13 +203,14 @@ fn own_address(prefix: &str, server: Option<IpAddr>) -> Option<IpAddr> {
 mod tests {
     use super::*;
 
+    fn of<const N: usize>(pairs: [(&str, &str); N]) -> Environment {
+        pairs.into_iter().fold(Environment::default(), |all, (name, value)| all.with(name, value))
+    }
+
     #[test]
     fn the_folder_is_found_in_yarps_order() {
-        let all = Environment::from_pairs([
-            ("YARP_CONFIG_HOME", "/own"),
-            ("XDG_CONFIG_HOME", "/xdg"),
-            ("HOME", "/home/me"),
-        ]);
+        let all =
+            of([("YARP_CONFIG_HOME", "/own"), ("XDG_CONFIG_HOME", "/xdg"), ("HOME", "/home/me")]);
         assert_eq!(all.config_home(), Some("/own".into()));
         if cfg!(target_os = "linux") {
             let xdg = all.with("YARP_CONFIG_HOME", "");
@@ -231,11 +223,8 @@ mod tests {
 
     #[test]
     fn the_folder_of_sockets_is_that_of_yarp() {
-        let all = Environment::from_pairs([
-            ("YARP_RUNTIME_DIR", "/own"),
-            ("XDG_RUNTIME_DIR", "/run/user/7"),
-            ("USER", "me"),
-        ]);
+        let all =
+            of([("YARP_RUNTIME_DIR", "/own"), ("XDG_RUNTIME_DIR", "/run/user/7"), ("USER", "me")]);
         assert_eq!(all.runtime_folder(), Some("/own".into()));
         let xdg = all.with("YARP_RUNTIME_DIR", "");
         assert_eq!(xdg.runtime_folder(), Some("/run/user/7/yarp".into()));
@@ -246,7 +235,7 @@ mod tests {
 
     #[test]
     fn ports_are_renamed_prefixed_and_numbered() {
-        let environment = Environment::from_pairs([
+        let environment = of([
             ("YARP_PORT_PREFIX", "/left"),
             ("YARP_RENAME_cam_rgb", "/picture"),
             ("YARP_PORTNUMBER_cam_rgb", "10444"),
@@ -263,7 +252,7 @@ mod tests {
 
     #[test]
     fn an_address_may_be_given_by_its_beginning() {
-        let ip = |text: &str| Environment::from_pairs([("YARP_IP", text)]).own_ip(None);
+        let ip = |text: &str| of([("YARP_IP", text)]).own_ip(None);
         assert_eq!(Environment::default().own_ip(None), Ok(None));
         assert_eq!(ip("127."), Ok(Some(Ipv4Addr::LOCALHOST.into())));
         assert_eq!(ip("192.0.2.7"), Ok(Some([192, 0, 2, 7].into())));
@@ -273,7 +262,7 @@ mod tests {
 
     #[test]
     fn numbers_that_are_no_ports_are_named() {
-        let environment = Environment::from_pairs([("YARP_PORT_RANGE", "70000")]);
+        let environment = of([("YARP_PORT_RANGE", "70000")]);
         let error = environment.base_port().unwrap_err().to_string();
         assert!(error.contains("YARP_PORT_RANGE=\"70000\""), "{error}");
         assert_eq!(Environment::default().base_port(), Ok(10_000));

@@ -21,7 +21,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::sync::{Notify, watch};
-use tokio::task::JoinHandle;
+use tokio::task::JoinSet;
 use wrapyfi_retry::restart::restarted;
 use wrapyfi_retry::{Backoff, Mutex};
 
@@ -68,13 +68,8 @@ pub struct Registrar(Arc<RegistrarTask>);
 #[derive(Debug)]
 struct RegistrarTask {
     shared: Arc<Shared>,
-    task: JoinHandle<()>,
-}
-
-impl Drop for RegistrarTask {
-    fn drop(&mut self) {
-        self.task.abort();
-    }
+    /// Ends with the registrar.
+    _task: JoinSet<()>,
 }
 
 #[derive(Debug)]
@@ -91,7 +86,6 @@ struct Shared {
 #[derive(Debug, Clone)]
 struct Wanted {
     at: Registration,
-    type_name: Option<String>,
     /// Properties, so that they come back with the name.
     properties: BTreeMap<String, Vec<crate::Value>>,
     announced: bool,
@@ -111,12 +105,13 @@ impl Registrar {
             wake: Notify::new(),
         });
         let (told, kept) = (Arc::clone(&shared), Arc::clone(&shared));
-        let task = tokio::spawn(restarted(
+        let mut task = JoinSet::new();
+        task.spawn(restarted(
             "the registration of YARP ports".to_owned(),
             move |_| told.failed(),
             move || watch_over(Arc::clone(&kept)),
         ));
-        Self(Arc::new(RegistrarTask { shared, task }))
+        Self(Arc::new(RegistrarTask { shared, _task: task }))
     }
 
     /// The client it asks with.
@@ -149,7 +144,7 @@ impl Names for Registrar {
             let at = self.client().register(request).await?;
             // Groups belong to a port that opens them again; their numbers mean nothing later.
             if at.carrier != "mcast" {
-                self.0.shared.insert(at.clone(), request.type_name.clone());
+                self.0.shared.insert(at.clone());
             }
             Ok(at)
         })
@@ -189,10 +184,10 @@ impl Names for Registrar {
 }
 
 impl Shared {
-    fn insert(&self, at: Registration, type_name: Option<String>) {
+    fn insert(&self, at: Registration) {
         let name = at.name.clone();
         let properties = BTreeMap::new();
-        let wanted = Wanted { at, type_name, properties, announced: false, taken: false };
+        let wanted = Wanted { at, properties, announced: false, taken: false };
         self.names.lock().insert(name, wanted);
         self.wake.notify_one();
     }
@@ -223,10 +218,6 @@ impl Shared {
         names.range(behind).next().or_else(|| names.iter().next()).map(|(_, wanted)| wanted.clone())
     }
 
-    fn is_empty(&self) -> bool {
-        self.names.lock().is_empty()
-    }
-
     fn failed(&self) {
         self.status.send_modify(|status| status.connected = false);
     }
@@ -254,7 +245,6 @@ impl Shared {
             carrier: Some(carrier.clone()),
             host: Some(host.clone()),
             port: Some(*port),
-            type_name: wanted.type_name.clone(),
         };
         self.client.register(&request).await?;
         for (key, values) in &wanted.properties {
@@ -306,54 +296,47 @@ async fn watch_over(shared: Arc<Shared>) {
         .starting_at(retry_from)
         .up_to(check_every.max(retry_from));
     loop {
-        if shared.is_empty() {
+        if shared.names.lock().is_empty() {
             shared.wake.notified().await;
-            continue;
+        } else if let Err(error) = renew_and_watch(&shared, &mut backoff).await {
+            tracing::debug!(target: "wrapyfi_yarp::name", error = %error, "name server lost");
+            shared.failed();
+            backoff.pause().await;
         }
-        let names: Vec<String> = shared.names.lock().keys().cloned().collect();
-        let opened = shared.client.greet(Carrier::TextAck, "anon_registrar").await;
-        let ended: Box<dyn std::fmt::Display + Send> = match opened {
-            Ok(link) => {
-                let mut renewed = Ok(());
-                for name in &names {
-                    renewed = shared.renew(name).await;
-                    if renewed.is_err() {
-                        break;
-                    }
-                }
-                match renewed {
-                    Ok(()) => {
-                        backoff.reset();
-                        shared.status.send_modify(|status| status.connected = true);
-                        match stay(&shared, link).await {
-                            None => continue,
-                            Some(error) => {
-                                shared.status.send_modify(|status| status.lost += 1);
-                                Box::new(error)
-                            }
-                        }
-                    }
-                    Err(error) => Box::new(error),
-                }
-            }
-            Err(error) => Box::new(error),
-        };
-        tracing::debug!(target: "wrapyfi_yarp::name", error = %ended, "name server lost");
-        shared.failed();
-        drop(ended);
-        backoff.pause().await;
     }
 }
 
-/// Watches one connection until it ends, or until there are no names: then none.
-async fn stay(shared: &Shared, mut link: Link) -> Option<LinkError> {
+/// Registers all names that are gone, and watches the connection as long as there are names.
+///
+/// # Errors
+/// When the name server does not answer, or the connection ends.
+async fn renew_and_watch(
+    shared: &Shared,
+    backoff: &mut Backoff,
+) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
+    let names: Vec<String> = shared.names.lock().keys().cloned().collect();
+    let link = shared.client.greet(Carrier::TextAck, "anon_registrar").await?;
+    for name in &names {
+        shared.renew(name).await?;
+    }
+    backoff.reset();
+    shared.status.send_modify(|status| status.connected = true);
+    let watched = stay(shared, link).await;
+    if watched.is_err() {
+        shared.status.send_modify(|status| status.lost += 1);
+    }
+    Ok(watched?)
+}
+
+/// Watches one connection until it ends, which is an error, or until there are no names.
+async fn stay(shared: &Shared, mut link: Link) -> Result<(), LinkError> {
     let mut name = String::new();
     loop {
         let waited = tokio::time::timeout(shared.options.check_every, link.ended()).await;
         if let Ok(error) = waited {
-            return Some(error);
+            return Err(error);
         }
-        let wanted = shared.after(&name)?;
+        let Some(wanted) = shared.after(&name) else { return Ok(()) };
         name.clone_from(&wanted.at.name);
         let data = Command::Data { reply: true, envelope: None };
         let question = text::message(&data, Some(format!("query {name}").as_bytes()));
@@ -361,16 +344,14 @@ async fn stay(shared: &Shared, mut link: Link) -> Option<LinkError> {
             link.write_raw(&[&question]).await?;
             link.answer_lines().await
         };
-        match shared.client.in_time(asked).await {
-            Err(error) => return Some(error),
-            Ok(answer) => match answer.first().and_then(|line| reply::registration(line)) {
-                Some(found) => shared.compare(&found),
-                None => {
-                    if let Err(error) = shared.renew(&name).await {
-                        tracing::warn!(target: "wrapyfi_yarp::name", %error, name, "not registered");
-                    }
+        let answer = shared.client.in_time(asked).await?;
+        match answer.first().and_then(|line| reply::registration(line)) {
+            Some(found) => shared.compare(&found),
+            None => {
+                if let Err(error) = shared.renew(&name).await {
+                    tracing::warn!(target: "wrapyfi_yarp::name", %error, name, "not registered");
                 }
-            },
+            }
         }
     }
 }

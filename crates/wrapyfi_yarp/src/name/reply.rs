@@ -5,63 +5,22 @@
 //!   *** end of message\r\n        the first line of more than one letter that begins with * or [
 //! ```
 
-use bytes::{Bytes, BytesMut};
+use bytes::BytesMut;
 
 use crate::Limits;
 use crate::port::names::Registration;
-use crate::wire::text::Lines;
-use crate::wire::{Fault, Step};
+use crate::wire::Step;
+use crate::wire::text::{AnswerReader, Lined};
 
-/// Reads the answer to a one-line request.
-#[derive(Debug, Clone)]
-pub(crate) struct AnswerReader {
-    lines: Lines,
-    got: Vec<Bytes>,
-    bytes: usize,
-    limit: usize,
-}
-
-/// An answer: its lines, and the one that ended it.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Lined {
-    pub(crate) lines: Vec<Bytes>,
-    pub(crate) end: Bytes,
-}
-
-impl AnswerReader {
-    pub(crate) fn new(limits: &Limits) -> Self {
-        let (lines, limit) = (Lines::new(limits), limits.max_message_bytes);
-        Self { lines, got: Vec::new(), bytes: 0, limit }
-    }
-
-    /// Reads on; what follows the answer stays in the buffer.
-    ///
-    /// # Errors
-    /// When a line or the whole is too long.
-    pub(crate) fn poll(&mut self, buffer: &mut BytesMut) -> Result<Step<Lined>, Fault> {
-        loop {
-            let line = match self.lines.poll(buffer)? {
-                Step::Event(line) => line,
-                Step::Need(more) => return Ok(Step::Need(more)),
-            };
-            if line.len() > 1 && matches!(line.first(), Some(b'*' | b'[')) {
-                let lines = std::mem::take(&mut self.got);
-                return Ok(Step::Event(Lined { lines, end: line }));
-            }
-            // An empty line costs memory, too.
-            self.bytes = self.bytes.saturating_add(line.len() + size_of::<Bytes>());
-            if self.bytes > self.limit {
-                return Err(Fault::MessageTooLarge { size: self.bytes, limit: self.limit });
-            }
-            self.got.push(line);
-        }
-    }
+/// True for the line that ends an answer.
+pub(crate) fn is_end(line: &[u8]) -> bool {
+    line.len() > 1 && matches!(line.first(), Some(b'*' | b'['))
 }
 
 /// The ports in an answer that is there as a whole; none where it does not end or is too long.
 pub(crate) fn read_answer(bytes: &[u8], limits: &Limits) -> Option<Vec<Registration>> {
     let mut buffer = BytesMut::from(bytes);
-    match AnswerReader::new(limits).poll(&mut buffer) {
+    match AnswerReader::new(limits, is_end).poll(&mut buffer) {
         Ok(Step::Event(Lined { lines, .. })) => {
             Some(lines.iter().filter_map(|line| registration(line)).collect())
         }
@@ -125,7 +84,7 @@ mod tests {
 
     #[test]
     fn an_answer_ends_with_its_last_line_and_is_bounded() {
-        let mut reader = AnswerReader::new(&Limits::default());
+        let mut reader = AnswerReader::new(&Limits::default(), is_end);
         let mut buffer = BytesMut::from("one\r\n*\r\n\r\n*** end");
         assert_eq!(reader.poll(&mut buffer), Ok(Step::Need(1)));
         buffer.extend_from_slice(b" of message\r\nmore");
@@ -135,6 +94,6 @@ mod tests {
 
         let limits = Limits { max_message_bytes: 1000, ..Limits::default() };
         let mut flood = BytesMut::from("\n".repeat(1000).as_str());
-        assert!(AnswerReader::new(&limits).poll(&mut flood).is_err());
+        assert!(AnswerReader::new(&limits, is_end).poll(&mut flood).is_err());
     }
 }

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use super::core::{Core, Input, Sink};
-use super::output::Output;
+use super::core::{Core, Role};
+use super::output::ConnectionStatus;
 use crate::wire::Command;
 use crate::wire::admin::{self, Direction};
 use crate::{Bottle, Value};
@@ -18,15 +18,6 @@ fn sched() -> Value {
     admin::dict("sched", [("tid", (-1).into()), ("priority", (-1).into()), ("policy", (-1).into())])
 }
 
-/// A connection, as `[list]` tells it.
-pub(crate) struct ListedConnection {
-    pub(crate) name: String,
-    /// Carrier with its qualifiers.
-    pub(crate) carrier: String,
-    pub(crate) connectionless: bool,
-    pub(crate) push: bool,
-}
-
 /// A port that others administer: that of a program, and the name server's.
 pub(crate) trait Administered: Sync {
     fn name(&self) -> &str;
@@ -34,7 +25,7 @@ pub(crate) trait Administered: Sync {
     /// Host and number under which the port describes itself.
     fn contact(&self) -> String;
 
-    fn connections(&self, direction: Direction) -> Vec<ListedConnection>;
+    fn connections(&self, direction: Direction) -> Vec<ConnectionStatus>;
 
     /// Connects to `destination`; the sentence that says how it went.
     fn add(&self, destination: &str) -> impl Future<Output = Result<String, String>> + Send;
@@ -143,14 +134,14 @@ pub(crate) fn describe(port: &impl Administered) -> String {
     let name = port.name();
     let mut lines = format!("This is {name} at tcp://{}/\r\n", port.contact());
     let outputs = port.connections(Direction::Out);
-    for ListedConnection { name: to, carrier, .. } in &outputs {
+    for ConnectionStatus { name: to, carrier, .. } in &outputs {
         lines += &format!("There is an output connection from {name} to {to} using {carrier}\r\n");
     }
     if outputs.is_empty() {
         lines += "There are no outgoing connections\r\n";
     }
     let inputs = port.connections(Direction::In);
-    for ListedConnection { name: from, carrier, .. } in &inputs {
+    for ConnectionStatus { name: from, carrier, .. } in &inputs {
         lines += &format!("There is an input connection from {from} to {name} using {carrier}\r\n");
     }
     if inputs.is_empty() {
@@ -168,24 +159,10 @@ impl Administered for Arc<Core> {
         self.contact.clone()
     }
 
-    fn connections(&self, direction: Direction) -> Vec<ListedConnection> {
-        let connections = self.connections.lock();
-        let input = |input: &Input| ListedConnection {
-            name: input.name.clone(),
-            carrier: input.carrier.clone(),
-            connectionless: input.connectionless,
-            push: input.push,
-        };
-        let output = |output: &Output| ListedConnection {
-            name: output.name.clone(),
-            carrier: output.carrier_text.clone(),
-            connectionless: output.carrier.is_connectionless(),
-            push: output.carrier.is_push(),
-        };
-        match direction {
-            Direction::In => connections.inputs.iter().map(input).collect(),
-            Direction::Out => connections.outputs.iter().map(output).collect(),
-        }
+    fn connections(&self, direction: Direction) -> Vec<ConnectionStatus> {
+        let mut connections = self.status();
+        connections.retain(|one| one.incoming == (direction == Direction::In));
+        connections
     }
 
     async fn add(&self, destination: &str) -> Result<String, String> {
@@ -198,7 +175,7 @@ impl Administered for Arc<Core> {
 
     fn remove_input(&self, name: &str) -> bool {
         let connections = self.connections.lock();
-        let found = connections.inputs.iter().filter(|input| input.name == name);
+        let found = connections.inputs.iter().filter(|input| input.status.name == name);
         found.inspect(|input| input.stop.notify_one()).count() > 0
     }
 
@@ -226,7 +203,9 @@ impl Administered for Arc<Core> {
             Some(key) if key == self.name => about(self),
             Some(key) if key.starts_with('/') => {
                 let output = connections.outputs.iter().find(|output| output.name == key);
-                if output.is_none() && !connections.inputs.iter().any(|input| input.name == key) {
+                if output.is_none()
+                    && !connections.inputs.iter().any(|input| input.status.name == key)
+                {
                     return admin::fail(Some(&format!("cannot find any connection to/from {key}")));
                 }
                 let socket = output.and_then(|output| output.socket.as_ref());
@@ -261,7 +240,7 @@ fn set_service(core: &Core, peer: &str, values: &Bottle) -> bool {
     {
         return socket2::SockRef::from(&**socket).set_tos_v4(service).is_ok();
     }
-    output.is_some() || connections.inputs.iter().any(|input| input.name == peer)
+    output.is_some() || connections.inputs.iter().any(|input| input.status.name == peer)
 }
 
 /// Description of the port, as YARP's ports give it to `yarpconnectionsinfo` and to bridges.
@@ -281,10 +260,10 @@ fn about(core: &Core) -> Bottle {
     ];
     let platform = [("os", Value::string("Linux")), ("hostname", Value::string(host))];
     let port = [
-        ("is_input", flag(!matches!(core.sink, Sink::Nobody))),
-        ("is_output", flag(core.role.outputs)),
+        ("is_input", flag(core.handler.is_some())),
+        ("is_output", flag(core.role != Role::Input)),
         ("is_rpc", flag(core.rpc)),
-        ("type", core.type_name.as_deref().unwrap_or_default().into()),
+        ("type", "".into()),
     ];
     let process = admin::dict("process", process);
     [sched(), process, admin::dict("platform", platform), admin::dict("port", port)]

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use tokio::net::TcpStream;
 
 use super::administration;
-use super::core::Core;
+use super::core::{Core, Role};
 use super::datagrams;
 use super::entered::Entered;
 use super::open::Admission;
@@ -81,17 +81,13 @@ async fn serve(
         match event {
             Event::Data(data) => {
                 let answer = entered.deliver(data).await;
-                let last = matches!(answer, Answer::Last(_));
                 session.answer(answer).await?;
-                if last {
-                    return Ok(Turn::End);
-                }
             }
             Event::Admin(request) => {
                 let answer = administration::administer(core, &request).await;
                 session.answer(Answer::Bottle(answer)).await?;
             }
-            Event::Command(Command::Reverse) if core.role.outputs && !core.role.client => {
+            Event::Command(Command::Reverse) if core.role == Role::Output => {
                 return Ok(Turn::Reverse);
             }
             Event::Command(command) => {
@@ -102,7 +98,7 @@ async fn serve(
             Event::Http(request) => {
                 let answer = if !request.wants_stream() {
                     page(core)
-                } else if core.role.outputs && !core.role.client && core.pictures {
+                } else if core.role == Role::Output && core.pictures {
                     return Ok(Turn::Pictures);
                 } else {
                     let fault = Fault::NoPictures(core.name.clone());

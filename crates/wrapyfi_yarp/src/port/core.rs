@@ -1,7 +1,7 @@
 //! State that every port has: its connections, its properties, what it is and where its data go.
 //!
 //! ```text
-//!   listener ─ accept (owner.rs) ─▶ one task a connection (connection.rs) ──▶ Sink: handler, nothing
+//!   listener ─ accept (owner.rs) ─▶ one task a connection (connection.rs) ──▶ handler
 //!                                       │ admin, commands (administration.rs)
 //!                                       ▼
 //!   write ─▶ outputs (outputs.rs): one Outbox and one task each (target.rs)
@@ -23,7 +23,7 @@ use super::message::Received;
 use super::network::Network;
 use super::open::Admission;
 use super::outbox::{Outbox, Overflow};
-use super::output::Output;
+use super::output::{ConnectionStatus, Output};
 use super::session::{Answer, SessionOptions};
 use crate::wire::Carrier;
 use crate::{Bottle, Limits};
@@ -31,52 +31,34 @@ use crate::{Bottle, Limits};
 /// A future that a handler of requests gives back.
 pub(super) type Answering = Pin<Box<dyn Future<Output = Answer> + Send>>;
 
-/// Destination of the data of a port's inputs.
-pub(super) enum Sink {
-    /// Function, called on the connection's own task.
-    Handler(Box<dyn Fn(Received, bool) -> Answering + Send + Sync>),
-    /// No destination: messages are acknowledged all the same.
-    Nobody,
-}
+/// Function of a port's owner, called with what comes on the connection's own task.
+pub(super) type Handler = Box<dyn Fn(Received, bool) -> Answering + Send + Sync>;
 
-impl Sink {
-    /// Sink of a port whose owner gave a function.
-    pub(super) fn handler<F, A>(handler: F) -> Self
-    where
-        F: Fn(Received, bool) -> A + Send + Sync + 'static,
-        A: Future<Output = Answer> + Send + 'static,
-    {
-        Self::Handler(Box::new(move |request, reply| Box::pin(handler(request, reply))))
-    }
+/// The function that an owner gave, as one of all types.
+pub(super) fn handler<F, A>(handler: F) -> Handler
+where
+    F: Fn(Received, bool) -> A + Send + Sync + 'static,
+    A: Future<Output = Answer> + Send + 'static,
+{
+    Box::new(move |request, reply| Box::pin(handler(request, reply)))
 }
 
 /// Abilities of a port.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Role {
-    /// True when outputs may be added.
-    pub(super) outputs: bool,
-    /// True when there may be one output only, for requests.
-    pub(super) client: bool,
-    /// Room of each output's queue.
-    pub(super) queue: usize,
-    /// Message that gives way when the queue is full.
-    pub(super) overflow: Overflow,
-}
-
-impl Default for Role {
-    fn default() -> Self {
-        Self { outputs: false, client: false, queue: 1, overflow: Overflow::default() }
-    }
+pub(super) enum Role {
+    /// Nothing but inputs.
+    Input,
+    /// Outputs may be added.
+    Output,
+    /// There may be one output only, for requests.
+    Client,
 }
 
 /// An input, as the port knows it.
 #[derive(Debug)]
 pub(super) struct Input {
     pub(super) id: u64,
-    pub(super) name: String,
-    pub(super) carrier: String,
-    pub(super) connectionless: bool,
-    pub(super) push: bool,
+    pub(super) status: ConnectionStatus,
     pub(super) stop: Arc<Notify>,
 }
 
@@ -105,14 +87,17 @@ pub(super) struct Core {
     pub(super) registered: bool,
     /// True when the owner says that the port is for requests.
     pub(super) rpc: bool,
-    /// Type that the owner says the port carries.
-    pub(super) type_name: Option<String>,
     /// True when carrier mjpeg is taken.
     pub(super) pictures: bool,
     /// Ports that messages may go to.
     pub(super) readers: Option<Admission>,
     pub(super) role: Role,
-    pub(super) sink: Sink,
+    /// Nobody takes the data where there is none: messages are acknowledged all the same.
+    pub(super) handler: Option<Handler>,
+    /// Room of each output's queue.
+    pub(super) queue: usize,
+    /// Message that gives way when the queue is full.
+    pub(super) overflow: Overflow,
     pub(super) session: SessionOptions,
     pub(super) limits: Arc<Limits>,
     pub(super) counters: Arc<Counters>,
@@ -140,7 +125,7 @@ impl Core {
 
     /// Makes the queue of another target.
     pub(super) fn new_outbox(&self) -> Outbox {
-        Outbox::new(self.role.queue, self.role.overflow, (self.session.rooms)())
+        Outbox::new(self.queue, self.overflow, (self.session.rooms)())
     }
 
     /// A connection whose peer reads from now on.

@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use tokio::sync::Notify;
 
-use super::core::{Core, Input, Sink};
+use super::core::{Core, Input};
 use super::message::{PortPayload, Received};
+use super::output::ConnectionStatus;
 use super::session::{Answer, Data};
 use crate::wire::Body;
 
@@ -30,15 +31,15 @@ impl Entered {
         let shared: Arc<str> = name.as_str().into();
         let mut connections = core.connections.lock();
         if name.starts_with('/') {
-            for older in connections.inputs.iter().filter(|input| input.name == name) {
+            for older in connections.inputs.iter().filter(|input| input.status.name == name) {
                 older.stop.notify_one();
                 core.counters.add("replaced");
             }
-            connections.inputs.retain(|input| input.name != name);
+            connections.inputs.retain(|input| input.status.name != name);
         }
         let id = Core::new_id(&mut connections);
-        let input = Input { id, name, carrier, connectionless, push, stop: Arc::clone(&stop) };
-        connections.inputs.push(input);
+        let status = ConnectionStatus { name, carrier, incoming: true, connectionless, push };
+        connections.inputs.push(Input { id, status, stop: Arc::clone(&stop) });
         core.ring(&connections);
         drop(connections);
         Self { core: Arc::clone(core), id, name: shared, stop }
@@ -72,7 +73,7 @@ impl Entered {
         is_text: bool,
         reply: bool,
     ) -> Answer {
-        let Sink::Handler(handler) = &self.core.sink else { return Answer::Nothing };
+        let Some(handler) = &self.core.handler else { return Answer::Nothing };
         let received = Received {
             payload,
             envelope,

@@ -76,7 +76,6 @@ fn read(itself: &Bottle) -> (Option<Modes>, Option<String>) {
 mod tests {
     use super::*;
     use crate::Limits;
-    use crate::port::{Answer, Network, NetworkOptions, OutputOptions, PortOptions};
 
     #[test]
     fn what_yarps_ports_say_is_read() {
@@ -87,42 +86,5 @@ mod tests {
         assert_eq!(read(&said), (Some(modes), Some("yarp/image".to_owned())));
         assert_eq!(read(&Bottle::from(vec![Value::vocab("fail"), "no".into()])), (None, None));
         assert_eq!(read(&Bottle::new()), (None, None));
-    }
-
-    #[tokio::test]
-    async fn ours_say_what_they_are() {
-        let listen = [127, 0, 0, 1].into();
-        let network = Network::new(NetworkOptions { listen, ..NetworkOptions::default() });
-        let plain = PortOptions::default();
-        let reader = network.serve("/reader", &plain, async |_, _| Answer::Nothing).await.unwrap();
-        let port = PortOptions { type_name: Some("yarp/image".into()), ..PortOptions::default() };
-        let options = OutputOptions { port, ..OutputOptions::default() };
-        let writer = network.open_output("/writer", &options).await.unwrap();
-        writer.connect("tcp://reader").await.unwrap();
-        let client = network.open_rpc_client("/ask", &PortOptions::default()).await.unwrap();
-        let options = PortOptions { rpc: true, ..PortOptions::default() };
-        let server = network.serve("/rpc", &options, async |_, _| Answer::Nothing).await.unwrap();
-        for (name, modes, type_name, inputs, outputs) in [
-            ("/reader", (true, false, false), None, vec!["/writer".to_owned()], vec![]),
-            ("/writer", (false, true, false), Some("yarp/image"), vec![], vec!["/reader".into()]),
-            ("/ask", (false, true, true), None, vec![], vec![]),
-            ("/rpc", (true, false, true), None, vec![], vec![]),
-        ] {
-            let (input, output, rpc) = modes;
-            let wanted = Inspection {
-                modes: Some(Modes { input, output, rpc }),
-                type_name: type_name.map(str::to_owned),
-                inputs,
-                outputs,
-            };
-            let contact = network.query(name).await.unwrap().unwrap().contact();
-            for contact in [None, Some(contact.as_str())] {
-                assert_eq!(network.inspect(name, contact, true).await.unwrap(), wanted, "{name}");
-            }
-        }
-        let wanted = Inspection { outputs: vec!["/reader".to_owned()], ..Inspection::default() };
-        assert_eq!(network.inspect("/writer", None, false).await.unwrap(), wanted);
-        drop((reader, writer, client, server));
-        assert!(network.inspect("/nobody", None, true).await.is_err());
     }
 }

@@ -16,7 +16,7 @@ use super::stream::Stream;
 use super::unix::Meeting;
 use crate::bottle::{BottleError, BottleScan, Frame};
 use crate::wire::message::{self, read_ack};
-use crate::wire::text::{self, BottleLines, Lines};
+use crate::wire::text::{self, AnswerReader, BottleLines, Lines};
 use crate::wire::{Body, Carrier, Command, Fault, Sender, Step, bare, header, number};
 use crate::{Bottle, Dialect, Limits};
 use wrapyfi_retry::liveness::{self, Silence};
@@ -205,21 +205,8 @@ impl Link {
 
     /// The lines of a reply on `text_ack`, up to the acknowledgement.
     pub(crate) async fn answer_lines(&mut self) -> Result<Vec<Bytes>, LinkError> {
-        let mut lines = Lines::new(&self.options.limits);
-        let limit = self.options.limits.max_message_bytes;
-        let (mut answer, mut size) = (Vec::new(), 0_usize);
-        loop {
-            let line = self.poll(|buffer| lines.poll(buffer)).await?;
-            if line == text::ACK {
-                return Ok(answer);
-            }
-            // An empty line costs memory, too.
-            size = size.saturating_add(line.len() + size_of::<Bytes>());
-            if size > limit {
-                return Err(Fault::MessageTooLarge { size, limit }.into());
-            }
-            answer.push(line);
-        }
+        let mut reader = AnswerReader::new(&self.options.limits, |line| line == text::ACK);
+        Ok(self.poll(|buffer| reader.poll(buffer)).await?.lines)
     }
 
     /// Sends a request that is a bottle; its answer, empty where there is none.

@@ -9,7 +9,7 @@
 //!
 //! ```no_run
 //! use wrapyfi_yarp::Bottle;
-//! use wrapyfi_yarp::port::{Answer, Network, NetworkOptions, OutputOptions, PortOptions, Received};
+//! use wrapyfi_yarp::port::{Answer, Network, NetworkOptions, PortOptions, Received};
 //!
 //! # async fn f() -> Result<(), Box<dyn std::error::Error>> {
 //! let network = Network::new(NetworkOptions::default());
@@ -22,7 +22,7 @@
 //!     }
 //! };
 //! let _reader = network.serve("/reader", &PortOptions::default(), handler).await?;
-//! let writer = network.open_output("/writer", &OutputOptions::default()).await?;
+//! let writer = network.open_output("/writer", &PortOptions::default()).await?;
 //! writer.connect("fast_tcp://reader").await?;
 //! writer.write_bottle(&Bottle::from(vec!["hello".into(), 42.into()]))?;
 //! let message = messages.recv().await.ok_or("closed")?;
@@ -35,7 +35,7 @@
 //! wakes without a reason. Anybody may connect and disconnect them at any time, as YARP's tools do.
 //!
 //! * [`session`]: connections that others open, also for a name server's own use.
-//! * [`names`]: the seam to name servers, and [`names::NameTable`] for those who have none.
+//! * [`names`]: the seam to name servers.
 //!
 //! # Requests
 //!
@@ -107,8 +107,9 @@ pub use message::{Fate, Loss, Message, PayloadKind, PortPayload, Received};
 pub use network::{Network, NetworkOptions, Timeouts};
 pub use open::{Admission, OpenError, PortOptions};
 pub use outbox::Overflow;
-pub use outputs::{ConnectError, ConnectionStatus, Written};
-pub use ports::{OutputOptions, OutputPort, RpcServer};
+pub use output::ConnectionStatus;
+pub use outputs::{ConnectError, Written};
+pub use ports::{OutputPort, RpcServer};
 pub use room::{Room, Rooms};
 pub use rpc_client::{RpcClient, RpcError};
 pub use session::Answer;

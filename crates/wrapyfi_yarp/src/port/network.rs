@@ -5,9 +5,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::link::LinkOptions;
-use super::names::{NameTable, Names, Registration};
+use super::names::{Names, Registration};
 use super::room::{Boundless, Rooms};
-use crate::name::Environment;
+use crate::name::{Environment, NameClient, NameServerConf};
 use crate::{Dialect, Limits};
 
 /// Time limits of connections and requests.
@@ -40,7 +40,7 @@ impl Default for Timeouts {
 /// Place of a port that the name server does not know, or does not tell because it is away.
 type Known = Arc<dyn Fn(&str) -> Option<Registration> + Send + Sync>;
 
-/// Settings of a [`Network`]: by default a [`NameTable`] of its own, YARP 3 and the default limits.
+/// Settings of a [`Network`]: by default a name server of this machine, YARP 3 and the default limits.
 #[derive(Clone)]
 pub struct NetworkOptions {
     /// Registry of the names of ports.
@@ -68,7 +68,7 @@ pub struct NetworkOptions {
 impl Default for NetworkOptions {
     fn default() -> Self {
         Self {
-            names: Arc::new(NameTable::new()),
+            names: Arc::new(NameClient::new(NameServerConf::default())),
             known: Arc::new(|_name| None),
             dialect: Dialect::default(),
             limits: Limits::default(),
@@ -95,13 +95,13 @@ impl std::fmt::Debug for NetworkOptions {
 /// ```
 /// use std::sync::Arc;
 ///
-/// use wrapyfi_yarp::port::names::NameTable;
+/// use wrapyfi_yarp::name::NameClient;
 /// use wrapyfi_yarp::port::{Network, NetworkOptions};
 ///
-/// // Without a name server: ports of this process find each other, and one fixed address.
-/// let names = NameTable::new().with("/robot/cam", "192.168.1.7:10012".parse().unwrap());
+/// let names = NameClient::new("robot:10000".parse()?);
 /// let network = Network::new(NetworkOptions { names: Arc::new(names), ..NetworkOptions::default() });
 /// # let _ = network;
+/// # Ok::<_, String>(())
 /// ```
 #[derive(Debug, Clone)]
 pub struct Network(pub(super) Arc<NetworkOptions>);

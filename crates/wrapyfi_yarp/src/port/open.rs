@@ -13,19 +13,18 @@ use tokio::net::TcpListener;
 
 use super::names::{NameRequest, Registration};
 use super::network::Network;
+use super::outbox::Overflow;
 use crate::name::NameError;
 use crate::name::environment::{EnvironmentError, PortNaming};
 use crate::wire::{Carrier, Fault};
 
-/// Address that a port listens on, and its registration.
+/// Address that a port listens on, its registration, and how it keeps messages for its targets.
 #[derive(Debug, Clone)]
 pub struct PortOptions {
     /// Listen here, instead of at any free number.
     pub address: Option<SocketAddr>,
     /// Register the name.
     pub register: bool,
-    /// Type of what it carries, as YARP registers it: `yarp/image`.
-    pub type_name: Option<String>,
     /// Tell those who ask what the port is that it answers requests, as YARP's `setRpcMode` does.
     pub rpc: bool,
     /// Take connections of carrier mjpeg. It brings nothing if the messages are no pictures: such a
@@ -35,6 +34,10 @@ pub struct PortOptions {
     pub senders: Option<Admission>,
     /// Ports that the port may send to; every port where there is none.
     pub readers: Option<Admission>,
+    /// Most messages that wait for one target, at least 1.
+    pub queue: usize,
+    /// Message that gives way when the queue is full.
+    pub overflow: Overflow,
 }
 
 /// Test of the name and the address of the program at the other end of a connection.
@@ -73,8 +76,9 @@ impl fmt::Debug for Admission {
 impl Default for PortOptions {
     fn default() -> Self {
         let (rpc, pictures) = (false, true);
-        let (address, type_name, senders, readers) = (None, None, None, None);
-        Self { address, register: true, type_name, rpc, pictures, senders, readers }
+        let (address, senders, readers) = (None, None, None);
+        let (queue, overflow) = (16, Overflow::default());
+        Self { address, register: true, rpc, pictures, senders, readers, queue, overflow }
     }
 }
 
@@ -175,7 +179,6 @@ pub(super) async fn open(
             name: name.to_owned(),
             host: host.or(own_host),
             port: Some(address.port()),
-            type_name: options.type_name.clone(),
             ..NameRequest::default()
         };
         let answer = shared.names.register(&request).await;

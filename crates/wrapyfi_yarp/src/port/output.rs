@@ -42,3 +42,18 @@ pub(super) struct Group {
     pub(super) name: Option<String>,
     pub(super) outbox: Arc<Outbox>,
 }
+
+/// State of one connection.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ConnectionStatus {
+    /// The other port.
+    pub name: String,
+    /// Carrier with qualifiers.
+    pub carrier: String,
+    /// True when the connection brings data.
+    pub incoming: bool,
+    /// True when the messages come as datagrams.
+    pub connectionless: bool,
+    /// False when it is the receiver that asked for the connection.
+    pub push: bool,
+}

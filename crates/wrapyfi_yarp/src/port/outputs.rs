@@ -11,13 +11,13 @@ use std::time::Duration;
 use tokio::net::UdpSocket;
 use tokio::time::timeout;
 
-use super::core::Core;
+use super::core::{Core, Role};
 use super::datagrams;
 use super::link::{Link, LinkError};
 use super::message::Message;
 use super::open::Admission;
 use super::outbox::{Outbox, Put};
-use super::output::{Group, Kind, Output};
+use super::output::{ConnectionStatus, Group, Kind, Output};
 use super::pace::Pace;
 use super::pictures;
 use super::rpc_link::RpcLink;
@@ -54,7 +54,7 @@ impl Core {
         let mut sender = Sender::new(self.name.clone());
         let carrier = carrier.map(|carrier| sender.qualify(carrier));
         let pull = carrier == Some(Carrier::Mjpeg.name());
-        if !self.role.outputs && !pull {
+        if self.role == Role::Input && !pull {
             return Err(ConnectError(admin::NO_OUTPUTS.to_owned()));
         }
         if let Some(modifier) = sender.sender_modifier() {
@@ -68,7 +68,7 @@ impl Core {
             return Err(refused(&Fault::NoPictures(self.name.clone())));
         }
         let _one_at_a_time = self.adding.lock().await;
-        if self.role.client && !self.connections.lock().outputs.is_empty() {
+        if self.role == Role::Client && !self.connections.lock().outputs.is_empty() {
             return Err(ConnectError(admin::ONE_OUTPUT.to_owned()));
         }
         let found = self.network.query(&name).await;
@@ -106,7 +106,7 @@ impl Core {
     ) -> Result<(), LinkError> {
         let carrier_text = sender.carrier_text(carrier);
         let options = self.network.link_options();
-        if self.role.client {
+        if self.role == Role::Client {
             let link = RpcLink::new(contact.clone(), carrier, sender.clone(), options);
             link.connect().await?;
             self.enter_output(
@@ -303,15 +303,13 @@ impl Core {
     /// State of every connection.
     pub(super) fn status(&self) -> Vec<ConnectionStatus> {
         let connections = self.connections.lock();
-        let inputs = connections.inputs.iter().map(|input| ConnectionStatus {
-            name: input.name.clone(),
-            carrier: input.carrier.clone(),
-            incoming: true,
-        });
+        let inputs = connections.inputs.iter().map(|input| input.status.clone());
         let outputs = connections.outputs.iter().map(|output| ConnectionStatus {
             name: output.name.clone(),
             carrier: output.carrier_text.clone(),
             incoming: false,
+            connectionless: output.carrier.is_connectionless(),
+            push: output.carrier.is_push(),
         });
         inputs.chain(outputs).collect()
     }
@@ -326,17 +324,6 @@ pub struct Written {
     pub dropped: usize,
     /// Number of those queues that had a place, but no room for the message's bytes.
     pub over_budget: usize,
-}
-
-/// State of one connection.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct ConnectionStatus {
-    /// The other port.
-    pub name: String,
-    /// Carrier with qualifiers.
-    pub carrier: String,
-    /// True when the connection brings data.
-    pub incoming: bool,
 }
 
 struct EndOnDrop {

@@ -11,7 +11,7 @@ use wrapyfi_retry::restart::restarted;
 
 use super::accept::accept;
 use super::connection;
-use super::core::{Connected, Core, Role, Sink};
+use super::core::{Connected, Core, Handler, Role};
 use super::counters::Counters;
 use super::network::Network;
 use super::open::{self, OpenError, PortOptions};
@@ -42,7 +42,7 @@ impl Owner {
         name: &str,
         options: &PortOptions,
         role: Role,
-        sink: Sink,
+        handler: Option<Handler>,
     ) -> Result<Self, OpenError> {
         let opened = open::open(network, name, options).await?;
         let counters = Arc::new(Counters::default());
@@ -63,12 +63,13 @@ impl Owner {
             address: opened.address,
             contact: opened.contact,
             registered: options.register,
-            rpc: options.rpc || role.client,
-            type_name: options.type_name.clone(),
+            rpc: options.rpc || role == Role::Client,
             pictures: options.pictures,
             readers: options.readers.clone(),
             role,
-            sink,
+            handler,
+            queue: options.queue,
+            overflow: options.overflow,
             session,
             limits: Arc::new(network.limits().clone()),
             counters,
@@ -137,9 +138,9 @@ async fn attend(core: Arc<Core>, listener: Arc<TcpListener>) {
 async fn say_goodbye(core: &Arc<Core>) {
     let (senders, outputs) = {
         let connections = core.connections.lock();
-        let inputs = connections.inputs.iter().filter(|input| input.push);
-        let rooted = inputs.filter(|input| input.name.starts_with('/'));
-        let senders: Vec<_> = rooted.map(|input| input.name.clone()).collect();
+        let inputs = connections.inputs.iter().filter(|input| input.status.push);
+        let rooted = inputs.filter(|input| input.status.name.starts_with('/'));
+        let senders: Vec<_> = rooted.map(|input| input.status.name.clone()).collect();
         let outputs: Vec<_> = connections.outputs.iter().map(|output| output.id).collect();
         (senders, outputs)
     };

@@ -8,36 +8,19 @@ use std::net::SocketAddr;
 
 use tokio::sync::watch;
 
-use super::core::{Connected, Role, Sink};
+use super::core::{self, Connected, Role};
 use super::counters::Counters;
 use super::message::{Message, PortPayload, Received};
 use super::network::Network;
 use super::open::{OpenError, PortOptions};
-use super::outbox::Overflow;
-use super::outputs::{ConnectError, ConnectionStatus, Written};
+use super::output::ConnectionStatus;
+use super::outputs::{ConnectError, Written};
 use super::owner::Owner;
 use super::rpc_client::RpcClient;
 use super::session::Answer;
 use crate::Bottle;
 use crate::bottle::EncodeError;
 use crate::wire::Carrier;
-
-/// Rule by which an output keeps messages for its targets.
-#[derive(Debug, Clone)]
-pub struct OutputOptions {
-    /// Name and address.
-    pub port: PortOptions,
-    /// Most messages that wait for one target, at least 1.
-    pub queue: usize,
-    /// Message that gives way when the queue is full.
-    pub overflow: Overflow,
-}
-
-impl Default for OutputOptions {
-    fn default() -> Self {
-        Self { port: PortOptions::default(), queue: 16, overflow: Overflow::default() }
-    }
-}
 
 /// A port that sends to any number of others.
 #[derive(Debug)]
@@ -59,9 +42,9 @@ impl Network {
     pub async fn open_output(
         &self,
         name: &str,
-        options: &OutputOptions,
+        options: &PortOptions,
     ) -> Result<OutputPort, OpenError> {
-        self.open_sending(name, options, Sink::Nobody).await
+        Ok(OutputPort { owner: Owner::open(self, name, options, Role::Output, None).await? })
     }
 
     /// Opens a port for both directions, YARP's plain `Port`: it sends, and what comes is handed to a function as by
@@ -72,25 +55,15 @@ impl Network {
     pub async fn open_port<F, A>(
         &self,
         name: &str,
-        options: &OutputOptions,
+        options: &PortOptions,
         handler: F,
     ) -> Result<OutputPort, OpenError>
     where
         F: Fn(Received, bool) -> A + Send + Sync + 'static,
         A: Future<Output = Answer> + Send + 'static,
     {
-        self.open_sending(name, options, Sink::handler(handler)).await
-    }
-
-    async fn open_sending(
-        &self,
-        name: &str,
-        options: &OutputOptions,
-        sink: Sink,
-    ) -> Result<OutputPort, OpenError> {
-        let OutputOptions { port, queue, overflow } = options;
-        let role = Role { outputs: true, queue: *queue, overflow: *overflow, ..Role::default() };
-        Ok(OutputPort { owner: Owner::open(self, name, port, role, sink).await? })
+        let handler = Some(core::handler(handler));
+        Ok(OutputPort { owner: Owner::open(self, name, options, Role::Output, handler).await? })
     }
 
     /// Opens a port for requests to another one.
@@ -102,8 +75,7 @@ impl Network {
         name: &str,
         options: &PortOptions,
     ) -> Result<RpcClient, OpenError> {
-        let role = Role { outputs: true, client: true, ..Role::default() };
-        Ok(RpcClient { owner: Owner::open(self, name, options, role, Sink::Nobody).await? })
+        Ok(RpcClient { owner: Owner::open(self, name, options, Role::Client, None).await? })
     }
 
     /// Opens a port that answers requests by a function: the fastest way, since the request stays
@@ -122,8 +94,8 @@ impl Network {
         F: Fn(Received, bool) -> A + Send + Sync + 'static,
         A: Future<Output = Answer> + Send + 'static,
     {
-        let (role, sink) = (Role::default(), Sink::handler(handler));
-        Ok(RpcServer { owner: Owner::open(self, name, options, role, sink).await? })
+        let handler = Some(core::handler(handler));
+        Ok(RpcServer { owner: Owner::open(self, name, options, Role::Input, handler).await? })
     }
 }
 

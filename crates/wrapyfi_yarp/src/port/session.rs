@@ -374,11 +374,6 @@ impl Session {
     /// As [`SessionError`].
     pub async fn answer(&mut self, answer: Answer) -> Result<(), SessionError> {
         let owed = std::mem::take(&mut self.owed);
-        let mut answer = answer;
-        while let Answer::Last(inner) = answer {
-            self.ended = true;
-            answer = *inner;
-        }
         let ack: &[u8] = match self.carrier {
             Some(Carrier::Tcp) if owed => &number::ACK,
             Some(Carrier::TextAck) if owed => b"<ACK>\r\n",
@@ -399,8 +394,7 @@ impl Session {
             }
             Answer::Object(bytes) | Answer::Raw(bytes) => bytes,
             Answer::Lines(lines) => lines.into(),
-            // Unpacked above.
-            Answer::Nothing | Answer::Last(_) => Bytes::new(),
+            Answer::Nothing => Bytes::new(),
         };
         if reply.len() <= COPY_BYTES {
             let mut bytes = Vec::with_capacity(reply.len() + ack.len());

@@ -19,8 +19,9 @@ use super::commands::Outcome;
 use super::shared::{SessionEntry, Shared};
 use super::{events, http};
 use crate::Bottle;
+use crate::port::ConnectionStatus;
 use crate::port::accept::accept;
-use crate::port::administration::{self, Administered, ListedConnection};
+use crate::port::administration::{self, Administered};
 use crate::port::link::Link;
 use crate::port::session::{Answer, Event, Session, SessionError, SessionOptions};
 use crate::wire::admin::{self, Direction};
@@ -191,9 +192,14 @@ impl Administered for Arc<Shared> {
         format!("{}:{}", self.own.host, self.own.port)
     }
 
-    fn connections(&self, direction: Direction) -> Vec<ListedConnection> {
-        let listed =
-            |(name, carrier)| ListedConnection { name, carrier, connectionless: false, push: true };
+    fn connections(&self, direction: Direction) -> Vec<ConnectionStatus> {
+        let listed = |(name, carrier)| ConnectionStatus {
+            name,
+            carrier,
+            incoming: direction == Direction::In,
+            connectionless: false,
+            push: true,
+        };
         match direction {
             Direction::Out => self.readers.names().into_iter().map(listed).collect(),
             Direction::In => {

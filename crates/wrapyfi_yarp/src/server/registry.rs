@@ -17,9 +17,7 @@ use crate::port::names::Registration;
 /// A registered port.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Entry {
-    host: String,
-    port: u16,
-    carrier: String,
+    contact: Registration,
     /// Type of its data, as `yarp/image`. Stored, as YARP does, and never told.
     kind: Option<String>,
     properties: BTreeMap<String, Vec<String>>,
@@ -115,14 +113,10 @@ impl Registry {
             addresses.iter().find(|address| address.starts_with(network))
         };
         let host = if network.is_empty() { None } else { reached() };
-        let host = host.unwrap_or(&entry.host);
-        Some(Registration {
-            name: name.to_owned(),
-            // As YARP answers where a port was registered without an address.
-            host: if host.is_empty() { "localhost".to_owned() } else { host.clone() },
-            port: entry.port,
-            carrier: entry.carrier.clone(),
-        })
+        let host = host.unwrap_or(&entry.contact.host);
+        // As YARP answers where a port was registered without an address.
+        let host = if host.is_empty() { "localhost".to_owned() } else { host.clone() };
+        Some(Registration { host, ..entry.contact.clone() })
     }
 
     /// The names that begin with whole components of `prefix`, in order.
@@ -214,26 +208,20 @@ impl Registry {
     fn insert(&mut self, contact: &Registration, kind: Option<String>) {
         self.remove(&contact.name);
         *self.numbers.entry(contact.port).or_default() += 1;
-        let entry = Entry {
-            host: contact.host.clone(),
-            port: contact.port,
-            carrier: contact.carrier.clone(),
-            kind,
-            properties: BTreeMap::new(),
-        };
+        let entry = Entry { contact: contact.clone(), kind, properties: BTreeMap::new() };
         self.ports.insert(contact.name.clone(), entry);
     }
 
     /// Forgets a port, and tells which others it owned.
     pub(crate) fn remove(&mut self, name: &str) -> Option<Vec<String>> {
         let mut entry = self.ports.remove(name)?;
-        if let Some(users) = self.numbers.get_mut(&entry.port) {
+        if let Some(users) = self.numbers.get_mut(&entry.contact.port) {
             *users -= 1;
             if *users == 0 {
-                self.numbers.remove(&entry.port);
+                self.numbers.remove(&entry.contact.port);
             }
         }
-        self.allocator.give_back(name, &entry.host, entry.port);
+        self.allocator.give_back(name, &entry.contact.host, entry.contact.port);
         Some(entry.properties.remove("owns").unwrap_or_default())
     }
 
@@ -241,9 +229,9 @@ impl Registry {
     pub(crate) fn property(&self, name: &str, key: &str) -> Option<Vec<String>> {
         let entry = self.ports.get(name)?;
         Some(match key {
-            "host" => vec![entry.host.clone()],
-            "socket" => vec![entry.port.to_string()],
-            "carrier" => vec![entry.carrier.clone()],
+            "host" => vec![entry.contact.host.clone()],
+            "socket" => vec![entry.contact.port.to_string()],
+            "carrier" => vec![entry.contact.carrier.clone()],
             "type" => entry.kind.iter().cloned().collect(),
             _ => entry.properties.get(key).cloned().unwrap_or_default(),
         })
@@ -290,6 +278,6 @@ impl Registry {
 
 impl Known for Registry {
     fn is_port(&self, name: &str) -> bool {
-        self.ports.get(name).is_some_and(|entry| entry.carrier != "topic")
+        self.ports.get(name).is_some_and(|entry| entry.contact.carrier != "topic")
     }
 }

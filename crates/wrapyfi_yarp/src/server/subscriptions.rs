@@ -97,11 +97,11 @@ impl Subscriptions {
             dest_full: dest_full.to_owned(),
             mode: mode.to_owned(),
         };
-        self.kept.insert(key.clone(), kept);
+        self.kept.insert(key.clone(), kept.clone());
         match (src.carrier == "topic", dest.carrier == "topic") {
             (false, false) => {
                 // Ports that are registered are connected, announced or not: as YARP does.
-                links.extend(join(&src.name, &dest.name, src_full, dest_full, known));
+                links.extend(join(&kept, &kept, known));
                 let ended = (mode == "from" && !known.is_port(&src.name))
                     || (mode == "to" && !known.is_port(&dest.name));
                 if ended {
@@ -179,17 +179,11 @@ impl Subscriptions {
     /// Connections to make now that `name` is live.
     fn hook_up(&self, name: &str, known: &impl Known) -> Vec<Link> {
         let live = |name: &str| self.live.contains_key(name);
-        let mut links = BTreeSet::new();
-        for kept in self.kept.values() {
-            if (kept.src == name || kept.dest == name) && live(&kept.src) && live(&kept.dest) {
-                links.extend(join(&kept.src, &kept.dest, &kept.src_full, &kept.dest_full, known));
-            }
-        }
-        for (from, to) in self.through_topics() {
-            if (from.src == name || to.dest == name) && live(&from.src) && live(&to.dest) {
-                links.extend(join(&from.src, &to.dest, &from.src_full, &to.dest_full, known));
-            }
-        }
+        let pairs = self.kept.values().map(|kept| (kept, kept)).chain(self.through_topics());
+        let ready = pairs.filter(|(from, to)| {
+            (from.src == name || to.dest == name) && live(&from.src) && live(&to.dest)
+        });
+        let links: BTreeSet<_> = ready.filter_map(|(from, to)| join(from, to, known)).collect();
         links.into_iter().collect()
     }
 
@@ -215,11 +209,7 @@ impl Subscriptions {
             self.topics.push(name.to_owned());
         }
         let pairs = self.through_topics().filter(|(from, _)| from.dest == name);
-        Ok(pairs
-            .filter_map(|(from, to)| {
-                join(&from.src, &to.dest, &from.src_full, &to.dest_full, known)
-            })
-            .collect())
+        Ok(pairs.filter_map(|(from, to)| join(from, to, known)).collect())
     }
 
     /// Forgets a topic.
@@ -251,14 +241,9 @@ fn link(src: &str, dest: &str, connect: bool) -> Link {
 }
 
 /// The connection of two ports that are registered.
-fn join(
-    src: &str,
-    dest: &str,
-    src_full: &str,
-    dest_full: &str,
-    known: &impl Known,
-) -> Option<Link> {
-    (known.is_port(src) && known.is_port(dest)).then(|| link(src_full, dest_full, true))
+fn join(from: &Subscription, to: &Subscription, known: &impl Known) -> Option<Link> {
+    let both = known.is_port(&from.src) && known.is_port(&to.dest);
+    both.then(|| link(&from.src_full, &to.dest_full, true))
 }
 
 #[cfg(test)]

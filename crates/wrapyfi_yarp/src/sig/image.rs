@@ -60,20 +60,12 @@ impl Image {
         Ok(Self { header, data })
     }
 
-    /// Reads an image of whatever pixels, as `FlexImage` does. The rows share `bytes`; what follows
-    /// them is left alone.
+    /// Reads an image of whatever pixels, as `FlexImage` does, of a sender whose rows lie as `rows`
+    /// says. The rows share `bytes`; what follows them is left alone.
     ///
     /// # Errors
     /// When the bytes are no image, or exceed `limits`.
-    pub fn decode(bytes: &Bytes, limits: &Limits) -> Result<Self, SigError> {
-        Self::decode_as(bytes, Rows::Announced, limits)
-    }
-
-    /// [`Image::decode`] of a sender whose rows lie as `rows` says.
-    ///
-    /// # Errors
-    /// As [`Image::decode`].
-    pub fn decode_as(bytes: &Bytes, rows: Rows, limits: &Limits) -> Result<Self, SigError> {
+    pub fn decode(bytes: &Bytes, rows: Rows, limits: &Limits) -> Result<Self, SigError> {
         let mut header = ImageHeader::read(bytes, limits)?;
         let needed = IMAGE_HEADER_BYTES + header.image_bytes();
         let given = bytes.len();
@@ -88,26 +80,16 @@ impl Image {
         Ok(Self { header, data: bytes.slice(IMAGE_HEADER_BYTES..end) })
     }
 
-    /// Header and rows in one piece. To send without this copy, send the bytes of
+    /// Header and rows in one piece, for a receiver that expects rows as `rows` says. For
+    /// [`Rows::Packed`], the header announces rows padded to YARP's 8 bytes, the pixels follow
+    /// packed, and zeros fill up. To send without this copy, send the bytes of
     /// [`ImageHeader::write`] and [`Image::data`] one after the other.
     ///
     /// # Errors
     /// When a size exceeds 31 bits.
-    pub fn encode(&self) -> Result<Vec<u8>, SigError> {
-        let mut out = Vec::with_capacity(IMAGE_HEADER_BYTES + self.data.len());
-        out.extend_from_slice(&self.header.write()?);
-        out.extend_from_slice(&self.data);
-        Ok(out)
-    }
-
-    /// [`Image::encode`] for a receiver that expects rows as `rows` says. For [`Rows::Packed`], the
-    /// header announces rows padded to YARP's 8 bytes, the pixels follow packed, and zeros fill up.
-    ///
-    /// # Errors
-    /// As [`Image::encode`].
-    pub fn encode_as(&self, rows: Rows) -> Result<Vec<u8>, SigError> {
+    pub fn encode(&self, rows: Rows) -> Result<Vec<u8>, SigError> {
         if rows == Rows::Announced {
-            return self.encode();
+            return Ok([&self.header.write()?[..], &self.data].concat());
         }
         let announced = self.header.padded(super::DEFAULT_QUANTUM)?;
         let length = IMAGE_HEADER_BYTES + announced.image_bytes();

@@ -5,10 +5,8 @@
 //!   data       256 2 │ 1 count │ 10 seconds     (V4: code 20)       as a message of its own
 //! ```
 
-use bytes::Bytes;
-
-use crate::bottle::{EncodeError, significant};
-use crate::{Bottle, Dialect, Limits, Value};
+use crate::bottle::significant;
+use crate::{Bottle, Limits, Value};
 
 /// Significant digits of the time in an envelope: C's `DBL_DIG`. Of today's times, microseconds
 /// survive.
@@ -42,24 +40,5 @@ impl Stamp {
             return None;
         };
         Some(Self { count: count.as_i64()?.try_into().ok()?, time_s: time.as_f64()? })
-    }
-
-    /// The stamp as a bottle.
-    pub fn to_bottle(&self) -> Bottle {
-        Bottle { values: vec![Value::Int32(self.count), Value::Float64(self.time_s)] }
-    }
-
-    /// Reads a stamp that was sent as data; `None` when the bytes are no bottle of that dialect, or one of
-    /// something else.
-    pub fn decode(bytes: &Bytes, dialect: Dialect, limits: &Limits) -> Option<Self> {
-        Self::from_bottle(&Bottle::decode(bytes, dialect, limits).ok()?.0)
-    }
-
-    /// The stamp as data: 28 bytes.
-    ///
-    /// # Errors
-    /// None today; the signature is that of every codec.
-    pub fn encode(&self, dialect: Dialect) -> Result<Vec<u8>, EncodeError> {
-        self.to_bottle().encode(dialect)
     }
 }

@@ -14,7 +14,8 @@ use std::net::{Ipv4Addr, SocketAddrV4};
 use bytes::{Bytes, BytesMut};
 
 use super::http::{self, HttpRequest};
-use super::{Carrier, Fault, Sender, Step, i32_at, number, text};
+use super::text::{self, Lines};
+use super::{Carrier, Fault, Sender, Step, i32_at, number};
 use crate::Limits;
 
 /// Added to the specifier of a binary carrier.
@@ -57,7 +58,7 @@ impl Opening {
         match magic {
             b"CONNECT " => Self::text(buffer, Carrier::Text, limits),
             b"CONNACK " => Self::text(buffer, Carrier::TextAck, limits),
-            b"NAME_SER" => Self::names(buffer, limits),
+            b"NAME_SER" => Ok(Lines::new(limits).poll_request(buffer)?.map(Self::Names)),
             b"LOCALITY" => Err(Fault::UnsupportedCarrier("local")),
             b"UNIX_STR" => Self::binary(buffer, Carrier::UnixStream, limits),
             b"UNIX_ACK" => Self::binary(buffer, Carrier::UnixStreamAck, limits),
@@ -109,7 +110,7 @@ impl Opening {
             let length = i64::try_from(length).unwrap_or(i64::MAX);
             Fault::NameLength { length, limit: limits.max_name_bytes + 1 }
         };
-        let Some(end) = memchr(buffer) else {
+        let Some(end) = buffer.iter().position(|&byte| byte == b'\n') else {
             return match buffer.len() {
                 // The line's end may have two bytes.
                 length if length > limit + 2 => Err(too_long(length - MAGIC)),
@@ -123,24 +124,6 @@ impl Opening {
         let sender = Sender::parse(line.get(MAGIC..).unwrap_or_default());
         Ok(Step::Event(Self::Messages { carrier, sender, group: None }))
     }
-
-    fn names(buffer: &mut BytesMut, limits: &Limits) -> Result<Step<Self>, Fault> {
-        let limit = limits.max_line_bytes;
-        let Some(end) = memchr(buffer) else {
-            return match buffer.len() > limit {
-                true => Err(Fault::LineTooLong(limit)),
-                false => Ok(Step::Need(1)),
-            };
-        };
-        if end > limit {
-            return Err(Fault::LineTooLong(limit));
-        }
-        Ok(Step::Event(Self::Names(text::without_prefix(text::cut_line(buffer, end)))))
-    }
-}
-
-fn memchr(bytes: &[u8]) -> Option<usize> {
-    bytes.iter().position(|&byte| byte == b'\n')
 }
 
 /// The carrier of a specifier: only bit 7 and the lowest four count.
@@ -229,16 +212,7 @@ pub fn read_answer(
                 None => Step::Need(number::SIZE - buffer.len()),
             })
         }
-        Carrier::Text | Carrier::TextAck => match memchr(buffer) {
-            Some(end) => {
-                text::cut_line(buffer, end);
-                Ok(Step::Event(0))
-            }
-            None if buffer.len() > limits.max_line_bytes => {
-                Err(Fault::LineTooLong(limits.max_line_bytes))
-            }
-            None => Ok(Step::Need(1)),
-        },
+        Carrier::Text | Carrier::TextAck => Ok(Lines::new(limits).poll(buffer)?.map(|_welcome| 0)),
     }
 }
 

@@ -12,8 +12,6 @@ pub const MAX_BODY: usize = 64 * 1024;
 /// A request.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct HttpRequest {
-    /// `GET` or `POST`.
-    pub method: String,
     /// Path with its query: `/?action=stream`.
     pub path: String,
     /// Body of a form.
@@ -75,8 +73,8 @@ pub(super) fn request(buffer: &mut BytesMut) -> Result<Step<HttpRequest>, Fault>
     buffer.advance(next);
     let body = buffer.split_to(length).freeze();
     let mut words = head.lines().next().unwrap_or_default().split_whitespace();
-    let mut word = || words.next().unwrap_or_default().to_owned();
-    Ok(Step::Event(HttpRequest { method: word(), path: word(), body }))
+    let path = words.nth(1).unwrap_or_default().to_owned();
+    Ok(Step::Event(HttpRequest { path, body }))
 }
 
 /// An answer with a page, after which the connection closes.
@@ -116,10 +114,7 @@ mod tests {
         assert_eq!(rest, 20, "what YARP writes behind its own first empty line");
         let (found, _) = read("POST /form HTTP/1.1\r\ncontent-length: 6\r\n\r\ndata=1");
         let Ok(Step::Event(request)) = found else { panic!("{found:?}") };
-        assert_eq!(
-            (&*request.method, &*request.path, &request.body[..]),
-            ("POST", "/form", &b"data=1"[..])
-        );
+        assert_eq!((&*request.path, &request.body[..]), ("/form", &b"data=1"[..]));
         assert_eq!(read("GET / HTTP/1.1\r\nHost: x\r\n").0, Ok(Step::Need(1)));
         assert!(read("POST /form HTTP/1.1\r\nContent-Length: 1e9\r\n\r\n").0.is_err());
         assert!(read("POST /form HTTP/1.1\r\nContent-Length: 100000\r\n\r\n").0.is_err());

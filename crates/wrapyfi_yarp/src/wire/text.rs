@@ -106,6 +106,53 @@ impl Lines {
     }
 }
 
+/// Reads an answer of several lines, up to the one that ends it.
+#[derive(Debug, Clone)]
+pub(crate) struct AnswerReader {
+    lines: Lines,
+    got: Vec<Bytes>,
+    bytes: usize,
+    limit: usize,
+    is_end: fn(&[u8]) -> bool,
+}
+
+/// An answer: its lines, and the one that ended it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Lined {
+    pub(crate) lines: Vec<Bytes>,
+    pub(crate) end: Bytes,
+}
+
+impl AnswerReader {
+    pub(crate) fn new(limits: &Limits, is_end: fn(&[u8]) -> bool) -> Self {
+        let (lines, limit) = (Lines::new(limits), limits.max_message_bytes);
+        Self { lines, got: Vec::new(), bytes: 0, limit, is_end }
+    }
+
+    /// Reads on; what follows the answer stays in the buffer.
+    ///
+    /// # Errors
+    /// When a line or the whole is too long.
+    pub(crate) fn poll(&mut self, buffer: &mut BytesMut) -> Result<Step<Lined>, Fault> {
+        loop {
+            let line = match self.lines.poll(buffer)? {
+                Step::Event(line) => line,
+                Step::Need(more) => return Ok(Step::Need(more)),
+            };
+            if (self.is_end)(&line) {
+                let lines = std::mem::take(&mut self.got);
+                return Ok(Step::Event(Lined { lines, end: line }));
+            }
+            // An empty line costs memory, too.
+            self.bytes = self.bytes.saturating_add(line.len() + size_of::<Bytes>());
+            if self.bytes > self.limit {
+                return Err(Fault::MessageTooLarge { size: self.bytes, limit: self.limit });
+            }
+            self.got.push(line);
+        }
+    }
+}
+
 /// Scan for the end of a bottle's text, at which quotes and brackets are closed; goes on where it
 /// stopped.
 #[derive(Debug, Clone, Copy, Default)]

@@ -85,7 +85,7 @@ fn encode_raw(raw: RawPixels, spec: &TopicSpec, options: &YarpOptions) -> Encode
         sig::IMAGE_HEADER_BYTES.saturating_add(image.data().len()),
         spec.limits.message_bytes,
     )?;
-    image.encode_as(rows).map_err(|error| refused(&error.to_string()))
+    image.encode(rows).map_err(|error| refused(&error.to_string()))
 }
 
 /// The picture with its rows where they are, if a header can say so.
@@ -149,7 +149,7 @@ pub(super) fn decode(
 }
 
 fn decode_raw(bytes: &Bytes, spec: &TopicSpec, options: &YarpOptions) -> DecodeResult<RawPixels> {
-    let image = sig::Image::decode_as(bytes, rows(options), &fault::limits(&spec.limits));
+    let image = sig::Image::decode(bytes, rows(options), &fault::limits(&spec.limits));
     let image = image.map_err(|error| fault::object("an image", "image", &error))?;
     let code = image.pixel();
     let found = PIXELS.into_iter().find(|(known, _)| *known == code);

@@ -115,6 +115,4 @@ pub enum Answer {
     Lines(String),
     /// Bytes as they are.
     Raw(Bytes),
-    /// The answer inside, after which the connection is closed: YARP's `replyAndDrop`.
-    Last(Box<Answer>),
 }

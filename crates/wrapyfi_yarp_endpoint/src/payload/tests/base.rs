@@ -164,7 +164,7 @@ fn each_picture_has_the_calibration_of_its_camera() {
     let envelope = Some(sig::Stamp { count: 1, time_s: 12.5 });
     for (code, pixel) in [(sig::PixelCode::Rgb, 3), (sig::PixelCode::Float, 4)] {
         let picture = sig::Image::from_packed(code, 5, 2, vec![7; 10 * pixel].into()).unwrap();
-        let sent = Bytewise::object(picture.encode().unwrap());
+        let sent = Bytewise::object(picture.encode(sig::Rows::Announced).unwrap());
         let info = |options: &YarpOptions| {
             value(&decode(&sent, envelope, &spec, options, Dialect::V3, NOW).unwrap())
         };

@@ -62,7 +62,7 @@ fn seeds() -> Vec<Bytes> {
     let matrix = sig::Matrix::new(2, 2, vec![1.0, 2.0, 3.0, 4.0]).unwrap();
     vec![
         sound.encode(Dialect::V3).unwrap().into(),
-        image.encode().unwrap().into(),
+        image.encode(sig::Rows::Announced).unwrap().into(),
         matrix.encode(Dialect::V3).unwrap().into(),
         typed("1.0 2.0").into(),
         typed("1.0 2.0 3.0 4.0 5.0 6.0").into(),

@@ -47,7 +47,8 @@ fn every_encoding_has_a_pixel_code() {
 fn pixels_without_a_name_in_ros_are_named() {
     let spec = topic(MessageType::Image, []);
     let bayer = sig::Image::from_packed(sig::PixelCode::BayerRggb8, 2, 1, vec![1, 2].into());
-    let error = read(bayer.unwrap().encode().unwrap(), &spec).unwrap_err().to_string();
+    let error =
+        read(bayer.unwrap().encode(sig::Rows::Announced).unwrap(), &spec).unwrap_err().to_string();
     assert!(error.ends_with("received one of pixels [rggb], which have no name in ROS"), "{error}");
     let error = read(typed("1 2 3"), &spec).unwrap_err().to_string();
     assert!(error.starts_with("expected an image"), "{error}");
@@ -194,6 +195,6 @@ fn an_image_is_no_sound() {
     let rows = vec![7; 3 * 640 * 480];
     let image = sig::Image::from_packed(sig::PixelCode::Rgb, 640, 480, rows.into()).unwrap();
     let sound = topic(MessageType::AudioChunk, []);
-    let error = read(image.encode().unwrap(), &sound).unwrap_err();
+    let error = read(image.encode(sig::Rows::Announced).unwrap(), &sound).unwrap_err();
     assert!(error.to_string().starts_with("expected a sound, received a bottle of 4: "), "{error}");
 }
