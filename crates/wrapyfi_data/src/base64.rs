@@ -13,39 +13,27 @@ pub fn decode_leniently(text: &[u8]) -> Result<Vec<u8>, String> {
     if !text.is_ascii() {
         return Err("base64 text holds characters beyond ASCII".into());
     }
-    let mut decoded = Vec::with_capacity(text.len() / 4 * 3);
-    let (mut group, mut sextets, mut padding) = (0_u32, 0, 0);
+    let (mut digits, mut padding) = (Vec::with_capacity(text.len()), 0);
     for &byte in text {
-        let sextet = match byte {
-            b'A'..=b'Z' => byte - b'A',
-            b'a'..=b'z' => byte - b'a' + 26,
-            b'0'..=b'9' => byte - b'0' + 52,
-            b'+' => 62,
-            b'/' => 63,
-            b'=' => {
-                padding += 1;
-                if sextets >= 2 && sextets + padding >= 4 {
-                    let [_, first, second, _] = (group << (6 * (4 - sextets))).to_be_bytes();
-                    decoded.extend([first, second].iter().take(sextets - 1));
-                    return Ok(decoded);
-                }
-                continue;
+        match byte {
+            b'A'..=b'Z' | b'a'..=b'z' | b'0'..=b'9' | b'+' | b'/' => {
+                digits.push(byte);
+                padding = 0;
             }
-            _ => continue,
-        };
-        padding = 0;
-        group = group << 6 | u32::from(sextet);
-        sextets += 1;
-        if sextets == 4 {
-            let [_, bytes @ ..] = group.to_be_bytes();
-            decoded.extend_from_slice(&bytes);
-            (group, sextets) = (0, 0);
+            b'=' => padding += 1,
+            _ => {}
+        }
+        if digits.len() % 4 >= 2 && digits.len() % 4 + padding >= 4 {
+            break;
         }
     }
-    match sextets {
-        0 => Ok(decoded),
-        _ => Err(format!("base64 text of {} characters ends inside a group of four", text.len())),
-    }
+    // Bits that are left over are no fault, but padding that is missing is one.
+    let begun = digits.len() % 4;
+    let padded = begun == 0 || begun + padding >= 4;
+    let decoded = padded.then(|| base64_simd::forgiving_decode_to_vec(&digits).ok()).flatten();
+    decoded.ok_or_else(|| {
+        format!("base64 text of {} characters ends inside a group of four", text.len())
+    })
 }
 
 /// Length of `bytes` bytes in base64.

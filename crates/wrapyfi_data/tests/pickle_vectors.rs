@@ -118,7 +118,7 @@ fn a_walk_through_a_frame() {
             let block = block.call("pandas._libs.internals._unpickle_block").unwrap();
             let [values, places, dimensions] = block.args().exact().unwrap();
             let PickledArray::Tensor(values) = values.array().unwrap() else { panic!("numbers") };
-            let place = places.slice().unwrap().indices().unwrap().collect::<Vec<_>>();
+            let place = places.slice().unwrap().unwrap().collect::<Vec<_>>();
             assert_eq!((dimensions.int().unwrap(), values.shape()), (2, &[1, 2][..]));
             columns.push((place, values));
         }
@@ -217,7 +217,7 @@ fn value(node: pickle::Node<'_>) -> Value {
         View::Float(value) => value.into(),
         View::Str(text) => text.into(),
         View::Utf16(units) => Value::Utf16(units.to_vec()),
-        View::Bytes(_) | View::ByteArray(_) | View::Buffer { .. } => {
+        View::Bytes(_) | View::ByteArray(_) | View::Buffer(_) => {
             Value::Bytes(node.bytes().unwrap())
         }
         View::List(list) => Value::List(items(list)),

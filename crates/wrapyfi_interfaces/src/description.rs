@@ -163,14 +163,8 @@ fn describe_one(definition: &MessageDefinition) -> IndividualTypeDescription {
     let mut fields: Vec<_> = definition.fields.iter().map(describe_field).collect();
     if fields.is_empty() {
         // IDL knows no empty struct: rosidl puts one hidden byte into it.
-        fields.push(FieldDescription {
-            name: HIDDEN_FIELD.to_owned(),
-            type_id: primitive_id(Primitive::Uint8),
-            capacity: 0,
-            string_capacity: 0,
-            nested_type_name: String::new(),
-            default: None,
-        });
+        let hidden = Element::Primitive(Primitive::Uint8);
+        fields.push(describe_field(&Field::new(HIDDEN_FIELD, hidden, Container::Single)));
     }
     IndividualTypeDescription { type_name: definition.name.to_string(), fields }
 }

@@ -7,13 +7,9 @@ use crate::description::{IndividualTypeDescription, TypeDescription};
 
 /// Hash of a type, for instance `RIHS01_df668c74…6b1a18`.
 pub fn type_hash(description: &TypeDescription) -> String {
-    let mut hash = String::from("RIHS01_");
-    for byte in Hash::hash(hashed_text(description).as_bytes()) {
-        for nibble in [byte >> 4, byte & 15] {
-            hash.extend(char::from_digit(u32::from(nibble), 16));
-        }
-    }
-    hash
+    let digest = Hash::hash(hashed_text(description).as_bytes());
+    let digits: Vec<String> = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+    format!("RIHS01_{}", digits.concat())
 }
 
 /// The text that is hashed: JSON as Python's `json.dumps` spaces it, in the order of the

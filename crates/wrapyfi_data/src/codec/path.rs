@@ -13,8 +13,8 @@ pub(crate) enum Path<'a> {
     Index(&'a Self, usize),
 }
 
-/// Characters of a key that are shown: keys come from foreign messages.
-const SHOWN: usize = 40;
+/// Characters of foreign text that are shown.
+pub(super) const SHOWN: usize = 40;
 
 impl fmt::Display for Path<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -26,12 +26,18 @@ impl fmt::Display for Path<'_> {
                 if !key.is_empty() && key.len() <= SHOWN && key.chars().all(plain) {
                     write!(f, "{parent}.{key}")
                 } else {
-                    let shown: String = key.chars().take(SHOWN).collect();
-                    let more = if shown.len() < key.len() { "…" } else { "" };
-                    write!(f, "{parent}[{shown:?}{more}]")
+                    write!(f, "{parent}[{}]", quote(key))
                 }
             }
         }
+    }
+}
+
+/// Text of a message for an error: short, and quoted.
+pub(super) fn quote(text: &str) -> String {
+    match text.char_indices().nth(SHOWN) {
+        None => format!("{text:?}"),
+        Some((end, _)) => format!("{:?}…", text.get(..end).unwrap_or_default()),
     }
 }
 

@@ -1,16 +1,20 @@
 //! Arrow's types of fixed width, and their arrays over the bytes of tensors.
 
-use arrow_array::{Array as _, ArrayRef};
-use arrow_buffer::{Buffer, NullBuffer};
+use std::sync::Arc;
+
+use arrow_array::cast::AsArray as _;
+use arrow_array::{Array as _, ArrayRef, RecordBatch, RecordBatchOptions};
+use arrow_buffer::{BooleanBuffer, Buffer, NullBuffer};
 use arrow_data::ArrayData;
-use arrow_schema::{ArrowError, DataType, TimeUnit};
+use arrow_schema::{ArrowError, DataType, Schema, TimeUnit};
 use bytes::Bytes;
 
 use super::{Dtype, Tensor};
 
 /// Types whose values are plain numbers: name, Arrow's type, what a tensor holds. The numbers of
 /// NumPy have its names.
-const NUMBERS: [(&str, DataType, Dtype); 17] = [
+const NUMBERS: [(&str, DataType, Dtype); 18] = [
+    ("bool", DataType::Boolean, Dtype::Bool),
     ("int8", DataType::Int8, Dtype::I8),
     ("int16", DataType::Int16, Dtype::I16),
     ("int32", DataType::Int32, Dtype::I32),
@@ -68,6 +72,10 @@ pub(crate) fn dtype_of(data_type: &DataType) -> Option<Dtype> {
 /// Elements of an array of fixed width, missing ones included.
 pub(crate) fn elements(array: &ArrayRef) -> Option<Tensor> {
     let dtype = dtype_of(array.data_type())?;
+    if let Some(values) = array.as_boolean_opt() {
+        let bytes: Vec<u8> = values.iter().map(|value| u8::from(value == Some(true))).collect();
+        return Tensor::new(dtype, [array.len()], bytes).ok();
+    }
     let data = array.to_data();
     let begin = data.offset().checked_mul(dtype.size())?;
     let length = array.len().checked_mul(dtype.size())?;
@@ -85,10 +93,26 @@ pub(crate) fn fixed(
     data: Bytes,
     nulls: Option<NullBuffer>,
 ) -> Result<ArrayData, ArrowError> {
+    let data = match data_type {
+        DataType::Boolean => {
+            data.iter().map(|&byte| byte != 0).collect::<BooleanBuffer>().into_inner()
+        }
+        _ => Buffer::from(data),
+    };
     ArrayData::builder(data_type)
         .len(length)
-        .add_buffer(Buffer::from(data))
+        .add_buffer(data)
         .nulls(nulls)
         .align_buffers(true)
         .build()
+}
+
+/// Columns as a table, also where there are none.
+pub(crate) fn batch(
+    schema: Schema,
+    columns: Vec<ArrayRef>,
+    rows: usize,
+) -> Result<RecordBatch, ArrowError> {
+    let options = RecordBatchOptions::new().with_row_count(Some(rows));
+    RecordBatch::try_new_with_options(Arc::new(schema), columns, &options)
 }

@@ -120,18 +120,11 @@ impl Scanner<'_> {
     /// Reads `hh[:mm[:ss]]`.
     fn clock(&mut self) -> Option<(u32, u32, u32)> {
         let hours = self.digits(2)?;
-        if self.literal(':').is_none() {
-            return Some((hours, 0, 0));
-        }
-        let minutes = self.digits(2)?;
-        if minutes > 59 {
-            return None;
-        }
-        if self.literal(':').is_none() {
-            return Some((hours, minutes, 0));
-        }
-        let seconds = self.digits(2)?;
-        (seconds < 60).then_some((hours, minutes, seconds))
+        let mut sixtieths = || match self.literal(':') {
+            Some(()) => self.digits(2).filter(|&count| count < 60),
+            None => Some(0),
+        };
+        Some((hours, sixtieths()?, sixtieths()?))
     }
 
     fn micros(&mut self) -> Option<u32> {

@@ -1,5 +1,7 @@
 //! Rust types that can be elements of a tensor, and their bytes.
 
+use std::borrow::Cow;
+
 use bytes::Bytes;
 use half::{bf16, f16};
 use zerocopy::{IntoBytes, TryFromBytes};
@@ -30,11 +32,7 @@ pub trait Element: sealed::Sealed + Copy + Send + Sync + 'static {
 mod sealed {
     use zerocopy::{Immutable, IntoBytes, TryFromBytes};
 
-    pub trait Sealed: TryFromBytes + IntoBytes + Immutable {
-        fn read(little_endian: &[u8]) -> Option<Self>
-        where
-            Self: Sized;
-    }
+    pub trait Sealed: TryFromBytes + IntoBytes + Immutable {}
 }
 
 macro_rules! elements {
@@ -42,48 +40,16 @@ macro_rules! elements {
         impl Element for $rust {
             const DTYPE: Dtype = Dtype::$dtype;
         }
-        impl sealed::Sealed for $rust {
-            fn read(little_endian: &[u8]) -> Option<Self> {
-                little_endian.try_into().ok().map(Self::from_le_bytes)
-            }
-        }
+        impl sealed::Sealed for $rust {}
     )*};
 }
 
 elements! {
+    bool => Bool, [f32; 2] => C64, [f64; 2] => C128,
     i8 => I8, i16 => I16, i32 => I32, i64 => I64,
     u8 => U8, u16 => U16, u32 => U32, u64 => U64,
     f16 => F16, bf16 => BF16, f32 => F32, f64 => F64,
 }
-
-impl Element for bool {
-    const DTYPE: Dtype = Dtype::Bool;
-}
-
-impl sealed::Sealed for bool {
-    fn read(byte: &[u8]) -> Option<Self> {
-        byte.first().map(|&byte| byte != 0)
-    }
-}
-
-macro_rules! complex {
-    ($($part:ty => $dtype:ident,)*) => {$(
-        impl Element for [$part; 2] {
-            const DTYPE: Dtype = Dtype::$dtype;
-        }
-        impl sealed::Sealed for [$part; 2] {
-            fn read(little_endian: &[u8]) -> Option<Self> {
-                let (re, im) = little_endian.split_at_checked(size_of::<$part>())?;
-                Some([
-                    <$part as sealed::Sealed>::read(re)?,
-                    <$part as sealed::Sealed>::read(im)?,
-                ])
-            }
-        }
-    )*};
-}
-
-complex! { f32 => C64, f64 => C128, }
 
 /// Elements in place; `None` when they are unaligned or no valid `bool`s, or when this machine is
 /// big-endian.
@@ -96,10 +62,16 @@ pub(super) fn from_bytes<T: Element>(bytes: &[u8]) -> Option<&[T]> {
 
 /// Copies the elements. Bytes left over at the end are dropped.
 pub(super) fn copy_from_bytes<T: Element>(bytes: &[u8]) -> Vec<T> {
-    match from_bytes(bytes) {
-        Some(elements) => elements.to_vec(),
-        None => bytes.chunks_exact(T::DTYPE.size()).filter_map(T::read).collect(),
+    if let Some(elements) = from_bytes(bytes) {
+        return elements.to_vec();
     }
+    let mut bytes = Cow::Borrowed(bytes);
+    if cfg!(target_endian = "big") {
+        swap_byte_order(bytes.to_mut(), T::DTYPE.scalar_size());
+    }
+    // A byte that is no `bool` of Rust is `true`, as in NumPy.
+    let read = |element| T::try_read_from_bytes(element).or_else(|_| T::try_read_from_bytes(&[1]));
+    bytes.chunks_exact(T::DTYPE.size()).filter_map(|element| read(element).ok()).collect()
 }
 
 /// Bytes of `elements`, little-endian, without a copy on little-endian machines.

@@ -9,14 +9,10 @@ pub const ENCAPSULATION_SIZE: usize = 4;
 /// `uint8[]` fields are pieces that share the message's own bytes.
 #[derive(Debug, Clone, Default)]
 pub struct CdrParts {
-    pieces: Vec<Bytes>,
+    pub(super) pieces: Vec<Bytes>,
 }
 
 impl CdrParts {
-    pub(super) fn new(pieces: Vec<Bytes>) -> Self {
-        Self { pieces }
-    }
-
     /// The pieces in order; none is empty.
     pub fn pieces(&self) -> &[Bytes] {
         &self.pieces

@@ -43,7 +43,7 @@ impl CdrWriter {
     #[must_use]
     pub fn finish(mut self) -> CdrParts {
         self.close_tail();
-        CdrParts::new(self.pieces)
+        CdrParts { pieces: self.pieces }
     }
 
     /// Writes one number or boolean.

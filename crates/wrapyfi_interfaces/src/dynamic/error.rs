@@ -1,5 +1,7 @@
 //! Errors of compiling a type, and of values that do not fit their type.
 
+use serde_json::Value;
+
 use crate::cdr::{path_in_element, path_in_field};
 
 /// Error of compiling a type into a plan.
@@ -105,4 +107,18 @@ impl ValueError {
             | Self::TooLarge { path, .. } => path,
         }
     }
+}
+
+/// The error for a value of another kind.
+pub(super) fn kind(expected: String, json: &Value) -> ValueError {
+    let found = match json {
+        Value::Null => "null".to_owned(),
+        Value::Bool(value) => format!("the boolean {value}"),
+        Value::Number(value) => format!("the number {value}"),
+        Value::String(text) if text.chars().count() <= 40 => format!("the string {text:?}"),
+        Value::String(text) => format!("a string of {} bytes", text.len()),
+        Value::Array(elements) => format!("an array of {} elements", elements.len()),
+        Value::Object(fields) => format!("an object with {} fields", fields.len()),
+    };
+    ValueError::Kind { path: String::new(), expected, found }
 }

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use serde_json::Value;
 
-use super::json_number::FromJson;
-use super::scalar::with_scalar;
+use super::error::kind;
+use super::scalar::{Scalar, with_scalar};
 use super::shape::{ElementShape, FieldShape, Shape};
 use super::{DynamicMessage, DynamicValue, Primitives, TypePlan, ValueError};
 use crate::parser::Container;
@@ -128,18 +128,4 @@ fn text(field: &FieldShape, json: &Value, budget: &mut Budget) -> Result<String,
     field.check_text(text)?;
     budget.take(text.len())?;
     Ok(text.clone())
-}
-
-/// The error for a value of another kind.
-pub(super) fn kind(expected: String, json: &Value) -> ValueError {
-    let found = match json {
-        Value::Null => "null".to_owned(),
-        Value::Bool(value) => format!("the boolean {value}"),
-        Value::Number(value) => format!("the number {value}"),
-        Value::String(text) if text.chars().count() <= 40 => format!("the string {text:?}"),
-        Value::String(text) => format!("a string of {} bytes", text.len()),
-        Value::Array(elements) => format!("an array of {} elements", elements.len()),
-        Value::Object(fields) => format!("an object with {} fields", fields.len()),
-    };
-    ValueError::Kind { path: String::new(), expected, found }
 }

@@ -17,7 +17,6 @@ mod codec;
 mod default;
 mod error;
 mod json_in;
-mod json_number;
 mod json_out;
 mod message;
 mod plan;

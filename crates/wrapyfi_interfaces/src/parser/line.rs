@@ -100,25 +100,12 @@ fn field(
 /// Splits a value from the comment behind it. A `#` between quotes belongs to the value; an
 /// apostrophe inside an unquoted string does not open quotes.
 fn split_comment(text: &str) -> (&str, Option<String>) {
-    let quotable = text.starts_with(['"', '\'', '[']);
-    let mut open = None;
-    let mut escaped = false;
-    for (at, c) in text.char_indices() {
-        match open {
-            _ if escaped => escaped = false,
-            Some(_) if c == '\\' => escaped = true,
-            Some(quote) if c == quote => open = None,
-            Some(_) => {}
-            None if quotable && (c == '"' || c == '\'') => open = Some(c),
-            None if c == '#' => {
-                let (value, comment) = text.split_at(at);
-                let comment = comment.trim_start_matches('#').trim().to_owned();
-                return (value.trim_end(), Some(comment));
-            }
-            None => {}
-        }
-    }
-    (text.trim_end(), None)
+    let mut outside = value::outside_quotes(text.starts_with(['"', '\'', '[']));
+    let Some(at) = text.find(|c| outside(c) && c == '#') else {
+        return (text.trim_end(), None);
+    };
+    let (value, comment) = text.split_at(at);
+    (value.trim_end(), Some(comment.trim_start_matches('#').trim().to_owned()))
 }
 
 /// Reads a type such as `string<=5[<=3]`.

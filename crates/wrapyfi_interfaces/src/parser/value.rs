@@ -71,21 +71,27 @@ pub(super) fn default(
     }
 }
 
-/// Elements between commas that are not inside quotes.
-fn split_elements(text: &str) -> Vec<&str> {
-    let mut open = None;
-    let mut escaped = false;
-    let parts = text.split(|c: char| {
+/// Tells of one character after the other whether it stands outside of quotes, which there are only in a text that may
+/// have them.
+pub(super) fn outside_quotes(quotable: bool) -> impl FnMut(char) -> bool {
+    let (mut open, mut escaped) = (None, false);
+    move |c| {
         match open {
             _ if escaped => escaped = false,
             Some(_) if c == '\\' => escaped = true,
             Some(quote) if c == quote => open = None,
+            None if quotable && (c == '"' || c == '\'') => open = Some(c),
             Some(_) => {}
-            None if c == '"' || c == '\'' => open = Some(c),
-            None => return c == ',',
+            None => return true,
         }
         false
-    });
+    }
+}
+
+/// Elements between commas that are not inside quotes.
+fn split_elements(text: &str) -> Vec<&str> {
+    let mut outside = outside_quotes(true);
+    let parts = text.split(|c| outside(c) && c == ',');
     let parts: Vec<&str> = parts.map(str::trim).collect();
     if parts == [""] { Vec::new() } else { parts }
 }

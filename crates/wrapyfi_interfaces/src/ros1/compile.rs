@@ -166,11 +166,7 @@ impl<'d> Compiler<'d> {
         links: &[(usize, usize)],
         place: &Place,
     ) {
-        let (mut only1, mut only2): (BTreeSet<usize>, BTreeSet<usize>) =
-            ((0..ros1.len()).collect(), (0..ros2.len()).collect());
         for (one, two) in links {
-            only1.remove(one);
-            only2.remove(two);
             if let (Some(one), Some(two)) = (ros1.get(*one), ros2.get(*two))
                 && one.path != two.path
             {
@@ -178,12 +174,13 @@ impl<'d> Compiler<'d> {
                 self.differences.renamed.insert((one, format!("{}{}", place.ros2, two.path)));
             }
         }
-        let one = only1.iter().filter_map(|at| ros1.get(*at));
-        let one = one.map(|entry| format!("{}{}", place.ros1, entry.path));
-        self.differences.only_ros1.extend(one);
-        let two = only2.iter().filter_map(|at| ros2.get(*at));
-        let two = two.map(|entry| format!("{}{}", place.ros2, entry.path));
-        self.differences.only_ros2.extend(two);
+        let (linked1, linked2): (BTreeSet<usize>, BTreeSet<usize>) = links.iter().copied().unzip();
+        let only = |entries: &[Entry<'_>], linked: &BTreeSet<usize>, place: &str| {
+            let only = entries.iter().enumerate().filter(|(at, _)| !linked.contains(at));
+            only.map(|(_, entry)| format!("{place}{}", entry.path)).collect::<Vec<_>>()
+        };
+        self.differences.only_ros1.extend(only(ros1, &linked1, &place.ros1));
+        self.differences.only_ros2.extend(only(ros2, &linked2, &place.ros2));
     }
 
     /// Counts a field, and gives its path a number.
@@ -213,7 +210,7 @@ impl<'d> Compiler<'d> {
         let path =
             format!("{}{}", if self.to_ros2 { &place.ros2 } else { &place.ros1 }, entry.path);
         let at = self.path(&path)?;
-        if !self.to_ros2 && path == "header.seq" && *entry.owner == header() {
+        if !self.to_ros2 && path == "header.seq" && is(entry.owner, "std_msgs", "Header") {
             ops.push(Op::Counter);
             return Ok(());
         }
@@ -328,7 +325,9 @@ impl<'d> Compiler<'d> {
                 if !are_alike(*first, *second) {
                     return Err(mismatch(one, two));
                 }
-                if *one.owner == log() && one.path == "level" && *two.owner == ros2_log() {
+                let is_log =
+                    is(one.owner, "rosgraph_msgs", "Log") && is(two.owner, "rcl_interfaces", "Log");
+                if is_log && one.path == "level" {
                     ops.push(Op::Severity { at });
                     return Ok(());
                 }
@@ -337,8 +336,8 @@ impl<'d> Compiler<'d> {
                 let kind = if *first == Primitive::Bool {
                     Some(CheckKind::Bool)
                 } else {
-                    let is_seconds = *one.owner == time() && one.field.name == "sec";
-                    is_seconds.then_some(CheckKind::Seconds)
+                    let is_time = is(one.owner, "builtin_interfaces", "Time");
+                    (is_time && one.field.name == "sec").then_some(CheckKind::Seconds)
                 };
                 block.checks.extend(kind.map(|kind| Check {
                     kind,
@@ -373,20 +372,8 @@ impl<'d> Compiler<'d> {
     }
 }
 
-fn header() -> TypeName {
-    TypeName::well_known("std_msgs", "Header")
-}
-
-fn time() -> TypeName {
-    TypeName::well_known("builtin_interfaces", "Time")
-}
-
-fn log() -> TypeName {
-    TypeName::well_known("rosgraph_msgs", "Log")
-}
-
-fn ros2_log() -> TypeName {
-    TypeName::well_known("rcl_interfaces", "Log")
+fn is(message: &TypeName, package: &str, name: &str) -> bool {
+    *message == TypeName::well_known(package, name)
 }
 
 /// True when the bits of one can stand for the other: same size, and both whole numbers, both

@@ -140,12 +140,11 @@ impl<'w, const F: bool, const T: bool> Work<'w, F, T> {
                 }
                 Op::Mark(slot) => {
                     if let Some(mark) = self.marks.get_mut(*slot) {
-                        *mark = self.from.position();
+                        *mark = self.from.at;
                     }
                 }
                 Op::Return(slot) => {
-                    let mark = self.marks.get(*slot).copied();
-                    self.from.go_to(mark.unwrap_or(self.from.position()));
+                    self.from.at = self.marks.get(*slot).copied().unwrap_or(self.from.at);
                 }
             }
         }

@@ -16,22 +16,13 @@ pub(super) struct Short {
 #[derive(Debug)]
 pub(super) struct Source<'a, const CDR: bool> {
     body: &'a [u8],
-    at: usize,
+    pub(super) at: usize,
 }
 
 impl<'a, const CDR: bool> Source<'a, CDR> {
     /// Starts at the first byte of `body`, which positions are counted from.
     pub(super) fn new(body: &'a [u8]) -> Self {
         Self { body, at: 0 }
-    }
-
-    pub(super) fn position(&self) -> usize {
-        self.at
-    }
-
-    /// Goes to a position it was at before.
-    pub(super) fn go_to(&mut self, position: usize) {
-        self.at = position;
     }
 
     pub(super) fn remaining(&self) -> usize {

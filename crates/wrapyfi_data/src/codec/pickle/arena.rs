@@ -59,10 +59,7 @@ pub(super) enum Kind {
     ByteArray(Span),
     OwnedBytes(Box<Bytes>),
     OwnedByteArray(Box<Bytes>),
-    Buffer {
-        index: u32,
-        readonly: bool,
-    },
+    Buffer(u32),
     List(Vec<NodeId>),
     Tuple(Box<[NodeId]>),
     Dict(Vec<(NodeId, NodeId)>),
@@ -104,9 +101,7 @@ pub(super) struct CallData {
 pub struct Pickle {
     pub(super) data: Bytes,
     pub(super) buffers: Vec<Bytes>,
-    pub(super) nodes: Vec<Kind>,
-    /// Byte of the opcode that made each node.
-    pub(super) made_at: Vec<u32>,
+    pub(super) arena: Arena,
     pub(super) root: NodeId,
     pub(super) end: usize,
 }
@@ -118,15 +113,6 @@ impl Pickle {
         self.end
     }
 
-    pub(super) fn kind(&self, id: NodeId) -> &Kind {
-        // No number without a node is ever made; `None` is the least harmful answer.
-        self.nodes.get(id.0 as usize).unwrap_or(&Kind::None)
-    }
-
-    pub(super) fn made_at(&self, id: NodeId) -> usize {
-        self.made_at.get(id.0 as usize).copied().unwrap_or_default() as usize
-    }
-
     pub(super) fn bytes(&self, span: Span) -> &[u8] {
         self.data.get(span.start..span.end).unwrap_or_default()
     }
@@ -136,18 +122,15 @@ impl Pickle {
     }
 
     pub(super) fn shared(&self, span: Span) -> Bytes {
-        if span.start <= span.end && span.end <= self.data.len() {
-            self.data.slice(span.start..span.end)
-        } else {
-            Bytes::new()
-        }
+        self.data.slice_ref(self.bytes(span))
     }
 }
 
 /// Objects while they are made, and the memory they may still take.
+#[derive(Debug)]
 pub(super) struct Arena {
-    pub(super) nodes: Vec<Kind>,
-    pub(super) made_at: Vec<u32>,
+    nodes: Vec<Kind>,
+    made_at: Vec<u32>,
     left: usize,
     limit: usize,
 }
@@ -212,7 +195,12 @@ impl Arena {
     }
 
     pub(super) fn kind(&self, id: NodeId) -> &Kind {
+        // No number without a node is ever made; `None` is the least harmful answer.
         self.nodes.get(id.0 as usize).unwrap_or(&Kind::None)
+    }
+
+    pub(super) fn made_at(&self, id: NodeId) -> usize {
+        self.made_at.get(id.0 as usize).copied().unwrap_or_default() as usize
     }
 
     pub(super) fn kind_mut(&mut self, id: NodeId) -> Option<&mut Kind> {
@@ -231,7 +219,7 @@ impl Kind {
             Self::Str(_) | Self::OwnedStr(_) | Self::Utf16(_) => "a str",
             Self::Bytes(_) | Self::OwnedBytes(_) => "bytes",
             Self::ByteArray(_) | Self::OwnedByteArray(_) => "a bytearray",
-            Self::Buffer { .. } => "an out-of-band buffer",
+            Self::Buffer(_) => "an out-of-band buffer",
             Self::List(_) => "a list",
             Self::Tuple(_) => "a tuple",
             Self::Dict(_) => "a dict",

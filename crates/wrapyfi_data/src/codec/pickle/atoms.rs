@@ -108,21 +108,17 @@ impl<'a> Machine<'a> {
         }
         self.next_buffer += 1;
         let index = u32::try_from(index).ok().ok_or_else(|| self.fault("too many buffers"))?;
-        self.push(Kind::Buffer { index, readonly: false })
+        self.push(Kind::Buffer(index))
     }
 
     pub(super) fn readonly(&mut self) -> Result<()> {
         let top = self.top()?;
         match *self.arena.kind(top) {
-            Kind::Buffer { index, .. } => {
-                self.pop()?;
-                self.push(Kind::Buffer { index, readonly: true })
-            }
             Kind::ByteArray(span) => {
                 self.pop()?;
                 self.push(Kind::Bytes(span))
             }
-            Kind::Bytes(_) | Kind::OwnedBytes(_) => Ok(()),
+            Kind::Buffer(_) | Kind::Bytes(_) | Kind::OwnedBytes(_) => Ok(()),
             ref other => Err(self.fault(format!("{} is no buffer", other.name()))),
         }
     }

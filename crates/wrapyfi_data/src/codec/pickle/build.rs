@@ -186,7 +186,7 @@ impl Machine<'_> {
 
     fn is_latin1(&self, encoding: NodeId) -> bool {
         matches!(self.arena.kind(encoding), Kind::Str(span)
-            if matches!(self.span_bytes(*span), b"latin1" | b"latin-1"))
+            if matches!(self.scanner.get(*span), b"latin1" | b"latin-1"))
     }
 
     fn latin1(&mut self, id: NodeId) -> Result<Kind> {
@@ -199,7 +199,7 @@ impl Machine<'_> {
         self.arena.charge(length, self.at)?;
         let owned = match self.arena.kind(id) {
             Kind::Str(span) => {
-                let bytes = self.span_bytes(*span);
+                let bytes = self.scanner.get(*span);
                 if bytes.is_ascii() {
                     return Ok(Kind::Bytes(*span));
                 }

@@ -1,52 +1,30 @@
 //! Values of Python's standard library as pickles describe them.
 
+use std::iter::StepBy;
+use std::ops::Range;
+
 use chrono::{FixedOffset, NaiveDate, NaiveTime, TimeDelta};
 
 use super::error::PickleError;
 use super::node::{Node, View};
 use crate::types::DateTime;
 
-/// A `slice`.
-///
-/// ```
-/// use wrapyfi_data::codec::pickle::Slice;
-/// let every_second = Slice { start: Some(0), stop: Some(6), step: Some(2) };
-/// assert_eq!(every_second.indices().unwrap().collect::<Vec<_>>(), [0, 2, 4]);
-/// let backwards = Slice { step: Some(-1), ..every_second };
-/// assert!(backwards.indices().is_none());
-/// ```
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Slice {
-    /// First index.
-    pub start: Option<i64>,
-    /// Index behind the last.
-    pub stop: Option<i64>,
-    /// Step from one index to the next.
-    pub step: Option<i64>,
-}
-
-impl Slice {
-    /// Indices of the slice, when it counts up from its start to its stop.
-    pub fn indices(&self) -> Option<std::iter::StepBy<std::ops::Range<usize>>> {
-        let start = usize::try_from(self.start.unwrap_or(0)).ok()?;
-        let stop = usize::try_from(self.stop?).ok()?;
-        let step = usize::try_from(self.step.unwrap_or(1)).ok().filter(|&step| step > 0)?;
-        Some((start..stop).step_by(step))
-    }
-}
-
 type Result<T> = std::result::Result<T, PickleError>;
 
 impl Node<'_> {
-    /// Reads a `slice`.
+    /// Reads a `slice` as the indices from its start to its stop; `None` where it does not count up.
     ///
     /// # Errors
     /// When the object is of another kind; so for all that follow.
-    pub fn slice(&self) -> Result<Slice> {
+    pub fn slice(&self) -> Result<Option<StepBy<Range<usize>>>> {
         let parts: [Node<'_>; 3] = self.call("builtins.slice")?.args().exact()?;
         let [start, stop, step] =
             parts.map(|part| part.option().map(|part| part.int()).transpose());
-        Ok(Slice { start: start?, stop: stop?, step: step? })
+        let size = |part| usize::try_from(part).ok();
+        let (start, step) = (size(start?.unwrap_or(0)), size(step?.unwrap_or(1)));
+        let range = start.zip(stop?.and_then(size)).map(|(start, stop)| start..stop);
+        let step = step.filter(|&step| step > 0);
+        Ok(range.zip(step).map(|(range, step)| range.step_by(step)))
     }
 
     /// Reads a `decimal.Decimal` as its text: `1.50`, `NaN`.

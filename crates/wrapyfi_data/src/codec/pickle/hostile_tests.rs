@@ -3,6 +3,7 @@
 use bytes::Bytes;
 
 use super::*;
+use crate::Limits;
 
 /// Name, pickle, what the refusal says.
 type Case = (&'static str, &'static [u8], &'static str);

@@ -8,7 +8,7 @@
 
 use bytes::Bytes;
 
-use super::arena::{Arena, Kind, NodeId, Pickle, Span};
+use super::arena::{Arena, Kind, NodeId, Pickle};
 use super::error::PickleError;
 use super::globals::Allowed;
 use super::scan::Scanner;
@@ -34,12 +34,15 @@ pub(super) struct Machine<'a> {
     pub(super) at: usize,
 }
 
-pub(super) fn run(
-    data: &Bytes,
-    buffers: &[Bytes],
-    allowed: &Allowed,
-    limits: &Limits,
-) -> Result<Pickle> {
+/// Reads a pickle of any protocol, 0 to 5, whose out-of-band buffers are `buffers` in their order.
+/// Bytes behind its end are ignored: [`Pickle::end`] says where that is.
+///
+/// Objects may take four times `limits.message_bytes` of memory, and 64 bytes for each one of
+/// `data`, besides what they share with `data` and `buffers`.
+///
+/// # Errors
+/// When it is no pickle, names something that is not on the list `allowed`, or exceeds a limit.
+pub fn read(data: &Bytes, buffers: &[Bytes], allowed: &Allowed, limits: &Limits) -> Result<Pickle> {
     let size = buffers.iter().fold(data.len(), |size, buffer| size.saturating_add(buffer.len()));
     if size > limits.message_bytes {
         let what = "pickle with its buffers";
@@ -66,8 +69,7 @@ pub(super) fn run(
     Ok(Pickle {
         data: data.clone(),
         buffers: buffers.to_vec(),
-        nodes: machine.arena.nodes,
-        made_at: machine.arena.made_at,
+        arena: machine.arena,
         root,
         end: machine.scanner.at,
     })
@@ -282,9 +284,5 @@ impl<'a> Machine<'a> {
     fn pop_mark(&mut self) -> Result<Vec<NodeId>> {
         let floor = self.marks.pop().ok_or_else(|| self.fault("there is no mark"))?;
         Ok(self.stack.split_off(floor.min(self.stack.len())))
-    }
-
-    pub(super) fn span_bytes(&self, span: Span) -> &'a [u8] {
-        self.scanner.get(span)
     }
 }

@@ -78,37 +78,16 @@ mod text;
 mod trail;
 mod write;
 
-use bytes::Bytes;
-
 pub use arena::{NodeId, Pickle};
-pub use builtin::Slice;
 pub use call::PickleCall;
 pub use dtype::ArrayDtype;
 pub use error::PickleError;
 pub use globals::{Allowed, Global};
 pub use items::{Items, Pairs};
+pub use machine::read;
 pub use node::{Node, View};
 pub use numpy::PickledArray;
 pub(crate) use write::Writer;
-
-use crate::Limits;
-
-/// Reads a pickle of any protocol, 0 to 5, whose out-of-band buffers are `buffers` in their order.
-/// Bytes behind its end are ignored: [`Pickle::end`] says where that is.
-///
-/// Objects may take four times `limits.message_bytes` of memory, and 64 bytes for each one of
-/// `data`, besides what they share with `data` and `buffers`.
-///
-/// # Errors
-/// When it is no pickle, names something that is not on the list `allowed`, or exceeds a limit.
-pub fn read(
-    data: &Bytes,
-    buffers: &[Bytes],
-    allowed: &Allowed,
-    limits: &Limits,
-) -> Result<Pickle, PickleError> {
-    machine::run(data, buffers, allowed, limits)
-}
 
 #[cfg(test)]
 mod hostile_tests;

@@ -8,6 +8,7 @@ use std::fmt;
 use bytes::Bytes;
 use num_bigint::BigInt;
 
+use super::super::path::{SHOWN, quote};
 use super::arena::{Kind, NodeId, Pickle};
 use super::call::PickleCall;
 use super::error::PickleError;
@@ -75,14 +76,7 @@ pub enum View<'p> {
     /// `bytearray`; [`Node::bytes`] shares it.
     ByteArray(&'p [u8]),
     /// A buffer that came beside the pickle.
-    Buffer {
-        /// Number of the buffer.
-        index: usize,
-        /// True where Python would make it read-only.
-        readonly: bool,
-        /// Content of the buffer.
-        content: &'p Bytes,
-    },
+    Buffer(&'p Bytes),
     /// `list`.
     List(Items<'p>),
     /// `tuple`.
@@ -132,7 +126,7 @@ impl<'p> Node<'p> {
     }
 
     fn kind(&self) -> &'p Kind {
-        self.pickle.kind(self.id)
+        self.pickle.arena.kind(self.id)
     }
 
     /// Number of the object: two nodes with the same number are the same Python object.
@@ -143,7 +137,7 @@ impl<'p> Node<'p> {
     /// Byte of the opcode that made the object, as `pickletools.dis` shows it.
     #[must_use]
     pub fn at(&self) -> usize {
-        self.pickle.made_at(self.id)
+        self.pickle.arena.made_at(self.id)
     }
 
     /// Path from the root to the object: `$._mgr.args[0]`.
@@ -208,14 +202,11 @@ impl<'p> Node<'p> {
             Kind::OwnedBytes(bytes) => View::Bytes(bytes),
             Kind::ByteArray(span) => View::ByteArray(pickle.bytes(*span)),
             Kind::OwnedByteArray(bytes) => View::ByteArray(bytes),
-            Kind::Buffer { index, readonly } => {
-                let index = *index as usize;
-                // The reader has checked the index.
-                match pickle.buffers.get(index) {
-                    Some(content) => View::Buffer { index, readonly: *readonly, content },
-                    None => View::None,
-                }
-            }
+            // The reader has checked the index.
+            Kind::Buffer(index) => match pickle.buffers.get(*index as usize) {
+                Some(content) => View::Buffer(content),
+                None => View::None,
+            },
             Kind::List(ids) => View::List(items(ids)),
             Kind::Tuple(ids) => View::Tuple(items(ids)),
             Kind::Set(ids) => View::Set(items(ids)),
@@ -280,7 +271,7 @@ impl<'p> Node<'p> {
         match self.kind() {
             Kind::Bytes(span) | Kind::ByteArray(span) => Ok(self.pickle.shared(*span)),
             Kind::OwnedBytes(bytes) | Kind::OwnedByteArray(bytes) => Ok(Bytes::clone(bytes)),
-            Kind::Buffer { index, .. } => match self.pickle.buffers.get(*index as usize) {
+            Kind::Buffer(index) => match self.pickle.buffers.get(*index as usize) {
                 Some(buffer) => Ok(buffer.clone()),
                 None => Err(self.unexpected("bytes")),
             },
@@ -320,9 +311,6 @@ impl Global {
     }
 }
 
-/// Characters of text that are shown: it comes from foreign messages.
-const SHOWN: usize = 40;
-
 /// Writes the node in the words of an error message: `the int 5`.
 impl fmt::Display for Node<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -330,11 +318,7 @@ impl fmt::Display for Node<'_> {
             View::Bool(value) => f.write_str(if value { "True" } else { "False" }),
             View::Int(value) => write!(f, "the int {value}"),
             View::Float(value) => write!(f, "the float {value}"),
-            View::Str(text) => {
-                let shown: String = text.chars().take(SHOWN).collect();
-                let more = if shown.len() < text.len() { "…" } else { "" };
-                write!(f, "the str {shown:?}{more}")
-            }
+            View::Str(text) => write!(f, "the str {}", quote(text)),
             View::Bytes(bytes) => write!(f, "{} bytes", bytes.len()),
             View::List(items) => write!(f, "a list of {}", items.len()),
             View::Tuple(items) => write!(f, "a tuple of {}", items.len()),

@@ -1,7 +1,5 @@
 //! Camera frames: `sensor_msgs/msg/Image` and `CompressedImage`.
 
-use wrapyfi_interfaces::Message;
-use wrapyfi_interfaces::cdr::CdrParts;
 use wrapyfi_interfaces::sensor_msgs::msg;
 
 use super::part::{
@@ -9,10 +7,6 @@ use super::part::{
 };
 use crate::codec::{DecodeError, EncodeError};
 use crate::types::{CompressedFormat, Encoding, Image, Pixels, RawPixels};
-
-pub(super) fn encode_raw(image: &Image) -> Result<CdrParts, EncodeError> {
-    raw_message(image).map(|message| message.encode())
-}
 
 /// The fields of an uncompressed image.
 pub(in crate::codec) fn raw_message(image: &Image) -> Result<msg::Image, EncodeError> {
@@ -31,10 +25,6 @@ pub(in crate::codec) fn raw_message(image: &Image) -> Result<msg::Image, EncodeE
         step: raw.step,
         data: raw.data.clone(),
     })
-}
-
-pub(super) fn encode_file(image: &Image) -> Result<CdrParts, EncodeError> {
-    file_message(image).map(|message| message.encode())
 }
 
 /// The fields of an image file.

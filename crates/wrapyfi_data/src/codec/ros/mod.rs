@@ -53,8 +53,10 @@ pub fn encode_with(
     plugins: &Plugins,
 ) -> EncodeResult<CdrParts> {
     match (payload, message_type) {
-        (Payload::Image(picture), MessageType::Image) => image::encode_raw(picture),
-        (Payload::Image(picture), MessageType::CompressedImage) => image::encode_file(picture),
+        (Payload::Image(picture), MessageType::Image) => Ok(image::raw_message(picture)?.encode()),
+        (Payload::Image(picture), MessageType::CompressedImage) => {
+            Ok(image::file_message(picture)?.encode())
+        }
         (Payload::AudioChunk(sound), MessageType::AudioChunk) => {
             audio::message(sound).map(|message| message.encode())
         }

@@ -5,6 +5,7 @@ use wrapyfi_interfaces::builtin_interfaces::msg::Time;
 use wrapyfi_interfaces::cdr::CdrError;
 use wrapyfi_interfaces::std_msgs::msg::Header;
 
+pub(super) use crate::codec::path::quote;
 use crate::codec::{DecodeError, EncodeError, EncodeResult};
 use crate::types::{Pixels, ShapeError, Stamp, swap_byte_order};
 
@@ -65,15 +66,6 @@ pub(super) fn describe_pixels(pixels: &Pixels) -> String {
     match pixels {
         Pixels::Raw(raw) => format!("a raw {} image", raw.encoding),
         Pixels::Compressed { format, .. } => format!("a {format} image"),
-    }
-}
-
-/// Text of a message for an error: short, and quoted.
-pub(super) fn quote(text: &str) -> String {
-    const SHOWN: usize = 40;
-    match text.char_indices().nth(SHOWN) {
-        None => format!("{text:?}"),
-        Some((end, _)) => format!("{:?}…", text.get(..end).unwrap_or_default()),
     }
 }
 

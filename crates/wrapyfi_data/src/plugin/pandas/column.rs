@@ -13,10 +13,10 @@ use std::sync::Arc;
 use arrow_array::cast::AsArray as _;
 use arrow_array::types::Int64Type;
 use arrow_array::{
-    Array as _, ArrayRef, BooleanArray, DictionaryArray, Int8Array, Int16Array, Int32Array,
-    Int64Array, make_array,
+    Array as _, ArrayRef, DictionaryArray, Int8Array, Int16Array, Int32Array, Int64Array,
+    make_array,
 };
-use arrow_buffer::{BooleanBuffer, NullBuffer};
+use arrow_buffer::NullBuffer;
 use arrow_schema::DataType;
 use bytes::Bytes;
 
@@ -270,17 +270,9 @@ fn row_of(data: &Bytes, rows: &Rows, row: usize, size: usize) -> Bytes {
 
 fn numbers(node: &Node<'_>, tensor: &Tensor, rows: &Rows, row: usize) -> Result<Typed> {
     let data = row_of(tensor.data(), rows, row, tensor.dtype().size());
-    let array: ArrayRef = match tensor.dtype() {
-        Dtype::Bool => {
-            let bits = data.iter().map(|&byte| byte != 0).collect::<BooleanBuffer>();
-            Arc::new(BooleanArray::new(bits, None))
-        }
-        dtype => {
-            let number = arrow::number_type(dtype.name())
-                .ok_or_else(|| node.unexpected("numbers that Arrow has, not complex ones"))?;
-            fixed(node, number, rows.length, data, None)?
-        }
-    };
+    let number = arrow::number_type(tensor.dtype().name())
+        .ok_or_else(|| node.unexpected("numbers that Arrow has, not complex ones"))?;
+    let array = fixed(node, number, rows.length, data, None)?;
     Ok((array, tensor.dtype().name().to_owned()))
 }
 

@@ -21,23 +21,27 @@ use std::sync::Arc;
 
 use arrow_array::{Array as _, ArrayRef};
 use arrow_schema::{Field, Schema};
+use wrapyfi_interfaces::named;
 
 use super::super::PluginError;
-use super::super::pyarrow::batch;
 use crate::Limits;
 use crate::codec::json;
 use crate::plugin_api::malformed;
+use crate::types::arrow::batch;
 use crate::types::{Origin, Table, Value};
 
 /// Name of pandas's type in a field's metadata.
 pub(super) const DTYPE: &str = "dtype";
 
-/// Class of pandas that a frame is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
-    Frame,
-    Series,
-    Index,
+named! {
+    /// Class of pandas that a frame is.
+    pub(super) enum Kind {
+        Frame => "DataFrame",
+        Series => "Series",
+        Index => "Index",
+    }
+    /// Name of the pandas type.
+    pub fn name, from_name;
 }
 
 /// Values of one column, or of an index.
@@ -107,14 +111,7 @@ impl Frame {
     /// The frame as a table of the plug-in `key`.
     pub(super) fn into_table(self, key: &str) -> Result<Table, PluginError> {
         let rows = self.index.len();
-        let mut origin = Origin::new(key).with(
-            "kind",
-            match self.kind {
-                Kind::Frame => "DataFrame",
-                Kind::Series => "Series",
-                Kind::Index => "Index",
-            },
-        );
+        let mut origin = Origin::new(key).with("kind", self.kind.name());
         let labels: Vec<&Value> = self.columns.iter().map(|column| &column.label).collect();
         let texts: BTreeSet<&str> = labels.iter().filter_map(|label| label.as_str()).collect();
         if texts.len() < labels.len() {

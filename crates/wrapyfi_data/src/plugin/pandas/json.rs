@@ -22,18 +22,12 @@ use crate::types::{Map, Value};
 
 type Result<T> = std::result::Result<T, PluginError>;
 
-fn text(body: &Body<'_>, context: &Unpacking<'_>) -> Result<Value> {
-    json::decode(&body.base64(0)?, context.limits).map_err(malformed)
-}
-
 /// Reads parts `text, "DataFrame" or "Series"`.
 pub(super) fn read_split(body: &Body<'_>, context: &Unpacking<'_>) -> Result<Frame> {
-    let value = text(body, context)?;
-    let kind = match body.text(1)?.as_str() {
-        "Series" => Kind::Series,
-        "DataFrame" => Kind::Frame,
-        other => return Err(malformed(format!("{other:?} is no DataFrame and no Series"))),
-    };
+    let value = json::decode(&body.base64(0)?, context.limits).map_err(malformed)?;
+    let text = body.text(1)?;
+    let kind = Kind::from_name(&text).filter(|&kind| kind != Kind::Index);
+    let kind = kind.ok_or_else(|| malformed(format!("{text:?} is no DataFrame and no Series")))?;
     let list = |key: &str| {
         let found = value.get(key).and_then(Value::as_items);
         found.ok_or_else(|| malformed(format!("{key} is missing or no list")))
@@ -71,12 +65,10 @@ pub(super) fn write_split(frame: &Frame) -> Result<Vec<Part>> {
         ("index", Value::List(index_values(&frame.index)?)),
         ("data", Value::from_iter(rows)),
     ]));
-    let kind = match frame.kind {
-        Kind::Series => "Series",
-        Kind::Frame => "DataFrame",
-        Kind::Index => return Err(only_frames()),
-    };
-    Ok(vec![Part::base64(encode(&value)?), Part::Text(kind.into())])
+    if frame.kind == Kind::Index {
+        return Err(only_frames());
+    }
+    Ok(vec![Part::base64(encode(&value)?), Part::Text(frame.kind.name().into())])
 }
 
 /// Reads records whose first member is the index.

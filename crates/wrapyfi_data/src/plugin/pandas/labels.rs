@@ -42,9 +42,9 @@ pub(super) fn values(array: &ArrayRef) -> Option<Vec<Value>> {
     Some(match array.data_type() {
         DataType::Utf8 => array.as_string::<i32>().iter().map(Value::from).collect(),
         DataType::LargeUtf8 => array.as_string::<i64>().iter().map(Value::from).collect(),
-        DataType::Boolean => array.as_boolean().iter().map(Value::from).collect(),
         number
-            if number.is_integer() || matches!(number, DataType::Float32 | DataType::Float64) =>
+            if number.is_integer()
+                || matches!(number, DataType::Boolean | DataType::Float32 | DataType::Float64) =>
         {
             let Value::List(mut labels) = nested_list(&arrow::elements(array)?)? else {
                 return None;

@@ -77,7 +77,7 @@ fn data_frame(node: &Node<'_>, call: &PickleCall<'_>, budget: &Budget) -> Result
 /// A `slice`, or an array of positions.
 fn placement_of(node: &Node<'_>, count: usize) -> Result<Vec<usize>> {
     if let Ok(slice) = node.slice() {
-        let indices = slice.indices().filter(|indices| indices.len() <= count);
+        let indices = slice.filter(|indices| indices.len() <= count);
         return indices
             .map(Iterator::collect)
             .ok_or_else(|| node.unexpected(format!("places among {count} columns")));

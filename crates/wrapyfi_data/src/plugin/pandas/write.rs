@@ -26,8 +26,8 @@ use super::frame::{Column, Frame, Index, Kind};
 use super::offsets;
 use crate::codec::json;
 use crate::codec::pickle::Writer;
-use crate::types::Value;
 use crate::types::arrow::{self, unit_name};
+use crate::types::{Value, into_bytes};
 
 type Result<T = ()> = std::result::Result<T, PluginError>;
 
@@ -270,11 +270,6 @@ fn plain(to: &mut Writer, column: &Column) -> Result {
         DataType::Utf8 | DataType::LargeUtf8 | DataType::Binary | DataType::LargeBinary => {
             return objects(to, column);
         }
-        DataType::Boolean => {
-            let bytes: Vec<u8> =
-                array.as_boolean().iter().map(|value| u8::from(value == Some(true))).collect();
-            to.array("|b1", array.len(), bytes.into());
-        }
         // With a zone the numbers are what pandas takes for instants; times would be local.
         DataType::Timestamp(_, Some(_)) => times(to, array, "<i8"),
         DataType::Timestamp(unit, None) => {
@@ -282,7 +277,7 @@ fn plain(to: &mut Writer, column: &Column) -> Result {
         }
         DataType::Duration(unit) => times(to, array, &format!("<m8[{}]", unit_name(*unit))),
         DataType::Dictionary(..) => return categories(to, column),
-        number if number.is_integer() || number.is_floating() => {
+        number if matches!(number, DataType::Boolean) || number.is_numeric() => {
             let elements = arrow::elements(array);
             let descr = elements.as_ref().and_then(|elements| elements.dtype().npy_descr());
             let (Some(elements), Some(descr)) = (elements, descr) else {
@@ -306,14 +301,10 @@ fn of_pyarrow(to: &mut Writer, array: &ArrayRef) -> Result {
 
 /// Counts of a unit of time; missing ones are NaT.
 fn times(to: &mut Writer, array: &ArrayRef, descr: &str) {
-    let data = array.to_data();
-    let all = data.buffers().first().map(arrow_buffer::Buffer::as_slice).unwrap_or_default();
-    let (counts, _) = all.as_chunks::<8>();
-    let counts = counts.iter().skip(data.offset()).take(array.len()).enumerate();
-    let missing = i64::MIN.to_le_bytes();
-    let bytes: Vec<u8> =
-        counts.flat_map(|(row, count)| if array.is_null(row) { missing } else { *count }).collect();
-    to.array(descr, array.len(), bytes.into());
+    let counts = arrow::elements(array).and_then(|counts| counts.to_vec()).unwrap_or_default();
+    let counts = counts.into_iter().enumerate();
+    let counts = counts.map(|(row, count)| if array.is_null(row) { i64::MIN } else { count });
+    to.array(descr, array.len(), into_bytes(counts.collect()));
 }
 
 /// Python objects, one each.

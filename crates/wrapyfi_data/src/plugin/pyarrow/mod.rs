@@ -24,7 +24,7 @@ mod write;
 
 use std::sync::Arc;
 
-use arrow_array::{ArrayRef, RecordBatch, RecordBatchOptions};
+use arrow_array::{ArrayRef, RecordBatch};
 use arrow_schema::{ArrowError, Field, Schema};
 
 use super::budget::Budget;
@@ -66,14 +66,4 @@ fn single(array: ArrayRef, kind: &str) -> Result<Table, ArrowError> {
     let schema = Schema::new(vec![Field::new("", array.data_type().clone(), true)]);
     let batch = RecordBatch::try_new(Arc::new(schema), vec![array])?;
     Ok(Table { batch, origin: Arc::new(Origin::new(KEY).with("kind", kind)) })
-}
-
-/// Columns as a table, also where there are none.
-pub(super) fn batch(
-    schema: Schema,
-    columns: Vec<ArrayRef>,
-    rows: usize,
-) -> Result<RecordBatch, ArrowError> {
-    let options = RecordBatchOptions::new().with_row_count(Some(rows));
-    RecordBatch::try_new_with_options(Arc::new(schema), columns, &options)
 }

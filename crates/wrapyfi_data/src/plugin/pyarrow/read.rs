@@ -7,8 +7,9 @@ use arrow_data::{ArrayData, ArrayDataBuilder};
 use arrow_schema::{ArrowError, DataType};
 
 use super::super::budget::Budget;
-use super::{KEY, batch, scalar, single, types};
+use super::{KEY, scalar, single, types};
 use crate::codec::pickle::{Node, PickleError};
+use crate::types::arrow::batch;
 use crate::types::{Origin, Table};
 
 /// Elements that an array may have without bytes for them.

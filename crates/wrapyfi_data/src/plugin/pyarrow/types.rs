@@ -7,28 +7,19 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use arrow_schema::{DataType, Field, Metadata, Schema, TimeUnit};
+use arrow_schema::{DataType, Field, Metadata, Schema};
 
 use super::super::PluginError;
 use super::super::budget::Budget;
 use crate::codec::pickle::{Node, PickleError, Writer};
-use crate::types::arrow::{unit, unit_name};
+use crate::types::arrow::{number_name, number_type, unit, unit_name};
 
 /// Deepest nesting of a type.
 const MAX_DEPTH: usize = 64;
 
-/// Types without parameters, by PyArrow's alias.
-const PLAIN: [(&str, DataType); 23] = [
+/// Types without parameters, by PyArrow's alias; those that it calls as NumPy does are among the numbers.
+const PLAIN: [(&str, DataType); 10] = [
     ("null", DataType::Null),
-    ("bool", DataType::Boolean),
-    ("int8", DataType::Int8),
-    ("int16", DataType::Int16),
-    ("int32", DataType::Int32),
-    ("int64", DataType::Int64),
-    ("uint8", DataType::UInt8),
-    ("uint16", DataType::UInt16),
-    ("uint32", DataType::UInt32),
-    ("uint64", DataType::UInt64),
     ("halffloat", DataType::Float16),
     ("float", DataType::Float32),
     ("double", DataType::Float64),
@@ -38,19 +29,12 @@ const PLAIN: [(&str, DataType); 23] = [
     ("large_binary", DataType::LargeBinary),
     ("date32[day]", DataType::Date32),
     ("date64[ms]", DataType::Date64),
-    ("time32[s]", DataType::Time32(TimeUnit::Second)),
-    ("time32[ms]", DataType::Time32(TimeUnit::Millisecond)),
-    ("time64[us]", DataType::Time64(TimeUnit::Microsecond)),
-    ("time64[ns]", DataType::Time64(TimeUnit::Nanosecond)),
 ];
 
 /// Further spellings of the same.
-const ALIASES: [(&str, &str); 8] = [
+const ALIASES: [(&str, &str); 5] = [
     ("bool_", "bool"),
     ("boolean", "bool"),
-    ("float16", "halffloat"),
-    ("float32", "float"),
-    ("float64", "double"),
     ("str", "string"),
     ("utf8", "string"),
     ("large_utf8", "large_string"),
@@ -129,8 +113,9 @@ fn read_type(node: &Node<'_>, budget: &Budget, depth: usize) -> Result<DataType>
 
 fn alias(name: &str) -> Option<DataType> {
     let name = ALIASES.iter().find(|(alias, _)| *alias == name).map_or(name, |(_, name)| name);
-    if let Some((_, plain)) = PLAIN.iter().find(|(known, _)| *known == name) {
-        return Some(plain.clone());
+    let plain = PLAIN.iter().find(|(known, _)| *known == name).map(|(_, plain)| plain.clone());
+    if let Some(plain) = plain.or_else(|| number_type(name)) {
+        return Some(plain);
     }
     let (kind, rest) = name.split_once('[')?;
     let unit = unit(rest.strip_suffix(']')?)?;
@@ -139,6 +124,11 @@ fn alias(name: &str) -> Option<DataType> {
         "duration" => Some(DataType::Duration(unit)),
         _ => None,
     }
+}
+
+fn plain_name(data_type: &DataType) -> Option<&'static str> {
+    let named = PLAIN.iter().find(|(_, plain)| plain == data_type).map(|(name, _)| *name);
+    named.or_else(|| number_name(data_type))
 }
 
 /// Reads a field: name, type, nullable, metadata.
@@ -182,8 +172,8 @@ fn read_metadata(node: &Node<'_>, budget: &Budget) -> Result<HashMap<String, Str
 
 /// PyArrow's name of a type: `float`, `list<item: int64>`, `timestamp[ns, tz=UTC]`.
 pub(in crate::plugin) fn type_name(data_type: &DataType) -> String {
-    if let Some((name, _)) = PLAIN.iter().find(|(_, plain)| plain == data_type) {
-        return (*name).to_owned();
+    if let Some(name) = plain_name(data_type) {
+        return name.to_owned();
     }
     let field = |field: &Field| {
         let null = if field.is_nullable() { "" } else { " not null" };
@@ -219,7 +209,7 @@ pub(super) fn write_type(
     data_type: &DataType,
 ) -> std::result::Result<(), PluginError> {
     const LIB: &str = "pyarrow.lib";
-    if let Some((name, _)) = PLAIN.iter().find(|(_, plain)| plain == data_type) {
+    if let Some(name) = plain_name(data_type) {
         to.global(LIB, "type_for_alias").str(name).tuple(1).reduce();
         return Ok(());
     }

@@ -40,11 +40,7 @@ impl Store<'_> {
     /// The array in the folder `path`, empty or ending in `/`.
     pub(super) fn array(&self, path: &str) -> Result<Value, PluginError> {
         let name = format!("{path}.zarray");
-        let file = self.read(&name)?.ok_or_else(|| {
-            let v3 = self.archive.member(&format!("{path}zarr.json")).is_some();
-            let why = if v3 { "; zarr.json is zarr format 3, 2 is read" } else { "" };
-            malformed(format!("the zip lacks {name}{why}"))
-        })?;
+        let file = self.read(&name)?.ok_or_else(|| self.lacks(path, ".zarray"))?;
         let metadata = Metadata::read(&file, self.context.limits).map_err(|error| match error {
             PluginError::Malformed { reason, .. } => malformed(format!("{name}: {reason}")),
             other => other,

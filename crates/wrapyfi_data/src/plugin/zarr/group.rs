@@ -5,7 +5,6 @@ use std::collections::BTreeSet;
 use super::store::Store;
 use super::{Files, KEY, array};
 use crate::plugin_api::PluginError;
-use crate::plugin_api::malformed;
 use crate::types::{PluginObject, Value};
 
 /// A zarr group with everything in it. It is the only object of [`crate::plugin`] that is a
@@ -46,9 +45,7 @@ impl Store<'_> {
             return Err(PluginError::too_large(what, depth, limit));
         }
         if self.archive.member(&format!("{path}.zgroup")).is_none() {
-            let v3 = self.archive.member(&format!("{path}zarr.json")).is_some();
-            let why = if v3 { "; zarr.json is zarr format 3, 2 is read" } else { "" };
-            return Err(malformed(format!("the zip lacks {path}.zgroup{why}")));
+            return Err(self.lacks(path, ".zgroup"));
         }
         let mut group = ZarrGroup { attributes: self.attributes(path)?, ..ZarrGroup::default() };
         let members: BTreeSet<&str> = self

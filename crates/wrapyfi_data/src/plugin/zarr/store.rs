@@ -24,6 +24,13 @@ impl Store<'_> {
         self.archive.inflate(member).map(Some).map_err(fault)
     }
 
+    /// Error for a folder `path` without the file that zarr format 2 needs there.
+    pub(super) fn lacks(&self, path: &str, file: &str) -> PluginError {
+        let v3 = self.archive.member(&format!("{path}zarr.json")).is_some();
+        let why = if v3 { "; zarr.json is zarr format 3, 2 is read" } else { "" };
+        malformed(format!("the zip lacks {path}{file}{why}"))
+    }
+
     /// `.zattrs` of the folder `path` as JSON text; `None` where there is none or it says nothing.
     pub(super) fn attributes(&self, path: &str) -> Result<Option<String>, PluginError> {
         let name = format!("{path}.zattrs");

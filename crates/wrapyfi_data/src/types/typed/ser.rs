@@ -28,7 +28,7 @@ impl ToValue {
 
 /// `{variant: content}`.
 pub(super) fn variant_of(variant: &'static str, content: Value) -> Value {
-    Map::from_iter([(variant, content)]).into()
+    Map::from([(variant, content)]).into()
 }
 
 /// Methods of plain values, some of which become a value through another type.
@@ -134,7 +134,7 @@ impl Serializer for ToValue {
         variant: &'static str,
         length: usize,
     ) -> Result<Items, TypedError> {
-        Ok(self.serialize_tuple(length)?.in_variant(variant))
+        Ok(Items { variant: Some(variant), ..self.serialize_tuple(length)? })
     }
 
     fn serialize_map(self, length: Option<usize>) -> Result<Fields, TypedError> {
@@ -152,6 +152,6 @@ impl Serializer for ToValue {
         variant: &'static str,
         length: usize,
     ) -> Result<Fields, TypedError> {
-        Ok(self.serialize_map(Some(length))?.in_variant(variant))
+        Ok(Fields { variant: Some(variant), ..self.serialize_map(Some(length))? })
     }
 }

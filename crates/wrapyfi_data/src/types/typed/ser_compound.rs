@@ -15,20 +15,16 @@ const MAX_RESERVED: usize = 4096;
 
 /// A list or a tuple that is being filled.
 pub(super) struct Items {
-    of: ToValue,
-    items: Vec<Value>,
-    whole: fn(Vec<Value>) -> Value,
-    variant: Option<&'static str>,
+    pub(super) of: ToValue,
+    pub(super) items: Vec<Value>,
+    pub(super) whole: fn(Vec<Value>) -> Value,
+    pub(super) variant: Option<&'static str>,
 }
 
 impl Items {
     pub(super) fn new(of: ToValue, length: Option<usize>, whole: fn(Vec<Value>) -> Value) -> Self {
         let items = Vec::with_capacity(length.unwrap_or_default().min(MAX_RESERVED));
         Self { of, items, whole, variant: None }
-    }
-
-    pub(super) fn in_variant(self, variant: &'static str) -> Self {
-        Self { variant: Some(variant), ..self }
     }
 
     fn push<T: Serialize + ?Sized>(&mut self, item: &T) -> Result<(), TypedError> {
@@ -38,30 +34,22 @@ impl Items {
     }
 
     fn finish(self) -> Value {
-        let whole = (self.whole)(self.items);
-        match self.variant {
-            Some(variant) => variant_of(variant, whole),
-            None => whole,
-        }
+        in_variant(self.variant, (self.whole)(self.items))
     }
 }
 
 /// A dict that is being filled.
 pub(super) struct Fields {
-    of: ToValue,
-    pairs: Vec<(Value, Value)>,
-    key: Value,
-    variant: Option<&'static str>,
+    pub(super) of: ToValue,
+    pub(super) pairs: Vec<(Value, Value)>,
+    pub(super) key: Value,
+    pub(super) variant: Option<&'static str>,
 }
 
 impl Fields {
     pub(super) fn new(of: ToValue, length: Option<usize>) -> Self {
         let pairs = Vec::with_capacity(length.unwrap_or_default().min(MAX_RESERVED));
         Self { of, pairs, key: Value::Null, variant: None }
-    }
-
-    pub(super) fn in_variant(self, variant: &'static str) -> Self {
-        Self { variant: Some(variant), ..self }
     }
 
     fn push<T: Serialize + ?Sized>(&mut self, key: Value, value: &T) -> Result<(), TypedError> {
@@ -74,11 +62,14 @@ impl Fields {
     }
 
     fn finish(self) -> Value {
-        let whole = Value::Map(Map::from_iter(self.pairs));
-        match self.variant {
-            Some(variant) => variant_of(variant, whole),
-            None => whole,
-        }
+        in_variant(self.variant, Map::from_iter(self.pairs).into())
+    }
+}
+
+fn in_variant(variant: Option<&'static str>, content: Value) -> Value {
+    match variant {
+        Some(variant) => variant_of(variant, content),
+        None => content,
     }
 }
 

@@ -24,11 +24,10 @@ use std::sync::Arc;
 
 use arrow_array::cast::AsArray as _;
 use arrow_array::{
-    Array as _, ArrayRef, BinaryArray, BooleanArray, FixedSizeListArray, LargeListArray,
-    LargeStringArray, ListArray, NullArray, OffsetSizeTrait, RecordBatch, RecordBatchOptions,
-    StringArray, StructArray, make_array,
+    Array as _, ArrayRef, BinaryArray, FixedSizeListArray, LargeListArray, LargeStringArray,
+    ListArray, NullArray, OffsetSizeTrait, StringArray, StructArray, make_array,
 };
-use arrow_buffer::{ArrowNativeType as _, BooleanBuffer, Buffer, NullBuffer, OffsetBuffer};
+use arrow_buffer::{ArrowNativeType as _, Buffer, NullBuffer, OffsetBuffer};
 use arrow_data::ArrayData;
 use arrow_schema::{ArrowError, DataType, Field, Schema};
 use bytes::Bytes;
@@ -84,11 +83,6 @@ fn column(field: &Field, array: &ArrayRef, depth: usize) -> Option<Map> {
         DataType::LargeUtf8 => {
             column.insert("data", Value::from_iter(array.as_string::<i64>()));
             return Some(column);
-        }
-        DataType::Boolean => {
-            let bytes: Vec<u8> =
-                array.as_boolean().iter().map(|value| u8::from(value == Some(true))).collect();
-            column.insert("data", Tensor::new(Dtype::Bool, [array.len()], bytes).ok()?);
         }
         DataType::Dictionary(..) => {
             let dictionary = array.as_any_dictionary();
@@ -159,7 +153,6 @@ fn type_name(data_type: &DataType) -> Option<String> {
     Some(match data_type {
         DataType::Utf8 => "utf8".into(),
         DataType::LargeUtf8 => "large_utf8".into(),
-        DataType::Boolean => "bool".into(),
         DataType::Dictionary(..) => "dictionary".into(),
         DataType::Null => "null".into(),
         DataType::List(_) => "list".into(),
@@ -221,9 +214,7 @@ pub(super) fn read(body: &Value) -> Result<Table, String> {
         .filter(|(key, _)| !matches!(key.as_str(), Some("rows" | "columns" | "metadata")));
     let attributes = attributes.map(|(key, value)| (key.clone(), value.clone()));
     let origin = read_origin(&Value::Map(Map::from_iter(attributes)))?;
-    let options = RecordBatchOptions::new().with_row_count(Some(rows));
-    let schema = Schema::new(fields).with_metadata(metadata);
-    let batch = RecordBatch::try_new_with_options(Arc::new(schema), arrays, &options);
+    let batch = arrow::batch(Schema::new(fields).with_metadata(metadata), arrays, rows);
     Ok(Table { batch: batch.map_err(|error| error.to_string())?, origin })
 }
 
@@ -243,14 +234,6 @@ fn read_column(body: &Value, rows: usize, depth: usize) -> Result<(Field, ArrayR
     let array: ArrayRef = match kind.as_str() {
         "utf8" => Arc::new(StringArray::from(texts(data)?)),
         "large_utf8" => Arc::new(LargeStringArray::from(texts(data)?)),
-        "bool" => {
-            let bits = tensor(data, Dtype::Bool)?.data().iter().map(|&byte| byte != 0);
-            let bits: BooleanBuffer = bits.collect();
-            if valid.as_ref().is_some_and(|valid| valid.len() != bits.len()) {
-                return Err("valid has another length than data".into());
-            }
-            Arc::new(BooleanArray::new(bits, valid))
-        }
         "dictionary" => {
             let codes = text(map, "codes")?;
             let codes = type_of(&codes).ok_or_else(|| format!("codes of type {codes:?}"))?;
