@@ -15,7 +15,6 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Duration;
 
 use anyhow::{Context as _, Result};
-use rustix::time::{ClockId, clock_gettime};
 use serde::{Deserialize, Serialize};
 use wrapyfi_data::types::Payload;
 use wrapyfi_endpoint::memory::Memory;
@@ -61,12 +60,6 @@ fn spec(topic: &str, kind: Kind) -> TopicSpec {
     spec
 }
 
-/// CPU time of this process, in nanoseconds.
-fn cpu() -> u64 {
-    let time = clock_gettime(ClockId::ProcessCPUTime);
-    time.tv_sec.unsigned_abs() * 1_000_000_000 + time.tv_nsec.unsigned_abs()
-}
-
 fn each(nanos: u64, messages: u32) -> f64 {
     nanos as f64 / 1e3 / f64::from(messages)
 }
@@ -96,7 +89,7 @@ impl Ends {
             alone.push(each(clock::now() - start, 1));
         }
         times.alone.push(quantile(&alone, 0.5));
-        let before = cpu();
+        let before = clock::cpu();
         for _ in 0..BURSTS {
             for _ in 0..BURST {
                 self.publisher.publish(payload)?;
@@ -105,7 +98,7 @@ impl Ends {
                 self.take()?;
             }
         }
-        times.burst.push(each(cpu() - before, BURSTS * BURST));
+        times.burst.push(each(clock::cpu() - before, BURSTS * BURST));
         Ok(())
     }
 }

@@ -5,7 +5,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Result, bail};
 use serde::Deserialize;
 use serde_json::json;
 
@@ -13,7 +13,7 @@ use crate::case::{Case, Way};
 use crate::child::Child;
 use crate::payload::{Kind, name};
 use crate::proc;
-use crate::turn::{Cpu, Phase, Turn, ports};
+use crate::turn::{Acks, Cpu, Phase, Turn, ports};
 use crate::worker::{Order, Report};
 
 /// Source with Wrapyfi's broker, forwarder, sink, and one that only codes.
@@ -60,9 +60,8 @@ impl Python {
             Child::start(&format!("python-{role}"), command, folder)
         };
         let mut source = start("source", 0)?;
-        let acks: serde_json::Value = source.answer()?;
-        let acks = acks.get("acks").and_then(serde_json::Value::as_u64).context("no port")?;
-        let sink = start("sink", u16::try_from(acks)?)?;
+        let Acks { acks } = source.answer()?;
+        let sink = start("sink", acks)?;
         Ok(Self { source, sink, forward: start("forward", 0)?, coder: start("code", 0)? })
     }
 

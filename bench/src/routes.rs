@@ -120,12 +120,8 @@ pub(crate) fn zeromq(bench: &Bench, seconds: u32) -> Result<Vec<Target>> {
     ensure!(bridge.runs(), "the bridge ended");
     let lost = sent.saturating_sub(taken) as f64;
     let once = |what: &str, limit, found, parts: String| {
-        Target::once(
-            format!("1000 routes, ZeroMQ to ROS 2, at rest: {what}"),
-            AtMost(limit),
-            found,
-            parts,
-        )
+        let what = format!("1000 routes, ZeroMQ to ROS 2, at rest: {what}");
+        Target::once(what, AtMost(limit), found, parts)
     };
     Ok(vec![
         once("ms from the program's start until all are open", 3000.0, opening_ms, String::new()),
@@ -192,12 +188,8 @@ pub(crate) fn ros1(bench: &Bench, repository: &Path, seconds: u32) -> Result<Vec
         let share = share(&bridge, seconds);
         let (threads, rss_mib) = size(&bridge)?;
         let once = |what: &str, limit, found, parts: String| {
-            Target::once(
-                format!("400 routes of ROS 1 by a pattern, {title}: {what}"),
-                limit,
-                found,
-                parts,
-            )
+            let what = format!("400 routes of ROS 1 by a pattern, {title}: {what}");
+            Target::once(what, limit, found, parts)
         };
         targets.extend([
             once(

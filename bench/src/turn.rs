@@ -61,8 +61,8 @@ pub(crate) struct Line {
 }
 
 #[derive(Deserialize)]
-struct Acks {
-    acks: u16,
+pub(crate) struct Acks {
+    pub(crate) acks: u16,
 }
 
 /// Two free ports.

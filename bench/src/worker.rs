@@ -95,7 +95,7 @@ fn say(value: &serde_json::Value) -> Result<()> {
 pub(crate) fn sink(wire: Wire, place: &Place, acks: u16) -> Result<()> {
     let mut acks = TcpStream::connect(("127.0.0.1", acks))?;
     acks.set_nodelay(true)?;
-    let mut way = incoming(wire, place)?;
+    let mut next = incoming(wire, place)?;
     let mut gone = acks.try_clone()?;
     std::thread::spawn(move || {
         // The source never writes: this returns when it ends.
@@ -103,13 +103,8 @@ pub(crate) fn sink(wire: Wire, place: &Place, acks: u16) -> Result<()> {
         std::process::exit(0);
     });
     loop {
-        if let Some((seq, received)) = way.next(Duration::from_secs(1))? {
-            let mut ack = [0; ACK];
-            let (number, time) = ack.split_at_mut(8);
-            number.copy_from_slice(&u64::from(seq).to_le_bytes());
-            time.copy_from_slice(&received.to_le_bytes());
-            acks.write_all(&ack)?;
-        }
+        let (seq, received) = next()?;
+        acks.write_all(&[u64::from(seq), received].map(u64::to_le_bytes).concat())?;
     }
 }
 

@@ -1,18 +1,17 @@
 //! Plain CycloneDDS: CDR in, CDR out, with the quality of service that a route has by default.
 
 use std::sync::Arc;
-use std::time::Duration;
 
 use anyhow::Result;
 use wrapyfi_endpoint::codec::ros;
 use wrapyfi_endpoint::{Qos, Wake};
 use wrapyfi_node::NodeName;
-use wrapyfi_ros2::graph::{CdrReader, CdrWriter, Graph, Notify, TopicDescription};
+use wrapyfi_ros2::graph::{CdrWriter, Graph, Notify, TopicDescription};
 use wrapyfi_ros2::{CycloneConfig, CycloneGraph};
 
-use super::end::{Incoming, Outgoing, Place};
+use super::end::{Incoming, LOOK, Outgoing, Place};
 use crate::clock;
-use crate::payload::{Kind, Maker, Numbered, number_in_cdr};
+use crate::payload::{Maker, Numbered, number_in_cdr};
 
 /// A node of its own on this host.
 fn graph(name: &str, domain: u32) -> Result<CycloneGraph> {
@@ -55,32 +54,18 @@ impl Outgoing for Out {
     }
 }
 
-pub(super) struct In {
-    reader: Box<dyn CdrReader>,
-    wake: Wake,
-    kind: Kind,
-}
-
-impl In {
-    pub(super) fn new(place: &Place) -> Result<Self> {
-        let wake = Wake::new();
-        let bell = wake.clone();
-        let notify: Notify = Arc::new(move || bell.ring());
-        let reader = graph("sink", place.domain)?.subscribe(&topic(place), notify)?;
-        Ok(Self { reader, wake, kind: place.payload })
-    }
-}
-
-impl Incoming for In {
-    fn next(&mut self, patience: Duration) -> Result<Option<(u32, u64)>> {
+pub(super) fn incoming(place: &Place) -> Result<Incoming> {
+    let (wake, kind) = (Wake::new(), place.payload);
+    let bell = wake.clone();
+    let notify: Notify = Arc::new(move || bell.ring());
+    let mut reader = graph("sink", place.domain)?.subscribe(&topic(place), notify)?;
+    Ok(Box::new(move || {
         loop {
-            if let Some(sample) = self.reader.take()? {
+            if let Some(sample) = reader.take()? {
                 let received = clock::now();
-                return Ok(Some((number_in_cdr(self.kind, &sample.cdr)?, received)));
+                return Ok((number_in_cdr(kind, &sample.cdr)?, received));
             }
-            if !self.wake.wait(patience) {
-                return Ok(None);
-            }
+            wake.wait(LOOK);
         }
-    }
+    }))
 }

@@ -34,8 +34,8 @@ pub(crate) trait Outgoing {
     fn send(&mut self) -> Result<()>;
 }
 
-/// The receiving end.
-pub(crate) trait Incoming {
-    /// Number of the next message and the time when it was there; `None` after `patience`.
-    fn next(&mut self, patience: Duration) -> Result<Option<(u32, u64)>>;
-}
+/// The receiving end: waits for the next message, and gives its number and the time when it was there.
+pub(crate) type Incoming = Box<dyn FnMut() -> Result<(u32, u64)>>;
+
+/// Time after which a receiving end looks again, whether anything rang or not.
+pub(super) const LOOK: Duration = Duration::from_secs(1);

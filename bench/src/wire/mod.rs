@@ -38,10 +38,10 @@ pub(crate) fn outgoing(wire: Wire, place: &Place) -> Result<Box<dyn Outgoing>> {
 }
 
 /// Opens the receiving end.
-pub(crate) fn incoming(wire: Wire, place: &Place) -> Result<Box<dyn Incoming>> {
-    Ok(match wire {
-        Wire::Zmq => Box::new(zmq::In::new(place)?),
-        Wire::Dds => Box::new(dds::In::new(place)?),
-        Wire::Wrapyfi => Box::new(wrapyfi::In::new(place)?),
-    })
+pub(crate) fn incoming(wire: Wire, place: &Place) -> Result<Incoming> {
+    match wire {
+        Wire::Zmq => zmq::incoming(place),
+        Wire::Dds => dds::incoming(place),
+        Wire::Wrapyfi => wrapyfi::incoming(place),
+    }
 }

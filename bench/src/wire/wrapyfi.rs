@@ -1,13 +1,11 @@
 //! Our library as a program uses it: payloads in, payloads out, coding included.
 
-use std::time::Duration;
-
 use anyhow::{Result, bail};
 use wrapyfi_data::types::Payload;
-use wrapyfi_endpoint::{Context, Listener, Middleware as _, PublishError, Publisher};
+use wrapyfi_endpoint::{Context, Middleware as _, PublishError, Publisher};
 use wrapyfi_zeromq::{BrokerMode, ZeroMq, ZeroMqConfig};
 
-use super::end::{Incoming, Outgoing, Place};
+use super::end::{Incoming, LOOK, Outgoing, Place};
 use crate::clock;
 use crate::payload::{Kind, Maker, compress, decompress, number_in_payload};
 
@@ -61,37 +59,21 @@ impl Outgoing for Out {
     }
 }
 
-pub(super) struct In {
-    listener: Box<dyn Listener>,
-    _zeromq: ZeroMq,
-    context: Context,
-    kind: Kind,
-}
-
-impl In {
-    pub(super) fn new(place: &Place) -> Result<Self> {
-        let zeromq = start(place)?;
-        let context = Context::default();
-        let spec = Maker::new(place.payload)?.spec(&place.topic);
-        let listener = zeromq.open_listener(&spec, &context)?;
-        Ok(Self { listener, _zeromq: zeromq, context, kind: place.payload })
-    }
-}
-
-impl Incoming for In {
-    fn next(&mut self, patience: Duration) -> Result<Option<(u32, u64)>> {
+pub(super) fn incoming(place: &Place) -> Result<Incoming> {
+    let (zeromq, context, kind) = (start(place)?, Context::default(), place.payload);
+    let mut listener = zeromq.open_listener(&Maker::new(kind)?.spec(&place.topic), &context)?;
+    Ok(Box::new(move || {
+        let _stays_open = &zeromq;
         loop {
-            if let Some(sample) = self.listener.take()? {
+            if let Some(sample) = listener.take()? {
                 let mut payload = sample.payload;
-                if self.kind == Kind::VgaJpeg {
+                if kind == Kind::VgaJpeg {
                     payload = decompress(payload)?;
                 }
                 let received = clock::now();
-                return Ok(Some((number_in_payload(&payload)?, received)));
+                return Ok((number_in_payload(&payload)?, received));
             }
-            if !self.context.wake.wait(patience) {
-                return Ok(None);
-            }
+            context.wake.wait(LOOK);
         }
-    }
+    }))
 }

@@ -1,12 +1,10 @@
 //! Plain libzmq: PUB and SUB with default options.
 
-use std::time::Duration;
-
 use anyhow::Result;
 
 use super::end::{Incoming, Outgoing, Place};
 use crate::clock;
-use crate::payload::{Kind, Maker, Numbered, number_in_frames};
+use crate::payload::{Maker, Numbered, number_in_frames};
 
 /// A PUB at the broker's port for publishers.
 pub(crate) fn connect_publisher(sub_port: u16) -> Result<zmq::Socket> {
@@ -66,25 +64,12 @@ impl Outgoing for Out {
     }
 }
 
-pub(super) struct In {
-    socket: zmq::Socket,
-    kind: Kind,
-}
-
-impl In {
-    pub(super) fn new(place: &Place) -> Result<Self> {
-        Ok(Self { socket: subscribe(&place.topic, place.pub_port)?, kind: place.payload })
-    }
-}
-
-impl Incoming for In {
-    fn next(&mut self, patience: Duration) -> Result<Option<(u32, u64)>> {
-        if self.socket.poll(zmq::POLLIN, i64::try_from(patience.as_millis())?)? == 0 {
-            return Ok(None);
-        }
-        let frames = receive(&self.socket)?;
+pub(super) fn incoming(place: &Place) -> Result<Incoming> {
+    let (socket, kind) = (subscribe(&place.topic, place.pub_port)?, place.payload);
+    Ok(Box::new(move || {
+        let frames = receive(&socket)?;
         let received = clock::now();
         let frames: Vec<&[u8]> = frames.iter().map(|frame| &**frame).collect();
-        Ok(Some((number_in_frames(self.kind, &frames)?, received)))
-    }
+        Ok((number_in_frames(kind, &frames)?, received))
+    }))
 }

@@ -1,5 +1,6 @@
 //! A publisher and a listener with what their owner does: waiting, counting what it takes.
 
+use std::borrow::Borrow;
 use std::time::{Duration, Instant};
 
 use wrapyfi_core::endpoint::{
@@ -18,25 +19,26 @@ const LOOK: Duration = Duration::from_millis(10);
 /// is sent with [`Source::send_all`] arrives even where they drop.
 const WINDOW: usize = 4;
 
-/// Waits until `condition` holds, looking whenever `wake` rings and now and then.
+/// Waits until `condition` holds, looking whenever `wake` rings and now and then. `wake` is a
+/// clone where `condition` borrows its owner.
 ///
 /// # Panics
 /// When it does not within [`TIMEOUT`].
 #[track_caller]
-pub fn wait_until(wake: &Wake, what: &str, mut condition: impl FnMut() -> bool) {
+pub fn wait_until(wake: impl Borrow<Wake>, what: &str, mut condition: impl FnMut() -> bool) {
     wait_for(wake, what, || condition().then_some(()));
 }
 
 /// Waits until there is something; fails the test when it takes longer than [`TIMEOUT`].
 #[track_caller]
-pub fn wait_for<T>(wake: &Wake, what: &str, mut look: impl FnMut() -> Option<T>) -> T {
+pub fn wait_for<T>(wake: impl Borrow<Wake>, what: &str, mut look: impl FnMut() -> Option<T>) -> T {
     let deadline = Instant::now() + TIMEOUT;
     loop {
         if let Some(found) = look() {
             return found;
         }
         assert!(Instant::now() < deadline, "waited {TIMEOUT:?} for {what}");
-        wake.wait(LOOK);
+        wake.borrow().wait(LOOK);
     }
 }
 
@@ -141,8 +143,7 @@ impl Sink {
     /// Waits for the next message.
     #[track_caller]
     pub fn receive(&mut self) -> Payload {
-        let wake = self.context.wake.clone();
-        wait_for(&wake, "a message", || self.take())
+        wait_for(self.context.wake.clone(), "a message", || self.take())
     }
 
     /// Waits for `count` messages.
@@ -159,9 +160,8 @@ impl Sink {
     /// Takes until every message that was received is taken or counted as dropped.
     #[track_caller]
     pub fn settle(&mut self) -> Vec<Payload> {
-        let wake = self.context.wake.clone();
         let mut messages = Vec::new();
-        wait_until(&wake, "the counters to add up", || {
+        wait_until(self.context.wake.clone(), "the counters to add up", || {
             messages.extend(self.drain());
             let now = self.counters();
             // A message that was lost before it came here was not received either.
@@ -194,4 +194,10 @@ pub(crate) fn ready<R: Testbed>(source: &Source, sink: &Sink) {
         link.waiting_for.is_none()
             && (!R::CAPABILITIES.listener_knows_peers || link.peers > Some(0))
     });
+}
+
+/// Messages or requests that were counted as unusable, for whatever reason.
+pub(crate) fn unusable(counters: &CountersSnapshot) -> u64 {
+    use DropReason::{Malformed, Mismatch, Nesting, Oversize};
+    [Malformed, Nesting, Mismatch, Oversize].map(|reason| counters.dropped_for(reason)).iter().sum()
 }

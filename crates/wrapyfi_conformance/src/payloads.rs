@@ -2,6 +2,7 @@
 
 use crate::Testbed;
 use wrapyfi_core::codec::jpeg;
+use wrapyfi_core::endpoint::TopicSpec;
 use wrapyfi_core::types::{
     AudioChunk, CompressedFormat, Dtype, Encoding, Image, Map, MessageType, NumpyArray, Payload,
     Pixels, RawPixels, SampleFormat, Stamp, Tagged, Tensor, Value,
@@ -9,6 +10,11 @@ use wrapyfi_core::types::{
 
 /// A time that a double holds exactly: Wrapyfi sends seconds as one.
 const WHEN: Stamp = Stamp { sec: 1_795_214_428, nanosec: 500_000_000 };
+
+/// A topic of numbered native objects.
+pub(crate) fn text(topic: &str) -> TopicSpec {
+    TopicSpec::new(topic, MessageType::StringJson)
+}
 
 /// A native object that says which one it is.
 pub fn number(n: u64) -> Payload {

@@ -91,8 +91,7 @@ impl ClientEnd {
         ticket: Ticket,
         mut meanwhile: impl FnMut(),
     ) -> Result<Payload, CallError> {
-        let wake = self.context.wake.clone();
-        wait_for(&wake, "the end of a call", || {
+        wait_for(self.context.wake.clone(), "the end of a call", || {
             meanwhile();
             self.ended(ticket)
         })
@@ -131,8 +130,7 @@ impl ServerEnd {
     /// Waits for the next request.
     #[track_caller]
     pub fn receive(&mut self) -> IncomingRequest {
-        let wake = self.context.wake.clone();
-        wait_for(&wake, "a request", || self.take())
+        wait_for(self.context.wake.clone(), "a request", || self.take())
     }
 
     /// Answers with a payload.

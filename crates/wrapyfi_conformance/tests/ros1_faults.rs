@@ -304,7 +304,7 @@ fn a_slow_subscriber_stalls_nobody() {
 fn big_service(master: &Master, node: &Ros1) -> (ServerEnd, String) {
     let server = ServerEnd::open(node, &ServiceSpec::new("/big", ServiceKind::NativeObject));
     let mut address = String::new();
-    wait_until(&Wake::new(), "the service", || {
+    wait_until(Wake::new(), "the service", || {
         let found = master.ask("lookupService", vec![text("/raw"), text("/big")]).value;
         let Value::String(uri) = found else { return false };
         address = uri.trim_start_matches("rosrpc://").trim_end_matches('/').to_owned();

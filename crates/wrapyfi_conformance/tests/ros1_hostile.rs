@@ -243,7 +243,7 @@ fn a_silent_publisher_delays_nobody() {
             .with("md5sum", "992ce8a1687cec8c8bd883ec73ca41d1"),
     );
     let mut sink = Sink::open(&near, &plain("/x"));
-    wait_until(&sink.context.wake.clone(), "the subscriber", || raw.subscribers() == 1);
+    wait_until(&sink.context.wake, "the subscriber", || raw.subscribers() == 1);
     for n in 0..100 {
         raw.send(&framed(&framed(n.to_string().as_bytes())));
         assert_eq!(sink.receive(), said(&n.to_string()));

@@ -7,16 +7,19 @@
 //! ```
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::time::Duration;
 
 use super::candidate::Candidate;
 use super::config_qos::QosConfig;
 use super::reconciler::Reconciler;
-use super::route::{Kind, Route, Typing};
+use super::route::{Kind, Route, Types, Typing};
 use super::route_index::is_by_hand;
 use super::route_status::RouteState;
 use wrapyfi_data::types::{DataType, MessageType, ServiceKind};
-use wrapyfi_endpoint::{BridgeMark, Discovered, Durability, EndpointAddress, LearnError, Role};
+use wrapyfi_endpoint::{
+    BridgeMark, Discovered, Durability, EndpointAddress, LearnError, Middleware, Role, Traits,
+};
 
 /// Time after which a candidate whose route could not be made is tried again.
 const RETRY: Duration = Duration::from_secs(2);
@@ -119,8 +122,7 @@ impl Reconciler {
         candidate: &mut Candidate,
     ) -> Result<Route, Refusal> {
         if let Some(why) = self.hindrance(spec, candidate) {
-            let target = self.graph.get(&candidate.to.middleware);
-            if let Some(target) = target.and_then(|side| side.middleware.as_ref()) {
+            if let Some(target) = self.middleware(&candidate.to) {
                 target.doubt(&candidate.to.name);
             }
             return Err(waiting(why));
@@ -170,9 +172,7 @@ impl Reconciler {
                 let (from, to) = (from.clone(), to.clone());
                 let otherwise = is_otherwise.then_some(types.to);
                 let (learned, is_shown) = self.learn_topic(&sources, &from, &to, otherwise)?;
-                let source = self.graph.get(&from.middleware);
-                let source = source.and_then(|side| side.middleware.as_ref());
-                let options = &spec.policy.options;
+                let (source, options) = (self.middleware(&from), &spec.policy.options);
                 let learned = source.map_or(learned, |it| it.received_as(learned, options));
                 candidate.announced_type = is_shown.then(|| learned.label());
                 Ok(Kind::Topic(learned.into()))
@@ -189,29 +189,18 @@ impl Reconciler {
     /// lazy route opens its source for them.
     pub(super) fn keeps_last(&self, spec: &Route, candidate: &Candidate) -> bool {
         let Candidate { from, to, .. } = candidate;
-        let side = self.graph.get(&from.middleware);
-        let Some(middleware) = side.and_then(|side| side.middleware.as_ref()) else {
-            return false;
-        };
+        let Some(middleware) = self.middleware(from) else { return false };
         let sources = self.sources(spec.role(), from, &to.middleware);
-        let mut keeps = false;
-        for one in sources {
-            keeps |= middleware.keeps_last(one) == Some(true);
-        }
-        keeps
+        sources.filter(|one| middleware.keeps_last(one) == Some(true)).count() > 0
     }
 
-    /// Type that all publishers of the source have now, and the one that the route learned: from those before, or from
-    /// listeners where it was made ahead of what its source shows. Messages of a source whose messages show the type may
+    /// Type that all publishers of the source have now instead of the one that the route learned, in words: from those
+    /// before, or from listeners where it was made ahead of what its source shows. Messages of a source whose messages show the type may
     /// be read as what its listeners want; another type is news there once the source has shown the first, or where
     /// they cannot. Those of ROS are read as objects, too.
-    pub(super) fn other_type(
-        &mut self,
-        spec: &Route,
-        candidate: &mut Candidate,
-    ) -> Option<(&'static str, &'static str)> {
-        let carried = candidate.carried.filter(|_| spec.typing != Typing::Given)?;
-        let Candidate { from, to, .. } = &*candidate;
+    pub(super) fn other_type(&mut self, spec: &Route, candidate: &mut Candidate) -> Option<String> {
+        let Candidate { from, to, made, .. } = &*candidate;
+        let Some(Kind::Topic(Types { to: carried, .. })) = *made else { return None };
         let between_ros = self.are_both_ros(from, to);
         let source = self.graph.get(&from.middleware)?;
         let untyped = source.traits().untyped;
@@ -238,18 +227,16 @@ impl Reconciler {
             }
         }
         candidate.wished = None;
-        Some((told.label(), carried.label()))
+        let (told, carried) = (told.label(), carried.label());
+        Some(format!("its publishers have the type {told} now, not {carried}"))
     }
 
-    /// Type that all servers of the source have now, and the one that the route learned from those before.
-    pub(super) fn other_service(
-        &mut self,
-        spec: &Route,
-        candidate: &Candidate,
-    ) -> Option<(&'static str, &'static str)> {
-        let called = candidate.called.filter(|_| spec.typing != Typing::Given)?;
-        let Candidate { from, to, .. } = candidate;
-        let middleware = self.graph.get(&from.middleware)?.middleware.clone()?;
+    /// Type that all servers of the source have now instead of the one that the route learned from those before, in
+    /// words.
+    pub(super) fn other_service(&mut self, spec: &Route, candidate: &Candidate) -> Option<String> {
+        let Candidate { from, to, made, .. } = candidate;
+        let Some(Kind::Service(called)) = *made else { return None };
+        let middleware = Arc::clone(self.middleware(from)?);
         let servers: Vec<_> = self.sources(spec.role(), from, &to.middleware).cloned().collect();
         let mut other = None;
         for server in servers {
@@ -259,19 +246,18 @@ impl Reconciler {
             }
             other = Some(told);
         }
-        Some((other?.ros_type(), called.ros_type()))
+        let (told, called) = (other?.ros_type(), called.ros_type());
+        Some(format!("its server has the type {told} now, not {called}"))
     }
 
     /// Listeners at the destination that want another type than the route's, and a type for them.
     pub(super) fn misfits(&mut self, spec: &Route, candidate: &Candidate) -> Misfits {
         let Candidate { from, to, .. } = candidate;
         let mut misfits = Misfits::default();
-        let (Kind::Topic(_), Some(carried)) = (spec.kind, candidate.carried) else {
-            return misfits;
-        };
+        let Some(Kind::Topic(Types { to: carried, .. })) = candidate.made else { return misfits };
         let is_given = spec.typing == Typing::Given;
         let between_ros = self.are_both_ros(from, to);
-        let untyped = self.graph.get(&from.middleware).is_some_and(|side| side.traits().untyped);
+        let untyped = self.traits(from).untyped;
         let Some(target) = self.graph.get(&to.middleware) else { return misfits };
         let Some(middleware) = target.middleware.clone() else { return misfits };
         let mut served = false;
@@ -297,17 +283,13 @@ impl Reconciler {
     }
 
     fn are_both_ros(&self, from: &EndpointAddress, to: &EndpointAddress) -> bool {
-        [from, to].into_iter().all(|end| {
-            self.graph.get(&end.middleware).is_some_and(|side| side.traits().any_ros_type)
-        })
+        [from, to].into_iter().all(|end| self.traits(end).any_ros_type)
     }
 
     /// True when both ends have publishers of other programs and a middleware shows no marks, so
     /// that nothing tells which of them are a bridge's.
     fn is_on_both_sides(&self, role: Role, from: &EndpointAddress, to: &EndpointAddress) -> bool {
-        let tells = |address: &EndpointAddress| {
-            self.graph.get(&address.middleware).is_some_and(|side| side.traits().shows_marks)
-        };
+        let tells = |end| self.traits(end).shows_marks;
         if role != Role::Publisher || (tells(from) && tells(to)) {
             return false;
         }
@@ -316,9 +298,16 @@ impl Reconciler {
         !is_ours && !side.endpoints(role, &to.name).is_empty()
     }
 
+    fn middleware(&self, end: &EndpointAddress) -> Option<&Arc<dyn Middleware>> {
+        self.graph.get(&end.middleware)?.middleware.as_ref()
+    }
+
+    fn traits(&self, end: &EndpointAddress) -> Traits {
+        self.middleware(end).map(|it| it.traits()).unwrap_or_default()
+    }
+
     fn without_marks<'a>(&self, from: &'a EndpointAddress, to: &'a EndpointAddress) -> &'a str {
-        let tells = self.graph.get(&from.middleware).is_some_and(|side| side.traits().shows_marks);
-        if tells { &to.middleware } else { &from.middleware }
+        if self.traits(from).shows_marks { &to.middleware } else { &from.middleware }
     }
 
     /// Type of a topic, and whether its source shows it: neither what the source is about to tell nor a type that it
@@ -381,10 +370,8 @@ impl Reconciler {
         from: &EndpointAddress,
         otherwise: Option<ServiceKind>,
     ) -> Result<ServiceKind, Refusal> {
-        let side = self.graph.get(&from.middleware);
-        let (Some(middleware), Some(server)) =
-            (side.and_then(|side| side.middleware.as_ref()), sources.first())
-        else {
+        let middleware = self.middleware(from).cloned();
+        let (Some(middleware), Some(server)) = (middleware, sources.first()) else {
             return Err(waiting(format!("a server of {from}, which tells the type")));
         };
         match (middleware.learn_service(server, &mut self.types), otherwise) {

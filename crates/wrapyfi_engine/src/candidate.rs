@@ -2,9 +2,9 @@
 
 use std::time::{Duration, Instant};
 
-use super::route::RouteKey;
+use super::route::{Kind, RouteKey};
 use super::route_status::RouteState;
-use wrapyfi_data::types::{MessageType, ServiceKind};
+use wrapyfi_data::types::MessageType;
 use wrapyfi_endpoint::{EndpointAddress, Role};
 
 /// A source, and the destination that its route has or would have.
@@ -17,13 +17,12 @@ pub(super) struct Candidate {
     pub(super) state: State,
     first_seen: Option<Instant>,
     last_seen: Option<Instant>,
-    retry_at: Option<Instant>,
+    /// Instant before which no route is made of it, after one that could not be made.
+    pub(super) retry_at: Option<Instant>,
     /// True while its source has no publisher yet, and a listener waits at the destination.
     pub(super) is_ahead: bool,
-    /// Type that its route carries.
-    pub(super) carried: Option<MessageType>,
-    /// Kind of the service that its route calls.
-    pub(super) called: Option<ServiceKind>,
+    /// Messages that its route carries, or service that it calls.
+    pub(super) made: Option<Kind>,
     /// Type that its source has shown last.
     pub(super) announced_type: Option<&'static str>,
     /// Type that its listeners want, where it differs from the learned one and can be made of it.
@@ -55,8 +54,7 @@ impl Candidate {
             last_seen: seen,
             retry_at: None,
             is_ahead: false,
-            carried: None,
-            called: None,
+            made: None,
             announced_type: None,
             wished: None,
             misfits: None,
@@ -110,28 +108,18 @@ impl Candidate {
         settled && self.retry_at.is_none_or(|at| now >= at)
     }
 
-    pub(super) fn retry_at(&mut self, at: Instant) {
-        self.retry_at = Some(at);
-    }
-
     /// Notes the reason that it has no route, and logs a new one; at level debug where it is one of
-    /// many. The reason where it is new.
-    pub(super) fn waits(
-        &mut self,
-        role: Role,
-        state: RouteState,
-        is_one_of_many: bool,
-    ) -> Option<&RouteState> {
-        match &self.state {
-            State::Runs(_) => return None,
-            State::Waits(known) if *known == state => return None,
-            State::New | State::Waits(_) => {}
+    /// many. True where it is new.
+    pub(super) fn waits(&mut self, role: Role, state: RouteState, is_one_of_many: bool) -> bool {
+        let is_news = match &self.state {
+            State::Runs(_) => false,
+            State::Waits(known) => *known != state,
+            State::New => true,
+        };
+        if is_news {
+            state.log(&self.name(role), is_one_of_many, 0);
+            self.state = State::Waits(state);
         }
-        state.log(&self.name(role), is_one_of_many, 0);
-        self.state = State::Waits(state);
-        match &self.state {
-            State::Waits(state) => Some(state),
-            State::New | State::Runs(_) => None,
-        }
+        is_news
     }
 }

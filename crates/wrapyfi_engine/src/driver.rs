@@ -21,6 +21,7 @@ use super::reconciler::{Change, Reconciler};
 use super::replacement::{INACTIVE, REMOVED};
 use super::route_status::{RouteState, RouteStatus};
 use super::tap::Tap;
+use super::work::Order;
 use wrapyfi_endpoint::{Mutex, Registry, UnknownMiddleware, Wake};
 use wrapyfi_retry::contained;
 
@@ -209,7 +210,6 @@ impl Driver {
     fn carry_out(&self, registry: &Registry, changes: Vec<Change>) {
         for change in changes {
             let mut members = self.members.lock();
-            let running = |id| members.running.get(&id).cloned();
             match change {
                 Change::Start { id, route, counters } => {
                     let key = route.key();
@@ -224,21 +224,16 @@ impl Driver {
                     drop(members);
                     self.pool.ring(member);
                 }
-                Change::KeepOpen { id } => {
-                    let member = running(id);
+                Change::Order { id, order } => {
+                    let Some(member) = members.running.get(&id).cloned() else { continue };
                     drop(members);
-                    member.iter().for_each(|member| member.keep_open());
-                }
-                Change::Misfits { id, named } => {
-                    let member = running(id);
-                    drop(members);
-                    member.iter().for_each(|member| member.name_misfits(named.clone()));
+                    member.order(order);
                 }
                 Change::Stop { id, ending } => {
                     let Some(member) = members.running.remove(&id) else { continue };
                     members.closing.push(Arc::clone(&member));
                     drop(members);
-                    member.stop(ending);
+                    member.order(Order::Stop(ending));
                     // A member that has not been stepped yet has no waker that its own bell could
                     // wake.
                     self.pool.ring(member);

@@ -19,9 +19,9 @@ use super::route::{Kind, Route, RouteKey};
 use super::route_status::{RouteState, RouteStatus};
 use super::service_relay::ServiceRelay;
 use super::tap::Tap;
-use super::work::{Step, Work};
+use super::work::{Ending, Order, Step, Work, not_begun};
 use wrapyfi_endpoint::backoff::Backoff;
-use wrapyfi_endpoint::{Clock, Counters, CountersSnapshot, Mutex, Qos, Registry, Throttle, Wake};
+use wrapyfi_endpoint::{Context, Counters, Mutex, Qos, Registry, Throttle};
 use wrapyfi_retry::contained;
 
 /// Length of a step from which on it shows as blocked.
@@ -38,15 +38,13 @@ pub(super) struct Member {
     /// Name, ends and type; the rest of the status is filled in when it is asked for.
     identity: RouteStatus,
     is_one_of_many: bool,
-    wake: Wake,
-    counters: Arc<Counters>,
+    context: Context,
     /// Window on its messages; services have none.
     tap: Option<Arc<Tap>>,
     slot: Mutex<Slot>,
-    orders: Mutex<Orders>,
+    orders: Mutex<Vec<Order>>,
     is_ordered: AtomicBool,
     published: Mutex<Arc<Published>>,
-    clock: Clock,
     /// Reference of `step_began_ms`: a step that blocks does so by the system's time.
     epoch: Instant,
     /// Time at which the step in progress began, in milliseconds after `epoch` plus one; 0 between
@@ -79,22 +77,6 @@ struct Slot {
     reasons: Throttle,
 }
 
-/// Orders that reconciler and driver give a route; its next step carries them out.
-#[derive(Default)]
-struct Orders {
-    keep_open: bool,
-    misfits: Option<Option<String>>,
-    stop: Option<Ending>,
-}
-
-/// Reason that a route is to end.
-#[derive(Debug, Clone)]
-pub(super) struct Ending {
-    pub(super) why: String,
-    /// True when many routes end at once; each is then logged at level debug.
-    pub(super) is_one_of_many: bool,
-}
-
 /// State and quality of service that a route shows in status tables.
 #[derive(Debug, PartialEq)]
 struct Published {
@@ -121,28 +103,24 @@ impl Member {
         (pool, lanes): (Weak<Pool>, &Arc<Lanes>),
     ) -> Arc<Self> {
         let (key, is_one_of_many) = (route.key(), route.mark.is_some());
-        let (work, wake, identity, tap): (Box<dyn Work>, _, _, _) = match route.kind {
+        let identity = RouteStatus::planned(&route, not_begun());
+        let context = Context { clock: registry.clock().clone(), counters, ..Context::default() };
+        let front = context.clone();
+        let (work, tap): (Box<dyn Work>, _) = match route.kind {
             Kind::Topic(_) => {
-                let (counters, lanes) = (Arc::clone(&counters), Arc::clone(lanes));
-                let relay = Relay::new(route, registry, id, counters, lanes);
-                let (wake, status) = (relay.wake().clone(), relay.status());
+                let relay = Relay::new(route, registry, id, front, Arc::clone(lanes));
                 let tap = Some(Arc::clone(&relay.tap));
-                (Box::new(relay), wake, status, tap)
+                (Box::new(relay), tap)
             }
-            Kind::Service(_) => {
-                let relay = ServiceRelay::new(route, registry, id, Arc::clone(&counters));
-                let (wake, status) = (relay.wake().clone(), relay.status());
-                (Box::new(relay), wake, status, None)
-            }
+            Kind::Service(_) => (Box::new(ServiceRelay::new(route, registry, id, front)), None),
         };
         let published = Arc::new(Published { state: identity.state.clone(), qos: [None, None] });
         Arc::new(Self {
             id,
             key,
-            identity: RouteStatus { counters: CountersSnapshot::default(), ..identity },
+            identity,
             is_one_of_many,
-            wake,
-            counters,
+            context,
             tap,
             slot: Mutex::new(Slot {
                 work: Some(work),
@@ -156,7 +134,6 @@ impl Member {
             orders: Mutex::default(),
             is_ordered: AtomicBool::new(false),
             published: Mutex::new(published),
-            clock: registry.clock().clone(),
             epoch: Instant::now(),
             step_began_ms: AtomicU64::new(0),
             panics: AtomicU64::new(0),
@@ -177,25 +154,11 @@ impl Member {
         ([own, source, target] == [name, from, to]).then(|| self.tap.clone()).flatten()
     }
 
-    /// Opens the source at the next step, and keeps it open whether somebody listens or not.
-    pub(super) fn keep_open(&self) {
-        self.order(|orders| orders.keep_open = true);
-    }
-
-    /// Names listeners that the route cannot serve.
-    pub(super) fn name_misfits(&self, named: Option<String>) {
-        self.order(|orders| orders.misfits = Some(named));
-    }
-
-    /// Closes the route at the next step, which may have to wait for a blocking one.
-    pub(super) fn stop(&self, end: Ending) {
-        self.order(|orders| orders.stop = Some(end));
-    }
-
-    fn order(&self, enter: impl FnOnce(&mut Orders)) {
-        enter(&mut self.orders.lock());
+    /// Has the next step carry out `order`.
+    pub(super) fn order(&self, order: Order) {
+        self.orders.lock().push(order);
         self.is_ordered.store(true, Ordering::Release);
-        self.wake.ring();
+        self.context.wake.ring();
     }
 
     pub(super) fn is_closed(&self) -> bool {
@@ -211,8 +174,8 @@ impl Member {
     /// Makes a step on a thread of the pool; the bell rings the pool when the next one is due.
     pub(super) fn turn(self: &Arc<Self>) -> Option<Step> {
         // Asked for before the step, so that no ring is lost.
-        self.wake.notify(&Waker::from(Arc::clone(self)));
-        self.step(self.clock.now())
+        self.context.wake.notify(&Waker::from(Arc::clone(self)));
+        self.step(self.context.clock.now())
     }
 
     /// Brings the route one step on; `None` once it has closed.
@@ -220,15 +183,12 @@ impl Member {
         let mut slot = self.slot.lock();
         let slot = &mut *slot;
         if self.is_ordered.swap(false, Ordering::AcqRel) {
-            let Orders { keep_open, misfits, stop } = std::mem::take(&mut *self.orders.lock());
-            if let Some(end) = stop {
-                self.close_now(slot, Some(&end));
-            } else if let Some(work) = &mut slot.work {
-                if keep_open {
-                    work.keep_open();
-                }
-                if let Some(named) = misfits {
-                    work.name_misfits(named);
+            let orders = std::mem::take(&mut *self.orders.lock());
+            for order in orders {
+                if let Order::Stop(end) = &order {
+                    self.close_now(slot, Some(end));
+                } else if let Some(work) = &mut slot.work {
+                    work.obey(order);
                 }
             }
         }
@@ -328,9 +288,9 @@ impl Member {
         }
         self.is_closed.store(true, Ordering::Release);
         // Rings for the route that waits for this one's close.
-        self.wake.ring();
+        self.context.wake.ring();
         let Some(Ending { why, is_one_of_many }) = end else { return };
-        let counters = self.counters.snapshot();
+        let counters = self.context.counters.snapshot();
         let (received, sent, dropped) = (counters.received, counters.sent, counters.dropped());
         let text = format!("route ended: {why}; {received} in, {sent} out, {dropped} dropped");
         match is_one_of_many {
@@ -356,7 +316,7 @@ impl Member {
     /// Looks once a second how many messages went through, and logs once that the step in progress takes
     /// too long.
     pub(super) fn look(&self, now: Instant) {
-        self.rate.lock().look(&self.counters, now);
+        self.rate.lock().look(&self.context.counters, now);
         self.tell_blocked();
     }
 
@@ -389,7 +349,7 @@ impl Member {
             has_source: self.has_source.load(Ordering::Relaxed),
             from_qos,
             to_qos,
-            counters: self.counters.snapshot(),
+            counters: self.context.counters.snapshot(),
             rate: self.rate.lock().rate(),
             panics: self.panics.load(Ordering::Relaxed),
             ..self.identity.clone()

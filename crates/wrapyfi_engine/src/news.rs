@@ -106,7 +106,7 @@ pub(super) fn lower(changes: &mut [Change]) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::member::Ending;
+    use super::super::work::Ending;
     use super::*;
 
     #[test]

@@ -11,7 +11,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::atomic::Ordering;
-use std::sync::{Arc, Condvar, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, PoisonError};
 use std::thread::Thread;
 use std::time::{Duration, Instant};
 
@@ -130,6 +130,11 @@ impl State {
         self.woken += 1;
         Some(worker)
     }
+}
+
+/// Moves a member from one place to another: true for the one caller that does, false where it is not there.
+fn moves(member: &Member, from: u8, to: u8) -> bool {
+    member.place.compare_exchange(from, to, Ordering::AcqRel, Ordering::Acquire).is_ok()
 }
 
 impl Pool {
@@ -310,14 +315,12 @@ impl Pool {
             member.place.store(Place::CLOSED, Ordering::Release);
             return;
         };
-        let (ordering, place) = (Ordering::AcqRel, &member.place);
         let is_due = next <= now;
-        let at_rest =
-            place.compare_exchange(Place::RUNNING, Place::IDLE, ordering, Ordering::Acquire);
-        if at_rest.is_err() || is_due {
+        let is_at_rest = moves(&member, Place::RUNNING, Place::IDLE);
+        if !is_at_rest || is_due {
             // A bell that rings at this moment finds the member queued, or queues it itself.
-            if at_rest.is_err() || self.claim(&member) {
-                place.store(Place::QUEUED, Ordering::Release);
+            if !is_at_rest || moves(&member, Place::IDLE, Place::QUEUED) {
+                member.place.store(Place::QUEUED, Ordering::Release);
                 self.enqueue(state, member);
             }
             return;
@@ -345,14 +348,6 @@ impl Pool {
         u64::try_from(late).map_or(next, |late| next + Duration::from_nanos(late))
     }
 
-    /// Claims an idle member; true for the one caller that may queue it.
-    fn claim(&self, member: &Member) -> bool {
-        let ordering = (Ordering::AcqRel, Ordering::Acquire);
-        let claimed =
-            member.place.compare_exchange(Place::IDLE, Place::QUEUED, ordering.0, ordering.1);
-        claimed.is_ok()
-    }
-
     /// Queues members that are due, and adds and removes workers, until the pool is stopped.
     fn keep_time(self: &Arc<Self>, look: &impl Fn(Instant)) {
         let mut looked_at = self.clock.now();
@@ -364,7 +359,7 @@ impl Pool {
             while let Some(entry) = state.timers.first_entry().filter(|it| it.key().0 <= now) {
                 let member = entry.remove();
                 *member.timer.lock() = None;
-                if self.claim(&member) {
+                if moves(&member, Place::IDLE, Place::QUEUED) {
                     self.enqueue(&mut state, member);
                     if let Some(worker) = state.take_idle() {
                         worker.unpark();
@@ -408,12 +403,8 @@ impl Pool {
             if let Some(((at, _), _)) = state.timers.first_key_value() {
                 pause = pause.min(at.saturating_duration_since(self.clock.now()));
             }
-            state = self.pause(state, pause);
+            state = self.tick.wait_timeout(state, pause).unwrap_or_else(PoisonError::into_inner).0;
         }
-    }
-
-    fn pause<'s>(&self, state: MutexGuard<'s, State>, pause: Duration) -> MutexGuard<'s, State> {
-        self.tick.wait_timeout(state, pause).unwrap_or_else(PoisonError::into_inner).0
     }
 
     /// Lets every worker end after the step that it is in.

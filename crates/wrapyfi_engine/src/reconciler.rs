@@ -21,11 +21,11 @@ use wrapyfi_interfaces::store::TypeStore;
 
 use super::candidate::{Candidate, State};
 use super::discovered_graph::{Away, DiscoveredGraph, DiscoveredMiddleware};
-use super::member::Ending;
 use super::news;
 use super::pattern::Pattern;
-use super::route::{Kind, Route, RouteKey};
+use super::route::{Route, RouteKey, Typing};
 use super::route_status::RouteState;
+use super::work::{Ending, Order};
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::{BridgeMark, Counters, EndpointAddress, Registry, Role, Throttle};
 use wrapyfi_retry::contained;
@@ -58,10 +58,8 @@ const MAX_KEPT: usize = 10_000;
 pub(super) enum Change {
     /// Run a route, with the counters that it had before.
     Start { id: u64, route: Box<Route>, counters: Arc<Counters> },
-    /// Open the source of a route, and keep it open whether somebody listens or not.
-    KeepOpen { id: u64 },
-    /// Name listeners that a route cannot serve in its reason; `None` when there are none any more.
-    Misfits { id: u64, named: Option<String> },
+    /// Give an order to a route that goes on.
+    Order { id: u64, order: Order },
     /// End a route.
     Stop { id: u64, ending: Ending },
 }
@@ -381,7 +379,7 @@ impl Reconciler {
         let Some(pattern) = self.patterns.get_mut(key.0) else { return };
         pattern.panics += 1;
         let role = pattern.spec.role();
-        candidate.retry_at(now + self.backoff.wait());
+        candidate.retry_at = Some(now + self.backoff.wait());
         let text = format!("a decision on it panicked: {panic}");
         if let Some(unlogged_before) = self.complaints.pass(now) {
             tracing::error!(route = candidate.name(role), unlogged_before, "{text}");
@@ -431,7 +429,7 @@ impl Reconciler {
         // A bridge that began earlier makes its route first: both would carry until one of them sees the other.
         let is_younger = self.graph.oldest_bridge().is_some_and(|other| other < self.number);
         let settle = if is_younger { 2 * SETTLE } else { SETTLE };
-        if !candidate.is_due(now, settle) || !self.are_settled(&spec, now) {
+        if !candidate.is_due(now, settle) || !self.sides(&spec).all(|side| side.is_settled(now)) {
             if candidate.state == State::New && self.hindrance(&spec, candidate).is_none() {
                 // Asks for the type now, so that it is known when the candidate is due.
                 _ = self.kind(&spec, candidate);
@@ -443,29 +441,23 @@ impl Reconciler {
             // A candidate without publisher is dropped; a later look finds it again.
             Err(_) if candidate.is_ahead => return (false, None),
             Err((state, retry)) => {
-                candidate.retry_at(now + retry);
+                candidate.retry_at = Some(now + retry);
                 let is_silent = spec.is_many() && matches!(state, RouteState::Waiting(_));
                 // Where nothing but a user can help, a line of the debug log is not enough.
-                if let Some(state) = candidate.waits(role, state, spec.is_many())
+                if candidate.waits(role, state, spec.is_many())
                     && is_silent
                     && !retry.is_zero()
+                    && let State::Waits(state) = &candidate.state
                     && let Some(pattern) = self.patterns.get_mut(key.0)
                 {
-                    let text = state.to_string();
-                    pattern.news.lacks(candidate.name(role), text, now);
+                    pattern.news.lacks(candidate.name(role), state.to_string(), now);
                 }
                 return (true, None);
             }
         };
         self.ours.insert((route.role(), route.to.clone()), None);
-        (candidate.misfits, candidate.carried, candidate.called) = (None, None, None);
-        match route.kind {
-            Kind::Topic(types) => {
-                candidate.rests = route.policy.lazy;
-                candidate.carried = Some(types.to);
-            }
-            Kind::Service(kind) => candidate.called = Some(kind),
-        }
+        (candidate.misfits, candidate.made) = (None, Some(route.kind));
+        candidate.rests = route.policy.lazy;
         if let Some(pattern) = self.patterns.get_mut(key.0) {
             pattern.made += 1;
             pattern.news.add(candidate.name(role), &candidate.from, route.label(), now);
@@ -490,13 +482,12 @@ impl Reconciler {
         candidate: &mut Candidate,
         now: Instant,
     ) -> Result<Option<String>, String> {
-        if let Some((told, carried)) = self.other_type(spec, candidate) {
+        if spec.typing != Typing::Given
+            && let Some(other) =
+                self.other_type(spec, candidate).or_else(|| self.other_service(spec, candidate))
+        {
             candidate.state = State::New;
-            return Err(format!("its publishers have the type {told} now, not {carried}"));
-        }
-        if let Some((told, called)) = self.other_service(spec, candidate) {
-            candidate.state = State::New;
-            return Err(format!("its server has the type {told} now, not {called}"));
+            return Err(other);
         }
         if spec.is_many() {
             if candidate.is_gone(now, GONE_AFTER) {
@@ -531,27 +522,24 @@ impl Reconciler {
     ) -> Option<Change> {
         if candidate.misfits != named {
             candidate.misfits.clone_from(&named);
-            return Some(Change::Misfits { id, named });
+            return Some(Change::Order { id, order: Order::NameMisfits(named) });
         }
         let opens = candidate.rests && self.keeps_last(spec, candidate);
-        if opens {
-            candidate.rests = false;
-        }
-        opens.then_some(Change::KeepOpen { id })
+        candidate.rests &= !opens;
+        opens.then_some(Change::Order { id, order: Order::KeepOpen })
     }
 
     /// Reason that nothing can be seen on one of the two sides.
     pub(super) fn away(&self, spec: &Route) -> Option<RouteState> {
-        let sides = [&spec.from, &spec.to].map(|end| self.graph.get(&end.middleware));
-        sides.into_iter().flatten().find_map(|side| side.away()).map(|away| match away {
+        self.sides(spec).find_map(|side| side.away()).map(|away| match away {
             Away::Waiting(what) => RouteState::Waiting(what.clone()),
             Away::Failed(why) | Away::Unable(why) => RouteState::Error(why.clone()),
         })
     }
 
-    fn are_settled(&self, spec: &Route, now: Instant) -> bool {
-        let sides = [&spec.from, &spec.to].map(|end| self.graph.get(&end.middleware));
-        sides.into_iter().flatten().all(|side| side.is_settled(now))
+    /// Middlewares at the two ends of a route, as far as anybody looks at them.
+    pub(super) fn sides(&self, spec: &Route) -> impl Iterator<Item = &DiscoveredMiddleware> {
+        [&spec.from, &spec.to].into_iter().filter_map(|end| self.graph.get(&end.middleware))
     }
 
     /// Source of another candidate whose route already runs to this destination.

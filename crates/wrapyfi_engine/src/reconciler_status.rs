@@ -1,6 +1,6 @@
 //! Statuses of a plan's patterns, and of the names they match that have no route yet.
 
-use super::candidate::State;
+use super::candidate::{Candidate, State};
 use super::pattern::Pattern;
 use super::reconciler::Reconciler;
 use super::route_status::{PatternCounts, RouteState, RouteStatus};
@@ -29,15 +29,10 @@ impl Reconciler {
 
     fn pattern_status(&self, index: usize, pattern: &Pattern) -> RouteStatus {
         let spec = &pattern.spec;
-        let sides = [&spec.from, &spec.to].map(|end| self.graph.get(&end.middleware));
-        let of_discovery: u64 = sides.into_iter().flatten().map(|side| side.panics).sum();
-        let (mut routes, mut waiting) = (0, 0);
-        for candidate in self.of_pattern(index) {
-            match candidate.state {
-                State::Runs(_) => routes += 1,
-                State::New | State::Waits(_) => waiting += 1,
-            }
-        }
+        let of_discovery: u64 = self.sides(spec).map(|side| side.panics).sum();
+        let runs = |candidate: &&Candidate| matches!(candidate.state, State::Runs(_));
+        let routes = self.of_pattern(index).filter(runs).count();
+        let waiting = self.of_pattern(index).count() - routes;
         let panicked =
             |panic: &String| RouteState::Error(format!("a look at what exists panicked: {panic}"));
         let fault = self.fault.as_ref().map(panicked);

@@ -16,17 +16,18 @@ use std::time::{Duration, Instant};
 use super::end::End;
 use super::lanes::Lanes;
 use super::route::Route;
-use super::route_status::{RouteState, RouteStatus};
+use super::route_status::RouteState;
 use super::stamping;
 use super::tap::Tap;
 use super::tripwire::{Passage, Tripwire};
-use super::work::{DEGRADED_FOR, REST_REVIEW_EVERY, REVIEW_EVERY, Step, UNWANTED_FOR, Work};
+use super::work::{
+    DEGRADED_FOR, Order, REST_REVIEW_EVERY, REVIEW_EVERY, Step, UNWANTED_FOR, Work, not_begun,
+};
 use wrapyfi_data::codec::convert_payload;
 use wrapyfi_data::types::Payload;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::{
-    Clock, Context, Counters, DropReason, Listener, Publisher, Qos, Registry, Sample, Throttle,
-    Traits, Wake,
+    Clock, Context, DropReason, Listener, Publisher, Qos, Registry, Sample, Throttle, Traits,
 };
 
 /// Largest number of messages moved in one step, so that a flooded route lets others have their
@@ -69,21 +70,21 @@ pub(crate) struct Relay {
 }
 
 impl Relay {
-    /// A route that has opened nothing yet. `seed` spreads its back-off; `counters` may be those of an earlier route
-    /// with these ends. Its messages are compared with those of the bridge's other routes in `lanes`.
+    /// A route that has opened nothing yet. `seed` spreads its back-off; the counters of `context` may be those of an
+    /// earlier route with these ends. Its messages are compared with those of the bridge's other routes in `lanes`.
     pub(super) fn new(
         spec: Route,
         registry: &Registry,
         seed: u64,
-        counters: Arc<Counters>,
+        context: Context,
         lanes: Arc<Lanes>,
     ) -> Self {
         let source = End::new(registry, &spec.from.middleware);
         let sink = End::new(registry, &spec.to.middleware);
         Self {
-            state: RouteState::Waiting("its first step".to_owned()),
+            state: not_begun(),
             has_source: false,
-            context: Context { clock: registry.clock().clone(), counters, ..Context::default() },
+            context,
             backoff: Backoff::new(seed),
             not_before: None,
             unwanted_since: None,
@@ -116,61 +117,6 @@ impl Relay {
             Some(misfits) => format!("a listener on {to} of {carried}: {misfits}"),
             None => format!("a listener on {to}"),
         })
-    }
-
-    /// Bell that rings when the route has work.
-    pub(crate) fn wake(&self) -> &Wake {
-        &self.context.wake
-    }
-
-    /// Status of the route.
-    pub(crate) fn status(&self) -> RouteStatus {
-        let (spec, state) = (&self.spec, self.state.clone());
-        RouteStatus {
-            from_qos: self.source.qos,
-            to_qos: self.sink.qos,
-            counters: self.context.counters.snapshot(),
-            ..RouteStatus::planned(spec, state)
-        }
-    }
-
-    /// Brings the route one step on. Blocks only as long as a reliable destination does.
-    pub(crate) fn step(&mut self, now: Instant) -> Step {
-        self.reconcile(now);
-        let review_at = self.review(now);
-        let oversize = self.context.counters.dropped_so_far(DropReason::Oversize);
-        if oversize > self.oversize {
-            let most = self.spec.policy.limits.message_bytes >> 20;
-            let text = format!("a message on {} was larger than {most} MiB", self.spec.from);
-            self.last_loss = Some((now, text));
-        }
-        let moved = self.propagate(now);
-        self.oversize = self.context.counters.dropped_so_far(DropReason::Oversize);
-        let undelivered = self.context.counters.undelivered_messages();
-        if undelivered > self.undelivered {
-            let text = format!(
-                "{} messages did not reach everybody who listens on {}",
-                undelivered - self.undelivered,
-                self.spec.to
-            );
-            self.undelivered = undelivered;
-            self.last_loss = Some((now, text));
-        }
-        let state = self.judge(now);
-        if moved > 0 || state != self.state {
-            self.stirred_at = Some(now);
-        }
-        self.state = state;
-        let stirred_at = *self.stirred_at.get_or_insert(now);
-        let is_calm = now.saturating_duration_since(stirred_at) >= CALM_AFTER
-            && !matches!(self.state, RouteState::Degraded(_));
-        let next = match (moved == BATCH, is_calm || self.is_at_rest()) {
-            (true, _) => now,
-            (false, true) => now + REST_REVIEW_EVERY,
-            (false, false) => now + REVIEW_EVERY,
-        };
-        let due = [self.source.retry_at, self.sink.retry_at, review_at, self.tripwire.due()];
-        Step { moved, next: due.into_iter().flatten().fold(next, Instant::min).max(now) }
     }
 
     /// Opens what is to be open, the destination first, so that a message finds it open.
@@ -384,7 +330,41 @@ impl Relay {
 
 impl Work for Relay {
     fn step(&mut self, now: Instant) -> Step {
-        Self::step(self, now)
+        self.reconcile(now);
+        let review_at = self.review(now);
+        let oversize = self.context.counters.dropped_so_far(DropReason::Oversize);
+        if oversize > self.oversize {
+            let most = self.spec.policy.limits.message_bytes >> 20;
+            let text = format!("a message on {} was larger than {most} MiB", self.spec.from);
+            self.last_loss = Some((now, text));
+        }
+        let moved = self.propagate(now);
+        self.oversize = self.context.counters.dropped_so_far(DropReason::Oversize);
+        let undelivered = self.context.counters.undelivered_messages();
+        if undelivered > self.undelivered {
+            let text = format!(
+                "{} messages did not reach everybody who listens on {}",
+                undelivered - self.undelivered,
+                self.spec.to
+            );
+            self.undelivered = undelivered;
+            self.last_loss = Some((now, text));
+        }
+        let state = self.judge(now);
+        if moved > 0 || state != self.state {
+            self.stirred_at = Some(now);
+        }
+        self.state = state;
+        let stirred_at = *self.stirred_at.get_or_insert(now);
+        let is_calm = now.saturating_duration_since(stirred_at) >= CALM_AFTER
+            && !matches!(self.state, RouteState::Degraded(_));
+        let next = match (moved == BATCH, is_calm || self.is_at_rest()) {
+            (true, _) => now,
+            (false, true) => now + REST_REVIEW_EVERY,
+            (false, false) => now + REVIEW_EVERY,
+        };
+        let due = [self.source.retry_at, self.sink.retry_at, review_at, self.tripwire.due()];
+        Step { moved, next: due.into_iter().flatten().fold(next, Instant::min).max(now) }
     }
 
     fn state(&self) -> (&RouteState, [Option<Qos>; 2], bool) {
@@ -395,12 +375,12 @@ impl Work for Relay {
         self.sink.open.is_some() && (self.spec.policy.lazy || self.source.open.is_some())
     }
 
-    fn keep_open(&mut self) {
-        self.spec.policy.lazy = false;
-    }
-
-    fn name_misfits(&mut self, named: Option<String>) {
-        self.misfits = named;
+    fn obey(&mut self, order: Order) {
+        match order {
+            Order::KeepOpen => self.spec.policy.lazy = false,
+            Order::NameMisfits(named) => self.misfits = named,
+            Order::Stop(_) => {}
+        }
     }
 
     fn close(&mut self) {

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::super::route::{Kind, Types};
+use super::super::route_status::RouteStatus;
 use super::*;
 use wrapyfi_data::types::{Map, MessageType, Payload, Properties, Stamp, Tensor, Value};
 use wrapyfi_endpoint::memory::Memory;
@@ -11,6 +12,23 @@ use wrapyfi_endpoint::{
     PublishError, Published, QosChange, QueueSpec, Review, SampleOrigin, SourceDurability,
     TopicSpec,
 };
+
+/// Context of a route by the clock of its registry.
+fn context_of(registry: &Registry) -> Context {
+    Context { clock: registry.clock().clone(), ..Context::default() }
+}
+
+impl Relay {
+    pub(crate) fn status(&self) -> RouteStatus {
+        let (spec, state) = (&self.spec, self.state.clone());
+        RouteStatus {
+            from_qos: self.source.qos,
+            to_qos: self.sink.qos,
+            counters: self.context.counters.snapshot(),
+            ..RouteStatus::planned(spec, state)
+        }
+    }
+}
 
 /// The bus as a route sees it, which opens nothing and takes nothing where it is told so.
 #[derive(Default)]
@@ -86,7 +104,7 @@ impl Bench {
         Self {
             bus,
             cable,
-            relay: Relay::new(spec, &registry, 1, Arc::default(), Arc::default()),
+            relay: Relay::new(spec, &registry, 1, context_of(&registry), Arc::default()),
             now: Instant::now(),
         }
     }
@@ -384,7 +402,7 @@ fn ends_look_at_their_peers_when_they_want_to_and_the_status_shows_what_is_in_us
     registry.register(Arc::new(Scripted(reviews.into())));
     let ends = ("scripted:/in".parse().unwrap(), "memory:/out".parse().unwrap());
     let spec = Route::topic(ends.0, ends.1, MessageType::NativeObject);
-    let mut relay = Relay::new(spec, &registry, 1, Arc::default(), Arc::default());
+    let mut relay = Relay::new(spec, &registry, 1, context_of(&registry), Arc::default());
     assert_eq!(relay.step(now).next, soon);
     let status = relay.status();
     assert_eq!((status.from_qos, status.to_qos), (Some(Qos::default()), None));
@@ -464,7 +482,7 @@ fn what_a_publisher_keeps_waits_for_the_first_consumer() {
         Route::topic(ends.0, ends.1, MessageType::NativeObject),
         &registry,
         1,
-        Arc::default(),
+        context_of(&registry),
         Arc::default(),
     );
     let now = Instant::now();
@@ -591,7 +609,7 @@ fn whose_message_it_is_goes_along_and_who_is_gone_is_told_after_it() {
     registry.register(Arc::new(Noted(Arc::clone(&notes))));
     let ends = ("noted:/in".parse().unwrap(), "noted:/out".parse().unwrap());
     let spec = Route::topic(ends.0, ends.1, MessageType::NativeObject);
-    Relay::new(spec, &registry, 1, Arc::default(), Arc::default()).step(Instant::now());
+    Relay::new(spec, &registry, 1, context_of(&registry), Arc::default()).step(Instant::now());
     let expected = ["keeping: All", "message of 1", "message of 2", "2 is gone"];
     assert_eq!(*notes.lock().unwrap(), expected);
 }

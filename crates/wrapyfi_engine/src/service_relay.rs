@@ -17,13 +17,15 @@ use std::time::Instant;
 
 use super::end::End;
 use super::route::Route;
-use super::route_status::{RouteState, RouteStatus};
-use super::work::{DEGRADED_FOR, REST_REVIEW_EVERY, REVIEW_EVERY, Step, UNWANTED_FOR, Work};
+use super::route_status::RouteState;
+use super::work::{
+    DEGRADED_FOR, REST_REVIEW_EVERY, REVIEW_EVERY, Step, UNWANTED_FOR, Work, not_begun,
+};
 use wrapyfi_data::types::Payload;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::{
-    CallError, Client, Context, Counters, Qos, Refusal, Registry, RequestId, ServeError, Server,
-    Throttle, Ticket, Wake,
+    CallError, Client, Context, Qos, Refusal, Registry, RequestId, ServeError, Server, Throttle,
+    Ticket,
 };
 
 /// Largest number of requests and replies moved in one step.
@@ -49,15 +51,9 @@ pub(crate) struct ServiceRelay {
 }
 
 impl ServiceRelay {
-    /// A route that has opened nothing yet. `seed` spreads its back-off; `counters` may be those of an earlier route
-    /// with these ends.
-    pub(super) fn new(
-        spec: Route,
-        registry: &Registry,
-        seed: u64,
-        counters: Arc<Counters>,
-    ) -> Self {
-        let front = Context { clock: registry.clock().clone(), counters, ..Context::default() };
+    /// A route that has opened nothing yet. `seed` spreads its back-off; the counters of `front`, which count requests
+    /// as received and replies as sent, may be those of an earlier route with these ends.
+    pub(super) fn new(spec: Route, registry: &Registry, seed: u64, front: Context) -> Self {
         // One bell for both sides.
         let back = Context { counters: Arc::default(), ..front.clone() };
         Self {
@@ -67,7 +63,7 @@ impl ServiceRelay {
             back,
             backoff: Backoff::new(seed),
             calls: BTreeMap::new(),
-            state: RouteState::Waiting("its first step".to_owned()),
+            state: not_begun(),
             has_source: false,
             moved_at: None,
             last_loss: None,
@@ -80,46 +76,6 @@ impl ServiceRelay {
     pub(super) fn is_at_rest(&self, now: Instant) -> bool {
         let is_quiet = |at: Instant| now.saturating_duration_since(at) >= UNWANTED_FOR;
         self.calls.is_empty() && self.moved_at.is_none_or(is_quiet)
-    }
-
-    /// Bell that rings when the route has work.
-    pub(crate) fn wake(&self) -> &Wake {
-        &self.front.wake
-    }
-
-    /// Status of the route: received are requests, sent are replies.
-    pub(crate) fn status(&self) -> RouteStatus {
-        let (spec, state) = (&self.spec, self.state.clone());
-        RouteStatus {
-            counters: self.front.counters.snapshot(),
-            ..RouteStatus::planned(spec, state)
-        }
-    }
-
-    /// Brings the route one step on.
-    pub(crate) fn step(&mut self, now: Instant) -> Step {
-        self.reconcile(now);
-        for refused in self.back.counters.take_refused() {
-            // The counters of the route are those of its other end.
-            self.front.counters.refused_peer(refused);
-        }
-        let moved = self.ask(now).saturating_add(self.answer(now));
-        if moved > 0 {
-            self.moved_at = Some(now);
-        }
-        self.state = self.judge(now);
-        let next = match (moved >= BATCH, self.is_at_rest(now)) {
-            (true, _) => now,
-            (false, true) => now + REST_REVIEW_EVERY,
-            (false, false) => now + REVIEW_EVERY,
-        };
-        let due = [
-            self.offered.retry_at,
-            self.called.retry_at,
-            self.offered.open.as_ref().and_then(|server| server.deadline()),
-            self.called.open.as_ref().and_then(|client| client.deadline()),
-        ];
-        Step { moved, next: due.into_iter().flatten().fold(next, Instant::min).max(now) }
     }
 
     /// Opens what is to be open, the client of the real server first, so that a request finds it
@@ -236,7 +192,28 @@ impl ServiceRelay {
 
 impl Work for ServiceRelay {
     fn step(&mut self, now: Instant) -> Step {
-        Self::step(self, now)
+        self.reconcile(now);
+        for refused in self.back.counters.take_refused() {
+            // The counters of the route are those of its other end.
+            self.front.counters.refused_peer(refused);
+        }
+        let moved = self.ask(now).saturating_add(self.answer(now));
+        if moved > 0 {
+            self.moved_at = Some(now);
+        }
+        self.state = self.judge(now);
+        let next = match (moved >= BATCH, self.is_at_rest(now)) {
+            (true, _) => now,
+            (false, true) => now + REST_REVIEW_EVERY,
+            (false, false) => now + REVIEW_EVERY,
+        };
+        let due = [
+            self.offered.retry_at,
+            self.called.retry_at,
+            self.offered.open.as_ref().and_then(|server| server.deadline()),
+            self.called.open.as_ref().and_then(|client| client.deadline()),
+        ];
+        Step { moved, next: due.into_iter().flatten().fold(next, Instant::min).max(now) }
     }
 
     fn state(&self) -> (&RouteState, [Option<Qos>; 2], bool) {

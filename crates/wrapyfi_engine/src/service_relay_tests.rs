@@ -4,10 +4,18 @@ use std::time::Duration;
 
 use wrapyfi_interfaces::store::TypeStore;
 
+use super::super::route_status::RouteStatus;
 use super::*;
 use wrapyfi_data::types::{Payload, RosMessage, RosService, ServiceKind, Value};
 use wrapyfi_endpoint::memory::Memory;
 use wrapyfi_endpoint::{DropReason, Middleware as _, Request, ServiceSpec};
+
+impl ServiceRelay {
+    fn status(&self) -> RouteStatus {
+        let counters = self.front.counters.snapshot();
+        RouteStatus { counters, ..RouteStatus::planned(&self.spec, self.state.clone()) }
+    }
+}
 
 struct Bench {
     bus: Arc<Memory>,
@@ -26,7 +34,7 @@ impl Bench {
         let [service, offered] = ["memory:/real", "memory:/shown"].map(|at| at.parse().unwrap());
         let mut spec = Route::service(service, offered, kind);
         spec.policy.timeout = Duration::from_millis(50);
-        Self { bus, relay: ServiceRelay::new(spec, &registry, 1, Arc::default()) }
+        Self { bus, relay: ServiceRelay::new(spec, &registry, 1, Context::default()) }
     }
 
     fn spec(name: &str) -> ServiceSpec {

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::super::relay::Relay;
+use super::super::work::Work as _;
 use super::*;
 use wrapyfi_data::types::{MessageType, Value};
 use wrapyfi_endpoint::memory::Memory;
@@ -46,7 +47,7 @@ impl Network {
                 route,
                 &self.registry,
                 number,
-                Arc::default(),
+                Context::default(),
                 lanes.clone(),
             ));
         }

@@ -23,9 +23,33 @@ pub struct Step {
     pub next: Instant,
 }
 
+/// State of a route that has opened nothing yet.
+pub(super) fn not_begun() -> RouteState {
+    RouteState::Waiting("its first step".to_owned())
+}
+
+/// Order that reconciler and driver give a route; its next step carries it out.
+#[derive(Debug)]
+pub(super) enum Order {
+    /// Keep the source open from now on, whether somebody listens or not.
+    KeepOpen,
+    /// Name listeners of another type than the route's, for as long as nobody else listens.
+    NameMisfits(Option<String>),
+    /// Close the route, which may have to wait for a step that blocks.
+    Stop(Ending),
+}
+
+/// Reason that a route is to end.
+#[derive(Debug, Clone)]
+pub(super) struct Ending {
+    pub(super) why: String,
+    /// True when many routes end at once; each is then logged at level debug.
+    pub(super) is_one_of_many: bool,
+}
+
 /// A route at work: no threads, no clock of its own.
 pub(super) trait Work: Send {
-    /// Brings the route one step on.
+    /// Brings the route one step on. Blocks only as long as a reliable destination does.
     fn step(&mut self, now: Instant) -> Step;
 
     /// State of the route after its last step, quality of service in use at source and destination, and whether
@@ -35,13 +59,8 @@ pub(super) trait Work: Send {
     /// True once the route has opened what it needs.
     fn is_open(&self) -> bool;
 
-    /// Keeps the source open from now on, whether somebody listens or not.
-    fn keep_open(&mut self) {}
-
-    /// Names listeners of another type than the route's, for as long as nobody else listens.
-    fn name_misfits(&mut self, named: Option<String>) {
-        _ = named;
-    }
+    /// Does as it is told, except for an end, which is a `close`.
+    fn obey(&mut self, _order: Order) {}
 
     /// Closes both ends and counts the messages on their way; the next step opens the ends again.
     fn close(&mut self);

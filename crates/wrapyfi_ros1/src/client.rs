@@ -25,13 +25,14 @@ use super::config::NodeUri;
 use super::header::Header;
 use super::node::Node;
 use super::peer_types::{forget_service, greeted, probe_header};
-use super::services::{self, MAX_ERROR_BYTES, ServiceCodec, ServiceType};
+use super::services::{MAX_ERROR_BYTES, ServiceCodec, ServiceType};
 use super::xmlrpc::shortened;
 use super::{splitter, tcpros};
 use wrapyfi_data::types::Payload;
 use wrapyfi_data::{DecodeError, EncodeResult};
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::calls::{Calls, Stage};
+use wrapyfi_endpoint::codec::requests;
 use wrapyfi_endpoint::restart::restarted;
 use wrapyfi_endpoint::wire_client::{ClientWire, WireClient};
 use wrapyfi_endpoint::{
@@ -188,7 +189,7 @@ impl ClientShared {
         if let Some(error) = header.get("error") {
             return Some(format!(
                 "the server of {service}, which refuses: {}",
-                services::shortened(error)
+                requests::beginning(error, MAX_ERROR_BYTES)
             ));
         }
         let md5 = header.get("md5sum").unwrap_or("*");
@@ -254,7 +255,9 @@ impl ClientShared {
             };
             match tcpros::greet(&mut stream, &own).await {
                 Ok(header) => match header.get("error") {
-                    Some(error) => return Err(services::shortened(error).to_owned()),
+                    Some(error) => {
+                        return Err(requests::beginning(error, MAX_ERROR_BYTES).to_owned());
+                    }
                     None => return Ok(stream),
                 },
                 Err(error) => self.lost(&place, &error.to_string()),

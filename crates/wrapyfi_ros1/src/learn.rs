@@ -13,6 +13,7 @@ use wrapyfi_interfaces::store::TypeStore;
 use super::config::NAME;
 use super::core::Core;
 use super::peer_types::{Answer, TypeInfo, ask};
+use super::services::known;
 use wrapyfi_data::types::{RosService, RosType, ServiceKind};
 use wrapyfi_endpoint::{Discovered, LearnError, LearnResult, Learned, Role};
 
@@ -79,11 +80,9 @@ pub(super) fn service(
     store: &mut TypeStore,
 ) -> LearnResult<ServiceKind> {
     let type_name = type_info(core, found)?.type_name;
-    match type_name.as_str() {
-        "wrapyfi_services/ROSNativeObject" => return Ok(ServiceKind::NativeObject),
-        "wrapyfi_services/ROSImage" => return Ok(ServiceKind::Image),
-        "wrapyfi_ros_interfaces/ROSAudioService" => return Ok(ServiceKind::AudioChunk),
-        _ => {}
+    let kinds = [ServiceKind::NativeObject, ServiceKind::Image, ServiceKind::AudioChunk];
+    if let Some(kind) = kinds.into_iter().find(|kind| known(*kind).name == type_name) {
+        return Ok(kind);
     }
     let mut types = core.types();
     let definition =

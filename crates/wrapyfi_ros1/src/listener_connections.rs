@@ -267,8 +267,6 @@ impl ListenerConnections {
                 latched: false,
                 plan: None,
             };
-            let peer = Peer { shared, listed: true, ..Peer::default() };
-            peers.by_uri.insert(uri.clone(), peer);
             let (connections, at) = (Arc::clone(self), uri.clone());
             let task = restarted(
                 format!("the connection to publisher {uri} of {}", self.topic),
@@ -276,9 +274,8 @@ impl ListenerConnections {
                 move || connection.clone().keep(),
             );
             let task = core.handle.spawn(task).abort_handle();
-            if let Some(peer) = peers.by_uri.get_mut(uri) {
-                peer.task = Some(task);
-            }
+            let peer = Peer { shared, listed: true, task: Some(task), ..Peer::default() };
+            peers.by_uri.insert(uri.clone(), peer);
         }
         drop(peers);
         self.wake().ring();

@@ -106,10 +106,7 @@ pub(super) fn keep_only(core: &Core, there: impl Fn(Role, &str, &str) -> bool) {
 
 /// Forgets what servers of a service have told: the one there is of another type.
 pub(super) fn forget_service(core: &Core, service: &str) {
-    let is_of = |role: &Role, name: &str| *role == Role::Server && name == service;
-    core.peer_types
-        .lock()
-        .retain(|(role, name, _), answer| *answer == Answer::Asked || !is_of(role, name));
+    keep_only(core, |role, name, _| (role, name) != (Role::Server, service));
 }
 
 async fn topic(core: &Core, name: &str, node: &str) -> Result<TypeInfo, String> {

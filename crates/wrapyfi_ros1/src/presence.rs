@@ -19,7 +19,7 @@ use super::config::NodeUri;
 use super::core::Core;
 use super::http::{self, HttpError};
 use super::peer_types;
-use super::xmlrpc::{SUCCESS, Value, text};
+use super::xmlrpc::{SUCCESS, Value, items, text};
 use wrapyfi_endpoint::{Discovered, Mutex, Role};
 
 /// Time between two questions to one node.
@@ -236,12 +236,8 @@ async fn question(
 
 /// Names in `[[topic, type], …]`.
 fn topics(value: &Value) -> impl Iterator<Item = String> {
-    let pairs = if let Value::Array(pairs) = value { pairs.as_slice() } else { &[] };
-    pairs.iter().filter_map(|pair| match pair {
-        Value::Array(pair) => match pair.first() {
-            Some(Value::String(topic)) => Some(topic.clone()),
-            _ => None,
-        },
+    items(value).iter().filter_map(|pair| match items(pair) {
+        [Value::String(topic), ..] => Some(topic.clone()),
         _ => None,
     })
 }

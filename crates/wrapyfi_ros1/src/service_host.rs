@@ -19,8 +19,9 @@ use tokio::time::timeout;
 
 use super::body::{Bodies, Body};
 use super::core::Core;
-use super::services::{ServiceCodec, ServiceType, shortened};
+use super::services::{MAX_ERROR_BYTES, ServiceCodec, ServiceType};
 use super::tcpros::{self, Accepted};
+use wrapyfi_endpoint::codec::requests;
 use wrapyfi_endpoint::requests::Requests;
 use wrapyfi_endpoint::{Context, Counters, DropReason, PROGRESS, Share, Wake};
 
@@ -260,7 +261,8 @@ async fn wait(stream: &TcpStream, mut answer: oneshot::Receiver<Answer>) -> Opti
 
 /// Tells a client why it gets no reply.
 async fn refuse(stream: &mut TcpStream, why: &str) -> std::io::Result<()> {
-    write(stream, 0, &[Bytes::copy_from_slice(shortened(why).as_bytes())]).await
+    let why = requests::beginning(why, MAX_ERROR_BYTES);
+    write(stream, 0, &[Bytes::copy_from_slice(why.as_bytes())]).await
 }
 
 async fn write(stream: &mut TcpStream, success: u8, pieces: &[Bytes]) -> std::io::Result<()> {

@@ -158,7 +158,7 @@ impl ServiceCodec {
 }
 
 /// The type that carries a function of Wrapyfi's.
-fn known(kind: ServiceKind) -> ServiceType {
+pub(super) fn known(kind: ServiceKind) -> ServiceType {
     let (name, md5, request, response) = match kind.data_type() {
         DataType::Image => (
             "wrapyfi_services/ROSImage",
@@ -195,12 +195,6 @@ fn message_type(kind: ServiceKind) -> MessageType {
 fn countable(size: usize) -> Result<u32, EncodeError> {
     let (actual, limit) = (size as u64, u64::from(u32::MAX));
     u32::try_from(size).map_err(|_e| EncodeError::TooLarge { actual, limit })
-}
-
-/// Beginning of `text`, as long as an error may have it.
-pub(super) fn shortened(text: &str) -> &str {
-    let ends = (0..=MAX_ERROR_BYTES.min(text.len())).rev();
-    ends.take(4).find_map(|end| text.get(..end)).unwrap_or_default()
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use dxr::TryFromValue;
 
 use super::node::Node;
 use super::subscriber::BusLink;
-use super::xmlrpc::{Reply, Value, XmlRpcCall, text, texts};
+use super::xmlrpc::{Reply, Value, XmlRpcCall, items, text, texts};
 
 /// Answer of the node `core` to a call of `peer`; `None` where there is no such method.
 pub(super) fn answer(
@@ -83,19 +83,9 @@ fn request_topic(node: &Arc<Node>, topic: &str, protocols: &Value) -> Reply {
     if !node.state().topics.contains_key(topic) {
         return Reply::error(format!("{} does not publish {topic}", node.name.full()));
     }
-    let named = |protocol: &Value| match protocol {
-        Value::Array(parts) => {
-            matches!(parts.first(), Some(Value::String(name)) if name == "TCPROS")
-        }
-        _ => false,
-    };
-    let speaks = matches!(protocols, Value::Array(all) if all.iter().any(named));
-    if !speaks {
-        return Reply {
-            status: 0,
-            text: "only TCPROS is spoken here".to_owned(),
-            value: Value::Array(Vec::new()),
-        };
+    let is_ours = |one: &Value| matches!(items(one), [Value::String(name), ..] if name == "TCPROS");
+    if !items(protocols).iter().any(is_ours) {
+        return Reply::failure("only TCPROS is spoken here", Value::Array(Vec::new()));
     }
     let way =
         vec![text("TCPROS"), text(&node.tcpros.host), Value::Integer(i32::from(node.tcpros.port))];

@@ -14,7 +14,7 @@ use super::envelope::{self, ServiceMessage};
 use super::ledger::Ledger;
 use super::service_connection::{Delivery, End, ServiceConnection, ServiceHandle, Unusable};
 use super::shared::Shared;
-use super::{contexts, deadline, zmtp};
+use super::{deadline, zmtp};
 use wrapyfi_data::EncodeResult;
 use wrapyfi_data::types::{Payload, Stamp};
 use wrapyfi_endpoint::calls::{Calls, Stage};
@@ -47,8 +47,7 @@ impl ZeroMqClient {
         let mut spec = spec.clone();
         // Beyond this the broker would cut the connection.
         spec.limits.message_bytes = spec.limits.message_bytes.min(shared.max_frame_bytes);
-        let handle = ServiceConnection::open(shared, endpoint, End::Client, &spec, context)
-            .map_err(|error| contexts::refused(&spec.service, error))?;
+        let handle = ServiceConnection::open(shared, endpoint, End::Client, &spec, context)?;
         shared.ledger.enter(zmtp::Kind::Dealer, &spec.service, &context.counters);
         let (service, pending) = (spec.service.clone(), spec.pending);
         let ledger = Arc::clone(&shared.ledger);

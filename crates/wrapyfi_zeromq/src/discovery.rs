@@ -45,9 +45,9 @@ pub(super) struct ZeroMqDiscovery {
     /// True while everything is subscribed to.
     sees_all: bool,
     has_table: bool,
-    /// The broker told its counts of listeners.
-    counted: bool,
-    listeners: BTreeMap<String, u64>,
+    /// Listeners of each topic, once the broker has told `{"/topic": count}`. Anything else is ignored: anyone can
+    /// publish it.
+    listeners: Option<BTreeMap<String, u64>>,
     topics: BTreeMap<String, TopicTraffic>,
 }
 
@@ -65,8 +65,7 @@ impl ZeroMqDiscovery {
             reached_at: None,
             sees_all: false,
             has_table: false,
-            counted: false,
-            listeners: BTreeMap::new(),
+            listeners: None,
             topics: BTreeMap::new(),
         })
     }
@@ -90,9 +89,11 @@ impl ZeroMqDiscovery {
             let body: &[u8] = body.and_then(<[_]>::last).map_or(&[], |last| last);
             let Ok(topic) = std::str::from_utf8(first) else { continue };
             if topic == self.monitor_topic {
-                self.counts(body);
+                self.listeners = read_counts(body).or_else(|| self.listeners.take());
             } else if topic == TRAFFIC_TOPIC {
-                self.table(body);
+                if let Some(topics) = read_table(body) {
+                    (self.topics, self.has_table) = (topics, true);
+                }
             } else if self.sees_all && !topic.is_empty() {
                 let room = self.topics.len() < MAX_TOPICS || self.topics.contains_key(topic);
                 if room {
@@ -104,21 +105,6 @@ impl ZeroMqDiscovery {
             }
         }
         Ok(())
-    }
-
-    /// `{"/topic": count}`. Anything else is ignored: anyone can publish it.
-    fn counts(&mut self, body: &[u8]) {
-        if let Some(counts) = read_counts(body) {
-            self.counted = true;
-            self.listeners = counts;
-        }
-    }
-
-    fn table(&mut self, body: &[u8]) {
-        if let Some(topics) = read_table(body) {
-            self.has_table = true;
-            self.topics = topics;
-        }
     }
 
     /// Subscribes to everything when the broker has shown that it is not ours.
@@ -186,7 +172,7 @@ impl Discovery for ZeroMqDiscovery {
             traffic: Some(Traffic { messages: seen.messages, bytes: seen.bytes }),
             ..Discovered::new(name, Role::Publisher)
         });
-        let listeners = self.listeners.iter().map(|(name, count)| Discovered {
+        let listeners = self.listeners.iter().flatten().map(|(name, count)| Discovered {
             count: *count,
             ..Discovered::new(name, Role::Listener)
         });
@@ -202,7 +188,7 @@ impl Discovery for ZeroMqDiscovery {
     fn is_complete(&self) -> Option<bool> {
         // Of another's broker whatever passes is new, for as long as we look.
         Some(if self.link.is_up() {
-            self.has_table && self.counted
+            self.has_table && self.listeners.is_some()
         } else {
             self.link.has_failed()
         })

@@ -53,7 +53,7 @@ impl ServiceMessage {
 
     /// The reply to a request with this envelope that says why there is none.
     pub(super) fn error(mut envelope: Vec<Bytes>, text: &str) -> Self {
-        let text = shortened(text);
+        let text = requests::beginning(text, MAX_ERROR_BYTES);
         match self::mark(&envelope) {
             Some(mark) => {
                 stamp(&mut envelope, Mark { kind: Kind::Error, ..mark });
@@ -83,12 +83,6 @@ impl ServiceMessage {
         socket.send(&self.body[..], zmq::DONTWAIT)?;
         Ok(true)
     }
-}
-
-/// Beginning of `text`, as long as an error may have it.
-fn shortened(text: &str) -> &str {
-    let ends = (0..=MAX_ERROR_BYTES.min(text.len())).rev();
-    ends.take(4).find_map(|end| text.get(..end)).unwrap_or_default()
 }
 
 /// The mark in an envelope: its last frame.

@@ -68,7 +68,7 @@ pub(super) struct Front {
     kind: Kind,
     port: TcpListener,
     poll: Poll,
-    events: Option<Events>,
+    events: Events,
     peers: BTreeMap<usize, Peer>,
     next_id: usize,
     bounds: Bounds,
@@ -132,7 +132,7 @@ impl Front {
             denied: 0,
             faults: Throttles::default(),
             refusals: Vec::new(),
-            events: Some(Events::with_capacity(EVENTS)),
+            events: Events::with_capacity(EVENTS),
             peers: BTreeMap::new(),
             next_id: first_id(),
             index: HashMap::new(),
@@ -164,12 +164,11 @@ impl Front {
 
     /// Handles what happened to the sockets, without waiting.
     pub(super) fn turn(&mut self, now: Instant) -> std::io::Result<()> {
-        let mut events = self.take_events();
-        let polled = self.poll.poll(&mut events, Some(Duration::ZERO));
+        let polled = self.poll.poll(&mut self.events, Some(Duration::ZERO));
         // Those that are read until nothing is left: what else comes is an event again.
         let mut readable: BTreeMap<usize, bool> =
             std::mem::take(&mut self.unread).into_iter().map(|id| (id, true)).collect();
-        for event in &events {
+        for event in &self.events {
             let Token(id) = event.token();
             if event.is_writable()
                 && let Some(peer) = self.peers.get_mut(&id)
@@ -182,7 +181,6 @@ impl Front {
                 *readable.entry(id).or_default() |= has_ended;
             }
         }
-        self.events = Some(events);
         for (id, to_the_end) in readable {
             if Token(id) == PORT {
                 self.accept(now);
@@ -372,9 +370,7 @@ impl Front {
             if left.is_zero() {
                 break;
             }
-            let mut events = self.take_events();
-            _ = self.poll.poll(&mut events, Some(left));
-            self.events = Some(events);
+            _ = self.poll.poll(&mut self.events, Some(left));
             for (id, peer) in &mut self.peers {
                 peer.is_blocked = false;
                 self.dirty.insert(*id);
@@ -384,10 +380,6 @@ impl Front {
         for id in self.peers.keys().copied().collect::<Vec<_>>() {
             self.leave(id, &"the broker ends");
         }
-    }
-
-    fn take_events(&mut self) -> Events {
-        self.events.take().unwrap_or_else(|| Events::with_capacity(EVENTS))
     }
 
     fn accept(&mut self, now: Instant) {

@@ -283,7 +283,9 @@ impl Worker {
             let (registry, faults) = (self.poll.registry(), &mut self.faults);
             let look = match catch_unwind(AssertUnwindSafe(|| end.look(now, registry, faults))) {
                 Ok(Ok(look)) => look,
-                Ok(Err(zmq::Error::EINTR | zmq::Error::EAGAIN)) => Look::again(),
+                Ok(Err(zmq::Error::EINTR | zmq::Error::EAGAIN)) => {
+                    Look { more: true, ..Look::default() }
+                }
                 Ok(Err(error)) => self.fault(now, &error),
                 Err(_) => self.fault(now, &"a panic"),
             };
@@ -321,10 +323,6 @@ impl Worker {
 }
 
 impl Look {
-    fn again() -> Self {
-        Self { more: true, ..Self::default() }
-    }
-
     pub(super) fn after(time: Duration) -> Self {
         Self { timeout: Some(time), ..Self::default() }
     }

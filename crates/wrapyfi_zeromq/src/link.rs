@@ -22,7 +22,7 @@ use zmq::SocketEvent;
 
 use super::contexts;
 use super::curve::Keys;
-use super::options::inproc_name;
+use super::options::{inproc_name, poll_ms};
 use wrapyfi_endpoint::{Context, DropReason, Wake};
 
 const DOWN: u8 = 0;
@@ -337,8 +337,7 @@ impl Watch {
                 break;
             }
             let mut items: Vec<_> = watches.iter().map(Self::poll_item).collect();
-            let wait = i64::try_from(left.as_millis()).unwrap_or(0) + 1;
-            match zmq::poll(&mut items, wait) {
+            match zmq::poll(&mut items, poll_ms(left)) {
                 Ok(_) | Err(zmq::Error::EINTR) => {}
                 Err(_) => break,
             }

@@ -25,7 +25,8 @@ const KEEP_ZERO: Duration = Duration::from_secs(10);
 /// Counts of one broker.
 #[derive(Debug)]
 pub(super) struct Monitor {
-    own_topic: Option<Vec<u8>>,
+    /// First part of a message with counts.
+    pub(super) own_topic: Option<Vec<u8>>,
     topics: BTreeMap<Vec<u8>, Count>,
     changed: bool,
 }
@@ -110,11 +111,6 @@ impl Monitor {
             let name = std::str::from_utf8(topic).ok().filter(|name| !name.is_empty())?;
             Some((name, count.subscriptions))
         })
-    }
-
-    /// First part of a message with counts.
-    pub(super) fn own_topic(&self) -> Option<&[u8]> {
-        self.own_topic.as_deref()
     }
 }
 

@@ -31,6 +31,11 @@ fn millis(duration: Duration) -> i32 {
     i32::try_from(duration.as_millis()).unwrap_or(i32::MAX)
 }
 
+/// Time as `zmq::poll` waits for it: milliseconds, so many that it is over afterwards.
+pub(super) fn poll_ms(time: Duration) -> i64 {
+    i64::try_from(time.as_millis()).unwrap_or(i64::MAX).saturating_add(1)
+}
+
 /// Bytes as the option for the largest frame takes them.
 pub(super) fn frame_limit(bytes: usize) -> i64 {
     i64::try_from(bytes).unwrap_or(i64::MAX)

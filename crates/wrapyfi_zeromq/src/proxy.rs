@@ -92,10 +92,8 @@ impl Proxy {
                 status.forged += 1;
                 continue;
             }
-            if let [topic, .., last] = &frames[..] {
+            if let (Some(topic), Some(last)) = (frames.first(), frames.last()) {
                 self.traffic.count(topic, bytes, looks_like(frames.len(), last));
-            } else if let [topic] = &frames[..] {
-                self.traffic.count(topic, bytes, None);
             }
             self.ports.front.publish(frames, Some(bytes));
             status.messages += 1;
@@ -141,7 +139,7 @@ impl Proxy {
         (status.subscriptions, status.topics, status.unlisted) = (subscriptions, topics, unlisted);
         drop(status);
         self.tell_traffic();
-        if let (Some(json), Some(topic)) = (message, self.monitor.own_topic()) {
+        if let (Some(json), Some(topic)) = (message, &self.monitor.own_topic) {
             self.ports.front.publish(vec![Bytes::copy_from_slice(topic), json.into()], None);
         }
         self.ports.front.flush();
@@ -153,8 +151,8 @@ impl Turns for Proxy {
 
     /// Waits for one event or for the time of the next counts.
     fn turn(&mut self) -> zmq::Result<bool> {
-        let wait = self.repeat_at.saturating_duration_since(Instant::now()).as_millis() + 1;
-        let Some([front, back]) = self.ports.wait(i64::try_from(wait).unwrap_or(1))? else {
+        let wait = options::poll_ms(self.repeat_at.saturating_duration_since(Instant::now()));
+        let Some([front, back]) = self.ports.wait(wait)? else {
             return Ok(false);
         };
         let mut now = Instant::now();

@@ -71,7 +71,7 @@ impl Publisher for ZeroMqPublisher {
         if let Some(what) = self.connection.link.waiting_for() {
             return Err(self.failed(&format_args!("waiting for {what}")));
         }
-        if self.connection.subscriptions() == 0 {
+        if self.connection.subscriptions(false) == 0 {
             return Err(PublishError::NoConsumer(self.spec.topic.clone()));
         }
         if !self.told_order {
@@ -99,15 +99,8 @@ impl Publisher for ZeroMqPublisher {
 
     fn link(&self) -> Link {
         // A lazy route takes from its source what somebody wants.
-        let peers = match self.spec.mark {
-            Some(_) => self.connection.named_subscriptions(),
-            None => self.connection.subscriptions(),
-        };
-        Link {
-            peers: Some(peers),
-            waiting_for: self.connection.link.waiting_for(),
-            keeps_last: false,
-        }
+        let peers = Some(self.connection.subscriptions(self.spec.mark.is_some()));
+        Link { peers, waiting_for: self.connection.link.waiting_for(), keeps_last: false }
     }
 }
 

@@ -100,15 +100,11 @@ impl PublisherConnection {
         })
     }
 
-    /// Distinct subscriptions that match the topic, as far as the broker told.
-    pub(super) fn subscriptions(&self) -> usize {
-        self.state.lock().subscriptions(false)
-    }
-
-    /// Those of them that name at least the beginning of the topic. Peers that look for topics, a bridge with patterns
-    /// among them, subscribe to everything.
-    pub(super) fn named_subscriptions(&self) -> usize {
-        self.state.lock().subscriptions(true)
+    /// Distinct subscriptions that match the topic, as far as the broker told; with `named` those that name at least
+    /// the beginning of the topic. Peers that look for topics, a bridge with patterns among them, subscribe to
+    /// everything.
+    pub(super) fn subscriptions(&self, named: bool) -> usize {
+        self.state.lock().subscriptions(named)
     }
 
     /// True where the broker has said that our key may not publish the topic.

@@ -12,7 +12,7 @@ use std::time::Duration;
 use super::envelope::{self, ServiceMessage};
 use super::service_connection::{Delivery, End, ServiceConnection, ServiceHandle};
 use super::shared::Shared;
-use super::{contexts, zmtp};
+use super::zmtp;
 use wrapyfi_data::types::Payload;
 use wrapyfi_data::{DecodeError, EncodeError};
 use wrapyfi_endpoint::calls::ends;
@@ -41,8 +41,7 @@ impl ZeroMqServer {
         shared.ledger.enter(zmtp::Kind::Router, &spec.service, &context.counters);
         let requests = Arc::new(Requests::new(&spec, context));
         let end = End::Server(Arc::clone(&requests));
-        let handle = ServiceConnection::open(shared, endpoint, end, &spec, context)
-            .map_err(|error| contexts::refused(&spec.service, error))?;
+        let handle = ServiceConnection::open(shared, endpoint, end, &spec, context)?;
         Ok(WireServer::new(Self { spec: spec.clone(), handle }, requests, &spec))
     }
 }

@@ -17,6 +17,7 @@ use std::time::{Duration, Instant};
 use bytes::Bytes;
 use mio::Registry;
 
+use super::contexts;
 use super::envelope::{self, ServiceMessage};
 use super::frames::{Received, receive};
 use super::io::{self, Command, Handle, Look};
@@ -25,7 +26,7 @@ use super::options::{self, SEND_HWM};
 use super::shared::Shared;
 use wrapyfi_data::DecodeError;
 use wrapyfi_endpoint::requests::Requests;
-use wrapyfi_endpoint::{Context, DropReason, Mutex, ServiceSpec, Share, Throttle};
+use wrapyfi_endpoint::{Context, DropReason, Mutex, OpenResult, ServiceSpec, Share, Throttle};
 
 /// Messages read from one socket before the others have their turn.
 const BATCH: usize = 64;
@@ -86,8 +87,10 @@ pub(super) struct ServiceHandle {
     limit: usize,
     outgoing: Mutex<VecDeque<Waiting>>,
     incoming: Mutex<VecDeque<Delivery>>,
-    /// Bytes that wait to be sent, and those that came and were not taken.
-    shares: [Share; 2],
+    /// Bytes that wait to be sent.
+    sending: Share,
+    /// Bytes that came and were not taken.
+    received: Share,
     pub(super) link: Arc<BrokerLink>,
     pub(super) context: Context,
     io: Arc<Handle>,
@@ -116,8 +119,7 @@ impl ServiceHandle {
         until: Option<Instant>,
         sent_bytes: Option<usize>,
     ) -> Result<(), ServiceMessage> {
-        let [sending, _] = &self.shares;
-        if !sending.take(self.counted(&message)) {
+        if !self.sending.take(self.counted(&message)) {
             return Err(message);
         }
         self.outgoing.lock().push_back(Waiting { message, until, sent_bytes });
@@ -132,8 +134,7 @@ impl ServiceHandle {
 
     pub(super) fn take(&self) -> Option<Delivery> {
         let next = self.incoming.lock().pop_front()?;
-        let [_, received] = &self.shares;
-        received.give(next.wire_bytes);
+        self.received.give(next.wire_bytes);
         Some(next)
     }
 
@@ -182,8 +183,7 @@ impl io::End for ServiceConnection {
     fn end(self: Box<Self>) -> Option<Watch> {
         // What the broker had no room for until now is lost with the socket.
         for left in self.handle.outgoing.lock().drain(..) {
-            let [sending, _] = &self.handle.shares;
-            sending.give(self.handle.counted(&left.message));
+            self.handle.sending.give(self.handle.counted(&left.message));
             if let Some(bytes) = left.sent_bytes {
                 self.handle.context.counters.undelivered(DropReason::Closed, bytes);
             }
@@ -202,9 +202,9 @@ impl ServiceConnection {
         end: End,
         spec: &ServiceSpec,
         context: &Context,
-    ) -> zmq::Result<Arc<ServiceHandle>> {
+    ) -> OpenResult<Arc<ServiceHandle>> {
         let link = BrokerLink::new(endpoint, &spec.service, shared.keys.as_ref());
-        let (socket, watch) = shared.contexts.open(|context| {
+        let opened = shared.contexts.open(|context| {
             let socket = context.socket(zmq::DEALER)?;
             options::set_common(&socket, shared.ip)?;
             let depth = i32::try_from(spec.pending.clamp(1, 1000)).unwrap_or(1000);
@@ -216,7 +216,8 @@ impl ServiceConnection {
             socket.set_immediate(matches!(end, End::Server(_)))?;
             options::set_message_limit(&socket, spec.limits.message_bytes)?;
             link::connect(context, socket, &link, shared.keys.as_ref())
-        })?;
+        });
+        let (socket, watch) = opened.map_err(|error| contexts::refused(&spec.service, error))?;
         let io = Arc::clone(&shared.io.handle);
         let handle = Arc::new(ServiceHandle {
             id: io.next_id(),
@@ -225,7 +226,8 @@ impl ServiceConnection {
             limit: spec.pending.saturating_mul(2),
             outgoing: Mutex::default(),
             incoming: Mutex::default(),
-            shares: <[Share; 2]>::default(),
+            sending: Share::default(),
+            received: Share::default(),
             link,
             context: context.clone(),
             io: Arc::clone(&io),
@@ -264,8 +266,7 @@ impl ServiceConnection {
             if in_time && !message.send(&self.socket)? {
                 break;
             }
-            let [sending, _] = &self.handle.shares;
-            sending.give(self.handle.counted(message));
+            self.handle.sending.give(self.handle.counted(message));
             outgoing.pop_front();
         }
         Ok(())
@@ -308,7 +309,6 @@ impl ServiceConnection {
     /// Hands a message on; where there is no room for a request, its client is told.
     fn deliver(&self, delivery: Delivery) {
         let (handle, size) = (&self.handle, delivery.wire_bytes);
-        let [_, received] = &handle.shares;
         match &handle.end {
             End::Server(requests) => {
                 if let Err((Delivery { envelope, .. }, error)) = requests.put(delivery, size) {
@@ -320,7 +320,7 @@ impl ServiceConnection {
                 handle.context.counters.received(size);
                 handle.context.counters.dropped(DropReason::QueueFull);
             }
-            End::Client if !received.take(size) => {
+            End::Client if !handle.received.take(size) => {
                 handle.context.counters.received(size);
                 handle.context.counters.dropped(DropReason::OverBudget);
             }

@@ -106,8 +106,8 @@ impl ServiceProxy {
             if answered >= self.tally.requests || left.is_zero() {
                 return Ok(());
             }
-            let wait = i64::try_from(left.as_millis()).unwrap_or(0) + 1;
-            let wait = if self.ports.back.is_unread() { 0 } else { wait.min(RETRY_MS) };
+            let wait = options::poll_ms(left).min(RETRY_MS);
+            let wait = if self.ports.back.is_unread() { 0 } else { wait };
             zmq::poll(&mut [zmq::PollItem::from_fd(self.ports.back.fd(), zmq::POLLIN)], wait)?;
         }
     }
@@ -120,13 +120,9 @@ impl ServiceProxy {
 
     /// Milliseconds until the next request is too old, a reply is tried again, or peers are looked at.
     fn wait_ms(&self) -> i64 {
-        let next = self.held.iter().filter_map(|held| held.until).chain([self.tick_at]).min();
-        let left = next.map(|until| {
-            let left = until.saturating_duration_since(Instant::now());
-            i64::try_from(left.as_millis()).unwrap_or(i64::MAX).saturating_add(1)
-        });
-        let retry = (!self.unread.is_empty()).then_some(RETRY_MS);
-        left.into_iter().chain(retry).min().unwrap_or(-1)
+        let next = self.held.iter().filter_map(|held| held.until).fold(self.tick_at, Instant::min);
+        let left = options::poll_ms(next.saturating_duration_since(Instant::now()));
+        if self.unread.is_empty() { left } else { left.min(RETRY_MS) }
     }
 
     fn take_requests(&mut self, now: Instant) {

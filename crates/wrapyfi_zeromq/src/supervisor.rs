@@ -15,7 +15,7 @@ use super::curve::Keys;
 use super::error::{BrokerError, ZeroMqError};
 use super::ledger::Ledger;
 use super::link::{self, BrokerLink, Watch};
-use super::options::{self, StopSignal};
+use super::options::{self, StopSignal, poll_ms};
 use super::port_check::{Answer, ask_port};
 use super::turns::{Runs, Turns};
 use super::zmtp::{self, Kind};
@@ -52,11 +52,6 @@ pub(super) struct Supervisor<B: Supervised> {
     broker: Arc<Mutex<Option<B>>>,
 }
 
-enum Found<B> {
-    Own(B),
-    Foreign { may_take_over: bool },
-}
-
 impl<B: Supervised> Supervisor<B> {
     /// Runs the broker, or finds the one that is there.
     pub(super) fn start(
@@ -66,17 +61,13 @@ impl<B: Supervised> Supervisor<B> {
         keys: Option<&Arc<Keys>>,
     ) -> Result<Self, ZeroMqError> {
         let ip = config.address()?;
-        let found = match mode {
+        let (own, may_take_over) = match mode {
             BrokerMode::Embedded => settle(config, ledger, ip)?,
-            BrokerMode::Foreign => Found::Foreign { may_take_over: false },
+            BrokerMode::Foreign => (None, false),
         };
-        let mut supervisor = Self { broker: Arc::new(Mutex::new(None)), guard: None };
-        match found {
-            Found::Own(broker) => *supervisor.broker.lock() = Some(broker),
-            Found::Foreign { may_take_over: false } => {}
-            Found::Foreign { may_take_over: true } => {
-                supervisor.guard(config, ledger, ip, keys)?;
-            }
+        let mut supervisor = Self { broker: Arc::new(Mutex::new(own)), guard: None };
+        if may_take_over {
+            supervisor.guard(config, ledger, ip, keys)?;
         }
         Ok(supervisor)
     }
@@ -118,19 +109,19 @@ impl<B: Supervised> Supervisor<B> {
     }
 }
 
-/// Binds, or finds out who has the ports.
+/// Our broker where it could bind, and otherwise whether it may take over later from the one that has the ports.
 fn settle<B: Supervised>(
     config: &ZeroMqConfig,
     ledger: &Arc<Ledger>,
     ip: IpAddr,
-) -> Result<Found<B>, ZeroMqError> {
+) -> Result<(Option<B>, bool), ZeroMqError> {
     let (give_up_at, mut backoff) = (Instant::now() + SETTLING, Backoff::of_process(3));
     loop {
         let refusal = match B::start_with(config, ledger) {
-            Ok(broker) => return Ok(Found::Own(broker)),
+            Ok(broker) => return Ok((Some(broker), false)),
             Err(BrokerError::NotHere(ip)) => {
                 tracing::info!(%ip, "not an address of this machine: using the broker there");
-                return Ok(Found::Foreign { may_take_over: false });
+                return Ok((None, false));
             }
             Err(refusal @ (BrokerError::PortTaken { .. } | BrokerError::NotLoopback { .. })) => {
                 refusal
@@ -140,7 +131,7 @@ fn settle<B: Supervised>(
         let may_take_over = matches!(refusal, BrokerError::PortTaken { .. });
         if !may_take_over && !is_of_this_machine(ip) {
             tracing::info!(%ip, "not an address of this machine: using the broker there");
-            return Ok(Found::Foreign { may_take_over });
+            return Ok((None, may_take_over));
         }
         let [front_port, back_port] = B::ports(config);
         let ([front_kind, back_kind], [front_as, back_as]) = (B::KINDS, B::ASKED_AS);
@@ -149,7 +140,7 @@ fn settle<B: Supervised>(
         let back = Asked::ask(SocketAddr::new(ip, back_port), back_kind, back_as, has_curve);
         if front.is_broker() && back.is_broker() {
             tracing::info!(%ip, front_port, back_port, "using the ZeroMQ broker that runs already");
-            return Ok(Found::Foreign { may_take_over });
+            return Ok((None, may_take_over));
         }
         if !may_take_over {
             return Err(refusal.into());
@@ -219,10 +210,7 @@ impl<B: Supervised> Turns for Guard<B> {
     fn turn(&mut self) -> zmq::Result<bool> {
         let wait = match self.watch.link.is_up() {
             true => -1,
-            false => {
-                let left = self.try_at.saturating_duration_since(Instant::now());
-                i64::try_from(left.as_millis()).unwrap_or(i64::MAX).saturating_add(1)
-            }
+            false => poll_ms(self.try_at.saturating_duration_since(Instant::now())),
         };
         let mut items = [self.stop.as_poll_item(zmq::POLLIN), self.watch.poll_item()];
         zmq::poll(&mut items, wait)?;

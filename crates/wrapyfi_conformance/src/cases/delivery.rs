@@ -2,9 +2,8 @@
 
 use wrapyfi_core::endpoint::QosPreset;
 
-use super::topic::text;
 use crate::ends::ready;
-use crate::payloads::{number, numbers};
+use crate::payloads::{number, numbers, text};
 use crate::{Sink, Source, Testbed, WireEnd, connect, wait_until};
 
 /// Two hundred messages arrive once each, in the order in which they were sent.
@@ -50,9 +49,8 @@ pub fn every_listener_gets_its_copy<R: Testbed>() {
     let (mut source, sink) = connect(&testbed, WireEnd::Near, &spec);
     let mut sinks = vec![sink, Sink::open(testbed.side(WireEnd::Far), &spec)];
     // Not all transports can say that the second one is known: it is when something arrives.
-    let wake = sinks[1].context.wake.clone();
     let mut n = 0;
-    wait_until(&wake, "the second listener", || {
+    wait_until(sinks[1].context.wake.clone(), "the second listener", || {
         n += 1;
         source.send(&number(n));
         sinks[1].take().is_some()
@@ -61,8 +59,7 @@ pub fn every_listener_gets_its_copy<R: Testbed>() {
     source.send_all(&numbers(first..first + 5), &sinks[0]);
     for sink in &mut sinks {
         let mut heard = Vec::new();
-        let wake = sink.context.wake.clone();
-        wait_until(&wake, "all copies", || {
+        wait_until(sink.context.wake.clone(), "all copies", || {
             heard.extend(sink.drain());
             heard.last() == Some(&number(first + 4))
         });
@@ -131,8 +128,7 @@ pub fn topics_do_not_disturb_each_other<R: Testbed>() {
     // A publisher may take a listener of `/t1` for one of `/t10`: so each route is tried first.
     let trial = |topic: usize| number(1000 * topic as u64 + 999);
     for (topic, (source, sink)) in routes.iter_mut().enumerate() {
-        let wake = sink.context.wake.clone();
-        wait_until(&wake, "the first message of a topic", || {
+        wait_until(sink.context.wake.clone(), "the first message of a topic", || {
             source.send(&trial(topic));
             sink.take().is_some()
         });
@@ -143,8 +139,7 @@ pub fn topics_do_not_disturb_each_other<R: Testbed>() {
             source.send(&number(1000 * topic as u64 + round));
         }
         for (topic, (_, sink)) in routes.iter_mut().enumerate() {
-            let wake = sink.context.wake.clone();
-            wait_until(&wake, "the round to arrive", || {
+            wait_until(sink.context.wake.clone(), "the round to arrive", || {
                 heard[topic].extend(sink.drain());
                 heard[topic].last() == Some(&number(1000 * topic as u64 + round))
             });
@@ -166,9 +161,8 @@ pub fn own_publications_are_not_received<R: Testbed>() {
     let (mut near, mut witness) = connect(&testbed, WireEnd::Near, &spec);
     let mut far = Source::open(testbed.side(WireEnd::Far), &spec);
     ready::<R>(&far, &own);
-    let wake = witness.context.wake.clone();
     for n in 1..=3 {
-        wait_until(&wake, "the near side to be heard", || {
+        wait_until(witness.context.wake.clone(), "the near side to be heard", || {
             near.send(&number(n));
             witness.drain().contains(&number(n))
         });

@@ -2,8 +2,7 @@
 
 use wrapyfi_core::endpoint::{Discovered, Discovery, Role, Wake};
 
-use super::topic::text;
-use crate::payloads::number;
+use crate::payloads::{number, text};
 use crate::{Testbed, WireEnd, connect, wait_until};
 
 /// Endpoints of the other side are found while somebody looks, and only while they exist. A

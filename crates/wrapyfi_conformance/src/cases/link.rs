@@ -1,8 +1,7 @@
 //! Endpoints know their peers, and their owner is told of changes.
 
-use super::topic::text;
 use crate::ends::ready;
-use crate::payloads::number;
+use crate::payloads::{number, text};
 use crate::{Sink, Source, TIMEOUT, Testbed, WireEnd, connect};
 
 /// A publisher's link follows its listeners, and each change rings.

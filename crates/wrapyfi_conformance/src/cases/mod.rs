@@ -8,7 +8,6 @@ mod link;
 mod queue;
 mod restart;
 mod services;
-mod topic;
 
 pub use content::*;
 pub use delivery::*;

@@ -4,8 +4,7 @@ use std::time::Duration;
 
 use wrapyfi_core::endpoint::{DropReason, Overflow, QueueSpec, TopicSpec};
 
-use super::topic::text;
-use crate::payloads::{number, numbers};
+use crate::payloads::{number, numbers, text};
 use crate::{TIMEOUT, Testbed, WireEnd, connect, wait_until};
 
 const DEPTH: usize = 4;
@@ -24,8 +23,7 @@ fn overflow<R: Testbed>(policy: Overflow, kept: std::ops::Range<u64>) {
         spec.topic = format!("/{from:?}");
         let (mut source, mut sink) = connect(&testbed, from, &spec);
         source.send_all(&numbers(0..SENT), &sink);
-        let wake = sink.context.wake.clone();
-        wait_until(&wake, "the drops to be counted", || {
+        wait_until(&sink.context.wake, "the drops to be counted", || {
             sink.counters().dropped_for(DropReason::QueueFull) == SENT - DEPTH as u64
         });
         assert_eq!(sink.drain(), numbers(kept.clone()));
@@ -56,8 +54,7 @@ pub fn block_waits_for_the_reader<R: Testbed>() {
     for message in &sent {
         source.send(message);
     }
-    let wake = sink.context.wake.clone();
-    wait_until(&wake, "a full queue", || sink.counters().received >= DEPTH as u64);
+    wait_until(&sink.context.wake, "a full queue", || sink.counters().received >= DEPTH as u64);
     assert_eq!(sink.receive_many(sent.len()), sent);
     let now = sink.counters();
     assert_eq!((now.received, now.dropped()), (sent.len() as u64, 0), "{now:?}");

@@ -6,10 +6,9 @@ use std::time::Instant;
 use wrapyfi_core::Limits;
 use wrapyfi_core::endpoint::{Overflow, PublishError, Wake};
 
-use super::topic::text;
 use crate::alone::{run_alone, threads};
 use crate::ends::ready;
-use crate::payloads::{number, numbers};
+use crate::payloads::{number, numbers, text};
 use crate::{Sink, Source, Testbed, WireEnd, connect, wait_until};
 
 /// Everything that is sent after a restart arrives exactly once.
@@ -107,7 +106,7 @@ pub fn shutdown_is_quick_and_leaves_no_thread<R: Testbed>() {
         drop(testbed);
         // Both sides, one after the other.
         assert!(start.elapsed() < 2 * Limits::SHUTDOWN, "took {:?}", start.elapsed());
-        wait_until(&Wake::new(), "threads to end", || {
+        wait_until(Wake::new(), "threads to end", || {
             let left: Vec<_> =
                 threads().into_iter().filter(|(id, _)| !before.contains_key(id)).collect();
             left.is_empty()

@@ -9,6 +9,7 @@ use wrapyfi_core::types::{
 };
 use wrapyfi_core::{DecodeError, EncodeError};
 
+use crate::ends::unusable;
 use crate::payloads::{frame, rich, sound};
 use crate::service_ends::{ClientEnd, SOON, ServerEnd, call_and_serve};
 use crate::{TIMEOUT, Testbed, WireEnd, wait_until};
@@ -228,8 +229,7 @@ pub fn late_replies_are_counted<R: Testbed>() {
         let error = client_end.await_with(ticket, || ()).unwrap_err();
         assert!(matches!(error, CallError::TimedOut { .. }), "{error:?}");
         server_end.answer(asked.id, Value::from("late"));
-        let wake = client_end.context.wake.clone();
-        wait_until(&wake, "the late reply", || {
+        wait_until(client_end.context.wake.clone(), "the late reply", || {
             assert!(client_end.client.take().is_none());
             _ = server_end.take();
             client_end.counters().dropped_for(DropReason::Late) == round as u64
@@ -266,8 +266,7 @@ pub fn more_than_the_limit_is_refused<R: Testbed>() {
     let tickets: Vec<_> = (0..4).map(|n| wide.ask([n.into()])).collect();
     let mut asked = Vec::new();
     let mut told = Vec::new();
-    let wake = wide.context.wake.clone();
-    wait_until(&wake, "one refusal", || {
+    wait_until(wide.context.wake.clone(), "one refusal", || {
         asked.extend(server_end.take());
         told.extend(tickets.iter().filter_map(|&ticket| wide.ended(ticket)));
         asked.len() == 3 && !told.is_empty()
@@ -285,9 +284,8 @@ pub fn more_than_the_limit_is_refused<R: Testbed>() {
     let refused = narrow.client.send(&Request::default(), TIMEOUT).unwrap_err();
     assert!(matches!(refused, CallError::TooMany { limit: 3, .. }), "{refused:?}");
     assert!(refused.to_string().contains("/limit"), "{refused}");
-    let wake = narrow.context.wake.clone();
     let mut answered = 0;
-    wait_until(&wake, "the three", || {
+    wait_until(narrow.context.wake.clone(), "the three", || {
         server_end.echo();
         while let Some((_, reply)) = narrow.client.take() {
             reply.unwrap();
@@ -308,9 +306,8 @@ pub fn a_server_that_restarts_is_asked_again<R: Testbed>() {
             testbed.restart(at);
             server_end = ServerEnd::open(testbed.side(at), &spec);
             // A call that was lost with the old server ends by its time, the next one is answered.
-            let wake = client_end.context.wake.clone();
             let mut ticket = client_end.ask_within([round.into()], Duration::from_secs(5));
-            wait_until(&wake, "an answer of the new server", || {
+            wait_until(client_end.context.wake.clone(), "an answer of the new server", || {
                 server_end.echo();
                 match client_end.ended(ticket) {
                     Some(Ok(reply)) => {
@@ -412,18 +409,10 @@ pub fn requests_that_are_none_are_told<R: Testbed>() {
     let bodies: [&[u8]; 7] =
         [b"", b"{", b"[]", b"[1, 2]", b"\xff\xff\xff\xff", b"{\"args\": 5}", &[b'['; 1000]];
     for (sent, body) in bodies.into_iter().enumerate() {
-        let counted = |server_end: &ServerEnd| {
-            let now = server_end.counters();
-            now.dropped_for(DropReason::Malformed)
-                + now.dropped_for(DropReason::Nesting)
-                + now.dropped_for(DropReason::Mismatch)
-                + now.dropped_for(DropReason::Oversize)
-        };
-        let wake = server_end.context.wake.clone();
         testbed.inject_request(&spec, body);
-        wait_until(&wake, "the broken request", || {
+        wait_until(server_end.context.wake.clone(), "the broken request", || {
             assert!(server_end.take().is_none(), "a request out of {body:?}");
-            counted(&server_end) == sent as u64 + 1
+            unusable(&server_end.counters()) == sent as u64 + 1
         });
     }
     assert_eq!(server_end.refused.len(), bodies.len());
@@ -440,8 +429,7 @@ pub fn a_cancelled_call_is_forgotten<R: Testbed>() {
     let asked = server_end.receive();
     client_end.client.cancel(ticket);
     server_end.answer(asked.id, Value::Null);
-    let wake = client_end.context.wake.clone();
-    wait_until(&wake, "the late reply", || {
+    wait_until(client_end.context.wake.clone(), "the late reply", || {
         assert!(client_end.client.take().is_none());
         _ = server_end.take();
         client_end.counters().dropped_for(DropReason::Late) == 1

@@ -42,9 +42,7 @@ impl Flat {
             }
             return;
         }
-        let one = Value::Map(
-            std::iter::once((Value::from(name.as_str()), to_value(value))).collect::<Map>(),
-        );
+        let one = Value::Map(Map::from([(name.as_str(), to_value(value))]));
         match Properties::from_value(&one) {
             Ok(one) => {
                 for (name, value) in one {

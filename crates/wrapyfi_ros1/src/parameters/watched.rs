@@ -127,8 +127,7 @@ impl Watched {
 pub(super) fn setting(node: &Node, path: &str, value: Option<&xmlrpc::Value>) -> bool {
     let one = |name: &str| {
         let value = value.cloned().map_or(Value::Null, to_value);
-        let pair = (Value::from(name), value);
-        let read = Properties::from_value(&Value::Map(std::iter::once(pair).collect::<Map>()));
+        let read = Properties::from_value(&Value::Map(Map::from([(name, value)])));
         read.ok()?.get(name).cloned()
     };
     let mut needed = None;

@@ -61,6 +61,12 @@ impl Reply {
         Self { status: SUCCESS, text: text.into(), value }
     }
 
+    /// Answer of a method that could not do it, with the reason.
+    #[must_use]
+    pub fn failure(text: impl Into<String>, value: Value) -> Self {
+        Self { status: FAILURE, text: text.into(), value }
+    }
+
     /// Answer without a value, with the reason; `0` stands in the value's place.
     #[must_use]
     pub fn error(text: impl Into<String>) -> Self {
@@ -71,6 +77,11 @@ impl Reply {
 /// A text as a value.
 pub fn text(text: impl Into<String>) -> Value {
     Value::String(text.into())
+}
+
+/// The items of a list; none where `value` is no list.
+pub(crate) fn items(value: &Value) -> &[Value] {
+    if let Value::Array(items) = value { items } else { &[] }
 }
 
 /// Several texts as a value.

@@ -180,6 +180,12 @@ pub fn decode_reply(
     }))
 }
 
+/// Beginning of a reason that there is no reply, at most `most` bytes long.
+pub fn beginning(text: &str, most: usize) -> &str {
+    let ends = (0..=most.min(text.len())).rev();
+    ends.take(4).find_map(|end| text.get(..end)).unwrap_or_default()
+}
+
 /// Writes the reason that there is no reply, in a form that ends the call of every Wrapyfi client.
 pub fn encode_error(text: &str) -> Vec<u8> {
     // By hand: a dict with this member has no form in Wrapyfi's JSON.
