@@ -220,9 +220,9 @@ impl Source {
         Ok(Report { span_ns, ..ledger.report })
     }
 
-    /// Reads the arrivals that were told, waiting at most `patience` for the first; how many.
-    fn hear(&mut self, ledger: &mut Ledger, patience: Duration) -> Result<usize> {
-        self.acks.set_read_timeout(Some(patience))?;
+    /// Reads the arrivals that were told, waiting at most `max_wait` for the first; how many.
+    fn hear(&mut self, ledger: &mut Ledger, max_wait: Duration) -> Result<usize> {
+        self.acks.set_read_timeout(Some(max_wait))?;
         let mut buffer = [0; 4096];
         let read = match self.acks.read(&mut buffer) {
             Ok(0) => anyhow::bail!("the sink ended"),

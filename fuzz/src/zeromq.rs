@@ -67,7 +67,7 @@ pub fn zeromq_counts(data: &[u8]) {
             *count = count.saturating_sub(1);
         }
     }
-    let message = bounded(data.len(), COUNTS, || offline::told(OWN, words()));
+    let message = bounded(data.len(), COUNTS, || offline::counts_after(OWN, words()));
     assert_eq!(message.is_some(), !wanted.is_empty());
     if let Some(message) = message {
         let all: BTreeMap<String, u64> =

@@ -175,7 +175,7 @@ impl Process {
                 let why = match fallen {
                     _ if ended => "it ended".to_owned(),
                     Some(name) => format!("{name} ended before"),
-                    None => "patience ended".to_owned(),
+                    None => "the time is over".to_owned(),
                 };
                 bail!("waiting for {what} from {}: {why}\n{said}{}", self.name, self.others());
             }

@@ -85,12 +85,12 @@ impl Asker {
         }
     }
 
-    fn ask(&self, a: i64, b: i64, patience: Duration) -> Result<Option<i64>> {
+    fn ask(&self, a: i64, b: i64, max_wait: Duration) -> Result<Option<i64>> {
         let id = self
             .client
             .send_request(Request { a, b })
             .map_err(|e| anyhow::anyhow!("request {a} + {b}: {e:?}"))?;
-        let deadline = Instant::now() + patience;
+        let deadline = Instant::now() + max_wait;
         while Instant::now() < deadline {
             match self.client.receive_response() {
                 Ok(Some((answered, reply))) if answered == id => return Ok(Some(reply.sum)),

@@ -77,7 +77,7 @@ pub(crate) fn told_until<T>(
     heard: impl Fn(&Output) -> Option<T>,
 ) -> Result<T> {
     let sent = |output: &Output| Some(output.events("sent").len());
-    let patience = Instant::now() + TIMEOUT;
+    let deadline = Instant::now() + TIMEOUT;
     loop {
         let before = publisher.wait_until("a number", sent)?;
         publisher.tell(&message.hex())?;
@@ -86,7 +86,7 @@ pub(crate) fn told_until<T>(
         if let Some(found) = ear.wait_until("a message or nothing", |o| Some(heard(o)))? {
             return Ok(found);
         }
-        if Instant::now() > patience {
+        if Instant::now() > deadline {
             bail!("it is not heard\n{}\n{}", publisher.tail(), ear.tail());
         }
         std::thread::sleep(Duration::from_millis(20)); // the rate

@@ -10,7 +10,7 @@ use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros2, run, zeromq};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Python];
 /// Longest wait for something that the page is to show.
-const PATIENCE: Duration = Duration::from_secs(40);
+const TIMEOUT: Duration = Duration::from_secs(40);
 
 /// A bridge with a page at any port that is free, and that port.
 fn bridge(env: &TestEnv, routes: Vec<Route>) -> Result<(Process, u16)> {
@@ -68,8 +68,8 @@ fn until<T>(
         if let Some(found) = look()? {
             return Ok(found);
         }
-        if begin.elapsed() > PATIENCE {
-            bail!("patience ended: {what}\n{}", bridge.tail());
+        if begin.elapsed() > TIMEOUT {
+            bail!("timeout ended: {what}\n{}", bridge.tail());
         }
         std::thread::sleep(Duration::from_millis(100));
     }

@@ -196,7 +196,7 @@ impl Reload {
 
     /// As [`Reload::apply`] for the file as it is now, and logs the outcome.
     fn apply_and_tell(&mut self) -> Result<PlanDiff> {
-        told(&self.source.name(), false, || self.apply(self.edits.clone(), None))
+        logged(&self.source.name(), false, || self.apply(self.edits.clone(), None))
     }
 
     /// True once the node has read its configuration.
@@ -265,11 +265,11 @@ impl Reload {
         let (file, mut edits) = (self.source.name(), self.edits.clone());
         match service {
             Asked::Reload => self.apply_and_tell(),
-            Asked::AddRoute => told(&file, true, || {
+            Asked::AddRoute => logged(&file, true, || {
                 edits.add(text)?;
                 self.apply(edits, None)
             }),
-            Asked::RemoveRoute => told(&file, true, || {
+            Asked::RemoveRoute => logged(&file, true, || {
                 edits.remove(text);
                 self.apply(edits, Some(text))
             }),
@@ -295,7 +295,7 @@ fn panicked(what: &str, panic: &str) -> Failure {
 
 /// Applies the configuration of `file`, and logs what came of it. A panic is an error like others; a mistake of a
 /// caller, who is answered, is none.
-fn told(
+fn logged(
     file: &str,
     has_caller: bool,
     apply: impl FnOnce() -> Result<PlanDiff>,
@@ -492,7 +492,7 @@ mod tests {
 
     #[test]
     fn a_panic_while_the_file_is_read_is_an_error_that_says_so() {
-        let error = told("bridge.yaml", true, || panic!("on purpose")).unwrap_err();
+        let error = logged("bridge.yaml", true, || panic!("on purpose")).unwrap_err();
         assert_eq!(error.to_string(), "what reads bridge.yaml panicked: on purpose");
         assert_eq!(error.code(), 1, "an error of the node, and none of its configuration");
     }

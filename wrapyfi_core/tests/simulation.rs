@@ -32,7 +32,7 @@ const TURNS: usize = 120;
 const HEALED_WITHIN: Duration = Duration::from_secs(120);
 
 /// Buses, bridges and clock of one seed.
-struct World {
+struct Simulation {
     dice: Dice,
     buses: [Memory; 3],
     bridges: [Bridge; 2],
@@ -48,7 +48,7 @@ struct World {
     met: BTreeSet<&'static str>,
 }
 
-impl World {
+impl Simulation {
     fn new(seed: u64) -> Self {
         let (mut dice, clock) = (Dice(seed), Hand::new());
         let buses = ["a", "b", "c"].map(Faulty::new);
@@ -251,16 +251,16 @@ impl World {
 
 /// Runs a seed; reasons for which messages were dropped.
 fn run(seed: u64) -> BTreeSet<&'static str> {
-    let mut world = World::new(seed);
+    let mut simulation = Simulation::new(seed);
     for turn in 0..TURNS {
-        world.turn();
-        world.listen_to_all();
+        simulation.turn();
+        simulation.listen_to_all();
         if turn % 10 == 9 {
-            world.check();
+            simulation.check();
         }
     }
-    world.heal();
-    world.met
+    simulation.heal();
+    simulation.met
 }
 
 #[test]

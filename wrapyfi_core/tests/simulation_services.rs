@@ -97,7 +97,7 @@ struct Calling {
 }
 
 /// Buses, bridges, clients, servers and clock of one seed.
-struct World {
+struct Simulation {
     dice: Dice,
     clock: Hand,
     buses: [Memory; 3],
@@ -116,7 +116,7 @@ fn spec(name: &str) -> ServiceSpec {
     ServiceSpec::new(format!("/{name}"), ServiceKind::NativeObject)
 }
 
-impl World {
+impl Simulation {
     fn new(seed: u64) -> Self {
         let (mut dice, clock) = (Dice(seed), Hand::new());
         let own = Dice(dice.next());
@@ -391,14 +391,14 @@ impl World {
 }
 
 fn run(seed: u64) {
-    let mut world = World::new(seed);
+    let mut simulation = Simulation::new(seed);
     for turn in 0..TURNS {
-        world.turn();
+        simulation.turn();
         if turn % 10 == 9 {
-            world.check();
+            simulation.check();
         }
     }
-    world.heal();
+    simulation.heal();
 }
 
 #[test]

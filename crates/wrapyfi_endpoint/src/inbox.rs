@@ -185,10 +185,10 @@ impl<T: Waits> Sender<T> {
         self.0.context.counters.dropped(DropReason::BlockDeadline);
     }
 
-    /// Queues `message` when there is room, and waits for room at most `patience`; then as the
+    /// Queues `message` when there is room, and waits for room at most `max_wait`; then as the
     /// policy says, also where the task ends while it waits.
     #[cfg(feature = "tokio")]
-    pub async fn place(&self, message: T, patience: Duration) {
+    pub async fn place(&self, message: T, max_wait: Duration) {
         struct Held<'a, T: Waits>(&'a Sender<T>, Option<T>);
         impl<T: Waits> Drop for Held<'_, T> {
             fn drop(&mut self) {
@@ -198,14 +198,14 @@ impl<T: Waits> Sender<T> {
             }
         }
         let mut held = Held(self, self.offer(message, Waker::noop()).err());
-        if held.1.is_none() || patience.is_zero() {
+        if held.1.is_none() || max_wait.is_zero() {
             return;
         }
         let placed = std::future::poll_fn(|task| {
             held.1 = held.1.take().and_then(|message| self.offer(message, task.waker()).err());
             if held.1.is_none() { Poll::Ready(()) } else { Poll::Pending }
         });
-        _ = tokio::time::timeout(patience, placed).await;
+        _ = tokio::time::timeout(max_wait, placed).await;
     }
 
     fn put(&self, message: T, overflow: Overflow, waker: &Waker) -> Result<(), T> {
@@ -241,9 +241,9 @@ impl<T: Waits> Sender<T> {
     }
 
     /// Time that a message may wait for room before the policy drops it.
-    pub fn patience(&self) -> Duration {
+    pub fn max_wait(&self) -> Duration {
         match self.0.spec.overflow {
-            Overflow::Block(patience) => patience,
+            Overflow::Block(max_wait) => max_wait,
             _ => Duration::ZERO,
         }
     }
@@ -392,16 +392,16 @@ mod tests {
     fn what_is_placed_waits_and_is_counted_where_its_task_ends() {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build().unwrap();
         let (tx, rx, counters) = open(1, Overflow::Block(Duration::from_secs(60)));
-        let (tx, patience) = (Arc::new(tx), Duration::from_secs(60));
+        let (tx, max_wait) = (Arc::new(tx), Duration::from_secs(60));
         runtime.block_on(async {
-            tx.place(1, patience).await;
+            tx.place(1, max_wait).await;
             let with = Arc::clone(&tx);
-            let waiting = tokio::spawn(async move { with.place(2, patience).await });
+            let waiting = tokio::spawn(async move { with.place(2, max_wait).await });
             tokio::task::yield_now().await;
             assert_eq!(rx.pop(), Some(1));
             waiting.await.unwrap();
             let with = Arc::clone(&tx);
-            let waiting = tokio::spawn(async move { with.place(3, patience).await });
+            let waiting = tokio::spawn(async move { with.place(3, max_wait).await });
             tokio::task::yield_now().await;
             waiting.abort();
             assert!(waiting.await.unwrap_err().is_cancelled());

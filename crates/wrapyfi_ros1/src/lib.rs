@@ -265,9 +265,9 @@ impl Ros1 {
         })
     }
 
-    /// False where the API of a node says nothing for as long as `patience`: it hangs, or is stopped. Blocks until then.
+    /// False where the API of a node says nothing for as long as `max_wait`: it hangs, or is stopped. Blocks until then.
     #[must_use]
-    pub fn answers_within(&self, patience: Duration, node: &str) -> bool {
+    pub fn answers_within(&self, max_wait: Duration, node: &str) -> bool {
         let caller = vec![xmlrpc::text(self.node.name.full())];
         let asked = async {
             if let Ok(Some(uri)) = self.node.master.lookup_node(node).await {
@@ -275,7 +275,7 @@ impl Ros1 {
                 _ = http::call(&uri, "getPid", caller).await;
             }
         };
-        let answered = async { tokio::time::timeout(patience, asked).await };
+        let answered = async { tokio::time::timeout(max_wait, asked).await };
         self.node.handle.block_on(answered).is_ok()
     }
 

@@ -486,7 +486,7 @@ impl Connection {
         let kept_waits = if latched && is_first { KEPT_WAITS } else { Duration::ZERO };
         let received_at = inbox.context().clock.now();
         let arrival = Arrival { message, received_at, source, latched, plan };
-        inbox.place(arrival, inbox.patience().max(kept_waits)).await;
+        inbox.place(arrival, inbox.max_wait().max(kept_waits)).await;
     }
 }
 

@@ -61,7 +61,7 @@ const SLOW_FOR: Duration = Duration::from_secs(5);
 const REST: Duration = Duration::from_secs(2);
 /// Time that it then has: one that runs again and takes a little longer than there is between two messages would not
 /// catch up otherwise, and the others hardly notice.
-const PATIENCE: Duration = Duration::from_millis(60);
+const LATE_TIMEOUT: Duration = Duration::from_millis(60);
 
 /// Begins to watch the names of nodes.
 type Nodes = Box<dyn Fn() -> Option<Box<dyn NodeWatch>> + Send>;
@@ -278,8 +278,8 @@ impl FastReader {
     /// True when it has acknowledged every message. One that was late has a little time for it now and then.
     fn has_all(&mut self, raw: &RawWriter, now: Instant) -> bool {
         let is_due = self.rests_until.is_some_and(|until| now >= until);
-        let patience = if is_due { PATIENCE } else { Duration::ZERO };
-        let has_all = raw.acknowledged_by(&self.gid, patience);
+        let timeout = if is_due { LATE_TIMEOUT } else { Duration::ZERO };
+        let has_all = raw.acknowledged_by(&self.gid, timeout);
         if has_all {
             self.rests_until = None;
         } else if is_due {

@@ -219,11 +219,11 @@ impl ReceivePath {
 
     /// Moves held messages into the queue; those that waited too long go as the policy says.
     fn refill(&self, held: &mut VecDeque<(Arrived, Duration)>) {
-        while let Some((oldest, patience)) = held.pop_front() {
+        while let Some((oldest, max_wait)) = held.pop_front() {
             let bytes = oldest.bytes();
             if let Err(oldest) = self.sender.offer(oldest, Waker::noop()) {
-                if self.now() < oldest.at + patience {
-                    held.push_front((oldest, patience));
+                if self.now() < oldest.at + max_wait {
+                    held.push_front((oldest, max_wait));
                     return;
                 }
                 self.sender.settle(oldest);
@@ -234,16 +234,16 @@ impl ReceivePath {
 
     /// Queues a message behind those that are held, or holds it.
     fn place(&self, message: Arrived, is_first: bool, held: &mut VecDeque<(Arrived, Duration)>) {
-        let policy = self.sender.patience();
+        let policy = self.sender.max_wait();
         // None overtakes another: both may be of one publisher. Nor does it wait longer by that.
-        let behind = held.back().map_or(Duration::ZERO, |(last, patience)| {
-            (last.at + *patience).saturating_duration_since(message.at)
+        let behind = held.back().map_or(Duration::ZERO, |(last, max_wait)| {
+            (last.at + *max_wait).saturating_duration_since(message.at)
         });
         let first = if is_first { FIRST_WAITS } else { Duration::ZERO };
-        let patience = policy.max(first).max(behind);
+        let max_wait = policy.max(first).max(behind);
         let message = if !held.is_empty() {
             message
-        } else if patience.is_zero() {
+        } else if max_wait.is_zero() {
             return self.sender.settle(message);
         } else {
             match self.sender.offer(message, Waker::noop()) {
@@ -258,7 +258,7 @@ impl ReceivePath {
         if !self.share.take(message.bytes()) {
             return self.sender.counters().dropped(DropReason::OverBudget);
         }
-        held.push_back((message, if policy.is_zero() { patience } else { policy }));
+        held.push_back((message, if policy.is_zero() { max_wait } else { policy }));
         if policy.is_zero()
             && held.len() > MAX_FIRST
             && let Some((oldest, _)) = held.pop_front()

@@ -26,7 +26,7 @@ use wrapyfi_endpoint::codec::EncodeResult;
 /// Most clients whose dialect is remembered.
 const MOST: usize = 256;
 /// Longest time that a port may take to tell its dialect.
-const PATIENCE: Duration = Duration::from_secs(1);
+const TIMEOUT: Duration = Duration::from_secs(1);
 /// The beginning of a bottle that holds one string, before its length.
 const ONE_STRING: [u8; 8] = [4, 1, 0, 0, 1, 0, 0, 0];
 /// Bytes before the text of that string.
@@ -76,7 +76,7 @@ impl ClientDialects {
             return Some(self.network.dialect());
         }
         let client = client(&received.from, received.connection);
-        let shown = shown(&received.payload.bytes, self.network.limits());
+        let shown = dialect_of(&received.payload.bytes, self.network.limits());
         if let Some(dialect) = shown {
             self.learn(&client, dialect);
             return shown;
@@ -139,14 +139,14 @@ fn client(name: &Arc<str>, connection: u64) -> Arc<str> {
 
 /// Asks a port for its dialect; that of the network where it does not tell. True if it has told.
 pub(super) async fn ask(network: &Network, name: &str) -> (Dialect, bool) {
-    match tokio::time::timeout(PATIENCE, network.probe_dialect(name)).await {
+    match tokio::time::timeout(TIMEOUT, network.probe_dialect(name)).await {
         Ok(Ok(dialect)) => (dialect, true),
         _ => (network.dialect(), false),
     }
 }
 
 /// The one dialect in which `bytes` are a bottle; none where they are one in both, or in neither.
-fn shown(bytes: &[u8], limits: &wrapyfi_yarp::Limits) -> Option<Dialect> {
+fn dialect_of(bytes: &[u8], limits: &wrapyfi_yarp::Limits) -> Option<Dialect> {
     let is_whole = |dialect| {
         let frame = Bottle::frame(bytes, dialect, limits);
         matches!(frame, Ok(Frame::Complete(length)) if length == bytes.len())
@@ -183,11 +183,11 @@ mod tests {
         let limits = wrapyfi_yarp::Limits::default();
         for text in ["[set] [pos] 2 10.5", "1.5", "(1.5 2) word", "1.5 2.5 3.5"] {
             for dialect in [Dialect::V3, Dialect::V4] {
-                assert_eq!(shown(&bytes(text, dialect), &limits), Some(dialect), "{text}");
+                assert_eq!(dialect_of(&bytes(text, dialect), &limits), Some(dialect), "{text}");
             }
         }
         for text in ["[get] [enc] 0", "", "word"] {
-            assert_eq!(shown(&bytes(text, Dialect::V3), &limits), None, "{text}");
+            assert_eq!(dialect_of(&bytes(text, Dialect::V3), &limits), None, "{text}");
         }
     }
 

@@ -31,9 +31,9 @@ const FIRST: Duration = Duration::from_millis(100);
 /// Tries before a board is asked only when somebody needs it, and a camera no more.
 const TRIES: u32 = 8;
 /// Longest time that the first messages wait for the device's answers.
-const PATIENCE: Duration = Duration::from_secs(1);
+const TIMEOUT: Duration = Duration::from_secs(1);
 /// The same for movements, which cannot be written without: a board that has just started takes longer.
-const MOVE_PATIENCE: Duration = Duration::from_secs(5);
+const MOVE_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Properties that a device is asked for.
 #[derive(Debug)]
@@ -105,7 +105,7 @@ impl Device {
         }
         self.wanted.notify_one();
         let mut settled = self.settled.subscribe();
-        if timeout(PATIENCE, settled.wait_for(|settled| *settled)).await.is_err() {
+        if timeout(TIMEOUT, settled.wait_for(|settled| *settled)).await.is_err() {
             // Once is enough.
             self.settled.send_replace(true);
         }
@@ -178,11 +178,11 @@ impl Device {
             if connected() {
                 connected_at.get_or_insert_with(Instant::now);
             }
-            let patience = if known().is_some() { MOVE_PATIENCE } else { PATIENCE };
+            let wait = if known().is_some() { MOVE_TIMEOUT } else { TIMEOUT };
             let over = connected_at.filter(|_| !*self.settled.borrow());
             let over = async {
                 match over {
-                    Some(at) => tokio::time::sleep_until(at + patience).await,
+                    Some(at) => tokio::time::sleep_until(at + wait).await,
                     None => std::future::pending().await,
                 }
             };

@@ -30,7 +30,7 @@ use super::types::FILES;
 use wrapyfi_endpoint::{DiscoverError, Discovered, Discovery, NameFilter, Role};
 
 /// Longest time that a port is given for its answer: those that died are still registered.
-const PATIENCE: Duration = Duration::from_secs(1);
+const TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Looks at one name server.
 pub(super) struct YarpDiscovery {
@@ -202,7 +202,7 @@ async fn interview(shared: &Shared, name: &str, whole: bool) -> Result<Inspectio
             Some(entry) => shared.network.inspect(name, entry.contact().as_deref(), whole).await,
         }
     };
-    match tokio::time::timeout(PATIENCE, asked).await {
+    match tokio::time::timeout(TIMEOUT, asked).await {
         Ok(Ok(told)) => Ok(told),
         Ok(Err(error)) => {
             tracing::debug!(port = name, %error, "does not say what it is");
@@ -211,7 +211,7 @@ async fn interview(shared: &Shared, name: &str, whole: bool) -> Result<Inspectio
             Err(if is_refused { Silence::Refused } else { Silence::NoAnswer })
         }
         Err(_elapsed) => {
-            tracing::debug!(port = name, "did not say within {PATIENCE:?} what it is");
+            tracing::debug!(port = name, "did not say within {TIMEOUT:?} what it is");
             Err(Silence::NoAnswer)
         }
     }

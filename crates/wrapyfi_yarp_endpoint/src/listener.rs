@@ -90,7 +90,7 @@ impl ListenerState {
         self.device.wait().await;
         let received_at = self.inbox.context().clock.now();
         let arrival = Arrival { received, received_at, stamp: Stamp::now() };
-        self.inbox.place(arrival, self.inbox.patience()).await;
+        self.inbox.place(arrival, self.inbox.max_wait()).await;
     }
 }
 

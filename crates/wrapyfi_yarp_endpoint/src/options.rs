@@ -248,7 +248,7 @@ impl YarpOptions {
                 middleware: "yarp",
                 topic: name.to_owned(),
                 option: key.to_owned(),
-                found: shown(value),
+                found: as_text(value),
                 wanted: wanted.to_owned(),
             })?;
         }
@@ -305,7 +305,7 @@ impl YarpOptions {
 /// # Errors
 /// The values that the option must have, where it has another.
 pub fn check_option(option: &str, value: &Value) -> Result<(), String> {
-    let wanted = |wanted| format!("option {option} is {}, it must be {wanted}", shown(value));
+    let wanted = |wanted| format!("option {option} is {}, it must be {wanted}", as_text(value));
     YarpOptions::default().set(option, value).map_err(wanted)
 }
 
@@ -353,14 +353,14 @@ fn names(value: &Value) -> Option<Vec<String>> {
 }
 
 /// A value as it was written, short.
-fn shown(value: &Value) -> String {
+fn as_text(value: &Value) -> String {
     match value {
         Value::Bool(value) => value.to_string(),
         Value::Int(value) => value.to_string(),
         Value::Float(value) => value.to_string(),
         Value::Str(text) => format!("{:?}", text.chars().take(80).collect::<String>()),
         Value::List(items) if items.len() <= 16 => {
-            format!("[{}]", items.iter().map(shown).collect::<Vec<_>>().join(", "))
+            format!("[{}]", items.iter().map(as_text).collect::<Vec<_>>().join(", "))
         }
         Value::List(items) => format!("a list of {}", items.len()),
         other => format!("a {}", other.kind()),

@@ -18,7 +18,7 @@ use super::shared::Shared;
 use wrapyfi_endpoint::backoff::Backoff;
 
 /// Time that the name server has to make the connection before it is reminded.
-const PATIENCE: Duration = Duration::from_millis(200);
+const TIMEOUT: Duration = Duration::from_millis(200);
 /// Longest time that a farewell to the name server may take.
 const FAREWELL: Duration = Duration::from_millis(500);
 
@@ -82,7 +82,7 @@ impl PortConnection {
     ) {
         let bell = shared.directory.watch(self.other());
         let (mut backoff, mut subscribed) =
-            (Backoff::of_name(self.other()).starting_at(PATIENCE), None);
+            (Backoff::of_name(self.other()).starting_at(TIMEOUT), None);
         let mut is_reminded = false;
         loop {
             let reached = shared.directory.reached();

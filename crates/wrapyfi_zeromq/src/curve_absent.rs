@@ -78,7 +78,7 @@ impl Breach {
         match self.0 {}
     }
 
-    pub(crate) fn told(&self) -> Option<&'static [u8]> {
+    pub(crate) fn farewell(&self) -> Option<&'static [u8]> {
         match self.0 {}
     }
 }

@@ -49,8 +49,8 @@ impl End {
     }
 
     /// Command that tells the peer, where it is told.
-    pub(super) fn told(&self) -> Option<&'static [u8]> {
-        if let Self::Curve(breach) = self { breach.told() } else { None }
+    pub(super) fn farewell(&self) -> Option<&'static [u8]> {
+        if let Self::Curve(breach) = self { breach.farewell() } else { None }
     }
 }
 

@@ -77,7 +77,10 @@ pub fn converse(kind: usize, limit: usize, bytes: &[u8], piece: usize) -> Conver
 }
 
 /// Counts as the broker tells them after these subscriptions (`true`) and their ends.
-pub fn told<'t>(own: &str, words: impl IntoIterator<Item = (bool, &'t [u8])>) -> Option<String> {
+pub fn counts_after<'t>(
+    own: &str,
+    words: impl IntoIterator<Item = (bool, &'t [u8])>,
+) -> Option<String> {
     let now = Instant::now();
     let mut monitor = Monitor::new(Some(own));
     for (is_on, topic) in words {

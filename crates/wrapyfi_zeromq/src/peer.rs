@@ -358,7 +358,7 @@ impl<S: Read + Write> Peer<S> {
                 theirs
             }
             Err(end) => {
-                if let Some(told) = end.told() {
+                if let Some(told) = end.farewell() {
                     self.say(told);
                 }
                 return Err(end);

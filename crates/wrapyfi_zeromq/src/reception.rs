@@ -148,7 +148,7 @@ impl Reception {
         let received_at = self.inbox.context().clock.now();
         let arrival = Arrival { frames, wire_bytes, received_at, stamp: Stamp::now() };
         if let Err(arrival) = self.inbox.push(arrival) {
-            self.held = Some((arrival, Instant::now() + self.inbox.patience()));
+            self.held = Some((arrival, Instant::now() + self.inbox.max_wait()));
         }
     }
 

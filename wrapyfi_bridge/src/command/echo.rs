@@ -166,7 +166,7 @@ fn print_all(
                         tracing::warn!("{}: an object stays unread: {reason}", args.endpoint);
                     }
                 }
-                match shown(&sample.payload, args.json) {
+                match as_text(&sample.payload, args.json) {
                     Ok(line) => {
                         output::line(&line)?;
                         printed += 1;
@@ -194,7 +194,7 @@ fn print_all(
 }
 
 /// A message for people, or as JSON for programs.
-fn shown(payload: &Payload, as_json: bool) -> anyhow::Result<String> {
+fn as_text(payload: &Payload, as_json: bool) -> anyhow::Result<String> {
     match payload {
         Payload::RosMessage(message) => {
             let fields = message.fields(message.cdr.len())?;

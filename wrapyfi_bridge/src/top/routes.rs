@@ -134,7 +134,7 @@ impl Routes {
     }
 
     /// Routes that pass the filter, sorted.
-    pub fn shown(&self) -> Vec<&Row> {
+    pub fn visible(&self) -> Vec<&Row> {
         let wanted = self.filter.to_lowercase();
         let has = |text: &String| text.to_lowercase().contains(&wanted);
         let mut rows: Vec<_> = self.rows.values().collect();
@@ -172,7 +172,7 @@ impl Routes {
 
     /// The shown routes as a table of text, reasons, drops and refusals below their routes.
     pub fn table(&self) -> String {
-        let rows = self.shown();
+        let rows = self.visible();
         if self.rows.is_empty() {
             return "no routes: the file has none, or the bridge is not configured yet (ros2 lifecycle get NODE)".to_owned();
         }
@@ -209,7 +209,7 @@ mod tests {
     }
 
     fn names(routes: &Routes) -> Vec<&str> {
-        routes.shown().into_iter().map(|row| row.info.key.as_str()).collect()
+        routes.visible().into_iter().map(|row| row.info.key.as_str()).collect()
     }
 
     #[test]
@@ -218,10 +218,10 @@ mod tests {
         for rate in 0..=HISTORY as u64 + 5 {
             routes.update(vec![info("a", "active", rate)]);
         }
-        assert_eq!(routes.shown()[0].history.len(), HISTORY);
-        assert_eq!(routes.shown()[0].history.back(), Some(&(HISTORY as u64 + 5)));
+        assert_eq!(routes.visible()[0].history.len(), HISTORY);
+        assert_eq!(routes.visible()[0].history.back(), Some(&(HISTORY as u64 + 5)));
         routes.update(Vec::new());
-        assert!(routes.shown().is_empty());
+        assert!(routes.visible().is_empty());
     }
 
     #[test]

@@ -60,7 +60,7 @@ impl Screen {
             self.selected = 0;
             return false;
         }
-        let last = self.routes.shown().len().saturating_sub(1);
+        let last = self.routes.visible().len().saturating_sub(1);
         match key.code {
             KeyCode::Char('q') => return true,
             KeyCode::Esc if !self.shows_detail && self.routes.filter.is_empty() => return true,
@@ -83,7 +83,7 @@ impl Screen {
 
     /// Draws everything. `silence` is the time since the last reply.
     pub fn draw(&self, frame: &mut Frame<'_>, silence: Duration) {
-        let shown = self.routes.shown();
+        let shown = self.routes.visible();
         let selected = self.selected.min(shown.len().saturating_sub(1));
         let detail = if self.shows_detail { DETAIL } else { 0 };
         let [head, table, below, keys] = Layout::vertical([

@@ -38,7 +38,7 @@ pub(super) fn is_told(given: &str, end: &EndpointAddress) -> bool {
 
 /// Type that a route in ROS gets from its source; none where that has no types, and a listener wants what its messages
 /// may be read as.
-pub(super) fn shown(source: &End, destination: &End) -> Option<String> {
+pub(super) fn type_of_messages(source: &End, destination: &End) -> Option<String> {
     let learned = source.learned.filter(|_| is_ros(&destination.address))?;
     let is_wanted = |one: &Discovered| {
         let known = one.type_name.as_ref()?.parse::<MessageType>();

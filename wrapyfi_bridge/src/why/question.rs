@@ -18,7 +18,7 @@ use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 use wrapyfi_ros2::Ros2;
 
 use super::drops::count;
-use super::ends::{entry, listens_on, qos_at, shown, type_at};
+use super::ends::{entry, listens_on, qos_at, type_at, type_of_messages};
 use super::judge::may_be_bridge;
 use super::look::{LOOK, Sight, Wanted, graph, look, timeout, widen};
 use super::meaning::{address, left_out, of_other_kind, route};
@@ -269,7 +269,8 @@ impl Configured<'_> {
             facts.limit = Some((names.max_routes, matching.len()));
         }
         source.type_name = type_at(route, &route.from);
-        destination.type_name = type_at(route, &route.to).or_else(|| shown(&source, &destination));
+        destination.type_name =
+            type_at(route, &route.to).or_else(|| type_of_messages(&source, &destination));
         destination.learned = source.learned;
         source.qos = qos_at(route, &route.from);
         destination.qos = qos_at(route, &route.to);

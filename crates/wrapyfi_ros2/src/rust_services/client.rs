@@ -26,11 +26,11 @@ use wrapyfi_endpoint::Mutex;
 const MAX_SENT: usize = 4096;
 
 /// Clients that are told of news, by their numbers.
-type Bells = Mutex<BTreeMap<u64, Notify>>;
+type Notifiers = Mutex<BTreeMap<u64, Notify>>;
 
 /// Endpoints that the clients of one service have in common.
 pub(super) struct Endpoints {
-    bells: Arc<Bells>,
+    notifiers: Arc<Notifiers>,
     state: Mutex<State>,
 }
 
@@ -51,16 +51,16 @@ struct State {
 impl Endpoints {
     /// Creates the endpoints and announces them.
     pub(super) fn open(shared: &Arc<Shared>, topics: Topics) -> GraphResult<Self> {
-        let bells = Arc::<Bells>::default();
-        let all = Arc::clone(&bells);
+        let notifiers = Arc::<Notifiers>::default();
+        let all = Arc::clone(&notifiers);
         let ring: Notify = Arc::new(move || {
-            let bells: Vec<Notify> = all.lock().values().cloned().collect();
-            bells.iter().for_each(|bell| bell());
+            let notifiers: Vec<Notify> = all.lock().values().cloned().collect();
+            notifiers.iter().for_each(|bell| bell());
         });
         let end = End::open(shared, "creating a client", topics, ring)?;
         let (sent, waiting) = (BTreeMap::new(), BTreeMap::new());
         let state = State { names: names(&end), end, last: 0, before: 0, sent, waiting };
-        Ok(Self { bells, state: Mutex::new(state) })
+        Ok(Self { notifiers, state: Mutex::new(state) })
     }
 }
 
@@ -125,10 +125,10 @@ pub(super) struct Client {
 impl Client {
     /// One more client of a service; `on_event` is called when replies or matches change.
     pub(super) fn new(endpoints: Arc<Endpoints>, on_event: Notify) -> Self {
-        let mut bells = endpoints.bells.lock();
-        let number = bells.last_key_value().map_or(0, |(last, _)| last + 1);
-        bells.insert(number, on_event);
-        drop(bells);
+        let mut notifiers = endpoints.notifiers.lock();
+        let number = notifiers.last_key_value().map_or(0, |(last, _)| last + 1);
+        notifiers.insert(number, on_event);
+        drop(notifiers);
         Self { endpoints, number }
     }
 }
@@ -139,7 +139,7 @@ impl Drop for Client {
         state.sent.retain(|_, client| *client != self.number);
         state.waiting.remove(&self.number);
         drop(state);
-        self.endpoints.bells.lock().remove(&self.number);
+        self.endpoints.notifiers.lock().remove(&self.number);
     }
 }
 

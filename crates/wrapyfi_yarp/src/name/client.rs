@@ -47,7 +47,7 @@ const AT_ONCE: usize = 2;
 const SHOWN: usize = 80;
 
 /// The beginning of an answer.
-fn shown(answer: &[u8]) -> String {
+fn beginning(answer: &[u8]) -> String {
     String::from_utf8_lossy(answer).chars().take(SHOWN).collect()
 }
 
@@ -172,7 +172,7 @@ impl NameClient {
             let _turn = self.0.room.acquire().await;
             work.await
         });
-        let (address, command) = (self.address(), shown(command.as_bytes()));
+        let (address, command) = (self.address(), beginning(command.as_bytes()));
         done.await.map_err(|source| NameError::NoAnswer { address, command, source })
     }
 
@@ -384,7 +384,7 @@ impl NameClient {
     }
 
     fn checked(&self, name: &str) -> Result<(), NameError> {
-        let bad = |reason| NameError::BadName { name: shown(name.as_bytes()), reason };
+        let bad = |reason| NameError::BadName { name: beginning(name.as_bytes()), reason };
         name_fault(name, self.0.limits.max_name_bytes).map_or(Ok(()), |reason| Err(bad(reason)))
     }
 
@@ -392,13 +392,13 @@ impl NameClient {
         NameError::Nonsense {
             address: self.address(),
             command: command.to_owned(),
-            answer: shown(answer),
+            answer: beginning(answer),
         }
     }
 
     fn refused(&self, command: &str, answer: &Lined) -> NameError {
         let line = answer.lines.first().unwrap_or(&answer.end);
-        NameError::Refused { command: command.to_owned(), answer: shown(line) }
+        NameError::Refused { command: command.to_owned(), answer: beginning(line) }
     }
 }
 

@@ -36,7 +36,7 @@ pub(super) fn read(bytes: &Bytes, rules: Rules<'_>, stamp: Stamp) -> DecodeResul
     };
     let transforms = transforms.ok_or_else(|| {
         let wanted = "transforms (parent child time static x y z qx qy qz qw)";
-        DecodeError::mismatch(wanted, native::shown(&bottle))
+        DecodeError::mismatch(wanted, native::as_text(&bottle))
     })?;
     Ok(Map::from([("transforms", Value::List(transforms))]))
 }

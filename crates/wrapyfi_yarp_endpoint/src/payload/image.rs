@@ -178,7 +178,10 @@ fn decode_raw(bytes: &Bytes, spec: &TopicSpec, options: &YarpOptions) -> DecodeR
 
 fn decode_file(bottle: &Bottle) -> DecodeResult<Pixels> {
     let unlike = || {
-        DecodeError::mismatch("an image, or a JPEG file as Wrapyfi sends it", native::shown(bottle))
+        DecodeError::mismatch(
+            "an image, or a JPEG file as Wrapyfi sends it",
+            native::as_text(bottle),
+        )
     };
     match bottle.values.as_slice() {
         [Element::Blob(bytes)] => file(bytes.clone()),

@@ -47,7 +47,7 @@ pub(super) fn read(bytes: &Bytes, rules: Rules<'_>) -> DecodeResult<Map> {
     let bottle = native::bottle(bytes, rules)?;
     let parts = parts(&bottle).ok_or_else(|| {
         let wanted = "a scan: angle_min angle_max range_min range_max (distances) status";
-        DecodeError::mismatch(wanted, native::shown(&bottle))
+        DecodeError::mismatch(wanted, native::as_text(&bottle))
     })?;
     let ([first, end, least, most], distances) = parts;
     let [first, end] = rules.options.radians([first, end]);

@@ -103,7 +103,7 @@ pub(super) fn decode(
                 _ => bottle,
             };
             let map = element::to_map(bottle, rules.dialect).map(Value::from);
-            map.ok_or_else(|| DecodeError::mismatch("pairs of key and value", shown(bottle)))
+            map.ok_or_else(|| DecodeError::mismatch("pairs of key and value", as_text(bottle)))
         }
     }
 }
@@ -141,7 +141,7 @@ pub(super) fn decode_text(bottle: &Bottle, format: BottleFormat) -> Value {
 }
 
 /// The start of a bottle for an error.
-pub(super) fn shown(bottle: &Bottle) -> String {
+pub(super) fn as_text(bottle: &Bottle) -> String {
     const SHOWN: usize = 4;
     const LETTERS: usize = 80;
     let cut = |value: &Element| match value {

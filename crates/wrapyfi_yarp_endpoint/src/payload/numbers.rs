@@ -106,7 +106,7 @@ pub(super) fn read(bytes: &Bytes, rules: Rules<'_>) -> DecodeResult<Numbers> {
     }
     let bottle = native::bottle(bytes, rules)?;
     of_bottle(&bottle).ok_or_else(|| {
-        DecodeError::mismatch("a vector or a matrix of numbers", native::shown(&bottle))
+        DecodeError::mismatch("a vector or a matrix of numbers", native::as_text(&bottle))
     })
 }
 

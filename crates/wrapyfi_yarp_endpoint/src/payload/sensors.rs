@@ -49,7 +49,7 @@ fn message(bytes: &Bytes, rules: Rules<'_>) -> DecodeResult<Message> {
         return Ok(Message::Measures(bottle));
     }
     let wanted = "a vector of numbers, or the lists of measures:o";
-    Err(DecodeError::mismatch(wanted, native::shown(&bottle)))
+    Err(DecodeError::mismatch(wanted, native::as_text(&bottle)))
 }
 
 /// The numbers of a sensor in a list of `measures:o`; none where the list is shorter.
@@ -61,7 +61,7 @@ fn measure<const N: usize>(bottle: &Bottle, list: usize, sensor: usize) -> Optio
 
 fn missing(what: &str, bottle: &Bottle, sensor: usize) -> DecodeError {
     let wanted = format!("{what} number {sensor} (option sensor) among the measurements");
-    DecodeError::mismatch(wanted, native::shown(bottle))
+    DecodeError::mismatch(wanted, native::as_text(bottle))
 }
 
 /// Reads an inertial sensor as fields of an `Imu`, without its header.

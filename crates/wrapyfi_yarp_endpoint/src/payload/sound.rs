@@ -70,7 +70,7 @@ pub(super) fn decode(bytes: &Bytes, rules: Rules<'_>, stamp: Stamp) -> DecodeRes
         Err(error @ (SigError::Other { .. } | SigError::Truncated { .. })) => {
             let bottle = native::bottle(bytes, rules).map_err(|_none| unlike(&error))?;
             Sound::from_bottle(&bottle)
-                .map_err(|_other| DecodeError::mismatch("a sound", native::shown(&bottle)))
+                .map_err(|_other| DecodeError::mismatch("a sound", native::as_text(&bottle)))
         }
         read => read.map_err(|error| unlike(&error)),
     }?;

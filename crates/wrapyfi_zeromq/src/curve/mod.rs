@@ -74,7 +74,7 @@ impl Breach {
     }
 
     /// Command that tells the client, where it is told.
-    pub(crate) fn told(&self) -> Option<&'static [u8]> {
+    pub(crate) fn farewell(&self) -> Option<&'static [u8]> {
         matches!(self, Self::Unknown(_) | Self::NotAllowed(..)).then_some(b"\x05ERROR\x03400")
     }
 }
@@ -509,7 +509,7 @@ mod tests {
     fn a_refusal_is_understood() {
         let ours = keys(1, None);
         let (mut client, _) = Curve::client(&keys(2, Some(&ours))).unwrap();
-        let told = Breach::Unknown(String::new()).told().unwrap();
+        let told = Breach::Unknown(String::new()).farewell().unwrap();
         let refused = client.handshake(told, PROPERTIES).err();
         assert_eq!(refused, Some(Breach::Refused("400".to_owned())));
         for end in 6..told.len() {

@@ -11,7 +11,7 @@ use wrapyfi_endpoint::{
 };
 use wrapyfi_yarp_endpoint as yarp;
 
-use super::{kind, shown, value, wait};
+use super::{as_text, kind, value, wait};
 use crate::canonical::canonical;
 use crate::cli::CallArgs;
 use crate::command::definitions;
@@ -78,7 +78,7 @@ fn called(args: &CallArgs, shutdown: &Shutdown) -> Result<()> {
             continue;
         };
         let text = match &result.map_err(|error| failed(error, args.timeout))?.payload {
-            Payload::RosMessage(message) => shown(message, args.json)?,
+            Payload::RosMessage(message) => as_text(message, args.json)?,
             payload if args.json => describe(payload),
             // As `yarp rpc` shows it.
             Payload::NativeObject(object)

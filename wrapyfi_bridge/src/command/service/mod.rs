@@ -42,7 +42,7 @@ fn value(option: &str, text: &str) -> Result<Value> {
 }
 
 /// A request or a reply of ROS as `--json` shows it, or as `ros2 topic echo` would.
-fn shown(message: &RosMessage, as_json: bool) -> anyhow::Result<String> {
+fn as_text(message: &RosMessage, as_json: bool) -> anyhow::Result<String> {
     let fields = message.fields(message.cdr.len())?;
     if !as_json {
         return yaml::text(&fields);

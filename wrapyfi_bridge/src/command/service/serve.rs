@@ -13,7 +13,7 @@ use wrapyfi_endpoint::{
 };
 use wrapyfi_interfaces::dynamic::DynamicMessage;
 
-use super::{kind, shown, value, wait};
+use super::{as_text, kind, value, wait};
 use crate::canonical::canonical;
 use crate::cli::ServeArgs;
 use crate::command::WAIT_SLICE;
@@ -184,11 +184,11 @@ fn stamped(payload: &Payload) -> Payload {
 }
 
 fn request_shown(request: &Request, as_json: bool) -> String {
-    let shown = match request {
-        Request::Message(message) => shown(message, as_json),
+    let as_text = match request {
+        Request::Message(message) => as_text(message, as_json),
         Request::Call(call) => Ok(call_shown(call, as_json)),
     };
-    shown.unwrap_or_else(|error| format!("a request that cannot be read: {error}"))
+    as_text.unwrap_or_else(|error| format!("a request that cannot be read: {error}"))
 }
 
 fn call_shown(Call { args, kwargs }: &Call, as_json: bool) -> String {
