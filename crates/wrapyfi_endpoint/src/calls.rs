@@ -163,7 +163,7 @@ impl<T> Calls<T> {
         self.end(call, reply);
     }
 
-    /// Ends a call without a reply, if it is still under way.
+    /// Ends the call `sequence` with `error`, if it is still under way.
     pub fn failed(&mut self, sequence: i64, error: CallError) {
         if let Some(call) = self.sent.remove(&sequence) {
             self.end(call, Err(error));

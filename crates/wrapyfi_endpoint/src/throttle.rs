@@ -31,8 +31,7 @@ impl Throttle {
     /// Least time between two lines.
     pub const EVERY: Duration = Duration::from_secs(5);
 
-    /// Notes a complaint. It is to be logged where the result is `Some`, the number of complaints
-    /// that were not logged before it.
+    /// Counts a complaint. `Some(n)` where it is to be logged, n complaints before it not having been.
     pub fn pass(&mut self, now: Instant) -> Option<u64> {
         if self.due().is_some_and(|at| now < at) {
             self.silent = self.silent.saturating_add(1);

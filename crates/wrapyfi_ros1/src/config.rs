@@ -47,7 +47,7 @@ pub struct Ros1Config {
     /// Name of the node. Without one it is `wrapyfi` and a number that nobody else has, as Python
     /// Wrapyfi's anonymous node. A node that takes a name which another has ends that one.
     pub node: Option<String>,
-    /// Names that mean others: `from`, `to`.
+    /// Remapping rules: the name in the program, the name on the graph.
     pub remaps: Vec<(String, String)>,
     /// Rules by which types of ROS 1 and ROS 2 belong together, before the rules that are built in.
     pub mapping_rules: Rules,

@@ -168,7 +168,7 @@ pub trait NodeWatch: Send {
 
 /// Knows the endpoints that other participants have on one side of a topic.
 pub trait PeerWatch: Send + Sync {
-    /// They, of whatever type, in order of their GUIDs. Costs as much as there are of them.
+    /// Endpoints of any type, in order of their GUIDs. Its cost grows with their number.
     fn peers(&self) -> Vec<DiscoveredEndpoint>;
 
     /// Grows whenever they change; cheap.

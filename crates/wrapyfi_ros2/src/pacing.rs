@@ -104,7 +104,7 @@ struct FastReader {
     is_told: bool,
     /// Name of its node, where it is known.
     name: Option<String>,
-    /// It was late, and until then the others do not wait for it.
+    /// Instant until which the others do not wait for the reader, because it was late.
     rests_until: Option<Instant>,
 }
 

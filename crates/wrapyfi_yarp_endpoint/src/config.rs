@@ -65,8 +65,8 @@ pub struct YarpConfig {
     /// Largest message in bytes that a port reads before it cuts the connection; topics and services
     /// have limits of their own below it.
     pub max_message_bytes: usize,
-    /// Ports whose names tell the type of what they send, the first that matches;
-    /// [`Convention::usual`] unless said. The first message of any other port shows it.
+    /// Rules that tell a port's type by its name, of which the first that matches counts; [`Convention::usual`] unless
+    /// said. The type of any other port is that of its first message.
     pub conventions: Vec<Convention>,
 }
 

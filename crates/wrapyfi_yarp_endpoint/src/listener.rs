@@ -191,7 +191,7 @@ async fn keep(
     };
     let is_connected = || state.sources().iter().any(|source| source == connection.other());
     let say = |why: String| {
-        // Somebody else may have connected us.
+        // Another program may have made the connection.
         if state.sources().is_empty() {
             state.link_state.waiting(why);
         }

@@ -84,7 +84,7 @@ pub(super) enum Step {
     /// The handshake goes on with this command.
     #[cfg_attr(not(feature = "curve"), expect(dead_code, reason = "CURVE says it"))]
     Say(Vec<u8>),
-    /// It is over: the last command, where it is ours, and the properties of the peer.
+    /// The handshake is over: the last command, where it is ours, and the properties of the peer.
     Open(Option<Vec<u8>>, Vec<u8>),
 }
 

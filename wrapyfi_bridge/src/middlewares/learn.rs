@@ -150,7 +150,7 @@ fn is_never_told(errors: &[(Role, LearnError)]) -> bool {
         && errors.iter().all(|(_, error)| matches!(error, LearnError::Untold(_)))
 }
 
-/// The error of whoever may tell yet, else the first one.
+/// Error of the end that may still tell its type, else the first error.
 fn most_telling(mut errors: Vec<(Role, LearnError)>) -> Option<LearnError> {
     let tells_yet = |(_, error): &(Role, LearnError)| !matches!(error, LearnError::Untold(_));
     let place = errors.iter().position(tells_yet).unwrap_or(0);

@@ -74,7 +74,7 @@ pub struct Parts {
     pub lifecycle: Lifecycle,
 }
 
-/// The endpoints. They end when it is dropped.
+/// Topics and services that a bridge has about itself; dropping it closes them.
 pub struct OnGraph {
     stop: Arc<AtomicBool>,
     wake: Wake,

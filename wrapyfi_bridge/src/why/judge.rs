@@ -130,7 +130,7 @@ impl Walk<'_> {
                     self.types(destination, taker)?;
                     self.quality(destination, taker)?;
                     self.passed.extend(state(way)?);
-                    // Others were heard before; nobody is now.
+                    // A refused program is the cause only where no message of others comes now.
                     self.messages(source).map_err(|idle| refused.clone().unwrap_or(idle))?;
                     self.passed.extend(rate(way)?);
                 } else {

@@ -166,9 +166,9 @@ pub struct End {
     pub foreign: Option<(ServiceMapping, ServiceMapping)>,
     /// Mapping of services that a client of the name speaks, and that of its servers, which is another.
     pub clients: Option<(ServiceMapping, ServiceMapping)>,
-    /// True where the bridge that looks knows who has the name, and the server of names does not.
+    /// True where the bridge that looks knows programs with the name, and the master or name server does not.
     pub is_unregistered: bool,
-    /// Addresses of those who have the name.
+    /// Programs that the master or the name server lists under the name, with their addresses.
     pub registered: Vec<Registered>,
     /// Endpoints of the name that are found in another domain or range.
     pub elsewhere: Vec<Elsewhere>,

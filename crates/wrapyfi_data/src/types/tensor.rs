@@ -88,7 +88,7 @@ impl Tensor {
         self.origin.as_deref()
     }
 
-    /// Plug-in key of the library it belongs to; `None` for NumPy.
+    /// Plug-in key of the library whose tensor this was; `None` for NumPy.
     pub fn framework(&self) -> Option<&str> {
         self.origin().map(|origin| origin.key.as_str())
     }

@@ -139,8 +139,7 @@ macro_rules! every_port {
 every_port!(OutputPort, RpcClient, RpcServer);
 
 impl OutputPort {
-    /// Puts a message in front of every target, and never waits: where a target's queue is
-    /// full, one message gives way and is counted.
+    /// Queues a message for every target without waiting; a full queue drops one message and counts it.
     pub fn write(&self, message: Message) -> Written {
         self.owner.core.write(message, |_any| true)
     }

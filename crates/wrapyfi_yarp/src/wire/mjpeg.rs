@@ -68,7 +68,7 @@ impl MjpegReader {
         Self { state: State::Response, max_message_bytes: limits.max_message_bytes }
     }
 
-    /// Reads the head of the answer; whether it is complete, and pictures follow.
+    /// Reads the head of the answer; true where it is complete and pictures follow.
     ///
     /// # Errors
     /// When the answer is not a stream of pictures.

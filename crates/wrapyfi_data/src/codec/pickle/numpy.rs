@@ -55,7 +55,7 @@ pub enum PickledArray<'p> {
 type Result<T> = std::result::Result<T, PickleError>;
 
 impl<'p> Node<'p> {
-    /// True for what [`Self::array`] reads, if nothing is wrong with it.
+    /// True for a NumPy array, whose content [`Self::array`] may still refuse.
     pub fn is_array(&self) -> bool {
         match self.view() {
             View::Call(call) => {
