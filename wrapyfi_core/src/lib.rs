@@ -135,7 +135,7 @@ pub mod engine {
 /// Names of machines, and who may reach our sockets.
 pub mod network {
     #[doc(inline)]
-    pub use wrapyfi_endpoint::network::{Hosts, Insecure, Place, ReachedByOthers, VariableError};
+    pub use wrapyfi_endpoint::network::{Hosts, Insecure, Place};
 }
 
 /// Names of nodes, and `--ros-args`, which make a process a ROS 2 node.

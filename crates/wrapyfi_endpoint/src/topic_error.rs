@@ -79,8 +79,8 @@ pub enum OpenError {
         reason: String,
     },
     /// Other machines would reach the endpoint, and no setting permits it.
-    #[error(transparent)]
-    NotLoopback(#[from] ReachedByOthers),
+    #[error("{0}")]
+    NotLoopback(String),
     /// The transport refused; opening again later may succeed.
     #[error("{middleware} could not open {topic:?}: {reason}")]
     Transport {
@@ -102,6 +102,12 @@ pub type OpenResult<T> = Result<T, OpenError>;
 ///
 /// See [`Middleware::open_listener`](crate::Middleware::open_listener).
 pub type Opened<T> = OpenResult<Box<T>>;
+
+impl From<ReachedByOthers> for OpenError {
+    fn from(error: ReachedByOthers) -> Self {
+        Self::NotLoopback(error.to_string())
+    }
+}
 
 impl OpenError {
     /// Error of a name that breaks a rule for names.

@@ -184,6 +184,7 @@ impl Ros1Config {
     ///
     /// # Errors
     /// When a variable has a value that means nothing; the error names it.
+    #[doc(hidden)]
     pub fn from_env() -> Result<Self, Ros1ConfigError> {
         Ok(Self::from_lookup(variable)?)
     }
@@ -210,6 +211,7 @@ impl Ros1Config {
     ///
     /// # Errors
     /// When `master_uri` is no address.
+    #[doc(hidden)]
     pub fn master(&self) -> Result<(String, u16), Ros1ConfigError> {
         self.master_at().map(|at| (at.host, at.port))
     }

@@ -177,6 +177,7 @@ impl Ros1 {
     ///
     /// # Errors
     /// When the settings cannot work, or the system gives no sockets.
+    #[doc(hidden)]
     pub fn start(config: &Ros1Config) -> Result<Self, Ros1Error> {
         let Resolved { master, node, advertised, bind, afar } = config.resolve()?;
         let whereabouts = whereabouts::Whereabouts::new(config.hosts.clone(), afar);

@@ -115,6 +115,7 @@ impl YarpConfig {
     ///
     /// # Errors
     /// When that variable has a value that means nothing.
+    #[doc(hidden)]
     pub fn from_env() -> Result<Self, conf::ConfError> {
         let names_address = std::env::var_os("YARP_IP").is_some_and(|value| !value.is_empty());
         let is_insecure = match std::env::var_os(INSECURE) {
@@ -137,6 +138,7 @@ impl YarpConfig {
     ///
     /// # Errors
     /// When nothing says it; the error names the file.
+    #[doc(hidden)]
     pub fn check_name_server(&self) -> Result<(), conf::ConfError> {
         self.find().map(drop)
     }

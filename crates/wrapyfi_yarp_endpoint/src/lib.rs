@@ -134,6 +134,7 @@ impl Yarp {
     /// When nobody says where the name server is, or ours cannot run. A name server elsewhere that
     /// does not answer yet is no error: it is waited for. Nor are ports that other machines would reach:
     /// those are refused where they are opened.
+    #[doc(hidden)]
     pub fn start(config: &YarpConfig) -> Result<Self, YarpError> {
         let found = config.find()?;
         let server = config.hosts.resolve(&found.server.host);
@@ -213,6 +214,7 @@ impl Yarp {
     ///
     /// # Errors
     /// When other machines would reach them, and no setting permits that.
+    #[doc(hidden)]
     pub fn may_listen(&self) -> Result<(), ReachedByOthers> {
         self.shared.may_listen()
     }

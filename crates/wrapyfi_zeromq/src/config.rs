@@ -134,6 +134,7 @@ impl ZeroMqConfig {
     ///
     /// # Errors
     /// When a variable has a value that means nothing; the error names it.
+    #[doc(hidden)]
     pub fn from_env() -> Result<Self, VariableError> {
         Self::from_lookup(variable)
     }
@@ -142,6 +143,7 @@ impl ZeroMqConfig {
     ///
     /// # Errors
     /// As [`Self::from_env`].
+    #[doc(hidden)]
     pub fn from_env_of_client() -> Result<Self, VariableError> {
         // The variable that servers read into the other port.
         Self::from_lookup(|name| match name {
@@ -202,6 +204,7 @@ impl ZeroMqConfig {
     ///
     /// # Errors
     /// When a broker would be; the error names the setting that permits it.
+    #[doc(hidden)]
     pub fn check(&self) -> Result<(), ReachedByOthers> {
         let has_list = self.curve.as_ref().is_some_and(|curve| curve.clients.is_some());
         let is_ours =

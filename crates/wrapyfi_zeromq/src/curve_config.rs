@@ -46,6 +46,7 @@ impl CurveConfig {
     ///
     /// # Errors
     /// The fault with which it would not start.
+    #[doc(hidden)]
     pub fn check(&self, serves: bool) -> Result<(), CurveError> {
         Keys::load(self, serves, None).map(drop)
     }

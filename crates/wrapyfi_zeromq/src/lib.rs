@@ -125,6 +125,7 @@ impl ZeroMq {
     /// # Errors
     /// When the ports belong to something else, or the settings contradict themselves. A foreign
     /// broker that is not there yet is no error: it is waited for.
+    #[doc(hidden)]
     pub fn start(config: &ZeroMqConfig) -> Result<Self, ZeroMqError> {
         check_topic(&config.monitor_topic).map_err(|reason| ZeroMqError::MonitorTopic {
             topic: config.monitor_topic.clone(),
@@ -192,6 +193,7 @@ impl ZeroMq {
     ///
     /// # Errors
     /// As [`ZeroMq::start`].
+    #[doc(hidden)]
     pub fn start_services(&self) -> Result<(u16, u16), ZeroMqError> {
         let mut services = self.services.lock();
         let supervisor = match &mut *services {

@@ -96,8 +96,14 @@ pub enum ParameterClientError {
     #[error(transparent)]
     Open(#[from] OpenError),
     /// DDS refused.
-    #[error(transparent)]
-    Graph(#[from] GraphError),
+    #[error("{0}")]
+    Graph(String),
+}
+
+impl From<GraphError> for ParameterClientError {
+    fn from(error: GraphError) -> Self {
+        Self::Graph(error.to_string())
+    }
 }
 
 /// Result of reading or setting the parameters of another node.
