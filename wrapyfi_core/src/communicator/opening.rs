@@ -5,6 +5,7 @@
 //!                                          └─ absent: Channel without ends, one line in the log
 //! ```
 
+use std::fmt::Display;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -340,8 +341,8 @@ impl Opening<'_> {
         read().map_err(|fault| self.option(fault))
     }
 
-    fn option(&self, fault: OptionError) -> MethodError {
-        MethodError::Option { method: self.method.clone(), fault }
+    fn option(&self, fault: impl Display) -> MethodError {
+        MethodError::Option { method: self.method.clone(), fault: fault.to_string() }
     }
 
     fn refused(&self, source: OpenError) -> MethodError {
