@@ -116,8 +116,8 @@ pub mod endpoint {
         IncomingRequest, LatencySummary, Link, Listener, Liveliness, Middleware, NameFilter,
         OpenError, OpenResult, Opened, Overflow, ParseAddressError, PublishError, Published,
         Publisher, Qos, QosEvent, QosPreset, QueueSpec, Refusal, Refused, Registry, Reliability,
-        Reply, Request, RequestId, Role, RosNow, Sample, SampleOrigin, ServeError, ServeResult,
-        Server, ServiceSpec, TakeError, Ticket, TopicSpec, Traits, UnknownMiddleware, Wake,
+        Reply, Request, RequestId, Role, Sample, SampleOrigin, ServeError, ServeResult, Server,
+        ServiceSpec, TakeError, Ticket, TopicSpec, Traits, UnknownMiddleware, Wake,
     };
 }
 
@@ -135,7 +135,7 @@ pub mod engine {
 /// Names of machines, and who may reach our sockets.
 pub mod network {
     #[doc(inline)]
-    pub use wrapyfi_endpoint::network::{Hosts, Insecure, Place};
+    pub use wrapyfi_endpoint::network::{Hosts, Insecure};
 }
 
 /// Names of nodes, and `--ros-args`, which make a process a ROS 2 node.
@@ -159,10 +159,10 @@ pub mod types {
     pub use wrapyfi_data::types::{
         AudioChunk, CompressedFormat, DataType, DateTime, Dtype, Element, Encoding, ForeignObject,
         Image, Labelled, LabelledContent, MAX_DEPTH, MAX_ROS_TYPES, Map, MessageType, NativeObject,
-        NumpyArray, Origin, ParameterType, ParameterValue, ParseDateTimeError, ParseTypeError,
-        Payload, Picture, Pixels, PluginObject, Properties, PropertiesError, Quantity, RawPixels,
-        RosMessage, RosService, RosType, RosTypeError, RosValueError, SampleFormat, ServiceKind,
-        ShapeError, Stamp, Table, Tagged, Tensor, TypedError, Value, Variable, fields_of,
-        fields_of_call, fields_of_return, from_value, nested_list, to_value, value_of,
+        NumpyArray, Origin, ParameterValue, ParseDateTimeError, ParseTypeError, Payload, Picture,
+        Pixels, PluginObject, Properties, PropertiesError, Quantity, RawPixels, RosMessage,
+        RosService, RosType, RosTypeError, RosValueError, SampleFormat, ServiceKind, ShapeError,
+        Stamp, Table, Tagged, Tensor, TypedError, Value, Variable, fields_of, fields_of_call,
+        fields_of_return, from_value, nested_list, to_value, value_of,
     };
 }

@@ -50,6 +50,7 @@ impl Clock {
     }
 
     /// Sets the time in headers, that of a node.
+    #[doc(hidden)]
     #[must_use]
     pub fn with_ros_time(self, now: impl Fn() -> RosNow + Send + Sync + 'static) -> Self {
         Self { ros_now: Some(Arc::new(now)), ..self }
@@ -66,6 +67,7 @@ impl Clock {
     }
 
     /// Time in headers.
+    #[doc(hidden)]
     pub fn ros_now(&self) -> RosNow {
         let system = || RosNow { stamp: Stamp::now(), simulated: false };
         self.ros_now.as_ref().map_or_else(system, |now| now())

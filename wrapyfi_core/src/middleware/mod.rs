@@ -20,9 +20,7 @@ pub mod ros2 {
     #[doc(inline)]
     pub use wrapyfi_ros2::{
         Adapter, CycloneConfig, ParameterClient, ParameterClientError, ParameterResult,
-        RefusedParameter, Ros2, ServiceOptions,
-        environment::{DiscoveryRange, DiscoverySettings},
-        graph::{Peers, ServiceMapping},
+        RefusedParameter, Ros2, ServiceOptions, environment::DiscoveryRange, graph::ServiceMapping,
     };
 }
 

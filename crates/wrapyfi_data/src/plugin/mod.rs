@@ -65,8 +65,9 @@ mod xarray;
 mod zarr;
 
 pub use crate::plugin_api::{
-    Body, DeviceError, DeviceMap, DeviceMaps, DeviceOption, Framework, Part, Plugin, PluginError,
-    Plugins, Unpacking,
+    Body, DeviceError, DeviceMaps, DeviceOption, Part, Plugin, PluginError, Plugins, Unpacking,
 };
+#[doc(hidden)]
+pub use crate::plugin_api::{DeviceMap, Framework};
 #[cfg(feature = "zarr")]
 pub use zarr::ZarrGroup;

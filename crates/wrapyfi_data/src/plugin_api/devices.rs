@@ -168,6 +168,7 @@ impl DeviceMaps {
     }
 
     /// Adds `map`, which replaces the one of its library.
+    #[doc(hidden)]
     #[must_use]
     pub fn with(mut self, map: DeviceMap) -> Self {
         self.0.insert(map.framework, map);
@@ -189,6 +190,7 @@ impl DeviceMaps {
     }
 
     /// Maps of all libraries.
+    #[doc(hidden)]
     pub fn iter(&self) -> impl Iterator<Item = &DeviceMap> {
         self.0.values()
     }

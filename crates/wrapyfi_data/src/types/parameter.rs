@@ -100,6 +100,7 @@ impl ParameterType {
 
 impl ParameterValue {
     /// Type of the value.
+    #[doc(hidden)]
     pub fn parameter_type(&self) -> ParameterType {
         match self {
             Self::NotSet => ParameterType::NotSet,

@@ -92,6 +92,7 @@ impl ParameterClient {
     }
 
     /// Readiness of the node's parameter services.
+    #[doc(hidden)]
     pub fn servers(&self) -> Peers {
         self.set.as_ref().map_or(Peers::None, Asker::servers)
     }
