@@ -111,14 +111,17 @@ pub mod codec {
 pub mod endpoint {
     #[doc(inline)]
     pub use wrapyfi_endpoint::{
-        Call, CallError, Client, Clock, Context, Conventions, Counters, CountersSnapshot,
-        DiscoverError, Discovered, Discovery, DropReason, Durability, EndpointAddress, History,
-        IncomingRequest, LatencySummary, Link, Listener, Liveliness, Middleware, NameFilter,
-        OpenError, OpenResult, Opened, Overflow, ParseAddressError, PublishError, Published,
-        Publisher, Qos, QosEvent, QosPreset, QueueSpec, Refusal, Refused, Registry, Reliability,
-        Reply, Request, RequestId, Role, Sample, SampleOrigin, ServeError, ServeResult, Server,
-        ServiceSpec, TakeError, Ticket, TopicSpec, Traits, UnknownMiddleware, Wake,
+        Call, CallError, Client, Clock, Context, Counters, CountersSnapshot, DiscoverError,
+        Discovered, Discovery, DropReason, Durability, EndpointAddress, History, IncomingRequest,
+        LatencySummary, Link, Listener, Liveliness, Middleware, NameFilter, OpenError, OpenResult,
+        Opened, Overflow, ParseAddressError, PublishError, Published, Publisher, Qos, QosEvent,
+        QosPreset, QueueSpec, Refusal, Refused, Registry, Reliability, Reply, Request, RequestId,
+        Role, Sample, SampleOrigin, ServeError, ServeResult, Server, ServiceSpec, TakeError,
+        Ticket, TopicSpec, UnknownMiddleware, Wake,
     };
+    // For middlewares that routes by pattern are made on.
+    #[doc(hidden)]
+    pub use wrapyfi_endpoint::Traits;
 }
 
 /// Routes: those that are wanted, the engine that runs them, and their state.

@@ -184,6 +184,7 @@ pub trait Middleware: Send + Sync {
     }
 
     /// Properties of this middleware on which routes by pattern depend.
+    #[doc(hidden)]
     fn traits(&self) -> Traits {
         Traits::default()
     }

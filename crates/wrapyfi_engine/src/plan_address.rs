@@ -32,6 +32,7 @@ pub struct Available<'a> {
     /// Rule of the middleware for the value of one of them; the error names the fault.
     pub check_option: &'a dyn Fn(&str, &Value) -> Result<(), String>,
     /// Conventions of the middleware for types and names.
+    #[doc(hidden)]
     pub conventions: Conventions,
 }
 

@@ -28,14 +28,13 @@ const INSECURE: &str = "WRAPYFI_YARP_INSECURE";
 /// Settings of [`Yarp`](super::Yarp).
 ///
 /// ```
-/// use wrapyfi_yarp_endpoint::{Convention, YarpConfig};
+/// use wrapyfi_yarp_endpoint::YarpConfig;
 /// let config = YarpConfig {
-///     embedded: true,
+///     name_server: Some("192.168.1.7:10000".parse()?),
 ///     ip: Some("127.0.0.1".parse()?),
-///     conventions: vec![Convention::new("(.*/)?depth:o", "sensor_msgs/msg/Image")?],
 ///     ..YarpConfig::default()
 /// };
-/// assert!(config.conventions[0].names.matches("/head/depth:o"));
+/// assert_eq!(config.name_server.unwrap().port, 10000);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone, PartialEq)]
@@ -67,6 +66,8 @@ pub struct YarpConfig {
     pub max_message_bytes: usize,
     /// Ports whose names tell the type of what they send, the first that matches;
     /// [`Convention::usual`] unless said. The first message of any other port shows it.
+    #[doc(hidden)]
+    #[doc(hidden)]
     pub conventions: Vec<Convention>,
 }
 

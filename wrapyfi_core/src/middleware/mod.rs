@@ -28,7 +28,7 @@ pub mod ros2 {
 #[cfg(feature = "yarp")]
 pub mod yarp {
     #[doc(inline)]
-    pub use wrapyfi_yarp_endpoint::{Convention, Dialect, NameServerConf, Yarp, YarpConfig};
+    pub use wrapyfi_yarp_endpoint::{Dialect, Yarp, YarpConfig};
 }
 
 /// ZeroMQ: Wrapyfi's publishers and listeners, clients and servers, and the broker between them.
