@@ -129,9 +129,8 @@ pub mod endpoint {
 pub mod engine {
     #[doc(inline)]
     pub use wrapyfi_engine::{
-        Applier, Available, Config, ConfigError, Driver, Engine, Kind, NamePattern, Names, Plan,
-        PlanDiff, Policy, Problem, QosConfig, Rate, Route, RouteState, RouteStatus, Running,
-        StampSource, Types,
+        Applier, Available, Config, ConfigError, Driver, Engine, Plan, PlanDiff, Policy, Problem,
+        QosConfig, Route, RouteState, RouteStatus, Running, StampSource,
     };
 }
 

@@ -96,7 +96,7 @@ pub use reconciler::{GONE_AFTER, LOOK_EVERY};
 pub use reconciler_status::OVER_LIMIT;
 pub use route::{Kind, Names, Policy, Route, RouteKey, Types, Typing};
 pub use route_index::RouteIndex;
-pub use route_status::{PatternCounts, Rate, RouteState, RouteStatus};
+pub use route_status::{PatternCounts, RouteState, RouteStatus};
 pub use running::{Applier, Running};
 pub use stamping::StampSource;
 pub use tap::Tap;

@@ -59,8 +59,10 @@ pub struct Route {
     /// to its groups.
     pub to: EndpointAddress,
     /// Names that a pattern means; `None` for a route with one name.
+    #[doc(hidden)]
     pub names: Option<Names>,
     /// Messages or requests, and their types.
+    #[doc(hidden)]
     pub kind: Kind,
     /// Origin of the types in `kind`.
     #[doc(hidden)]
