@@ -146,7 +146,7 @@ pub mod node {
     #[doc(inline)]
     pub use wrapyfi_node::{
         NameError, NodeName,
-        args::{RosArgs, RosArgsError, RosArgsWarning},
+        args::{RosArgs, RosArgsError},
         read_params_file,
     };
 }

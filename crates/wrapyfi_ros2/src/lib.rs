@@ -122,8 +122,7 @@ pub use node_endpoints::NodeEndpoints;
 pub use node_handle::NodeHandle;
 pub use pacing::ACKNOWLEDGES_NOTHING;
 pub use parameters::{
-    ParameterClient, ParameterClientError, ParameterResult, RefusedParameter, RemoteParameters,
-    ServiceOptions,
+    ParameterClient, ParameterClientError, ParameterResult, RemoteParameters, ServiceOptions,
 };
 #[cfg(feature = "rmw")]
 pub use rmw_graph::RmwGraph;

@@ -19,8 +19,8 @@ pub mod ros1 {
 pub mod ros2 {
     #[doc(inline)]
     pub use wrapyfi_ros2::{
-        Adapter, CycloneConfig, ParameterClient, ParameterClientError, ParameterResult,
-        RefusedParameter, Ros2, ServiceOptions, environment::DiscoveryRange, graph::ServiceMapping,
+        Adapter, CycloneConfig, ParameterClient, ParameterClientError, ParameterResult, Ros2,
+        ServiceOptions, environment::DiscoveryRange, graph::ServiceMapping,
     };
 }
 

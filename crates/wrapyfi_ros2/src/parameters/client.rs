@@ -10,7 +10,7 @@ use wrapyfi_interfaces::rcl_interfaces::srv::{
 
 use super::asker::Asker;
 use super::options::{CHUNK, MAX_NAMES, ServiceOptions, node_name};
-use super::{ParameterClientError, ParameterResult, RefusedParameter};
+use super::{ParameterClientError, ParameterResult};
 use crate::graph::Peers;
 use crate::ros2::Ros2;
 use wrapyfi_data::types::{ParameterType, ParameterValue, Properties};
@@ -152,11 +152,14 @@ impl ParameterClient {
         if results.len() != of {
             return Err(asker.fault(counts(results.len(), of)));
         }
-        let refused: Vec<RefusedParameter> = properties
+        let refused: Vec<String> = properties
             .names()
             .zip(results)
             .filter(|(_, result)| !result.successful)
-            .map(|(name, result)| RefusedParameter { name: name.to_owned(), reason: result.reason })
+            .map(|(name, result)| match &*result.reason {
+                "" => format!("{name}: no reason given"),
+                reason => format!("{name}: {reason}"),
+            })
             .collect();
         if refused.is_empty() {
             return Ok(());

@@ -3,22 +3,6 @@
 use crate::graph::GraphError;
 use wrapyfi_endpoint::{CallError, OpenError};
 
-/// A parameter that a node did not set.
-///
-/// ```
-/// use wrapyfi_ros2::RefusedParameter;
-/// let refused = RefusedParameter { name: "gain".into(), reason: "it is read-only".into() };
-/// assert_eq!(refused.to_string(), "gain: it is read-only");
-/// ```
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{name}: {}", if reason.is_empty() { "no reason given" } else { reason })]
-pub struct RefusedParameter {
-    /// Name of the parameter.
-    pub name: String,
-    /// Reason in the words of the node.
-    pub reason: String,
-}
-
 /// Error of reading or setting the parameters of another node.
 ///
 /// ```
@@ -62,8 +46,8 @@ pub enum ParameterClientError {
     Refused {
         /// Full name of the node.
         node: String,
-        /// Parameters that the node did not set.
-        refused: Vec<RefusedParameter>,
+        /// Parameters that the node did not set, each with the reason in the node's words: `gain: it is read-only`.
+        refused: Vec<String>,
         /// Parameters in the request.
         of: usize,
     },
