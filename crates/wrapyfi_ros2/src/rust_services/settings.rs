@@ -150,7 +150,6 @@ fn addresses_of(name: &str, interfaces: &[Interface]) -> Result<Vec<IpAddr>, Rus
 fn warnings(config: &CycloneConfig) -> Vec<String> {
     let mut warnings = Vec::new();
     let elsewhere: Vec<&str> = config
-        .discovery
         .static_peers
         .iter()
         .map(String::as_str)
