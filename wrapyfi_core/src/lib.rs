@@ -23,9 +23,8 @@
 //! * [`start`]: one builder for each middleware. `stream`, with the feature of that name: listeners as streams.
 //! * `node`, with `ros1` or `ros2`: what makes a process a ROS 2 node: names, `--ros-args`.
 //!
-//! These modules have all that a program names. Types are defined in crates below this one, which are not for programs, and examples
-//! of types name those: `wrapyfi_data::types` is [`types`] here, `wrapyfi_endpoint` is [`endpoint`], `wrapyfi_zeromq` is
-//! `middleware::zeromq`. Definitions of ROS (`TypeStore`) are in `wrapyfi_interfaces`, a crate that programs use beside this one.
+//! These modules have all that a program names; the crates below this one are not for programs. Definitions of ROS (`TypeStore`)
+//! are in `wrapyfi_interfaces`, a crate that programs use beside this one.
 //!
 //! The way of one image through these modules, and the threads: ARCHITECTURE.md in the repository.
 //!

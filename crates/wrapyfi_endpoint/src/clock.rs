@@ -31,8 +31,9 @@ pub struct RosNow {
 /// A monotonic clock, and the one of the node; both the system's by default.
 ///
 /// ```
+/// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
 /// use std::time::{Duration, Instant};
-/// use wrapyfi_endpoint::Clock;
+/// use wrapyfi_core::endpoint::Clock;
 /// let noon = Instant::now();
 /// let clock = Clock::new(move || noon + Duration::from_secs(60));
 /// assert_eq!(clock.age(noon), Duration::from_secs(60));

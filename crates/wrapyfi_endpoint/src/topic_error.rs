@@ -9,7 +9,8 @@ use wrapyfi_data::types::MessageType;
 /// Error of opening an endpoint.
 ///
 /// ```
-/// use wrapyfi_endpoint::OpenError;
+/// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
+/// use wrapyfi_core::endpoint::OpenError;
 /// let error = OpenError::transport("zeromq", "/camera", "no sockets are left".into());
 /// assert_eq!(error.to_string(), "zeromq could not open \"/camera\": no sockets are left");
 /// assert!(error.is_transient()); // a later try may succeed
@@ -134,7 +135,8 @@ pub type TakeError = DecodeError;
 /// Error of a message that was not sent.
 ///
 /// ```
-/// use wrapyfi_endpoint::{DropReason, PublishError};
+/// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
+/// use wrapyfi_core::endpoint::{DropReason, PublishError};
 /// let error = PublishError::NoConsumer("/camera".into());
 /// assert_eq!(error.to_string(), "nobody listens to \"/camera\"");
 /// assert_eq!(error.drop_reason(), DropReason::NoConsumer);

@@ -14,11 +14,15 @@
 //! announce.
 //!
 //! ```
+//! # mod wrapyfi_core {
+//! #     pub use {wrapyfi_endpoint as endpoint, wrapyfi_engine as engine, wrapyfi_data::types};
+//! #     pub mod middleware { pub use wrapyfi_endpoint::memory; }
+//! # }
 //! use std::{sync::Arc, time::Instant};
-//! use wrapyfi_endpoint::{Context, Middleware, Registry, TopicSpec};
-//! use wrapyfi_engine::{Engine, Plan, Route};
-//! use wrapyfi_endpoint::memory::Memory;
-//! use wrapyfi_data::types::{MessageType, Payload, Value};
+//! use wrapyfi_core::endpoint::{Context, Middleware, Registry, TopicSpec};
+//! use wrapyfi_core::engine::{Engine, Plan, Route};
+//! use wrapyfi_core::middleware::memory::Memory;
+//! use wrapyfi_core::types::{MessageType, Payload, Value};
 //!
 //! let bus = Arc::new(Memory::new("memory"));
 //! let mut registry = Registry::new();

@@ -13,7 +13,8 @@ use wrapyfi_endpoint::{Conventions, EndpointAddress, ParseAddressError};
 /// See [`Plan`](super::Plan).
 ///
 /// ```
-/// use wrapyfi_engine::Available;
+/// # mod wrapyfi_core { pub use wrapyfi_engine as engine; }
+/// use wrapyfi_core::engine::Available;
 /// let must_be_absolute = |topic: &str| match topic.starts_with('/') {
 ///     true => Ok(()),
 ///     false => Err("a name begins with /".to_owned()),

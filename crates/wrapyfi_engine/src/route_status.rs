@@ -10,7 +10,8 @@ use wrapyfi_endpoint::{CountersSnapshot, EndpointAddress, Qos};
 /// State of a route. Every state but [`RouteState::Active`] says why.
 ///
 /// ```
-/// use wrapyfi_engine::RouteState;
+/// # mod wrapyfi_core { pub use wrapyfi_engine as engine; }
+/// use wrapyfi_core::engine::RouteState;
 /// let state = RouteState::Waiting("a publisher of zeromq:/camera".into());
 /// assert_eq!((state.word(), state.reason()), ("waiting", Some("a publisher of zeromq:/camera")));
 /// assert_eq!(state.to_string(), "waiting for a publisher of zeromq:/camera");

@@ -25,7 +25,8 @@ pub const MASTER_PORT: u16 = 11311;
 /// Settings of [`Ros1`](super::Ros1).
 ///
 /// ```
-/// use wrapyfi_ros1::Ros1Config;
+/// # mod wrapyfi_core { pub mod middleware { pub use wrapyfi_ros1 as ros1; } }
+/// use wrapyfi_core::middleware::ros1::Ros1Config;
 /// let settings = Ros1Config {
 ///     master_uri: "http://robot:11311".into(),
 ///     node: Some("camera".into()),

@@ -43,8 +43,9 @@ const MAX_SAMPLE: usize = i32::MAX as usize;
 /// Settings of a node on CycloneDDS.
 ///
 /// ```
-/// use wrapyfi_node::NodeName;
-/// use wrapyfi_ros2::CycloneConfig;
+/// # mod wrapyfi_core { pub use wrapyfi_node as node; pub mod middleware { pub use wrapyfi_ros2 as ros2; } }
+/// use wrapyfi_core::middleware::ros2::CycloneConfig;
+/// use wrapyfi_core::node::NodeName;
 /// let config = CycloneConfig {
 ///     max_message_bytes: 256 << 20,
 ///     ..CycloneConfig::loopback(NodeName::new("camera", "/lab")?, 7)

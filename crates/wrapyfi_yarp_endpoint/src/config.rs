@@ -28,7 +28,8 @@ const INSECURE: &str = "WRAPYFI_YARP_INSECURE";
 /// Settings of [`Yarp`](super::Yarp).
 ///
 /// ```
-/// use wrapyfi_yarp_endpoint::YarpConfig;
+/// # mod wrapyfi_core { pub mod middleware { pub use wrapyfi_yarp_endpoint as yarp; } }
+/// use wrapyfi_core::middleware::yarp::YarpConfig;
 /// let config = YarpConfig {
 ///     name_server: Some("192.168.1.7:10000".parse()?),
 ///     ip: Some("127.0.0.1".parse()?),

@@ -26,7 +26,8 @@ pub const NAME: &str = "zeromq";
 /// See [`ZeroMqConfig`].
 ///
 /// ```
-/// use wrapyfi_zeromq::{BrokerMode, ZeroMqConfig};
+/// # mod wrapyfi_core { pub mod middleware { pub use wrapyfi_zeromq as zeromq; } }
+/// use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMqConfig};
 /// assert_eq!(ZeroMqConfig::default().broker, BrokerMode::Embedded);
 /// let elsewhere = ZeroMqConfig { broker: BrokerMode::Foreign, ..ZeroMqConfig::default() };
 /// ```
@@ -50,7 +51,8 @@ impl BrokerMode {
 /// Settings of [`ZeroMq`](super::ZeroMq).
 ///
 /// ```
-/// use wrapyfi_zeromq::{BrokerMode, ZeroMqConfig};
+/// # mod wrapyfi_core { pub mod middleware { pub use wrapyfi_zeromq as zeromq; } }
+/// use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMqConfig};
 /// let there = ZeroMqConfig {
 ///     ip: "192.168.1.7".into(),
 ///     broker: BrokerMode::Foreign,

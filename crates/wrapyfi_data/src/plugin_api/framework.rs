@@ -104,7 +104,8 @@ fn is_number(text: &str) -> bool {
 /// Error of options about devices.
 ///
 /// ```
-/// use wrapyfi_data::plugin::{DeviceMaps, DeviceOption};
+/// # mod wrapyfi_core { pub use wrapyfi_data::plugin; }
+/// use wrapyfi_core::plugin::{DeviceMaps, DeviceOption};
 /// let cpu = ("load_cupy_device", DeviceOption::Load("cpu".into()));
 /// let error = DeviceMaps::from_options([cpu]).unwrap_err();
 /// assert!(error.to_string().starts_with("load_cupy_device: CuPy has no CPU arrays; "), "{error}");

@@ -41,7 +41,8 @@ pub enum Place {
 /// encrypted.
 ///
 /// ```
-/// use wrapyfi_endpoint::network::Insecure;
+/// # mod wrapyfi_core { pub use wrapyfi_endpoint::network; }
+/// use wrapyfi_core::network::Insecure;
 /// assert!(!Insecure::default().is_allowed);
 /// let in_the_lab: Insecure = true.into();
 /// assert!(in_the_lab.is_allowed);

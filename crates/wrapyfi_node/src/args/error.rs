@@ -8,11 +8,11 @@ use crate::NameError;
 /// A refused command line, with the warnings that came before it was refused.
 ///
 /// ```
-/// use wrapyfi_node::args::{RosArgs, RosArgsErrorKind};
-/// use wrapyfi_node::read_params_file;
+/// # mod wrapyfi_core { pub mod node { pub use wrapyfi_node::{args::RosArgs, read_params_file}; } }
+/// use wrapyfi_core::node::{RosArgs, read_params_file};
 /// let words = ["--ros-args", "--remap"].map(str::to_owned);
 /// let error = RosArgs::parse(words, read_params_file).unwrap_err();
-/// assert!(matches!(error.kind, RosArgsErrorKind::TrailingFlag { .. }));
+/// # assert!(matches!(error.kind, wrapyfi_node::args::RosArgsErrorKind::TrailingFlag { .. }));
 /// assert!(error.to_string().starts_with("Couldn't parse trailing --remap flag. "));
 /// ```
 #[derive(Debug)]

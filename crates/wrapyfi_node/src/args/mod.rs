@@ -42,7 +42,8 @@ pub const MAX_ARGUMENTS: usize = 16_384;
 /// Rules that a command line sets for the nodes of its process: names, parameters, log levels.
 ///
 /// ```
-/// use wrapyfi_node::{NodeName, args::RosArgs};
+/// # mod wrapyfi_core { pub mod node { pub use wrapyfi_node::{NodeName, args::RosArgs}; } }
+/// use wrapyfi_core::node::{NodeName, RosArgs};
 /// let argv = ["--fast", "--ros-args", "-r", "__ns:=/robot", "-r", "chatter:=news"];
 /// let args = RosArgs::parse(argv, |_path| Err(std::io::ErrorKind::NotFound.into()))?;
 ///

@@ -22,9 +22,13 @@ use wrapyfi_node::parameters::{Parameter, ParameterService};
 /// are wanted.
 ///
 /// ```no_run
-/// use wrapyfi_endpoint::Wake;
-/// use wrapyfi_ros2::{ParameterClient, Ros2, ServiceOptions};
-/// use wrapyfi_data::types::Properties;
+/// # mod wrapyfi_core {
+/// #     pub use {wrapyfi_endpoint as endpoint, wrapyfi_data::types};
+/// #     pub mod middleware { pub use wrapyfi_ros2 as ros2; }
+/// # }
+/// use wrapyfi_core::endpoint::Wake;
+/// use wrapyfi_core::middleware::ros2::{ParameterClient, Ros2, ServiceOptions};
+/// use wrapyfi_core::types::Properties;
 /// # fn example(ros2: &Ros2) -> Result<(), Box<dyn std::error::Error>> {
 /// let options = ServiceOptions::default();
 /// let mut talker = ParameterClient::open(ros2, "/talker", &options, &Wake::new())?;

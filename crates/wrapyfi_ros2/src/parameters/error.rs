@@ -6,7 +6,8 @@ use wrapyfi_endpoint::{CallError, OpenError};
 /// Error of reading or setting the parameters of another node.
 ///
 /// ```
-/// use wrapyfi_ros2::ParameterClientError;
+/// # mod wrapyfi_core { pub mod middleware { pub use wrapyfi_ros2 as ros2; } }
+/// use wrapyfi_core::middleware::ros2::ParameterClientError;
 /// let error = ParameterClientError::NotDeclared { node: "/talker".into(), names: vec!["gain".into()] };
 /// assert!(error.to_string().starts_with("node /talker has not declared"));
 /// ```
