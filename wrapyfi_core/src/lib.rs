@@ -118,7 +118,7 @@ pub mod endpoint {
         Role, Sample, SampleOrigin, ServeError, ServeResult, Server, ServiceSpec, TakeError,
         Ticket, TopicSpec, UnknownMiddleware, Wake,
     };
-    // For middlewares that routes by pattern are made on.
+    // What `Middleware::traits` returns, which a middleware of a program's own may give.
     #[doc(hidden)]
     pub use wrapyfi_endpoint::Traits;
 }
