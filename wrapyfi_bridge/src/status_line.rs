@@ -21,7 +21,7 @@ pub fn json_line(routes: &[RouteStatus], panics: u64) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use wrapyfi_endpoint::{Qos, QosPreset};
-    use wrapyfi_engine::{Rate, RouteState};
+    use wrapyfi_engine::RouteState;
 
     use super::*;
 
@@ -37,7 +37,8 @@ mod tests {
             from_qos: Some(Qos::from(QosPreset::SensorData)),
             to_qos: None,
             counters: Default::default(),
-            rate: Rate { messages_per_s: 30.0, bytes_per_s: 27_648_000 },
+            messages_per_s: 30.0,
+            bytes_per_s: 27_648_000,
             panics: 0,
             pattern: None,
         }

@@ -23,9 +23,8 @@
 //! * [`start`]: one builder for each middleware. `stream`, with the feature of that name: listeners as streams.
 //! * `node`, with `ros1` or `ros2`: what makes a process a ROS 2 node: names, `--ros-args`.
 //!
-//! These modules have all that a program names. Types are defined in crates below this one, which are not for programs, and examples
-//! of types name those: `wrapyfi_data::types` is [`types`] here, `wrapyfi_endpoint` is [`endpoint`], `wrapyfi_zeromq` is
-//! `middleware::zeromq`. Definitions of ROS (`TypeStore`) are in `wrapyfi_interfaces`, a crate that programs use beside this one.
+//! These modules have all that a program names; the crates below this one are not for programs. Definitions of ROS (`TypeStore`)
+//! are in `wrapyfi_interfaces`, a crate that programs use beside this one.
 //!
 //! The way of one image through these modules, and the threads: ARCHITECTURE.md in the repository.
 //!
@@ -111,14 +110,17 @@ pub mod codec {
 pub mod endpoint {
     #[doc(inline)]
     pub use wrapyfi_endpoint::{
-        Call, CallError, Client, Clock, Context, Conventions, Counters, CountersSnapshot,
-        DiscoverError, Discovered, Discovery, DropReason, Durability, EndpointAddress, History,
-        IncomingRequest, LatencySummary, Link, Listener, Liveliness, Middleware, NameFilter,
-        OpenError, OpenResult, Opened, Overflow, ParseAddressError, PublishError, Published,
-        Publisher, Qos, QosEvent, QosPreset, QueueSpec, Refusal, Refused, Registry, Reliability,
-        Reply, Request, RequestId, Role, RosNow, Sample, SampleOrigin, ServeError, ServeResult,
-        Server, ServiceSpec, TakeError, Ticket, TopicSpec, Traits, UnknownMiddleware, Wake,
+        Call, CallError, Client, Clock, Context, Counters, CountersSnapshot, DiscoverError,
+        Discovered, Discovery, DropReason, Durability, EndpointAddress, History, IncomingRequest,
+        LatencySummary, Link, Listener, Liveliness, Middleware, NameFilter, OpenError, OpenResult,
+        Opened, Overflow, ParseAddressError, PublishError, Published, Publisher, Qos, QosEvent,
+        QosPreset, QueueSpec, Refusal, Refused, Registry, Reliability, Reply, Request, RequestId,
+        Role, Sample, SampleOrigin, ServeError, ServeResult, Server, ServiceSpec, TakeError,
+        Ticket, TopicSpec, UnknownMiddleware, Wake,
     };
+    // What `Middleware::traits` returns, which a middleware of a program's own may give.
+    #[doc(hidden)]
+    pub use wrapyfi_endpoint::Traits;
 }
 
 /// Routes: those that are wanted, the engine that runs them, and their state.
@@ -126,16 +128,15 @@ pub mod endpoint {
 pub mod engine {
     #[doc(inline)]
     pub use wrapyfi_engine::{
-        Applier, Available, Config, ConfigError, Driver, Engine, Kind, NamePattern, Names, Plan,
-        PlanDiff, Policy, Problem, QosConfig, Rate, Route, RouteState, RouteStatus, Running,
-        StampSource, Types,
+        Applier, Available, Config, ConfigError, Driver, Engine, Plan, PlanDiff, Policy, Problem,
+        QosConfig, Route, RouteState, RouteStatus, Running, StampSource,
     };
 }
 
 /// Names of machines, and who may reach our sockets.
 pub mod network {
     #[doc(inline)]
-    pub use wrapyfi_endpoint::network::{Hosts, Insecure, Place, ReachedByOthers, VariableError};
+    pub use wrapyfi_endpoint::network::{Hosts, Insecure};
 }
 
 /// Names of nodes, and `--ros-args`, which make a process a ROS 2 node.
@@ -144,7 +145,7 @@ pub mod node {
     #[doc(inline)]
     pub use wrapyfi_node::{
         NameError, NodeName,
-        args::{RosArgs, RosArgsError, RosArgsWarning},
+        args::{RosArgs, RosArgsError},
         read_params_file,
     };
 }
@@ -159,10 +160,10 @@ pub mod types {
     pub use wrapyfi_data::types::{
         AudioChunk, CompressedFormat, DataType, DateTime, Dtype, Element, Encoding, ForeignObject,
         Image, Labelled, LabelledContent, MAX_DEPTH, MAX_ROS_TYPES, Map, MessageType, NativeObject,
-        NumpyArray, Origin, ParameterType, ParameterValue, ParseDateTimeError, ParseTypeError,
-        Payload, Picture, Pixels, PluginObject, Properties, PropertiesError, Quantity, RawPixels,
-        RosMessage, RosService, RosType, RosTypeError, RosValueError, SampleFormat, ServiceKind,
-        ShapeError, Stamp, Table, Tagged, Tensor, TypedError, Value, Variable, fields_of,
-        fields_of_call, fields_of_return, from_value, nested_list, to_value, value_of,
+        NumpyArray, Origin, ParameterValue, ParseDateTimeError, ParseTypeError, Payload, Picture,
+        Pixels, PluginObject, Properties, PropertiesError, Quantity, RawPixels, RosMessage,
+        RosService, RosType, RosTypeError, RosValueError, SampleFormat, ServiceKind, ShapeError,
+        Stamp, Table, Tagged, Tensor, TypedError, Value, Variable, fields_of, fields_of_call,
+        fields_of_return, from_value, nested_list, to_value, value_of,
     };
 }

@@ -66,8 +66,8 @@ pub trait MiddlewareSettings {
 #[non_exhaustive]
 pub enum StartError {
     /// An option has a value that it cannot have.
-    #[error(transparent)]
-    Option(#[from] OptionError),
+    #[error("{0}")]
+    Option(String),
     /// The settings can never work, in the words of the middleware.
     #[error("{0}")]
     Refused(String),
@@ -77,6 +77,12 @@ pub enum StartError {
     /// The system or a library refuses; a later try may succeed.
     #[error("{0}")]
     Failed(String),
+}
+
+impl From<OptionError> for StartError {
+    fn from(error: OptionError) -> Self {
+        Self::Option(error.to_string())
+    }
 }
 
 impl StartError {

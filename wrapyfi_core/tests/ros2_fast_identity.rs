@@ -266,13 +266,13 @@ fn callbacks_may_create_and_drop_services() {
 #[test]
 fn what_rustdds_cannot_do_is_said() {
     let mut wanted = config("n");
-    wanted.discovery.range = DiscoveryRange::Off;
+    wanted.discovery_range = DiscoveryRange::Off;
     assert!(matches!(RustServices::new(&wanted), Err(RustServicesError::Off)));
-    wanted.discovery.range = DiscoveryRange::Subnet;
+    wanted.discovery_range = DiscoveryRange::Subnet;
     wanted.interface = Some("no_such_interface".into());
     let error = RustServices::new(&wanted).err().unwrap();
     assert!(error.to_string().contains("lo"), "{error}");
     wanted.interface = None;
-    wanted.discovery.static_peers.push("192.0.2.1".into());
+    wanted.static_peers.push("192.0.2.1".into());
     drop(RustServices::new(&wanted).unwrap());
 }

@@ -96,7 +96,7 @@ fn the_node_and_its_endpoints_are_announced() {
 fn one_domain_has_one_configuration() {
     let first = near("a");
     let mut other = near_config("b");
-    other.discovery.static_peers.push("127.0.0.2".into());
+    other.static_peers.push("127.0.0.2".into());
     let clash = CycloneGraph::new(&other).err();
     assert!(
         matches!(clash, Some(CycloneError::Domain(DomainError::Clash { id, .. })) if id == domain()),
@@ -110,7 +110,7 @@ fn one_domain_has_one_configuration() {
 fn a_later_source_overrides_an_earlier_one() {
     // OFF gives each process a tag of its own and no peers; the later source takes both back.
     let mut config = near_config("a");
-    config.discovery.range = DiscoveryRange::Off;
+    config.discovery_range = DiscoveryRange::Off;
     config.extra_uri = Some(discovery(&format!(
         "<Tag>{}</Tag><ParticipantIndex>auto</ParticipantIndex>\
          <Peers><Peer address='localhost'/></Peers>",

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::io;
 
 use serde_json::{Value, json};
-use wrapyfi_node::args::{RosArgs, RosArgsErrorKind, RosArgsWarning};
+use wrapyfi_node::args::{RosArgs, RosArgsErrorKind};
 use wrapyfi_node::{NodeOptions, ParameterValue};
 
 const CASES: &str = include_str!("data/ros_args/ros_args_cases.json");
@@ -83,14 +83,14 @@ fn outcome(argv: &[String], files: &Value, declared: &Value) -> Value {
                 }
                 _ => format!("rclpy._rclpy_pybind11.RCLError: failed to initialize rcl: {error}"),
             };
-            return json!({ "warnings": texts(&error.warnings), "exception": exception });
+            return json!({ "warnings": error.warnings, "exception": exception });
         }
     };
     let node = match NodeOptions::resolve("talker", "", &args) {
         Ok(node) => node,
         Err(error) => {
             let exception = format!("rclpy.exceptions.InvalidParameterTypeException: {error}");
-            return json!({ "warnings": texts(&args.warnings), "exception": exception });
+            return json!({ "warnings": args.warnings, "exception": exception });
         }
     };
     let topics: Vec<String> = ["chatter", "~/private", "/abs"]
@@ -116,7 +116,7 @@ fn outcome(argv: &[String], files: &Value, declared: &Value) -> Value {
         })
         .collect();
     json!({
-        "warnings": texts(&args.warnings),
+        "warnings": args.warnings,
         "exception": null,
         "fqn": node.name.fqn(),
         "topics": topics,
@@ -153,10 +153,6 @@ fn typed(value: &ParameterValue) -> Value {
         ParameterValue::StringArray(x) => json!(x),
     };
     json!([value.type_name(), content])
-}
-
-fn texts(warnings: &[RosArgsWarning]) -> Vec<String> {
-    warnings.iter().map(ToString::to_string).collect()
 }
 
 fn strings(value: &Value) -> Vec<String> {

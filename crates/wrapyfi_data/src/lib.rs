@@ -17,7 +17,10 @@
 //! A program names these through `wrapyfi_core`, which exports them under the same names.
 //!
 //! ```
-//! use wrapyfi_data::{Limits, codec::json, types::Value};
+//! # mod wrapyfi_core { pub use wrapyfi_data::{Limits, codec, types}; }
+//! use wrapyfi_core::Limits;
+//! use wrapyfi_core::codec::json;
+//! use wrapyfi_core::types::Value;
 //!
 //! let text = br#"["a", true]"#.as_slice().into();
 //! let value = json::decode(&text, &Limits::default())?;

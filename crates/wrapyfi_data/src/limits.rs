@@ -5,7 +5,8 @@ use std::time::Duration;
 /// Limits on the memory that one message may take. The error of a check names its limit.
 ///
 /// ```
-/// use wrapyfi_data::Limits;
+/// # mod wrapyfi_core { pub use wrapyfi_data::Limits; }
+/// use wrapyfi_core::Limits;
 /// let limits = Limits { message_bytes: 256 * Limits::MIB, ..Limits::default() };
 /// assert_eq!(limits.depth, 64);
 /// ```

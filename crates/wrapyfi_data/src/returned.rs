@@ -98,11 +98,15 @@ pub trait Returned<K>: Sized {
 /// Error of converting between a returned value and a message.
 ///
 /// ```
-/// use wrapyfi_data::returned::{Returned, kind};
-/// use wrapyfi_data::types::{AudioChunk, Value};
-/// let text = Value::from("no sound").into();
-/// let error = <AudioChunk as Returned<kind::AudioChunk>>::from_payload(text).unwrap_err();
+/// # mod wrapyfi_core { pub use wrapyfi_data::returned as communicator; }
+/// use wrapyfi_core::communicator::PayloadError;
+/// # use wrapyfi_data::returned::{Returned, kind};
+/// # use wrapyfi_data::types::{AudioChunk, Value};
+/// # let text = Value::from("no sound").into();
+/// # let found = <AudioChunk as Returned<kind::AudioChunk>>::from_payload(text).unwrap_err();
+/// let error = PayloadError::Kind { expected: "AudioChunk".into(), actual: "NativeObject".into() };
 /// assert_eq!(error.to_string(), "NativeObject where AudioChunk should be");
+/// # assert_eq!(found, error);
 /// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]

@@ -6,7 +6,8 @@ use std::str::FromStr;
 /// An endpoint as routes and commands name it, for instance `zeromq:/camera`.
 ///
 /// ```
-/// use wrapyfi_endpoint::EndpointAddress;
+/// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
+/// use wrapyfi_core::endpoint::EndpointAddress;
 /// let address: EndpointAddress = "ros2:/chatter".parse()?;
 /// assert_eq!((address.middleware.as_str(), address.name.as_str()), ("ros2", "/chatter"));
 /// # Ok::<(), wrapyfi_endpoint::ParseAddressError>(())
@@ -22,7 +23,8 @@ pub struct EndpointAddress {
 /// Error of reading an endpoint address.
 ///
 /// ```
-/// use wrapyfi_endpoint::EndpointAddress;
+/// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
+/// use wrapyfi_core::endpoint::EndpointAddress;
 /// let error = "camera".parse::<EndpointAddress>().unwrap_err();
 /// assert!(error.to_string().starts_with("endpoint \"camera\" names no middleware: write the name"));
 /// ```

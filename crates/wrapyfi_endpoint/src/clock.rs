@@ -31,8 +31,9 @@ pub struct RosNow {
 /// A monotonic clock, and the one of the node; both the system's by default.
 ///
 /// ```
+/// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
 /// use std::time::{Duration, Instant};
-/// use wrapyfi_endpoint::Clock;
+/// use wrapyfi_core::endpoint::Clock;
 /// let noon = Instant::now();
 /// let clock = Clock::new(move || noon + Duration::from_secs(60));
 /// assert_eq!(clock.age(noon), Duration::from_secs(60));
@@ -50,6 +51,7 @@ impl Clock {
     }
 
     /// Sets the time in headers, that of a node.
+    #[doc(hidden)]
     #[must_use]
     pub fn with_ros_time(self, now: impl Fn() -> RosNow + Send + Sync + 'static) -> Self {
         Self { ros_now: Some(Arc::new(now)), ..self }
@@ -66,6 +68,7 @@ impl Clock {
     }
 
     /// Time in headers.
+    #[doc(hidden)]
     pub fn ros_now(&self) -> RosNow {
         let system = || RosNow { stamp: Stamp::now(), simulated: false };
         self.ros_now.as_ref().map_or_else(system, |now| now())

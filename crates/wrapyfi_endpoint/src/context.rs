@@ -7,8 +7,13 @@ use super::{Clock, Counters, Wake};
 /// Bell and counters that an endpoint shares with its owner.
 ///
 /// ```
-/// use wrapyfi_endpoint::{Context, Middleware, TopicSpec, memory::Memory};
-/// use wrapyfi_data::types::{MessageType, Value};
+/// # mod wrapyfi_core {
+/// #     pub use {wrapyfi_endpoint as endpoint, wrapyfi_data::types};
+/// #     pub mod middleware { pub use wrapyfi_endpoint::memory; }
+/// # }
+/// use wrapyfi_core::endpoint::{Context, Middleware, TopicSpec};
+/// use wrapyfi_core::middleware::memory::Memory;
+/// use wrapyfi_core::types::{MessageType, Value};
 /// let bus = Memory::new("memory");
 /// let spec = TopicSpec::new("/x", MessageType::NativeObject);
 /// let context = Context::default();

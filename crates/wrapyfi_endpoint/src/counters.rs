@@ -28,8 +28,10 @@ named! {
     /// Reason that a message was not delivered. Every lost message is counted under one of these.
     ///
     /// ```
-    /// use wrapyfi_endpoint::DropReason;
-    /// use wrapyfi_data::{Limits, codec::json};
+    /// # mod wrapyfi_core { pub use {wrapyfi_data::{Limits, codec}, wrapyfi_endpoint as endpoint}; }
+    /// use wrapyfi_core::Limits;
+    /// use wrapyfi_core::codec::json;
+    /// use wrapyfi_core::endpoint::DropReason;
     /// let error = json::decode(&"{".into(), &Limits::default()).unwrap_err();
     /// assert_eq!(DropReason::from(&error), DropReason::Malformed);
     /// assert_eq!(DropReason::NoConsumer.to_string(), "no_consumer");
@@ -121,7 +123,8 @@ named! {
     /// Event of an endpoint's quality of service, such as a missed deadline. No message is lost by it.
     ///
     /// ```
-    /// use wrapyfi_endpoint::{Counters, QosEvent};
+    /// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
+    /// use wrapyfi_core::endpoint::{Counters, QosEvent};
     /// let counters = Counters::default();
     /// counters.qos_event(QosEvent::DeadlineMissed, 2);
     /// assert_eq!(counters.snapshot().qos_events, [(QosEvent::DeadlineMissed, 2)]);
@@ -146,7 +149,8 @@ named! {
 /// A program that was refused at an endpoint.
 ///
 /// ```
-/// use wrapyfi_endpoint::{Counters, Refused};
+/// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
+/// use wrapyfi_core::endpoint::{Counters, Refused};
 /// let counters = Counters::default();
 /// let (who, allow) = ("192.168.1.7".to_owned(), "from_peers: [192.168.1.7]".to_owned());
 /// counters.refused_peer(Refused { who, allow });
@@ -175,8 +179,9 @@ impl Refused {
 /// Live counters of one route or endpoint, shared with the I/O threads that feed it.
 ///
 /// ```
+/// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
 /// use std::time::Duration;
-/// use wrapyfi_endpoint::{Counters, DropReason};
+/// use wrapyfi_core::endpoint::{Counters, DropReason};
 /// let counters = Counters::default();
 /// counters.received(100);
 /// counters.received(100);
@@ -306,7 +311,8 @@ impl Counters {
 /// [`Counters`] at one moment, printable and serialisable.
 ///
 /// ```
-/// use wrapyfi_endpoint::{Counters, DropReason};
+/// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
+/// use wrapyfi_core::endpoint::{Counters, DropReason};
 /// let counters = Counters::default();
 /// counters.dropped_many(DropReason::Oversize, 3);
 /// let snapshot = counters.snapshot();

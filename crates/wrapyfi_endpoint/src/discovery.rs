@@ -19,7 +19,8 @@ use super::{BridgeMark, History, Liveliness, QosPolicy, Reliability};
 /// Predicate that is true for the names of endpoints that the owner of a [`Discovery`] asks for.
 ///
 /// ```
-/// use wrapyfi_endpoint::NameFilter;
+/// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
+/// use wrapyfi_core::endpoint::NameFilter;
 /// let cameras: NameFilter = Box::new(|name| name.starts_with("/camera/"));
 /// assert!(cameras("/camera/left") && !cameras("/arm"));
 /// ```
@@ -28,8 +29,13 @@ pub type NameFilter = Box<dyn Fn(&str) -> bool + Send + Sync>;
 /// A look for endpoints that goes on until it is dropped, and sees more the longer it goes on.
 ///
 /// ```
-/// use wrapyfi_endpoint::{Context, Discovery, Middleware, Role, TopicSpec, memory::Memory};
-/// use wrapyfi_data::types::MessageType;
+/// # mod wrapyfi_core {
+/// #     pub use {wrapyfi_endpoint as endpoint, wrapyfi_data::types};
+/// #     pub mod middleware { pub use wrapyfi_endpoint::memory; }
+/// # }
+/// use wrapyfi_core::endpoint::{Context, Discovery, Middleware, Role, TopicSpec};
+/// use wrapyfi_core::middleware::memory::Memory;
+/// use wrapyfi_core::types::MessageType;
 /// let bus = Memory::new("memory");
 /// let spec = TopicSpec::new("/camera", MessageType::Image);
 /// let _publisher = bus.open_publisher(&spec, &Context::default())?;
@@ -74,7 +80,8 @@ pub trait Discovery: Send {
 /// An endpoint, or several that are alike and that the transport lists as one.
 ///
 /// ```
-/// use wrapyfi_endpoint::{Discovered, Role};
+/// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
+/// use wrapyfi_core::endpoint::{Discovered, Role};
 /// let camera = Discovered {
 ///     type_name: Some("sensor_msgs/msg/Image".into()),
 ///     ..Discovered::new("/camera", Role::Publisher)
@@ -129,7 +136,8 @@ impl Discovered {
 /// Role of an endpoint.
 ///
 /// ```
-/// use wrapyfi_endpoint::Role;
+/// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
+/// use wrapyfi_core::endpoint::Role;
 /// assert_eq!(Role::Publisher.to_string(), "publisher");
 /// assert!(Role::Publisher < Role::Server); // the order of lists
 /// ```
@@ -228,7 +236,8 @@ impl fmt::Display for AnnouncedQos {
 /// Error of listing endpoints.
 ///
 /// ```
-/// use wrapyfi_endpoint::DiscoverError;
+/// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
+/// use wrapyfi_core::endpoint::DiscoverError;
 /// let error = DiscoverError::Unsupported("zeromq".into());
 /// assert_eq!(error.to_string(), "zeromq cannot tell which endpoints exist");
 /// ```

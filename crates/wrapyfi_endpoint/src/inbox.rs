@@ -27,15 +27,22 @@ use wrapyfi_retry::Mutex;
 /// Policy by which a full queue treats the next message.
 ///
 /// ```
-/// use std::time::Duration;
-/// use wrapyfi_endpoint::{Context, Overflow, QueueSpec, inbox};
-/// # struct Frame;
-/// # impl wrapyfi_endpoint::Waits for Frame { fn bytes(&self) -> usize { 1 } }
-/// let overflow = Overflow::Block(Duration::from_millis(50));
-/// let (sender, receiver) = inbox(QueueSpec { depth: 1, overflow }, &Context::default());
-/// assert!(sender.push(Frame).is_ok());
-/// assert!(sender.push(Frame).is_err()); // handed back, to be offered again
-/// assert_eq!(receiver.len(), 1);
+/// # mod wrapyfi_core {
+/// #     pub use {wrapyfi_endpoint as endpoint, wrapyfi_data::types};
+/// #     pub mod middleware { pub use wrapyfi_endpoint::memory; }
+/// # }
+/// use wrapyfi_core::endpoint::{Context, Middleware, Overflow, QueueSpec, TopicSpec};
+/// use wrapyfi_core::middleware::memory::Memory;
+/// use wrapyfi_core::types::{MessageType, Value};
+/// let (bus, context) = (Memory::new("memory"), Context::default());
+/// let queue = QueueSpec { depth: 1, overflow: Overflow::DropOldest };
+/// let spec = TopicSpec { queue, ..TopicSpec::new("/x", MessageType::NativeObject) };
+/// let mut listener = bus.open_listener(&spec, &context)?;
+/// let mut publisher = bus.open_publisher(&spec, &Context::default())?;
+/// publisher.publish(&Value::from("old").into())?;
+/// publisher.publish(&Value::from("new").into())?;
+/// assert_eq!(listener.take()?.unwrap().payload, Value::from("new").into());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Overflow {
@@ -51,9 +58,13 @@ pub enum Overflow {
 /// Length and policy of a route's queue.
 ///
 /// ```
-/// use wrapyfi_endpoint::{Context, Middleware, Overflow, QueueSpec, TopicSpec};
-/// use wrapyfi_endpoint::memory::Memory;
-/// use wrapyfi_data::types::{MessageType, Value};
+/// # mod wrapyfi_core {
+/// #     pub use {wrapyfi_endpoint as endpoint, wrapyfi_data::types};
+/// #     pub mod middleware { pub use wrapyfi_endpoint::memory; }
+/// # }
+/// use wrapyfi_core::endpoint::{Context, Middleware, Overflow, QueueSpec, TopicSpec};
+/// use wrapyfi_core::middleware::memory::Memory;
+/// use wrapyfi_core::types::{MessageType, Value};
 /// let bus = Memory::new("memory");
 /// let queue = QueueSpec { depth: 1, overflow: Overflow::DropOldest };
 /// let spec = TopicSpec { queue, ..TopicSpec::new("/x", MessageType::NativeObject) };
@@ -100,6 +111,18 @@ pub trait Waits {
 }
 
 /// Opens a queue. The bell of `context` is rung for every message accepted, drops are counted there.
+///
+/// ```
+/// use std::time::Duration;
+/// use wrapyfi_endpoint::{Context, Overflow, QueueSpec, inbox};
+/// # struct Frame;
+/// # impl wrapyfi_endpoint::Waits for Frame { fn bytes(&self) -> usize { 1 } }
+/// let overflow = Overflow::Block(Duration::from_millis(50));
+/// let (sender, receiver) = inbox(QueueSpec { depth: 1, overflow }, &Context::default());
+/// assert!(sender.push(Frame).is_ok());
+/// assert!(sender.push(Frame).is_err()); // handed back, to be offered again
+/// assert_eq!(receiver.len(), 1);
+/// ```
 #[must_use]
 pub fn inbox<T: Waits>(spec: QueueSpec, context: &Context) -> (Sender<T>, Receiver<T>) {
     let shared = Arc::new(Shared {

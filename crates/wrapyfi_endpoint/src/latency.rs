@@ -38,7 +38,8 @@ impl Default for Latency {
 /// See [`Latency`].
 ///
 /// ```
-/// use wrapyfi_endpoint::{Context, LatencySummary};
+/// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
+/// use wrapyfi_core::endpoint::{Context, LatencySummary};
 /// let none_yet = Context::default().counters.snapshot().latency;
 /// assert_eq!(none_yet, LatencySummary { p50_us: 0, p99_us: 0 });
 /// ```

@@ -101,9 +101,14 @@ use wrapyfi_data::types::{Encoding, Map, MessageType, Payload, ServiceKind};
 /// A transport that carries topics: ZeroMQ, ROS 2, …
 ///
 /// ```
+/// # mod wrapyfi_core {
+/// #     pub use {wrapyfi_endpoint as endpoint, wrapyfi_data::types};
+/// #     pub mod middleware { pub use wrapyfi_endpoint::memory; }
+/// # }
 /// use std::error::Error;
-/// use wrapyfi_endpoint::{Context, Middleware, TopicSpec, memory::Memory};
-/// use wrapyfi_data::types::{MessageType, Value};
+/// use wrapyfi_core::endpoint::{Context, Middleware, TopicSpec};
+/// use wrapyfi_core::middleware::memory::Memory;
+/// use wrapyfi_core::types::{MessageType, Value};
 ///
 /// /// Works on any middleware.
 /// fn greet(middleware: &dyn Middleware, spec: &TopicSpec) -> Result<(), Box<dyn Error>> {
@@ -184,6 +189,7 @@ pub trait Middleware: Send + Sync {
     }
 
     /// Properties of this middleware on which routes by pattern depend.
+    #[doc(hidden)]
     fn traits(&self) -> Traits {
         Traits::default()
     }
@@ -273,9 +279,14 @@ pub struct Traits {
 /// The receiving end of a topic.
 ///
 /// ```
+/// # mod wrapyfi_core {
+/// #     pub use {wrapyfi_endpoint as endpoint, wrapyfi_data::types};
+/// #     pub mod middleware { pub use wrapyfi_endpoint::memory; }
+/// # }
 /// use std::time::Duration;
-/// use wrapyfi_endpoint::{Context, Listener, Middleware, TopicSpec, memory::Memory};
-/// use wrapyfi_data::types::{MessageType, Payload, Value};
+/// use wrapyfi_core::endpoint::{Context, Listener, Middleware, TopicSpec};
+/// use wrapyfi_core::middleware::memory::Memory;
+/// use wrapyfi_core::types::{MessageType, Payload, Value};
 ///
 /// let bus = Memory::new("memory");
 /// let spec = TopicSpec::new("/x", MessageType::NativeObject);
@@ -321,8 +332,13 @@ pub trait Listener: Send {
 /// The sending end of a topic.
 ///
 /// ```
-/// use wrapyfi_endpoint::{Context, Middleware, Publisher, TopicSpec, memory::Memory};
-/// use wrapyfi_data::types::{MessageType, Value};
+/// # mod wrapyfi_core {
+/// #     pub use {wrapyfi_endpoint as endpoint, wrapyfi_data::types};
+/// #     pub mod middleware { pub use wrapyfi_endpoint::memory; }
+/// # }
+/// use wrapyfi_core::endpoint::{Context, Middleware, Publisher, TopicSpec};
+/// use wrapyfi_core::middleware::memory::Memory;
+/// use wrapyfi_core::types::{MessageType, Value};
 ///
 /// let bus = Memory::new("memory");
 /// let spec = TopicSpec::new("/x", MessageType::NativeObject);
@@ -401,8 +417,13 @@ pub struct QosChange {
 /// A received message.
 ///
 /// ```
-/// use wrapyfi_endpoint::{Context, Middleware, Sample, TopicSpec, memory::Memory};
-/// use wrapyfi_data::types::{MessageType, Payload, Value};
+/// # mod wrapyfi_core {
+/// #     pub use {wrapyfi_endpoint as endpoint, wrapyfi_data::types};
+/// #     pub mod middleware { pub use wrapyfi_endpoint::memory; }
+/// # }
+/// use wrapyfi_core::endpoint::{Context, Middleware, Sample, TopicSpec};
+/// use wrapyfi_core::middleware::memory::Memory;
+/// use wrapyfi_core::types::{MessageType, Payload, Value};
 /// let bus = Memory::new("memory");
 /// let spec = TopicSpec::new("/x", MessageType::NativeObject);
 /// let mut listener = bus.open_listener(&spec, &Context::default())?;
@@ -433,8 +454,9 @@ impl Waits for Sample {
 /// A topic to open, with its type and the settings of the endpoint.
 ///
 /// ```
-/// use wrapyfi_endpoint::{Overflow, QosPreset, QueueSpec, TopicSpec};
-/// use wrapyfi_data::types::MessageType;
+/// # mod wrapyfi_core { pub use {wrapyfi_endpoint as endpoint, wrapyfi_data::types}; }
+/// use wrapyfi_core::endpoint::{Overflow, QosPreset, QueueSpec, TopicSpec};
+/// use wrapyfi_core::types::MessageType;
 /// let spec = TopicSpec {
 ///     qos: QosPreset::SensorData.into(),
 ///     queue: QueueSpec { depth: 1, overflow: Overflow::DropOldest },

@@ -3,8 +3,13 @@
 /// State of an endpoint's connection, for status tables and for waiting.
 ///
 /// ```
-/// use wrapyfi_endpoint::{Context, Link, Middleware, TopicSpec, memory::Memory};
-/// use wrapyfi_data::types::MessageType;
+/// # mod wrapyfi_core {
+/// #     pub use {wrapyfi_endpoint as endpoint, wrapyfi_data::types};
+/// #     pub mod middleware { pub use wrapyfi_endpoint::memory; }
+/// # }
+/// use wrapyfi_core::endpoint::{Context, Link, Middleware, TopicSpec};
+/// use wrapyfi_core::middleware::memory::Memory;
+/// use wrapyfi_core::types::MessageType;
 /// let spec = TopicSpec::new("/x", MessageType::Image);
 /// let listener = Memory::new("memory").open_listener(&spec, &Context::default())?;
 /// let Link { peers, waiting_for, .. } = listener.link();

@@ -21,9 +21,13 @@ use wrapyfi_data::types::Payload;
 /// A bus of topics that live in this process.
 ///
 /// ```
-/// use wrapyfi_endpoint::{Context, Middleware, TopicSpec};
-/// use wrapyfi_endpoint::memory::Memory;
-/// use wrapyfi_data::types::{MessageType, Payload, Value};
+/// # mod wrapyfi_core {
+/// #     pub use {wrapyfi_endpoint as endpoint, wrapyfi_data::types};
+/// #     pub mod middleware { pub use wrapyfi_endpoint::memory; }
+/// # }
+/// use wrapyfi_core::endpoint::{Context, Middleware, TopicSpec};
+/// use wrapyfi_core::middleware::memory::Memory;
+/// use wrapyfi_core::types::{MessageType, Payload, Value};
 /// let bus = Memory::new("memory");
 /// let spec = TopicSpec::new("/x", MessageType::NativeObject);
 /// let mut listener = bus.open_listener(&spec, &Context::default())?;

@@ -8,7 +8,8 @@
 /// The publisher that a message comes from, as far as its listener can tell publishers apart.
 ///
 /// ```
-/// use wrapyfi_endpoint::{SampleOrigin, Sample};
+/// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
+/// use wrapyfi_core::endpoint::{Sample, SampleOrigin};
 /// /// True where the message comes from a publisher that keeps it for later listeners.
 /// fn is_latched(sample: &Sample) -> bool {
 ///     sample.origin.is_some_and(|origin| origin.keeps > 0)

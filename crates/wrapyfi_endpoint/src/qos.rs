@@ -12,7 +12,8 @@ use super::discovery::{AnnouncedDurability, AnnouncedQos};
 /// See [`Qos`].
 ///
 /// ```
-/// use wrapyfi_endpoint::{Qos, Reliability};
+/// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
+/// use wrapyfi_core::endpoint::{Qos, Reliability};
 /// let camera = Qos { reliability: Reliability::BestEffort, ..Qos::default() };
 /// assert_eq!(camera.to_string(), "best_effort volatile keep_last(10)");
 /// ```
@@ -29,7 +30,8 @@ pub enum Reliability {
 /// See [`Qos`].
 ///
 /// ```
-/// use wrapyfi_endpoint::{Durability, Qos};
+/// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
+/// use wrapyfi_core::endpoint::{Durability, Qos};
 /// let map = Qos { durability: Durability::TransientLocal, ..Qos::default() };
 /// assert_eq!(map.to_string(), "reliable transient_local keep_last(10)");
 /// ```
@@ -44,7 +46,8 @@ pub enum Durability {
 /// Number of messages that an endpoint keeps until they are delivered.
 ///
 /// ```
-/// use wrapyfi_endpoint::{History, Qos};
+/// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
+/// use wrapyfi_core::endpoint::{History, Qos};
 /// let all = Qos { history: History::KeepAll, ..Qos::default() };
 /// assert_eq!(all.to_string(), "reliable volatile keep_all");
 /// ```
@@ -62,8 +65,9 @@ pub enum History {
 /// See [`Qos`].
 ///
 /// ```
+/// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
 /// use std::time::Duration;
-/// use wrapyfi_endpoint::{Liveliness, Qos};
+/// use wrapyfi_core::endpoint::{Liveliness, Qos};
 /// let lease = Some(Duration::from_secs(1));
 /// let motors = Qos { liveliness: Liveliness::ManualByTopic, lease, ..Qos::default() };
 /// assert_ne!(motors.liveliness, Qos::default().liveliness);
@@ -87,8 +91,9 @@ pub enum Liveliness {
 /// default profile, keep-last 10.
 ///
 /// ```
+/// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
 /// use std::time::Duration;
-/// use wrapyfi_endpoint::{Durability, History, Liveliness, Qos, Reliability};
+/// use wrapyfi_core::endpoint::{Durability, History, Liveliness, Qos, Reliability};
 /// let qos = Qos {
 ///     reliability: Reliability::BestEffort,
 ///     durability: Durability::Volatile,
@@ -156,7 +161,8 @@ impl fmt::Display for Qos {
 /// A named profile, as `rmw_qos_profiles` names them.
 ///
 /// ```
-/// use wrapyfi_endpoint::{Qos, QosPreset};
+/// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
+/// use wrapyfi_core::endpoint::{Qos, QosPreset};
 /// let latched = Qos::from(QosPreset::Latched);
 /// assert_eq!(latched.to_string(), "reliable transient_local keep_last(1)");
 /// assert_eq!(Qos::from(QosPreset::Default), Qos::default());

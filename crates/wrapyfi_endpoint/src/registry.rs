@@ -9,8 +9,13 @@ use super::{Clock, Middleware};
 /// [`Registry::register`] just as the built-in ones are added.
 ///
 /// ```
+/// # mod wrapyfi_core {
+/// #     pub use wrapyfi_endpoint as endpoint;
+/// #     pub mod middleware { pub use wrapyfi_endpoint::memory; }
+/// # }
 /// use std::sync::Arc;
-/// use wrapyfi_endpoint::{Registry, memory::Memory};
+/// use wrapyfi_core::endpoint::Registry;
+/// use wrapyfi_core::middleware::memory::Memory;
 /// let mut registry = Registry::new();
 /// registry.register(Arc::new(Memory::new("memory")));
 /// assert_eq!(registry.get("memory")?.name(), "memory");
@@ -25,8 +30,13 @@ pub struct Registry {
 /// An address names a middleware that is not in the registry.
 ///
 /// ```
+/// # mod wrapyfi_core {
+/// #     pub use wrapyfi_endpoint as endpoint;
+/// #     pub mod middleware { pub use wrapyfi_endpoint::memory; }
+/// # }
 /// use std::sync::Arc;
-/// use wrapyfi_endpoint::{Registry, memory::Memory};
+/// use wrapyfi_core::endpoint::Registry;
+/// use wrapyfi_core::middleware::memory::Memory;
 /// let mut registry = Registry::new();
 /// registry.register(Arc::new(Memory::new("memory")));
 /// let Err(error) = registry.get("zeromq") else { panic!("it is there") };

@@ -30,8 +30,9 @@ use wrapyfi_data::{DecodeError, Limits};
 /// A request: the call of a function, or a message of a service of ROS.
 ///
 /// ```
-/// use wrapyfi_endpoint::Request;
-/// use wrapyfi_data::types::Map;
+/// # mod wrapyfi_core { pub use {wrapyfi_endpoint as endpoint, wrapyfi_data::types}; }
+/// use wrapyfi_core::endpoint::Request;
+/// use wrapyfi_core::types::Map;
 /// let request = Request::new([1.into(), "a".into()]).with(Map::from([("scale", 0.5)]));
 /// let call = request.call()?;
 /// assert_eq!(call.args.len(), 2);
@@ -50,8 +51,9 @@ pub enum Request {
 /// A call of a function with the arguments of Wrapyfi's `request(*args, **kwargs)`.
 ///
 /// ```
-/// use wrapyfi_endpoint::{Call, Request};
-/// use wrapyfi_data::types::Map;
+/// # mod wrapyfi_core { pub use {wrapyfi_endpoint as endpoint, wrapyfi_data::types}; }
+/// use wrapyfi_core::endpoint::{Call, Request};
+/// use wrapyfi_core::types::Map;
 /// let call = Call { args: vec![2.into(), 3.into()], kwargs: Map::from([("scale", 0.5)]) };
 /// assert_eq!(Request::from(call.clone()).into_call()?, call);
 /// # Ok::<(), wrapyfi_data::DecodeError>(())
@@ -164,6 +166,7 @@ pub struct Reply {
 /// See [`Server`].
 ///
 /// ```
+/// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
 /// # use std::time::Duration;
 /// # use wrapyfi_data::types::{ServiceKind, Value};
 /// # use wrapyfi_endpoint::{Context, Middleware, Request, ServiceSpec, memory::Memory};
@@ -171,7 +174,7 @@ pub struct Reply {
 /// # let spec = ServiceSpec::new("/double", ServiceKind::NativeObject);
 /// # let mut server = bus.open_server(&spec, &context)?;
 /// # let mut client = bus.open_client(&spec, &context)?;
-/// use wrapyfi_endpoint::RequestId;
+/// use wrapyfi_core::endpoint::RequestId;
 /// client.send(&Request::new([1.into()]), Duration::from_secs(5))?;
 /// client.send(&Request::new([2.into()]), Duration::from_secs(5))?;
 /// let waiting: [RequestId; 2] = [server.take()?.unwrap().id, server.take()?.unwrap().id];
@@ -216,9 +219,10 @@ pub struct IncomingRequest {
 /// A service to call or to offer, with its type and the settings of the endpoint.
 ///
 /// ```
+/// # mod wrapyfi_core { pub use {wrapyfi_endpoint as endpoint, wrapyfi_data::types}; }
 /// use std::time::Duration;
-/// use wrapyfi_endpoint::ServiceSpec;
-/// use wrapyfi_data::types::ServiceKind;
+/// use wrapyfi_core::endpoint::ServiceSpec;
+/// use wrapyfi_core::types::ServiceKind;
 /// let timeout = Duration::from_secs(30);
 /// let spec = ServiceSpec { timeout, ..ServiceSpec::new("/plan", ServiceKind::NativeObject) };
 /// assert_eq!((spec.service.as_str(), spec.pending), ("/plan", ServiceSpec::PENDING));
@@ -273,9 +277,14 @@ impl ServiceSpec {
 /// The calling end of a service.
 ///
 /// ```
+/// # mod wrapyfi_core {
+/// #     pub use {wrapyfi_endpoint as endpoint, wrapyfi_data::types};
+/// #     pub mod middleware { pub use wrapyfi_endpoint::memory; }
+/// # }
 /// use std::time::Duration;
-/// use wrapyfi_endpoint::{Context, Middleware, Request, ServiceSpec, memory::Memory};
-/// use wrapyfi_data::types::{ServiceKind, Value};
+/// use wrapyfi_core::endpoint::{Context, Middleware, Request, ServiceSpec};
+/// use wrapyfi_core::middleware::memory::Memory;
+/// use wrapyfi_core::types::{ServiceKind, Value};
 ///
 /// let bus = Memory::new("memory");
 /// let spec = ServiceSpec::new("/double", ServiceKind::NativeObject);
@@ -341,7 +350,8 @@ pub trait Client: Send {
 /// Answer of a server to a request that has no reply.
 ///
 /// ```
-/// use wrapyfi_endpoint::{DropReason, Refusal};
+/// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
+/// use wrapyfi_core::endpoint::{DropReason, Refusal};
 /// let refusal = Refusal::from("the arm is switched off");
 /// assert_eq!(refusal.reason, DropReason::Refused);
 /// ```
@@ -366,10 +376,16 @@ impl<T: Into<String>> From<T> for Refusal {
 /// [`Context::counters`](super::Context::counters), also those that [`Server::take`] returns as an error.
 ///
 /// ```
+/// # mod wrapyfi_core {
+/// #     pub use {wrapyfi_endpoint as endpoint, wrapyfi_data::types};
+/// #     pub mod middleware { pub use wrapyfi_endpoint::memory; }
+/// # }
 /// use std::time::Duration;
-/// use wrapyfi_endpoint::{CallError, Context, IncomingRequest, Middleware, Request, ServiceSpec};
-/// use wrapyfi_endpoint::memory::Memory;
-/// use wrapyfi_data::types::ServiceKind;
+/// use wrapyfi_core::endpoint::{
+///     CallError, Context, IncomingRequest, Middleware, Request, ServiceSpec,
+/// };
+/// use wrapyfi_core::middleware::memory::Memory;
+/// use wrapyfi_core::types::ServiceKind;
 ///
 /// let bus = Memory::new("memory");
 /// let spec = ServiceSpec::new("/move", ServiceKind::NativeObject);

@@ -21,9 +21,14 @@ impl CallError {
 /// Error of a call that has no reply.
 ///
 /// ```
+/// # mod wrapyfi_core {
+/// #     pub use {wrapyfi_endpoint as endpoint, wrapyfi_data::types};
+/// #     pub mod middleware { pub use wrapyfi_endpoint::memory; }
+/// # }
 /// use std::time::Duration;
-/// use wrapyfi_endpoint::{Context, Middleware, Request, ServiceSpec, memory::Memory};
-/// use wrapyfi_data::types::ServiceKind;
+/// use wrapyfi_core::endpoint::{Context, Middleware, Request, ServiceSpec};
+/// use wrapyfi_core::middleware::memory::Memory;
+/// use wrapyfi_core::types::ServiceKind;
 /// let spec = ServiceSpec::new("/plan", ServiceKind::NativeObject);
 /// let mut client = Memory::new("memory").open_client(&spec, &Context::default())?;
 /// let error = client.call(&Request::default(), Duration::from_millis(10)).unwrap_err();
@@ -99,8 +104,13 @@ pub enum CallError {
 /// Error of a server: a request was not served, or an answer not sent.
 ///
 /// ```
-/// use wrapyfi_endpoint::{Context, Middleware, RequestId, ServiceSpec, memory::Memory};
-/// use wrapyfi_data::types::{ServiceKind, Value};
+/// # mod wrapyfi_core {
+/// #     pub use {wrapyfi_endpoint as endpoint, wrapyfi_data::types};
+/// #     pub mod middleware { pub use wrapyfi_endpoint::memory; }
+/// # }
+/// use wrapyfi_core::endpoint::{Context, Middleware, RequestId, ServiceSpec};
+/// use wrapyfi_core::middleware::memory::Memory;
+/// use wrapyfi_core::types::{ServiceKind, Value};
 /// let spec = ServiceSpec::new("/plan", ServiceKind::NativeObject);
 /// let mut server = Memory::new("memory").open_server(&spec, &Context::default())?;
 /// let error = server.reply(RequestId(7), Ok(Value::Null.into())).unwrap_err();

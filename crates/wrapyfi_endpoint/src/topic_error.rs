@@ -9,7 +9,8 @@ use wrapyfi_data::types::MessageType;
 /// Error of opening an endpoint.
 ///
 /// ```
-/// use wrapyfi_endpoint::OpenError;
+/// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
+/// use wrapyfi_core::endpoint::OpenError;
 /// let error = OpenError::transport("zeromq", "/camera", "no sockets are left".into());
 /// assert_eq!(error.to_string(), "zeromq could not open \"/camera\": no sockets are left");
 /// assert!(error.is_transient()); // a later try may succeed
@@ -79,8 +80,8 @@ pub enum OpenError {
         reason: String,
     },
     /// Other machines would reach the endpoint, and no setting permits it.
-    #[error(transparent)]
-    NotLoopback(#[from] ReachedByOthers),
+    #[error("{0}")]
+    NotLoopback(String),
     /// The transport refused; opening again later may succeed.
     #[error("{middleware} could not open {topic:?}: {reason}")]
     Transport {
@@ -102,6 +103,12 @@ pub type OpenResult<T> = Result<T, OpenError>;
 ///
 /// See [`Middleware::open_listener`](crate::Middleware::open_listener).
 pub type Opened<T> = OpenResult<Box<T>>;
+
+impl From<ReachedByOthers> for OpenError {
+    fn from(error: ReachedByOthers) -> Self {
+        Self::NotLoopback(error.to_string())
+    }
+}
 
 impl OpenError {
     /// Error of a name that breaks a rule for names.
@@ -128,7 +135,8 @@ pub type TakeError = DecodeError;
 /// Error of a message that was not sent.
 ///
 /// ```
-/// use wrapyfi_endpoint::{DropReason, PublishError};
+/// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
+/// use wrapyfi_core::endpoint::{DropReason, PublishError};
 /// let error = PublishError::NoConsumer("/camera".into());
 /// assert_eq!(error.to_string(), "nobody listens to \"/camera\"");
 /// assert_eq!(error.drop_reason(), DropReason::NoConsumer);

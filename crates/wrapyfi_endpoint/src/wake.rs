@@ -10,8 +10,9 @@ use std::time::Duration;
 /// endpoint that it owns. A ring before the wait is not lost.
 ///
 /// ```
+/// # mod wrapyfi_core { pub use wrapyfi_endpoint as endpoint; }
 /// use std::time::Duration;
-/// use wrapyfi_endpoint::Wake;
+/// use wrapyfi_core::endpoint::Wake;
 /// let wake = Wake::new();
 /// wake.ring();
 /// assert!(wake.wait(Duration::from_secs(60))); // returns at once

@@ -47,8 +47,9 @@ const SETTINGS: [&str; 12] = [
 /// middlewares and the engine does not.
 ///
 /// ```
+/// # mod wrapyfi_core { pub use wrapyfi_engine as engine; }
 /// use std::collections::BTreeMap;
-/// use wrapyfi_engine::Config;
+/// use wrapyfi_core::engine::Config;
 /// let text = "routes:\n  - from: zeromq:/camera\n    to: ros2:/camera\n    type: Image\n";
 /// let config: Config<BTreeMap<String, String>> = Config::from_yaml(text, "bridge.yaml")?;
 /// let from = config.routes[0].value.from.as_ref().unwrap();

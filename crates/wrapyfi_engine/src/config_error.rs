@@ -8,8 +8,9 @@ pub const MAX_CONFIG_BYTES: usize = 1 << 20;
 /// All faults of a configuration, in the order of their lines. The file is refused as a whole.
 ///
 /// ```
+/// # mod wrapyfi_core { pub use wrapyfi_engine as engine; }
 /// use std::collections::BTreeMap;
-/// use wrapyfi_engine::Config;
+/// use wrapyfi_core::engine::Config;
 /// let text = "routes:\n  - frm: zeromq:/camera\n    to: ros2:/camera\n";
 /// let error = Config::<BTreeMap<String, String>>::from_yaml(text, "bridge.yaml").unwrap_err();
 /// assert_eq!(error.problems[0].position, Some((2, 5)));
@@ -29,8 +30,9 @@ pub struct ConfigError {
 /// See [`ConfigError`].
 ///
 /// ```
+/// # mod wrapyfi_core { pub use wrapyfi_engine as engine; }
 /// use std::collections::BTreeMap;
-/// use wrapyfi_engine::{Config, Problem};
+/// use wrapyfi_core::engine::{Config, Problem};
 /// let config = Config::<BTreeMap<String, String>>::from_yaml("routs: []", "bridge.yaml");
 /// let Problem { position, .. } = config.unwrap_err().problems.remove(0);
 /// assert_eq!(position, Some((1, 1))); // line and column

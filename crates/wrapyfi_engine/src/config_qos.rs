@@ -17,9 +17,10 @@ use wrapyfi_endpoint::{Durability, History, Liveliness, PinnedQos, Qos, QosPrese
 /// Quality of service of a route's ends, where their middleware has one.
 ///
 /// ```
+/// # mod wrapyfi_core { pub use {wrapyfi_endpoint as endpoint, wrapyfi_engine as engine}; }
 /// use std::collections::BTreeMap;
-/// use wrapyfi_endpoint::QosPreset;
-/// use wrapyfi_engine::{Config, QosConfig};
+/// use wrapyfi_core::endpoint::QosPreset;
+/// use wrapyfi_core::engine::{Config, QosConfig};
 /// let text = "routes:\n  - { from: ros2:/a, to: zeromq:/a, qos: sensor_data }\n";
 /// let config: Config<BTreeMap<String, String>> = Config::from_yaml(text, "bridge.yaml")?;
 /// assert_eq!(config.routes[0].value.qos, Some(QosConfig::Fixed(QosPreset::SensorData.into())));

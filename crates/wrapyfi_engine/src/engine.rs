@@ -16,10 +16,15 @@ use wrapyfi_endpoint::{Registry, UnknownMiddleware};
 /// The routes of a plan, not running yet.
 ///
 /// ```
+/// # mod wrapyfi_core {
+/// #     pub use {wrapyfi_data::types, wrapyfi_endpoint as endpoint, wrapyfi_engine as engine};
+/// #     pub mod middleware { pub use wrapyfi_endpoint::memory; }
+/// # }
 /// use std::sync::Arc;
-/// use wrapyfi_data::types::MessageType;
-/// use wrapyfi_endpoint::{Registry, memory::Memory};
-/// use wrapyfi_engine::{Engine, Plan, Route};
+/// use wrapyfi_core::endpoint::Registry;
+/// use wrapyfi_core::engine::{Engine, Plan, Route};
+/// use wrapyfi_core::middleware::memory::Memory;
+/// use wrapyfi_core::types::MessageType;
 /// let mut registry = Registry::new();
 /// registry.register(Arc::new(Memory::new("memory")));
 /// let route = Route::topic("memory:/in".parse()?, "memory:/out".parse()?, MessageType::Image);

@@ -14,11 +14,15 @@
 //! announce.
 //!
 //! ```
+//! # mod wrapyfi_core {
+//! #     pub use {wrapyfi_endpoint as endpoint, wrapyfi_engine as engine, wrapyfi_data::types};
+//! #     pub mod middleware { pub use wrapyfi_endpoint::memory; }
+//! # }
 //! use std::{sync::Arc, time::Instant};
-//! use wrapyfi_endpoint::{Context, Middleware, Registry, TopicSpec};
-//! use wrapyfi_engine::{Engine, Plan, Route};
-//! use wrapyfi_endpoint::memory::Memory;
-//! use wrapyfi_data::types::{MessageType, Payload, Value};
+//! use wrapyfi_core::endpoint::{Context, Middleware, Registry, TopicSpec};
+//! use wrapyfi_core::engine::{Engine, Plan, Route};
+//! use wrapyfi_core::middleware::memory::Memory;
+//! use wrapyfi_core::types::{MessageType, Payload, Value};
 //!
 //! let bus = Arc::new(Memory::new("memory"));
 //! let mut registry = Registry::new();
@@ -96,7 +100,7 @@ pub use reconciler::{GONE_AFTER, LOOK_EVERY};
 pub use reconciler_status::OVER_LIMIT;
 pub use route::{Kind, Names, Policy, Route, RouteKey, Types, Typing};
 pub use route_index::RouteIndex;
-pub use route_status::{PatternCounts, Rate, RouteState, RouteStatus};
+pub use route_status::{PatternCounts, RouteState, RouteStatus};
 pub use running::{Applier, Running};
 pub use stamping::StampSource;
 pub use tap::Tap;

@@ -344,13 +344,15 @@ impl Member {
             None => published.state.clone(),
         };
         let [from_qos, to_qos] = published.qos;
+        let (messages_per_s, bytes_per_s) = self.rate.lock().rate();
         RouteStatus {
             state,
             has_source: self.has_source.load(Ordering::Relaxed),
             from_qos,
             to_qos,
             counters: self.context.counters.snapshot(),
-            rate: self.rate.lock().rate(),
+            messages_per_s,
+            bytes_per_s,
             panics: self.panics.load(Ordering::Relaxed),
             ..self.identity.clone()
         }

@@ -13,8 +13,9 @@ use wrapyfi_interfaces::store::TypeStore;
 /// The routes of a configuration, checked.
 ///
 /// ```
+/// # mod wrapyfi_core { pub use wrapyfi_engine as engine; }
 /// use std::collections::BTreeMap;
-/// use wrapyfi_engine::{Available, Config, Plan};
+/// use wrapyfi_core::engine::{Available, Config, Plan};
 /// use wrapyfi_interfaces::store::TypeStore;
 /// let text = "routes:\n  - from: zeromq:/camera\n    to: ros2:/camera\n    type: Image\n";
 /// let config: Config<BTreeMap<String, String>> = Config::from_yaml(text, "bridge.yaml")?;

@@ -13,7 +13,8 @@ use wrapyfi_endpoint::{Conventions, EndpointAddress, ParseAddressError};
 /// See [`Plan`](super::Plan).
 ///
 /// ```
-/// use wrapyfi_engine::Available;
+/// # mod wrapyfi_core { pub use wrapyfi_engine as engine; }
+/// use wrapyfi_core::engine::Available;
 /// let must_be_absolute = |topic: &str| match topic.starts_with('/') {
 ///     true => Ok(()),
 ///     false => Err("a name begins with /".to_owned()),
@@ -32,6 +33,7 @@ pub struct Available<'a> {
     /// Rule of the middleware for the value of one of them; the error names the fault.
     pub check_option: &'a dyn Fn(&str, &Value) -> Result<(), String>,
     /// Conventions of the middleware for types and names.
+    #[doc(hidden)]
     pub conventions: Conventions,
 }
 

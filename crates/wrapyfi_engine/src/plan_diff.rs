@@ -17,8 +17,9 @@ use super::route::Route;
 /// ends.
 ///
 /// ```
-/// use wrapyfi_engine::{Plan, Route};
-/// use wrapyfi_data::types::MessageType;
+/// # mod wrapyfi_core { pub use {wrapyfi_engine as engine, wrapyfi_data::types}; }
+/// use wrapyfi_core::engine::{Plan, Route};
+/// use wrapyfi_core::types::MessageType;
 /// let route = Route::topic("zeromq:/a".parse()?, "ros2:/a".parse()?, MessageType::Image);
 /// let diff = Plan::default().diff(&Plan { routes: vec![route] });
 /// assert_eq!((diff.added.len(), diff.removed.len(), diff.kept), (1, 0, 0));

@@ -7,7 +7,6 @@
 
 use std::time::{Duration, Instant};
 
-use super::route_status::Rate;
 use wrapyfi_endpoint::Counters;
 
 /// Time between two looks at the counters.
@@ -17,7 +16,7 @@ pub(super) const LOOK_EVERY: Duration = Duration::from_secs(1);
 #[derive(Debug, Default)]
 pub(super) struct RateMeter {
     looked: Option<(Instant, (u64, u64))>,
-    rate: Rate,
+    rate: (f64, u64),
 }
 
 impl RateMeter {
@@ -35,14 +34,12 @@ impl RateMeter {
         self.looked = Some((now, sent));
         // Less than before where messages turn out undelivered.
         let per_s = |now: u64, before: u64| now.saturating_sub(before) as f64 / time.as_secs_f64();
-        self.rate = Rate {
-            messages_per_s: (per_s(sent.0, before.0) * 10.0).round() / 10.0,
-            bytes_per_s: per_s(sent.1, before.1).round() as u64,
-        };
+        let messages = (per_s(sent.0, before.0) * 10.0).round() / 10.0;
+        self.rate = (messages, per_s(sent.1, before.1).round() as u64);
     }
 
-    /// Rate between the last two looks.
-    pub(super) fn rate(&self) -> Rate {
+    /// Messages, to a tenth, and bytes a second between the last two looks.
+    pub(super) fn rate(&self) -> (f64, u64) {
         self.rate
     }
 }
@@ -61,7 +58,7 @@ mod tests {
             (0..messages).for_each(|_| counters.sent(100, Duration::ZERO));
             now += Duration::from_millis(ms);
             meter.look(&counters, now);
-            (meter.rate().messages_per_s, meter.rate().bytes_per_s)
+            meter.rate()
         };
         assert_eq!(after(0, 50, &mut meter), (0.0, 0), "nobody knows how long these took");
         assert_eq!(after(500, 10, &mut meter), (0.0, 0), "too soon");

@@ -41,8 +41,9 @@ pub struct RouteKey {
 /// A route that is to run, or a pattern that means many.
 ///
 /// ```
-/// use wrapyfi_data::types::MessageType;
-/// use wrapyfi_engine::Route;
+/// # mod wrapyfi_core { pub use {wrapyfi_data::types, wrapyfi_engine as engine}; }
+/// use wrapyfi_core::engine::Route;
+/// use wrapyfi_core::types::MessageType;
 /// let route = Route::topic("zeromq:/camera".parse()?, "ros2:/camera".parse()?, MessageType::Image);
 /// assert_eq!((route.from.middleware.as_str(), route.to.middleware.as_str()), ("zeromq", "ros2"));
 /// assert!(route.to_string().starts_with("zeromq:/camera -> ros2:/camera  sensor_msgs/msg/Image"));
@@ -59,8 +60,10 @@ pub struct Route {
     /// to its groups.
     pub to: EndpointAddress,
     /// Names that a pattern means; `None` for a route with one name.
+    #[doc(hidden)]
     pub names: Option<Names>,
     /// Messages or requests, and their types.
+    #[doc(hidden)]
     pub kind: Kind,
     /// Origin of the types in `kind`.
     #[doc(hidden)]
@@ -158,8 +161,9 @@ pub struct Names {
 /// Settings of a route.
 ///
 /// ```
-/// use wrapyfi_data::types::MessageType;
-/// use wrapyfi_engine::{Policy, Route};
+/// # mod wrapyfi_core { pub use {wrapyfi_data::types, wrapyfi_engine as engine}; }
+/// use wrapyfi_core::engine::{Policy, Route};
+/// use wrapyfi_core::types::MessageType;
 /// let mut route = Route::topic("yarp:/camera".parse()?, "ros2:/camera".parse()?, MessageType::Image);
 /// route.policy = Policy { max_rate_hz: Some(10.0), lazy: true, ..Policy::default() };
 /// # Ok::<(), wrapyfi_endpoint::ParseAddressError>(())

@@ -10,7 +10,8 @@ use wrapyfi_endpoint::{CountersSnapshot, EndpointAddress, Qos};
 /// State of a route. Every state but [`RouteState::Active`] says why.
 ///
 /// ```
-/// use wrapyfi_engine::RouteState;
+/// # mod wrapyfi_core { pub use wrapyfi_engine as engine; }
+/// use wrapyfi_core::engine::RouteState;
 /// let state = RouteState::Waiting("a publisher of zeromq:/camera".into());
 /// assert_eq!((state.word(), state.reason()), ("waiting", Some("a publisher of zeromq:/camera")));
 /// assert_eq!(state.to_string(), "waiting for a publisher of zeromq:/camera");
@@ -118,9 +119,10 @@ pub struct RouteStatus {
     pub to_qos: Option<Qos>,
     /// Numbers of messages that went through and that were dropped.
     pub counters: CountersSnapshot,
-    /// Rate at which messages were handed to the destination in the last second.
-    #[serde(flatten)]
-    pub rate: Rate,
+    /// Number of messages a second, to a tenth, that were handed to the destination in the last second, or up to two.
+    pub messages_per_s: f64,
+    /// Number of bytes a second, as the destination's wire counts them.
+    pub bytes_per_s: u64,
     /// Number of panics of the route, each of which closed both its ends for a while.
     #[serde(skip_serializing_if = "is_zero")]
     pub panics: u64,
@@ -153,7 +155,8 @@ impl RouteStatus {
             from_qos: None,
             to_qos: None,
             counters: CountersSnapshot::default(),
-            rate: Rate::default(),
+            messages_per_s: 0.0,
+            bytes_per_s: 0,
             panics: 0,
             pattern: None,
         }
@@ -168,30 +171,6 @@ impl RouteStatus {
 
 fn is_zero(number: &u64) -> bool {
     *number == 0
-}
-
-/// Rate of a route over the last second, or up to two.
-///
-/// ```
-/// # use std::{sync::Arc, time::Instant};
-/// # use wrapyfi_data::types::MessageType;
-/// # use wrapyfi_endpoint::{Registry, memory::Memory};
-/// # use wrapyfi_engine::{Engine, Plan, Route, RouteState};
-/// # let mut registry = Registry::new();
-/// # registry.register(Arc::new(Memory::new("memory")));
-/// # let route = Route::topic("memory:/in".parse()?, "memory:/out".parse()?, MessageType::Image);
-/// # let plan = Plan { routes: vec![route] };
-/// let engine = Engine::new(plan, &registry);
-/// let rate = engine.status()[0].rate;
-/// assert_eq!((rate.messages_per_s, rate.bytes_per_s), (0.0, 0));
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-pub struct Rate {
-    /// Number of messages a second, to a tenth.
-    pub messages_per_s: f64,
-    /// Number of bytes a second, as the destination's wire counts them.
-    pub bytes_per_s: u64,
 }
 
 /// Numbers of a pattern's routes, and of names that have none.

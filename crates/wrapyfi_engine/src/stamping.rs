@@ -19,8 +19,9 @@ use wrapyfi_endpoint::{Clock, Traits};
 /// Source of the time in the header of a route's messages.
 ///
 /// ```
+/// # mod wrapyfi_core { pub use wrapyfi_engine as engine; }
 /// use std::collections::BTreeMap;
-/// use wrapyfi_engine::{Config, StampSource};
+/// use wrapyfi_core::engine::{Config, StampSource};
 /// let text = "routes:\n  - { from: zeromq:/a, to: ros2:/a, stamp: arrival }\n";
 /// let config: Config<BTreeMap<String, String>> = Config::from_yaml(text, "bridge.yaml")?;
 /// let stamp = config.routes[0].value.stamp.as_ref().unwrap();

@@ -92,8 +92,8 @@ pub(crate) fn emit(block: &Block) -> TokenStream {
         #allow
         #[automatically_derived]
         impl #communicator {
-            /// Chooses the mode of a method, given by value or by name: one for this instance, or a
-            /// list of which this instance takes its own.
+            /// Chooses the mode of a method, given by value or by name: a mode, its name, or a list
+            /// by instance, of which this instance takes its own.
             ///
             /// # Errors
             /// When name or mode are unknown, the list is too short for this instance, or the method

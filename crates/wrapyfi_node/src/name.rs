@@ -20,7 +20,8 @@ const MAX_ENCLAVE: usize = 255;
 /// Name of a node and the namespace it lives in.
 ///
 /// ```
-/// use wrapyfi_node::NodeName;
+/// # mod wrapyfi_core { pub use wrapyfi_node as node; }
+/// use wrapyfi_core::node::NodeName;
 /// let node = NodeName::new("talker", "/ns")?;
 /// assert_eq!(node.fqn(), "/ns/talker");
 /// assert_eq!(node.logger_name(), "ns.talker");
@@ -135,7 +136,8 @@ const TOPIC: &str = "topic name";
 /// Error of a name that is not valid, in the words of ROS 2.
 ///
 /// ```
-/// use wrapyfi_node::NodeName;
+/// # mod wrapyfi_core { pub use wrapyfi_node as node; }
+/// use wrapyfi_core::node::NodeName;
 /// let error = NodeName::new("1camera", "/").unwrap_err();
 /// assert!(error.to_string().contains("must not"), "{error}");
 /// ```

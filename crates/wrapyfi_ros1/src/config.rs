@@ -25,7 +25,8 @@ pub const MASTER_PORT: u16 = 11311;
 /// Settings of [`Ros1`](super::Ros1).
 ///
 /// ```
-/// use wrapyfi_ros1::Ros1Config;
+/// # mod wrapyfi_core { pub mod middleware { pub use wrapyfi_ros1 as ros1; } }
+/// use wrapyfi_core::middleware::ros1::Ros1Config;
 /// let settings = Ros1Config {
 ///     master_uri: "http://robot:11311".into(),
 ///     node: Some("camera".into()),
@@ -184,6 +185,7 @@ impl Ros1Config {
     ///
     /// # Errors
     /// When a variable has a value that means nothing; the error names it.
+    #[doc(hidden)]
     pub fn from_env() -> Result<Self, Ros1ConfigError> {
         Ok(Self::from_lookup(variable)?)
     }
@@ -210,6 +212,7 @@ impl Ros1Config {
     ///
     /// # Errors
     /// When `master_uri` is no address.
+    #[doc(hidden)]
     pub fn master(&self) -> Result<(String, u16), Ros1ConfigError> {
         self.master_at().map(|at| (at.host, at.port))
     }

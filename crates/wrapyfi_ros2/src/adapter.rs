@@ -132,7 +132,7 @@ fn check_security(security: Security, enclave: &str) -> Result<(), JoinError> {
 fn on_cyclone(config: &CycloneConfig, reason: &str) -> Result<Joined, JoinError> {
     tracing::info!(
         domain = config.domain_id,
-        range = ?config.discovery.range,
+        range = ?config.discovery_range,
         services = config.services.rmw(),
         reason,
         "ROS 2 is on CycloneDDS inside this program"
@@ -166,7 +166,7 @@ fn on_rmw(config: &CycloneConfig, reason: &str, enclave: &str) -> Result<Joined,
     let rmw = wrapyfi_rmw::implementation().map_err(refused)?;
     tracing::info!(
         domain = config.domain_id,
-        range = ?config.discovery.range,
+        range = ?config.discovery_range,
         reason,
         "ROS 2 is on {rmw}, through the rmw of this ROS 2"
     );

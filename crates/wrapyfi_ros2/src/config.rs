@@ -2,7 +2,7 @@
 //! sources.
 //!
 //! ```text
-//!   DiscoverySettings, interface ──▶ <CycloneDDS>…</CycloneDDS> , $CYCLONEDDS_URI
+//!   discovery, interface ──▶ <CycloneDDS>…</CycloneDDS> , $CYCLONEDDS_URI
 //!                             ours, first                 the user's, wins where both speak
 //! ```
 //!
@@ -20,7 +20,7 @@ use std::fmt::Write as _;
 use wrapyfi_data::Limits;
 use wrapyfi_node::NodeName;
 
-use super::environment::{DiscoveryRange, DiscoverySettings, Environment};
+use super::environment::{DiscoveryRange, Environment};
 use super::graph::ServiceMapping;
 
 /// Receive buffer asked of the kernel for every socket.
@@ -43,8 +43,9 @@ const MAX_SAMPLE: usize = i32::MAX as usize;
 /// Settings of a node on CycloneDDS.
 ///
 /// ```
-/// use wrapyfi_node::NodeName;
-/// use wrapyfi_ros2::CycloneConfig;
+/// # mod wrapyfi_core { pub use wrapyfi_node as node; pub mod middleware { pub use wrapyfi_ros2 as ros2; } }
+/// use wrapyfi_core::middleware::ros2::CycloneConfig;
+/// use wrapyfi_core::node::NodeName;
 /// let config = CycloneConfig {
 ///     max_message_bytes: 256 << 20,
 ///     ..CycloneConfig::loopback(NodeName::new("camera", "/lab")?, 7)
@@ -58,8 +59,10 @@ pub struct CycloneConfig {
     pub node: NodeName,
     /// DDS domain.
     pub domain_id: u32,
-    /// Settings by which other participants are found.
-    pub discovery: DiscoverySettings,
+    /// Range in which participants are looked for.
+    pub discovery_range: DiscoveryRange,
+    /// Addresses asked one by one, `ROS_STATIC_PEERS`.
+    pub static_peers: Vec<String>,
     /// The only network interface to use, for instance `lo`; `None` lets Cyclone choose.
     pub interface: Option<String>,
     /// Largest message that any topic of the node carries. Messages over a topic's own limit are
@@ -79,7 +82,8 @@ impl CycloneConfig {
         Self {
             node,
             domain_id: environment.domain_id,
-            discovery: environment.discovery.clone(),
+            discovery_range: environment.discovery.range,
+            static_peers: environment.discovery.static_peers.clone(),
             interface: None,
             max_message_bytes: Limits::default().message_bytes,
             services: environment.services,
@@ -92,10 +96,8 @@ impl CycloneConfig {
         Self {
             node,
             domain_id,
-            discovery: DiscoverySettings {
-                range: DiscoveryRange::Localhost,
-                static_peers: Vec::new(),
-            },
+            discovery_range: DiscoveryRange::Localhost,
+            static_peers: Vec::new(),
             interface: Some("lo".into()),
             max_message_bytes: Limits::default().message_bytes,
             services: ServiceMapping::Cyclone,
@@ -121,7 +123,7 @@ impl CycloneConfig {
         let mut discovery = format!(
             "<LeaseDuration>{LEASE_S}s</LeaseDuration><SPDPInterval>{ANNOUNCE_MS}ms</SPDPInterval>"
         );
-        let mut peers: Vec<&str> = self.discovery.static_peers.iter().map(String::as_str).collect();
+        let mut peers: Vec<&str> = self.static_peers.iter().map(String::as_str).collect();
         if let Some(name) = &self.interface {
             _ = write!(
                 general,
@@ -129,7 +131,7 @@ impl CycloneConfig {
                 escape(name)
             );
         }
-        let range = match self.discovery.range {
+        let range = match self.discovery_range {
             // Multicast does not work on lo: what is confined to it finds others by unicast.
             DiscoveryRange::Subnet | DiscoveryRange::SystemDefault
                 if self.interface.as_deref() == Some("lo") =>
@@ -190,10 +192,8 @@ mod tests {
         CycloneConfig {
             node: NodeName::new("n", "/").unwrap(),
             domain_id: 0,
-            discovery: DiscoverySettings {
-                range,
-                static_peers: peers.iter().map(|&peer| peer.to_owned()).collect(),
-            },
+            discovery_range: range,
+            static_peers: peers.iter().map(|&peer| peer.to_owned()).collect(),
             interface: None,
             max_message_bytes: 1000,
             services: ServiceMapping::Cyclone,

@@ -73,7 +73,7 @@ impl CycloneGraph {
         tracing::info!(
             node = config.node.fqn(),
             domain = config.domain_id,
-            range = ?config.discovery.range,
+            range = ?config.discovery_range,
             "ROS 2 node on CycloneDDS"
         );
         let graph = Self(Arc::new(Node {

@@ -27,7 +27,10 @@ named! {
     /// See [`Environment`].
     ///
     /// ```
-    /// use wrapyfi_ros2::environment::DiscoveryRange;
+    /// # mod wrapyfi_core {
+    /// #     pub mod middleware { pub mod ros2 { pub use wrapyfi_ros2::environment::DiscoveryRange; } }
+    /// # }
+    /// use wrapyfi_core::middleware::ros2::DiscoveryRange;
     /// assert_eq!(DiscoveryRange::from_word("LOCALHOST"), Some(DiscoveryRange::Localhost));
     /// ```
     #[derive(Default)]
@@ -68,9 +71,12 @@ named! {
     /// Library that carries the graph of a node.
     ///
     /// ```
-    /// use wrapyfi_ros2::environment::{self, Adapter};
-    /// let of_rmw = |name: &str| (name == "WRAPYFI_ROS2_GRAPH").then(|| "rmw".to_owned());
-    /// assert_eq!(environment::read(of_rmw)?.graph, Some(Adapter::Rmw));
+    /// # mod wrapyfi_core { pub mod middleware { pub use wrapyfi_ros2 as ros2; } }
+    /// use wrapyfi_core::middleware::ros2::Adapter;
+    /// # use wrapyfi_ros2::environment;
+    /// # let of_rmw = |name: &str| (name == "WRAPYFI_ROS2_GRAPH").then(|| "rmw".to_owned());
+    /// # assert_eq!(environment::read(of_rmw)?.graph, Some(Adapter::Rmw));
+    /// assert_eq!(Adapter::from_word("rmw"), Some(Adapter::Rmw));
     /// # Ok::<(), environment::EnvironmentError>(())
     /// ```
     #[derive(Deserialize)]

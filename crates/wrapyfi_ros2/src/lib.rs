@@ -42,9 +42,10 @@
 //! A service of any ROS type is called with the fields of its definition:
 //!
 //! ```no_run
+//! # mod wrapyfi_core { pub use {wrapyfi_data::types, wrapyfi_endpoint as endpoint}; }
 //! use std::time::Duration;
-//! use wrapyfi_data::types::{Payload, RosMessage, RosService, ServiceKind};
-//! use wrapyfi_endpoint::{Context, Middleware, Request, ServiceSpec};
+//! use wrapyfi_core::endpoint::{Context, Middleware, Request, ServiceSpec};
+//! use wrapyfi_core::types::{Payload, RosMessage, RosService, ServiceKind};
 //! # fn example(ros2: &wrapyfi_ros2::Ros2, resolved: &wrapyfi_interfaces::store::ResolvedType)
 //! # -> Result<(), Box<dyn std::error::Error>> {
 //! let add = RosService::new(resolved)?; // example_interfaces/srv/AddTwoInts
@@ -122,8 +123,7 @@ pub use node_endpoints::NodeEndpoints;
 pub use node_handle::NodeHandle;
 pub use pacing::ACKNOWLEDGES_NOTHING;
 pub use parameters::{
-    ParameterClient, ParameterClientError, ParameterResult, RefusedParameter, RemoteParameters,
-    ServiceOptions,
+    ParameterClient, ParameterClientError, ParameterResult, RemoteParameters, ServiceOptions,
 };
 #[cfg(feature = "rmw")]
 pub use rmw_graph::RmwGraph;

@@ -91,13 +91,13 @@ impl RmwGraph {
             namespace: config.node.namespace().to_owned(),
             enclave: enclave.to_owned(),
             domain_id: config.domain_id,
-            range: match config.discovery.range {
+            range: match config.discovery_range {
                 DiscoveryRange::Subnet => wrapyfi_rmw::DiscoveryRange::Subnet,
                 DiscoveryRange::Localhost => wrapyfi_rmw::DiscoveryRange::Localhost,
                 DiscoveryRange::Off => wrapyfi_rmw::DiscoveryRange::Off,
                 DiscoveryRange::SystemDefault => wrapyfi_rmw::DiscoveryRange::SystemDefault,
             },
-            static_peers: config.discovery.static_peers.clone(),
+            static_peers: config.static_peers.clone(),
         };
         let node = Node::new(&options)?;
         let mapping = match implementation.as_str() {

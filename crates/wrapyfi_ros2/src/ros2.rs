@@ -19,14 +19,26 @@ type Remap = Arc<dyn Fn(&str) -> Result<String, String> + Send + Sync>;
 /// same node.
 ///
 /// ```no_run
-/// use wrapyfi_endpoint::{Context, Middleware, TopicSpec};
-/// use wrapyfi_data::types::MessageType;
-/// use wrapyfi_node::NodeName;
-/// use wrapyfi_ros2::{CycloneConfig, Ros2, environment, join};
-/// let environment = environment::read(|name| std::env::var(name).ok())?;
-/// let cyclone = CycloneConfig::from_environment(NodeName::new("camera", "/")?, &environment);
-/// let joined = join(&cyclone, &environment, None, "/")?;
-/// let ros2 = Ros2::joined(joined, |topic| Ok(topic.to_owned()));
+/// # mod wrapyfi_core {
+/// #     use wrapyfi_node::NodeName;
+/// #     use wrapyfi_ros2::{CycloneConfig, Ros2, environment, join};
+/// #     pub use {wrapyfi_data::types, wrapyfi_endpoint as endpoint};
+/// #     pub struct Builder(NodeName);
+/// #     impl Builder {
+/// #         pub fn start(self) -> Result<Ros2, Box<dyn std::error::Error>> {
+/// #             let environment = environment::read(|name| std::env::var(name).ok())?;
+/// #             let cyclone = CycloneConfig::from_environment(self.0, &environment);
+/// #             let joined = join(&cyclone, &environment, None, "/")?;
+/// #             Ok(Ros2::joined(joined, |topic| Ok(topic.to_owned())))
+/// #         }
+/// #     }
+/// #     pub fn ros2(node: &str) -> Builder {
+/// #         Builder(NodeName::new(node, "/").unwrap())
+/// #     }
+/// # }
+/// use wrapyfi_core::endpoint::{Context, Middleware, TopicSpec};
+/// use wrapyfi_core::types::MessageType;
+/// let ros2 = wrapyfi_core::ros2("camera").start()?;
 /// let spec = TopicSpec::new("/camera/image_raw", MessageType::Image);
 /// let mut listener = ros2.open_listener(&spec, &Context::default())?;
 /// assert_eq!(listener.take()?, None);

@@ -15,7 +15,8 @@
 /// Wrapyfi sends as native objects.
 ///
 /// ```
-/// use wrapyfi_yarp::Dialect;
+/// # mod wrapyfi_core { pub mod middleware { pub use wrapyfi_yarp as yarp; } }
+/// use wrapyfi_core::middleware::yarp::Dialect;
 /// assert_eq!("v4".parse(), Ok(Dialect::V4));
 /// assert_eq!((Dialect::default(), Dialect::V3.other()), (Dialect::V3, Dialect::V4));
 /// ```

@@ -28,14 +28,14 @@ const INSECURE: &str = "WRAPYFI_YARP_INSECURE";
 /// Settings of [`Yarp`](super::Yarp).
 ///
 /// ```
-/// use wrapyfi_yarp_endpoint::{Convention, YarpConfig};
+/// # mod wrapyfi_core { pub mod middleware { pub use wrapyfi_yarp_endpoint as yarp; } }
+/// use wrapyfi_core::middleware::yarp::YarpConfig;
 /// let config = YarpConfig {
-///     embedded: true,
+///     name_server: Some("192.168.1.7:10000".parse()?),
 ///     ip: Some("127.0.0.1".parse()?),
-///     conventions: vec![Convention::new("(.*/)?depth:o", "sensor_msgs/msg/Image")?],
 ///     ..YarpConfig::default()
 /// };
-/// assert!(config.conventions[0].names.matches("/head/depth:o"));
+/// assert_eq!(config.name_server.unwrap().port, 10000);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone, PartialEq)]
@@ -67,6 +67,7 @@ pub struct YarpConfig {
     pub max_message_bytes: usize,
     /// Rules that tell a port's type by its name, of which the first that matches counts; [`Convention::usual`] unless
     /// said. The type of any other port is that of its first message.
+    #[doc(hidden)]
     pub conventions: Vec<Convention>,
 }
 
@@ -108,6 +109,7 @@ impl YarpConfig {
     ///
     /// # Errors
     /// When that variable has a value that means nothing.
+    #[doc(hidden)]
     pub fn from_env() -> Result<Self, conf::ConfError> {
         let names_address = std::env::var_os("YARP_IP").is_some_and(|value| !value.is_empty());
         let is_insecure = match std::env::var_os(INSECURE) {
@@ -130,6 +132,7 @@ impl YarpConfig {
     ///
     /// # Errors
     /// When nothing says it; the error names the file.
+    #[doc(hidden)]
     pub fn check_name_server(&self) -> Result<(), conf::ConfError> {
         self.find().map(drop)
     }

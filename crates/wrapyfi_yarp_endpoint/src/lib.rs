@@ -109,12 +109,31 @@ const NAMES_TIMEOUT: Duration = Duration::from_secs(5);
 /// Dropping it closes the ports of all its endpoints and ends its name server, within two seconds.
 ///
 /// ```
-/// use wrapyfi_endpoint::{Context, Middleware, TopicSpec};
-/// use wrapyfi_data::types::MessageType;
-/// use wrapyfi_yarp_endpoint::{Yarp, YarpConfig};
+/// # mod wrapyfi_core {
+/// #     use wrapyfi_yarp_endpoint::{Yarp, YarpConfig, YarpError};
+/// #     pub use {wrapyfi_data::types, wrapyfi_endpoint as endpoint};
+/// #     pub struct Builder(YarpConfig);
+/// #     impl Builder {
+/// #         pub fn with(mut self, change: impl FnOnce(&mut YarpConfig)) -> Self {
+/// #             change(&mut self.0);
+/// #             self
+/// #         }
+/// #         pub fn start(self) -> Result<Yarp, YarpError> {
+/// #             Yarp::start(&self.0)
+/// #         }
+/// #     }
+/// #     pub fn yarp() -> Builder {
+/// #         Builder(YarpConfig::default())
+/// #     }
+/// # }
+/// use wrapyfi_core::endpoint::{Context, Middleware, TopicSpec};
+/// use wrapyfi_core::types::MessageType;
 /// // A name server of its own, on any free port.
-/// let name_server = Some(std::net::SocketAddr::from(([127, 0, 0, 1], 0)).into());
-/// let yarp = Yarp::start(&YarpConfig { name_server, embedded: true, ..YarpConfig::default() })?;
+/// let yarp = wrapyfi_core::yarp().with(|settings| {
+///     settings.name_server = Some(std::net::SocketAddr::from(([127, 0, 0, 1], 0)).into());
+///     settings.embedded = true;
+/// });
+/// let yarp = yarp.start()?;
 /// let spec = TopicSpec::new("/head/camera:o", MessageType::Image);
 /// let mut listener = yarp.open_listener(&spec, &Context::default())?;
 /// assert_eq!((yarp.name(), listener.take()?), ("yarp", None));
@@ -134,6 +153,7 @@ impl Yarp {
     /// When nobody says where the name server is, or ours cannot run. A name server elsewhere that
     /// does not answer yet is no error: it is waited for. Nor are ports that other machines would reach:
     /// those are refused where they are opened.
+    #[doc(hidden)]
     pub fn start(config: &YarpConfig) -> Result<Self, YarpError> {
         let found = config.find()?;
         let server = config.hosts.resolve(&found.server.host);
@@ -213,6 +233,7 @@ impl Yarp {
     ///
     /// # Errors
     /// When other machines would reach them, and no setting permits that.
+    #[doc(hidden)]
     pub fn may_listen(&self) -> Result<(), ReachedByOthers> {
         self.shared.may_listen()
     }

@@ -26,7 +26,8 @@ pub const NAME: &str = "zeromq";
 /// See [`ZeroMqConfig`].
 ///
 /// ```
-/// use wrapyfi_zeromq::{BrokerMode, ZeroMqConfig};
+/// # mod wrapyfi_core { pub mod middleware { pub use wrapyfi_zeromq as zeromq; } }
+/// use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMqConfig};
 /// assert_eq!(ZeroMqConfig::default().broker, BrokerMode::Embedded);
 /// let elsewhere = ZeroMqConfig { broker: BrokerMode::Foreign, ..ZeroMqConfig::default() };
 /// ```
@@ -50,7 +51,8 @@ impl BrokerMode {
 /// Settings of [`ZeroMq`](super::ZeroMq).
 ///
 /// ```
-/// use wrapyfi_zeromq::{BrokerMode, ZeroMqConfig};
+/// # mod wrapyfi_core { pub mod middleware { pub use wrapyfi_zeromq as zeromq; } }
+/// use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMqConfig};
 /// let there = ZeroMqConfig {
 ///     ip: "192.168.1.7".into(),
 ///     broker: BrokerMode::Foreign,
@@ -134,6 +136,7 @@ impl ZeroMqConfig {
     ///
     /// # Errors
     /// When a variable has a value that means nothing; the error names it.
+    #[doc(hidden)]
     pub fn from_env() -> Result<Self, VariableError> {
         Self::from_lookup(variable)
     }
@@ -142,6 +145,7 @@ impl ZeroMqConfig {
     ///
     /// # Errors
     /// As [`Self::from_env`].
+    #[doc(hidden)]
     pub fn from_env_of_client() -> Result<Self, VariableError> {
         // The variable that servers read into the other port.
         Self::from_lookup(|name| match name {
@@ -202,6 +206,7 @@ impl ZeroMqConfig {
     ///
     /// # Errors
     /// When a broker would be; the error names the setting that permits it.
+    #[doc(hidden)]
     pub fn check(&self) -> Result<(), ReachedByOthers> {
         let has_list = self.curve.as_ref().is_some_and(|curve| curve.clients.is_some());
         let is_ours =

@@ -14,7 +14,8 @@ pub(super) const SERVER_KEY: &str = "WRAPYFI_ZEROMQ_CURVE_SERVER_KEY";
 /// Keys of this process on ZeroMQ, and what other keys may do at a broker of ours.
 ///
 /// ```
-/// use wrapyfi_zeromq::{CurveClient, CurveConfig, ZeroMqConfig};
+/// # mod wrapyfi_core { pub mod middleware { pub use wrapyfi_zeromq as zeromq; } }
+/// use wrapyfi_core::middleware::zeromq::{CurveClient, CurveConfig, ZeroMqConfig};
 /// let camera = CurveClient {
 ///     key: "/etc/wrapyfi/camera.key".into(),
 ///     publish: vec!["/camera/.*".into()],
@@ -46,6 +47,7 @@ impl CurveConfig {
     ///
     /// # Errors
     /// The fault with which it would not start.
+    #[doc(hidden)]
     pub fn check(&self, serves: bool) -> Result<(), CurveError> {
         Keys::load(self, serves, None).map(drop)
     }
@@ -62,7 +64,8 @@ impl CurveConfig {
 /// See [`CurveConfig`].
 ///
 /// ```
-/// use wrapyfi_zeromq::CurveClient;
+/// # mod wrapyfi_core { pub mod middleware { pub use wrapyfi_zeromq as zeromq; } }
+/// use wrapyfi_core::middleware::zeromq::CurveClient;
 /// let viewer = CurveClient {
 ///     key: "/etc/wrapyfi/viewer.key".into(),
 ///     subscribe: vec!["/camera/.*".into()],

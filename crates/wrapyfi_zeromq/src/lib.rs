@@ -99,11 +99,28 @@ const MAX_TOPIC_BYTES: usize = 1024;
 /// Dropping it closes the sockets of all its endpoints and ends its broker, within a second.
 ///
 /// ```
-/// use wrapyfi_endpoint::{Context, Middleware, TopicSpec};
-/// use wrapyfi_data::types::MessageType;
-/// use wrapyfi_zeromq::{ZeroMq, ZeroMqConfig};
+/// # mod wrapyfi_core {
+/// #     use wrapyfi_zeromq::{ZeroMq, ZeroMqConfig, ZeroMqError};
+/// #     pub use {wrapyfi_data::types, wrapyfi_endpoint as endpoint};
+/// #     pub struct Builder(ZeroMqConfig);
+/// #     impl Builder {
+/// #         pub fn with(mut self, change: impl FnOnce(&mut ZeroMqConfig)) -> Self {
+/// #             change(&mut self.0);
+/// #             self
+/// #         }
+/// #         pub fn start(self) -> Result<ZeroMq, ZeroMqError> {
+/// #             ZeroMq::start(&self.0)
+/// #         }
+/// #     }
+/// #     pub fn zeromq() -> Builder {
+/// #         Builder(ZeroMqConfig::default())
+/// #     }
+/// # }
+/// use wrapyfi_core::endpoint::{Context, Middleware, TopicSpec};
+/// use wrapyfi_core::types::MessageType;
 /// // A broker of its own, on any free ports.
-/// let zeromq = ZeroMq::start(&ZeroMqConfig { pub_port: 0, sub_port: 0, ..ZeroMqConfig::default() })?;
+/// let zeromq = wrapyfi_core::zeromq().with(|settings| (settings.pub_port, settings.sub_port) = (0, 0));
+/// let zeromq = zeromq.start()?;
 /// let spec = TopicSpec::new("/camera", MessageType::Image);
 /// let mut listener = zeromq.open_listener(&spec, &Context::default())?;
 /// assert_eq!(listener.take()?, None); // no publisher yet
@@ -125,6 +142,7 @@ impl ZeroMq {
     /// # Errors
     /// When the ports belong to something else, or the settings contradict themselves. A foreign
     /// broker that is not there yet is no error: it is waited for.
+    #[doc(hidden)]
     pub fn start(config: &ZeroMqConfig) -> Result<Self, ZeroMqError> {
         check_topic(&config.monitor_topic).map_err(|reason| ZeroMqError::MonitorTopic {
             topic: config.monitor_topic.clone(),
@@ -192,6 +210,7 @@ impl ZeroMq {
     ///
     /// # Errors
     /// As [`ZeroMq::start`].
+    #[doc(hidden)]
     pub fn start_services(&self) -> Result<(u16, u16), ZeroMqError> {
         let mut services = self.services.lock();
         let supervisor = match &mut *services {

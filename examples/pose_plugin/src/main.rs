@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use anyhow::{Context as _, bail};
 use wrapyfi_core::endpoint::{Context, Middleware as _, PublishError, TopicSpec};
-use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMq, ZeroMqConfig};
+use wrapyfi_core::middleware::zeromq::BrokerMode;
 use wrapyfi_core::plugin::Plugins;
 use wrapyfi_core::types::{ForeignObject, MessageType, Payload, Value};
 use wrapyfi_pose_plugin::{Pose2D, PosePlugin};
@@ -18,8 +18,8 @@ fn main() -> anyhow::Result<()> {
     let (Some(from), Some(to)) = (arguments.next(), arguments.next()) else {
         bail!("usage: pose_mirror FROM_TOPIC TO_TOPIC");
     };
-    let config = ZeroMqConfig { broker: BrokerMode::Foreign, ..ZeroMqConfig::from_env()? };
-    let zeromq = ZeroMq::start(&config).context("starting ZeroMQ")?;
+    let zeromq = wrapyfi_core::zeromq().with(|settings| settings.broker = BrokerMode::Foreign);
+    let zeromq = zeromq.start().context("starting ZeroMQ")?;
     let context = Context::default();
     let topic = |name: String| TopicSpec {
         plugins: Plugins::standard().with(PosePlugin),

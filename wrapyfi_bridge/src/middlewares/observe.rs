@@ -214,7 +214,7 @@ pub fn ros2_elsewhere(section: &Ros2Section, domain_id: u32, wide: bool) -> Resu
     let section = Ros2Section { domain_id: Some(domain_id), ..section.clone() };
     let mut settings = section.settings(&node, Limits::default().message_bytes)?;
     if wide {
-        settings.cyclone.discovery.range = DiscoveryRange::Subnet;
+        settings.cyclone.discovery_range = DiscoveryRange::Subnet;
     }
     start("ros2", &settings)
 }

@@ -134,7 +134,8 @@ mod tests {
             from_qos: None,
             to_qos: None,
             counters: CountersSnapshot { received, drops, ..CountersSnapshot::default() },
-            rate: Default::default(),
+            messages_per_s: 0.0,
+            bytes_per_s: 0,
             panics: 0,
             pattern: None,
         }

@@ -37,8 +37,8 @@ pub fn of(status: &RouteStatus, node: &Node) -> RouteInfo {
         received: *received,
         sent: *sent,
         sent_bytes: *sent_bytes,
-        messages_per_s: status.rate.messages_per_s,
-        bytes_per_s: status.rate.bytes_per_s,
+        messages_per_s: status.messages_per_s,
+        bytes_per_s: status.bytes_per_s,
         dropped: status.counters.dropped(),
         drop_reasons: drops.iter().map(|(reason, _)| reason.to_string()).collect(),
         drop_counts: drops.iter().map(|(_, count)| *count).collect(),
@@ -83,7 +83,7 @@ mod tests {
     use std::collections::BTreeMap;
     use std::sync::Arc;
 
-    use wrapyfi_engine::{Rate, RouteState};
+    use wrapyfi_engine::RouteState;
     use wrapyfi_node::NodeName;
     use wrapyfi_node::args::RosArgs;
 
@@ -108,7 +108,8 @@ mod tests {
                 drops: vec![(DropReason::QueueFull, 3), (DropReason::LostUpstream, 7)],
                 ..CountersSnapshot::default()
             },
-            rate: Rate { messages_per_s: 2.5, bytes_per_s: 25 },
+            messages_per_s: 2.5,
+            bytes_per_s: 25,
             panics: 0,
             pattern: None,
         }

@@ -115,7 +115,7 @@ impl Text {
 #[cfg(test)]
 mod tests {
     use wrapyfi_endpoint::{CountersSnapshot, DropReason};
-    use wrapyfi_engine::{Rate, RouteState};
+    use wrapyfi_engine::RouteState;
 
     use super::*;
 
@@ -137,7 +137,8 @@ mod tests {
                 drops: vec![(DropReason::QueueFull, 3)],
                 ..CountersSnapshot::default()
             },
-            rate: Rate::default(),
+            messages_per_s: 0.0,
+            bytes_per_s: 0,
             panics: 0,
             pattern: None,
         };

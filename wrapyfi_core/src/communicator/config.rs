@@ -5,6 +5,13 @@ use std::collections::BTreeMap;
 use super::mode::Modes;
 
 /// Modes by class and method.
+///
+/// ```
+/// use wrapyfi_core::communicator::{Configuration, Mode, Modes};
+/// let read_here = Configuration::default().with("Mirror", "read", Mode::Listen);
+/// let by_instance = Modes::ByInstance(vec![Mode::Listen, Mode::Publish]);
+/// assert_ne!(read_here, Configuration::default().with("Mirror", "read", by_instance));
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Configuration(pub(super) BTreeMap<String, Vec<Entry>>);
 

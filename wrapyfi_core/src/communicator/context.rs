@@ -200,6 +200,14 @@ impl std::fmt::Debug for CommunicatorContext {
 }
 
 /// Builder of a [`CommunicatorContext`].
+///
+/// ```
+/// use std::sync::Arc;
+/// use wrapyfi_core::communicator::CommunicatorContext;
+/// use wrapyfi_core::middleware::memory::Memory;
+/// let context = CommunicatorContext::builder().middleware(Arc::new(Memory::new("bus"))).build();
+/// assert!(context.middlewares().contains(&"bus".to_owned()));
+/// ```
 pub struct ContextBuilder {
     sources: Vec<Arc<dyn Source>>,
     default_middleware: Option<String>,

@@ -3,7 +3,6 @@
 use std::time::Duration;
 
 use super::mode::{Mode, ParseModeError};
-use super::option::OptionError;
 use wrapyfi_data::returned::PayloadError;
 use wrapyfi_endpoint::{self as endpoint, OpenError, PublishError};
 
@@ -135,7 +134,7 @@ pub enum MethodError {
         /// `Class::method`.
         method: String,
         /// The option, its value and what may be written.
-        fault: OptionError,
+        fault: String,
     },
     /// No middleware has this name, neither one that is here nor one that Wrapyfi knows.
     #[error("{method}: {name:?} is no middleware; {hint}available: {available}")]

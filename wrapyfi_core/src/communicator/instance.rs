@@ -149,8 +149,8 @@ impl<M> fmt::Debug for Control<M> {
 }
 
 impl<M: Method> Control<M> {
-    /// Chooses the mode of a method; calls that wait in the old one end with
-    /// [`MethodError::Ended`].
+    /// Chooses the mode of a method, given by value or by name: a mode, its name, or a list by instance. Calls that
+    /// wait in the old one end with [`MethodError::Ended`].
     ///
     /// # Errors
     /// When name or mode are unknown, the list is too short, or the method lacks what the mode needs.

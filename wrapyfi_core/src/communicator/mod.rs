@@ -92,11 +92,10 @@ mod wait;
 
 pub use config::Configuration;
 pub use context::{CommunicatorContext, ContextBuilder};
-pub use describe::{Method, NamesMethod};
+pub use describe::Method;
 pub use error::{ActivateError, MethodError};
 pub use instance::Control;
-pub use mode::{Mode, Modes, NamesMode, NamesOneMode, ParseModeError};
-pub use option::{OptionError, OptionValue, Options};
+pub use mode::{Mode, Modes, ParseModeError};
 pub use session::{EndStatus, ValueStatus};
 pub use source::StartError;
 pub use wrapyfi_macros::{communicator, register};
@@ -107,9 +106,11 @@ pub use {wrapyfi_data::returned::PayloadError, wrapyfi_data::types::DataType};
 #[doc(hidden)]
 pub use {
     client::NamedArgument,
-    describe::{Class, Literal, MethodSpec, Register},
+    describe::{Class, Literal, MethodSpec, NamesMethod, Register},
     instance::{Instance, RunningCall},
+    mode::{NamesMode, NamesOneMode},
     notifier::at_once,
+    option::{OptionError, OptionValue, Options},
     resolve::{Given, Side, argument},
     server::ReceivedRequest,
     session::{GatheredMessages, Session},

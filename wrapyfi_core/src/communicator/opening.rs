@@ -5,6 +5,7 @@
 //!                                          └─ absent: Channel without ends, one line in the log
 //! ```
 
+use std::fmt::Display;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -333,8 +334,8 @@ impl Opening<'_> {
         read().map_err(|fault| self.option(fault))
     }
 
-    fn option(&self, fault: OptionError) -> MethodError {
-        MethodError::Option { method: self.method.clone(), fault }
+    fn option(&self, fault: impl Display) -> MethodError {
+        MethodError::Option { method: self.method.clone(), fault: fault.to_string() }
     }
 
     fn opened<T>(&self, opened: OpenResult<T>) -> Result<T, MethodError> {

@@ -113,7 +113,7 @@ impl FirstCall<'_> {
     }
 
     fn fault(&self, name: &str, found: &OptionValue) -> MethodError {
-        let fault = OptionError::new(name, found, "a text");
+        let fault = OptionError::new(name, found, "a text").to_string();
         MethodError::Option { method: self.method.clone(), fault }
     }
 

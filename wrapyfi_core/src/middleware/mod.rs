@@ -11,7 +11,7 @@ pub mod memory {
 #[cfg(feature = "ros1")]
 pub mod ros1 {
     #[doc(inline)]
-    pub use wrapyfi_ros1::{Ros1, Ros1Config, Ros1ConfigError, Ros1Error, Ros1NameError};
+    pub use wrapyfi_ros1::{Ros1, Ros1Config};
 }
 
 /// ROS 2: topics, services and parameters on CycloneDDS, or on the middleware of the ROS 2 that is sourced.
@@ -19,10 +19,8 @@ pub mod ros1 {
 pub mod ros2 {
     #[doc(inline)]
     pub use wrapyfi_ros2::{
-        Adapter, CycloneConfig, ParameterClient, ParameterClientError, ParameterResult,
-        RefusedParameter, Ros2, ServiceOptions,
-        environment::{DiscoveryRange, DiscoverySettings},
-        graph::{GraphError, Peers, ServiceMapping},
+        Adapter, CycloneConfig, ParameterClient, ParameterClientError, ParameterResult, Ros2,
+        ServiceOptions, environment::DiscoveryRange, graph::ServiceMapping,
     };
 }
 
@@ -30,17 +28,12 @@ pub mod ros2 {
 #[cfg(feature = "yarp")]
 pub mod yarp {
     #[doc(inline)]
-    pub use wrapyfi_yarp_endpoint::{
-        Convention, Dialect, NameServerConf, Yarp, YarpConfig, YarpError,
-    };
+    pub use wrapyfi_yarp_endpoint::{Dialect, Yarp, YarpConfig};
 }
 
 /// ZeroMQ: Wrapyfi's publishers and listeners, clients and servers, and the broker between them.
 #[cfg(feature = "zeromq")]
 pub mod zeromq {
     #[doc(inline)]
-    pub use wrapyfi_zeromq::{
-        Answer, BrokerError, BrokerMode, CurveClient, CurveConfig, CurveError, ZeroMq,
-        ZeroMqConfig, ZeroMqError,
-    };
+    pub use wrapyfi_zeromq::{BrokerMode, CurveClient, CurveConfig, ZeroMq, ZeroMqConfig};
 }

@@ -6,7 +6,9 @@
 /// whole.
 ///
 /// ```
-/// use wrapyfi_data::{DecodeError, Limits, codec::json};
+/// # mod wrapyfi_core { pub use wrapyfi_data::{DecodeError, Limits, codec}; }
+/// use wrapyfi_core::{DecodeError, Limits};
+/// use wrapyfi_core::codec::json;
 /// let error = json::decode(&"[1, 2, maybe]".into(), &Limits::default()).unwrap_err();
 /// assert!(matches!(&error, DecodeError::Malformed { format: "JSON", path, .. } if path == "$[2]"), "{error}");
 /// let error = DecodeError::too_large(200, 100);
@@ -97,7 +99,13 @@ impl DecodeError {
 /// Result of decoding.
 ///
 /// ```
-/// use wrapyfi_data::{DecodeResult, Limits, codec::json, types::Value};
+/// # mod wrapyfi_core {
+/// #     pub use wrapyfi_data::{Limits, types};
+/// #     pub mod codec { pub use wrapyfi_data::{DecodeResult, codec::json}; }
+/// # }
+/// use wrapyfi_core::Limits;
+/// use wrapyfi_core::codec::{DecodeResult, json};
+/// use wrapyfi_core::types::Value;
 /// fn speed(text: &str) -> DecodeResult<Option<f64>> {
 ///     let value = json::decode(&text.to_owned().into(), &Limits::default())?;
 ///     Ok(value.get("speed").and_then(Value::as_f64))
@@ -113,7 +121,10 @@ fn remedy(what: &str) -> &'static str {
 /// Error of encoding a payload.
 ///
 /// ```
-/// use wrapyfi_data::{EncodeError, codec::json, types::Value};
+/// # mod wrapyfi_core { pub use wrapyfi_data::{EncodeError, codec, types}; }
+/// use wrapyfi_core::EncodeError;
+/// use wrapyfi_core::codec::json;
+/// use wrapyfi_core::types::Value;
 /// let error = json::encode(&vec![Value::Bytes("raw".into())].into()).unwrap_err();
 /// assert!(matches!(&error, EncodeError::Unrepresentable { path, .. } if path == "$[0]"));
 /// assert!(error.to_string().starts_with("JSON cannot hold 3 raw bytes at $[0]; "));
@@ -184,7 +195,13 @@ impl EncodeError {
 /// Result of encoding.
 ///
 /// ```
-/// use wrapyfi_data::{EncodeError, EncodeResult, codec::json, types::Value};
+/// # mod wrapyfi_core {
+/// #     pub use wrapyfi_data::{EncodeError, types};
+/// #     pub mod codec { pub use wrapyfi_data::{EncodeResult, codec::json}; }
+/// # }
+/// use wrapyfi_core::EncodeError;
+/// use wrapyfi_core::codec::{EncodeResult, json};
+/// use wrapyfi_core::types::Value;
 /// fn small(value: &Value) -> EncodeResult<Vec<u8>> {
 ///     let text = json::encode(value)?;
 ///     EncodeError::check_size(text.len(), 8)?;

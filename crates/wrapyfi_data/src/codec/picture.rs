@@ -24,7 +24,8 @@ impl Image {
     /// | `float32` (H, W, 3) | `32FC3` |
     ///
     /// ```
-    /// use wrapyfi_data::types::{Encoding, Image, Pixels, Stamp, Tensor, Value};
+    /// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+    /// use wrapyfi_core::types::{Encoding, Image, Pixels, Stamp, Tensor, Value};
     /// let frame = Value::from(Tensor::from_elements(&[2, 3, 3], vec![0_u8; 18])?);
     /// let image = Image::from_value(&frame, Encoding::Bgr8, Stamp::now())?;
     /// let Pixels::Raw(raw) = &image.pixels else { panic!("pixels") };

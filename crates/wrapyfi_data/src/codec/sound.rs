@@ -27,7 +27,8 @@ impl AudioChunk {
     /// the longer tuple `(chunk, channels, rate, array)` that Wrapyfi puts on ZeroMQ.
     ///
     /// ```
-    /// use wrapyfi_data::types::{AudioChunk, Stamp, Tensor, Value};
+    /// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+    /// use wrapyfi_core::types::{AudioChunk, Stamp, Tensor, Value};
     /// let samples = Tensor::from_elements(&[3, 2], vec![0.5_f32; 6])?;
     /// let value = Value::Tuple(vec![samples.into(), 16_000.into()]);
     /// let sound = AudioChunk::from_value(&value, Stamp::now())?;

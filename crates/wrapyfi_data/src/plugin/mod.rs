@@ -12,9 +12,11 @@
 //! the user adds one by implementing [`Plugin`]:
 //!
 //! ```
-//! use wrapyfi_data::plugin::{Body, Unpacking, Part, Plugin, PluginError, Plugins};
-//! use wrapyfi_data::types::{ForeignObject, PluginObject, Value};
-//! use wrapyfi_data::{Limits, codec::json};
+//! # mod wrapyfi_core { pub use wrapyfi_data::{Limits, codec, plugin, types}; }
+//! use wrapyfi_core::Limits;
+//! use wrapyfi_core::codec::json;
+//! use wrapyfi_core::plugin::{Body, Part, Plugin, PluginError, Plugins, Unpacking};
+//! use wrapyfi_core::types::{ForeignObject, PluginObject, Value};
 //!
 //! #[derive(Debug, Clone, PartialEq)]
 //! struct Pose { x: f64, y: f64 }
@@ -65,8 +67,9 @@ mod xarray;
 mod zarr;
 
 pub use crate::plugin_api::{
-    Body, DeviceError, DeviceMap, DeviceMaps, DeviceOption, Framework, Part, Plugin, PluginError,
-    Plugins, Unpacking,
+    Body, DeviceError, DeviceMaps, DeviceOption, Part, Plugin, PluginError, Plugins, Unpacking,
 };
+#[doc(hidden)]
+pub use crate::plugin_api::{DeviceMap, Framework};
 #[cfg(feature = "zarr")]
 pub use zarr::ZarrGroup;

@@ -15,8 +15,11 @@ use crate::types::Value;
 /// files in base64: they are decoded once, and never copied as text.
 ///
 /// ```
-/// use wrapyfi_data::plugin::{Body, Part, Plugin, PluginError, Plugins, Unpacking};
-/// use wrapyfi_data::{Limits, codec::json, types::Value};
+/// # mod wrapyfi_core { pub use wrapyfi_data::{Limits, codec, plugin, types}; }
+/// use wrapyfi_core::Limits;
+/// use wrapyfi_core::codec::json;
+/// use wrapyfi_core::plugin::{Body, Part, Plugin, PluginError, Plugins, Unpacking};
+/// use wrapyfi_core::types::Value;
 ///
 /// /// `["Celsius", 21.5]`, read as the number.
 /// struct Celsius;
@@ -159,8 +162,9 @@ impl Body<'_> {
 /// A part to be written behind a plug-in key.
 ///
 /// ```
-/// use wrapyfi_data::plugin::{Part, Plugins};
-/// use wrapyfi_data::types::{Quantity, Value};
+/// # mod wrapyfi_core { pub use wrapyfi_data::{plugin, types}; }
+/// use wrapyfi_core::plugin::{Part, Plugins};
+/// use wrapyfi_core::types::{Quantity, Value};
 /// let mass = Quantity { magnitude: 3.into(), units: "gram".into() };
 /// let pint = Plugins::standard();
 /// let parts = pint.get("PintData").unwrap().encode(&Value::Quantity(Box::new(mass)))?;

@@ -95,7 +95,8 @@ impl DeviceMap {
 /// An option about devices, as a script passes it to Wrapyfi's `register`.
 ///
 /// ```
-/// use wrapyfi_data::plugin::{DeviceMaps, DeviceOption};
+/// # mod wrapyfi_core { pub use wrapyfi_data::plugin; }
+/// use wrapyfi_core::plugin::{DeviceMaps, DeviceOption};
 /// let map = DeviceOption::Map(vec![("cuda:0".into(), "cpu".into())]);
 /// let maps = DeviceMaps::from_options([("map_torch_devices", map)])?;
 /// assert_eq!(maps.target("PytorchTensor", "cuda:0"), Some("cpu"));
@@ -112,7 +113,8 @@ pub enum DeviceOption {
 /// Device maps of all libraries.
 ///
 /// ```
-/// use wrapyfi_data::plugin::{DeviceMaps, DeviceOption, Plugins};
+/// # mod wrapyfi_core { pub use wrapyfi_data::plugin; }
+/// use wrapyfi_core::plugin::{DeviceMaps, DeviceOption, Plugins};
 /// let maps = DeviceMaps::from_options([
 ///     ("load_torch_device", DeviceOption::Load("cpu".into())),
 ///     ("map_paddle_devices", DeviceOption::Map(vec![("gpu:0".into(), "cpu".into())])),
@@ -168,6 +170,7 @@ impl DeviceMaps {
     }
 
     /// Adds `map`, which replaces the one of its library.
+    #[doc(hidden)]
     #[must_use]
     pub fn with(mut self, map: DeviceMap) -> Self {
         self.0.insert(map.framework, map);
@@ -189,6 +192,7 @@ impl DeviceMaps {
     }
 
     /// Maps of all libraries.
+    #[doc(hidden)]
     pub fn iter(&self) -> impl Iterator<Item = &DeviceMap> {
         self.0.values()
     }

@@ -6,7 +6,8 @@ use crate::types::Value;
 /// of the object in the message.
 ///
 /// ```
-/// use wrapyfi_data::plugin::{PluginError, Plugins};
+/// # mod wrapyfi_core { pub use wrapyfi_data::plugin; }
+/// use wrapyfi_core::plugin::{PluginError, Plugins};
 /// let plugins = Plugins::standard();
 /// let error = plugins.get("PintData").unwrap().encode(&"five".into()).unwrap_err();
 /// assert!(matches!(&error, PluginError::Unsupported { .. }));

@@ -104,8 +104,10 @@ fn is_number(text: &str) -> bool {
 /// Error of options about devices.
 ///
 /// ```
-/// use wrapyfi_data::plugin::{DeviceMap, Framework};
-/// let error = DeviceMap::new(Framework::CuPy, Some("cpu"), []).unwrap_err();
+/// # mod wrapyfi_core { pub use wrapyfi_data::plugin; }
+/// use wrapyfi_core::plugin::{DeviceMaps, DeviceOption};
+/// let cpu = ("load_cupy_device", DeviceOption::Load("cpu".into()));
+/// let error = DeviceMaps::from_options([cpu]).unwrap_err();
 /// assert!(error.to_string().starts_with("load_cupy_device: CuPy has no CPU arrays; "), "{error}");
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

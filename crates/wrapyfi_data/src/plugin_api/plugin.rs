@@ -14,8 +14,9 @@ use crate::types::Value;
 /// [`Plugins::with`] adds it.
 ///
 /// ```
-/// use wrapyfi_data::plugin::{Body, Part, Plugin, PluginError, Unpacking};
-/// use wrapyfi_data::types::Value;
+/// # mod wrapyfi_core { pub use wrapyfi_data::{plugin, types}; }
+/// use wrapyfi_core::plugin::{Body, Part, Plugin, PluginError, Unpacking};
+/// use wrapyfi_core::types::Value;
 ///
 /// /// Text that travels as a file: `{"__wrapyfi__": ["Note", "aGk="]}`.
 /// struct Note;
@@ -56,8 +57,10 @@ pub trait Plugin: Send + Sync {
 /// Limits and plug-ins for a plug-in that decodes.
 ///
 /// ```
+/// # mod wrapyfi_core { pub use wrapyfi_data::{Limits, plugin}; }
 /// use std::cell::Cell;
-/// use wrapyfi_data::{Limits, plugin::{Plugins, Unpacking}};
+/// use wrapyfi_core::Limits;
+/// use wrapyfi_core::plugin::{Plugins, Unpacking};
 /// let (limits, plugins, unpacked) = (Limits::default(), Plugins::none(), Cell::new(0));
 /// let context = Unpacking::new(&limits, &plugins, &unpacked);
 /// // A small file that claims to hold 40 MiB, twice in one message of at most 64 MiB.

@@ -11,7 +11,11 @@ use crate::types::Tensor;
 /// clone.
 ///
 /// ```
-/// use wrapyfi_data::{Limits, codec::json, plugin::Plugins, types::Value};
+/// # mod wrapyfi_core { pub use wrapyfi_data::{Limits, codec, plugin, types}; }
+/// use wrapyfi_core::Limits;
+/// use wrapyfi_core::codec::json;
+/// use wrapyfi_core::plugin::Plugins;
+/// use wrapyfi_core::types::Value;
 /// let standard = Plugins::standard();
 /// assert!(standard.keys().any(|key| key == "JAXTensor"));
 /// assert!(standard.get("MyPose").is_none());

@@ -13,6 +13,14 @@ use super::shape::{ShapeError, check_length};
 /// A chunk of sound: `wrapyfi_msgs/msg/AudioChunk` in ROS 2, `(array, rate)` in Wrapyfi.
 ///
 /// `data.len()` is always `frames * channels * format.bytes_per_sample()`.
+///
+/// ```
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::{AudioChunk, SampleFormat, Stamp};
+/// let stereo = AudioChunk::new(Stamp::now(), 2, 2, 44_100, SampleFormat::S16Le, vec![0; 8])?;
+/// assert_eq!(stereo.to_format(SampleFormat::F32Le).data.len(), 16);
+/// # Ok::<(), wrapyfi_data::types::ShapeError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct AudioChunk {
     /// Time at which the first sample was taken; reception time where the sender does not say.
@@ -96,7 +104,8 @@ named! {
     /// Type of one audio sample.
     ///
     /// ```
-    /// use wrapyfi_data::types::SampleFormat;
+    /// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+    /// use wrapyfi_core::types::SampleFormat;
     /// assert_eq!(SampleFormat::from_name("S16LE"), Some(SampleFormat::S16Le));
     /// assert_eq!(SampleFormat::F32Le.bytes_per_sample(), 4);
     /// ```

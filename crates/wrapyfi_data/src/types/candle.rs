@@ -19,6 +19,13 @@ use super::element::Element;
 use super::tensor::Tensor;
 
 /// Error of converting between a tensor and candle's.
+///
+/// ```
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::{CandleError, Dtype};
+/// let error = CandleError::Dtype(Dtype::Bool).to_string();
+/// assert!(error.starts_with("candle has no bool tensors; it has "), "{error}");
+/// ```
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CandleError {

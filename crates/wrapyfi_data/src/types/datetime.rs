@@ -8,7 +8,8 @@ use chrono::{FixedOffset, NaiveDate, NaiveDateTime, Timelike};
 /// `datetime.datetime` to the microsecond, written as by Python's `isoformat()`.
 ///
 /// ```
-/// use wrapyfi_data::types::DateTime;
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::DateTime;
 /// let when: DateTime = "2024-01-02T03:04:05.5Z".parse()?;
 /// assert_eq!(when.to_string(), "2024-01-02T03:04:05.500000+00:00");
 /// # Ok::<(), wrapyfi_data::types::ParseDateTimeError>(())
@@ -24,7 +25,8 @@ pub struct DateTime {
 /// Error of reading an ISO 8601 date and time.
 ///
 /// ```
-/// use wrapyfi_data::types::DateTime;
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::DateTime;
 /// let error = "yesterday".parse::<DateTime>().unwrap_err();
 /// assert!(error.to_string().starts_with("\"yesterday\" is no date and time such as 2024-01-02"));
 /// ```

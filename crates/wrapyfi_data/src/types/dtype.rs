@@ -6,7 +6,8 @@ named! {
     /// Element type of a [`super::Tensor`].
     ///
     /// ```
-    /// use wrapyfi_data::types::Dtype;
+    /// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+    /// use wrapyfi_core::types::Dtype;
     /// let dtype = Dtype::from_name("float32").unwrap();
     /// assert_eq!((dtype, dtype.size(), dtype.npy_descr()), (Dtype::F32, 4, Some("<f4")));
     /// ```

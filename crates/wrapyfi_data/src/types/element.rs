@@ -14,7 +14,8 @@ use super::dtype::Dtype;
 /// Sealed: the list of [`Dtype`]s is closed.
 ///
 /// ```
-/// use wrapyfi_data::types::{Dtype, Element, ShapeError, Tensor};
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::{Dtype, Element, ShapeError, Tensor};
 ///
 /// fn row<T: Element>(elements: Vec<T>) -> Result<Tensor, ShapeError> {
 ///     Tensor::from_elements(&[1, elements.len()], elements)

@@ -13,6 +13,15 @@ use super::shape::ShapeError;
 
 /// One frame: `sensor_msgs/msg/Image` or `CompressedImage` in ROS 2, an `(H, W, 3)` or `(H, W)`
 /// array or a JPEG file in Wrapyfi.
+///
+/// ```
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::{Encoding, Image, RawPixels, Stamp};
+/// let grey = RawPixels::dense(2, 1, Encoding::Mono8, vec![0_u8, 255])?;
+/// let image = Image { frame_id: "camera".into(), ..Image::new(Stamp::now(), grey.clone()) };
+/// assert_eq!(image.pixels, grey.into());
+/// # Ok::<(), wrapyfi_data::types::ShapeError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Image {
     /// Time at which the frame was taken; reception time where the sender does not say.
@@ -33,7 +42,8 @@ impl Image {
 /// The picture of an [`Image`], which stays compressed until a consumer needs pixels.
 ///
 /// ```
-/// use wrapyfi_data::types::{Encoding, Image, Pixels, RawPixels, Stamp};
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::{Encoding, Image, Pixels, RawPixels, Stamp};
 /// let grey = RawPixels::dense(2, 1, Encoding::Mono8, vec![0_u8, 255])?;
 /// let image = Image::new(Stamp::now(), grey);
 /// let text = match &image.pixels {
@@ -66,7 +76,8 @@ named! {
     /// Format of a compressed [`Image`].
     ///
     /// ```
-    /// use wrapyfi_data::types::CompressedFormat;
+    /// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+    /// use wrapyfi_core::types::CompressedFormat;
     /// assert_eq!(CompressedFormat::sniff(b"\x89PNG\r\n\x1a\n"), Some(CompressedFormat::Png));
     /// assert_eq!(CompressedFormat::sniff(b"P6 2 1 255"), None);
     /// ```
@@ -98,7 +109,8 @@ impl CompressedFormat {
 /// `data.len()` is always `height * step` when made by [`RawPixels::new`].
 ///
 /// ```
-/// use wrapyfi_data::types::{Encoding, RawPixels};
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::{Encoding, RawPixels};
 /// // Two rows of one grey pixel, each padded to four bytes.
 /// let rows = vec![7_u8, 0, 0, 0, 8, 0, 0, 0];
 /// let padded = RawPixels::new(1, 2, Encoding::Mono8, 4, rows)?;
@@ -235,7 +247,8 @@ named! {
     /// Pixel encodings, by their names in `sensor_msgs/image_encodings.hpp`.
     ///
     /// ```
-    /// use wrapyfi_data::types::Encoding;
+    /// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+    /// use wrapyfi_core::types::Encoding;
     /// assert_eq!(Encoding::from_name("8UC3"), Some(Encoding::Bgr8));
     /// assert_eq!((Encoding::Bgr8.channels(), Encoding::Bgr8.swapped()), (3, Encoding::Rgb8));
     /// ```

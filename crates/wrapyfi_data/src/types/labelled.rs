@@ -5,7 +5,8 @@ use super::{Image, Map, Value};
 /// A number with its unit: pint's `Quantity`.
 ///
 /// ```
-/// use wrapyfi_data::types::{Quantity, Value};
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::{Quantity, Value};
 /// let speed = Quantity { magnitude: 1.5.into(), units: "meter / second".into() };
 /// let value = Value::Quantity(Box::new(speed));
 /// assert_eq!(value.plugin_key(), Some("PintData"));
@@ -22,7 +23,8 @@ pub struct Quantity {
 /// Data over named dimensions: a variable or coordinate of xarray.
 ///
 /// ```
-/// use wrapyfi_data::types::{Map, Tensor, Variable};
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::{Map, Tensor, Variable};
 /// let data = Tensor::from_elements(&[2, 1], vec![21.5, 22.0])?.into();
 /// let attrs = Map::from([("units", "celsius")]);
 /// let temperature = Variable { dims: vec!["time".into(), "room".into()], data, attrs };
@@ -42,7 +44,8 @@ pub struct Variable {
 /// xarray's `DataArray` or `Dataset`.
 ///
 /// ```
-/// use wrapyfi_data::types::{Labelled, LabelledContent, Map, Tensor, Value, Variable};
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::{Labelled, LabelledContent, Map, Tensor, Value, Variable};
 /// let along_x = |data: Tensor| Variable { dims: vec!["x".into()], data: data.into(), attrs: Map::new() };
 /// let heights = along_x(Tensor::from_elements(&[2], vec![0.5, 0.7])?);
 /// let places = along_x(Tensor::from_elements(&[2], vec![10_i64, 20])?);
@@ -67,7 +70,8 @@ pub struct Labelled {
 /// Array or arrays of a [`Labelled`].
 ///
 /// ```
-/// use wrapyfi_data::types::{LabelledContent, Map, Variable};
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::{LabelledContent, Map, Variable};
 /// fn names(content: &LabelledContent) -> Vec<&str> {
 ///     match content {
 ///         LabelledContent::Array(_) => Vec::new(),
@@ -100,7 +104,8 @@ pub enum LabelledContent {
 /// A Pillow image.
 ///
 /// ```
-/// use wrapyfi_data::types::{Encoding, Image, Picture, RawPixels, Stamp, Value};
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::{Encoding, Image, Picture, RawPixels, Stamp, Value};
 /// let white = RawPixels::dense(1, 1, Encoding::Rgb8, vec![255_u8; 3])?;
 /// let picture = Picture { image: Image::new(Stamp::default(), white), mode: None };
 /// assert_eq!(Value::Picture(Box::new(picture)).plugin_key(), Some("PILImage"));

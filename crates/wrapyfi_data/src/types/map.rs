@@ -11,7 +11,8 @@ use super::Value;
 /// equal when type and content are: unlike in Python, `1`, `1.0` and `True` are three keys.
 ///
 /// ```
-/// use wrapyfi_data::types::{Map, Value};
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::{Map, Value};
 /// let map = Map::from_iter([("a", 1), ("b", 2), ("a", 3)]);
 /// assert_eq!(map.get("a"), Some(&Value::Int(3)));
 /// assert_eq!(map.len(), 2);

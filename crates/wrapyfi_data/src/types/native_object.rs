@@ -8,7 +8,8 @@ use super::{Stamp, Value};
 /// [`Value`].
 ///
 /// ```
-/// use wrapyfi_data::types::{Map, NativeObject, Stamp, Value};
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::{Map, NativeObject, Stamp, Value};
 /// let value = Map::from([("speed", 1.5)]).into();
 /// let object = NativeObject { stamp: Stamp::now(), frame_id: "base_link".into(), value };
 /// assert_eq!(object.get("speed").and_then(Value::as_f64), Some(1.5));

@@ -7,7 +7,8 @@ use std::sync::Arc;
 /// A value that a plug-in outside this crate decodes to, when none of the types here fits.
 ///
 /// ```
-/// use wrapyfi_data::types::{ForeignObject, PluginObject, Value};
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::{ForeignObject, PluginObject, Value};
 ///
 /// #[derive(Debug, PartialEq)]
 /// struct Pose { x: f64, y: f64 }
@@ -26,7 +27,8 @@ pub trait PluginObject: Any + fmt::Debug + Send + Sync {
 /// A shared [`PluginObject`].
 ///
 /// ```
-/// use wrapyfi_data::types::{ForeignObject, PluginObject};
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::{ForeignObject, PluginObject};
 ///
 /// #[derive(Debug, PartialEq)]
 /// struct Pose(f64, f64);

@@ -6,7 +6,8 @@ use std::collections::BTreeMap;
 /// attributes that the plug-in keeps beside the numbers.
 ///
 /// ```
-/// use wrapyfi_data::types::{Dtype, Origin, Tensor};
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::{Dtype, Origin, Tensor};
 /// let weights = Tensor::from_elements(&[2], vec![1.0_f32, 2.0])?
 ///     .with_origin(Origin::new("PytorchTensor").with("requires_grad", "true"));
 /// assert_eq!(weights.framework(), Some("PytorchTensor"));

@@ -7,7 +7,8 @@ use wrapyfi_interfaces::named;
 /// Value of a parameter, in the types of ROS 2.
 ///
 /// ```
-/// use wrapyfi_data::types::ParameterValue;
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::ParameterValue;
 /// let rate = ParameterValue::from(30);
 /// assert_eq!((rate.type_name(), rate.to_string().as_str()), ("INTEGER", "30"));
 /// assert_eq!(ParameterValue::from(vec![0.5, 1.0]).to_string(), "[0.5, 1.0]");
@@ -100,6 +101,7 @@ impl ParameterType {
 
 impl ParameterValue {
     /// Type of the value.
+    #[doc(hidden)]
     pub fn parameter_type(&self) -> ParameterType {
         match self {
             Self::NotSet => ParameterType::NotSet,

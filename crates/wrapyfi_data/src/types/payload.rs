@@ -13,7 +13,8 @@ use wrapyfi_interfaces::store::{ResolveError, ResolvedType, TypeStore};
 /// The content of one message, independent of the middleware that carries it.
 ///
 /// ```
-/// use wrapyfi_data::types::{DataType, Payload, Value};
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::{DataType, Payload, Value};
 /// let payload = Payload::from(Value::from("hello"));
 /// assert_eq!(payload.data_type(), DataType::NativeObject);
 /// let Payload::NativeObject(object) = payload else { panic!("no native object") };
@@ -69,7 +70,8 @@ named! {
     /// The kind of a [`Payload`]: Wrapyfi's `data_type`.
     ///
     /// ```
-    /// use wrapyfi_data::types::DataType;
+    /// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+    /// use wrapyfi_core::types::DataType;
     /// assert_eq!("ROSMessage".parse(), Ok(DataType::RosMessage));
     /// assert_eq!(DataType::AudioChunk.to_string(), "AudioChunk");
     /// ```
@@ -88,7 +90,8 @@ named! {
 /// Error of reading the name of a type; the text lists the known ones.
 ///
 /// ```
-/// use wrapyfi_data::types::DataType;
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::DataType;
 /// let error = "Imgae".parse::<DataType>().unwrap_err();
 /// assert!(error.to_string().starts_with("\"Imgae\" is no message type; did you mean `Image`? "));
 /// ```
@@ -135,7 +138,8 @@ impl FromStr for DataType {
 /// | any other `package/msg/Type` | message of that type | itself | JSON of its fields |
 ///
 /// ```
-/// use wrapyfi_data::types::{DataType, MessageType};
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::{DataType, MessageType};
 /// let camera: MessageType = "sensor_msgs/msg/CompressedImage".parse()?;
 /// assert_eq!(camera, MessageType::CompressedImage);
 /// assert_eq!((camera.to_string().as_str(), camera.data_type()), ("CompressedImage", DataType::Image));

@@ -20,7 +20,8 @@ const SHOWN: usize = 60;
 /// In changes of a node's parameters, [`ParameterValue::NotSet`] deletes one.
 ///
 /// ```
-/// use wrapyfi_data::types::{Map, ParameterValue, Properties, Value};
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::{Map, ParameterValue, Properties, Value};
 /// let nested = Value::from(Map::from([
 ///     ("gain", Value::from(2.5)),
 ///     ("camera", Value::from(Map::from([("rate", 30)]))),
@@ -41,7 +42,8 @@ pub struct Properties {
 /// Error of reading named parameters from a native object.
 ///
 /// ```
-/// use wrapyfi_data::types::{Map, Properties, Value};
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::{Map, Properties, Value};
 /// let mixed = Value::from(vec![Value::from(1), Value::from("two")]);
 /// let error = Properties::from_value(&Map::from([("gains", mixed)]).into()).unwrap_err();
 /// assert_eq!(error.to_string(), "parameter \"gains\": a list holds values of one type, and here int and str");

@@ -16,7 +16,8 @@ use super::ros_type::RosType;
 /// A message of a type known while running: encapsulation header and CDR body, as DDS carries them.
 ///
 /// ```
-/// use wrapyfi_data::types::{RosMessage, RosType, Value};
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::{RosMessage, RosType, Value};
 /// use wrapyfi_interfaces::store::TypeStore;
 ///
 /// let header = RosType::new(&TypeStore::generated().resolve_name("std_msgs/msg/Header")?)?;

@@ -10,7 +10,8 @@ use super::ros_type::{Interned, RosType, RosTypeError, intern, interned};
 /// A ROS 2 service type with its request and its response, kept as [`RosType`] is.
 ///
 /// ```
-/// use wrapyfi_data::types::RosService;
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::RosService;
 /// use wrapyfi_interfaces::store::TypeStore;
 ///
 /// let mut store = TypeStore::generated();

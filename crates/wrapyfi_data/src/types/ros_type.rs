@@ -22,7 +22,8 @@ pub const MAX_ROS_TYPES: usize = 10_000;
 /// A ROS 2 message type with the types that it refers to, its hash, and the layout of its messages.
 ///
 /// ```
-/// use wrapyfi_data::types::RosType;
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::RosType;
 /// use wrapyfi_interfaces::store::TypeStore;
 ///
 /// let mut store = TypeStore::generated();
@@ -46,7 +47,8 @@ struct Known {
 /// Error of using a definition as a message type.
 ///
 /// ```
-/// use wrapyfi_data::types::RosType;
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::RosType;
 /// use wrapyfi_interfaces::store::TypeStore;
 /// let service = TypeStore::generated().resolve_name("std_srvs/srv/SetBool")?;
 /// let error = RosType::new(&service).unwrap_err().to_string();

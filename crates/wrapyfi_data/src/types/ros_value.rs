@@ -24,7 +24,8 @@ const MAX_DEPTH: usize = 64;
 /// Error of converting a native object to a ROS message.
 ///
 /// ```
-/// use wrapyfi_data::types::{Map, RosMessage, RosType};
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::{Map, RosMessage, RosType};
 /// use wrapyfi_interfaces::store::TypeStore;
 /// let text = RosType::new(&TypeStore::generated().resolve_name("std_msgs/msg/String")?)?;
 /// let fields = Map::from([("text", "hello")]).into();

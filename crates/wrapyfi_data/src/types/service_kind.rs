@@ -22,7 +22,8 @@ use super::{DataType, MessageType, MessageTypeError, ParseTypeError, RosService}
 /// | any other `package/srv/Type` | dict of the reply's fields | itself: arguments are the request's fields, by name or in order | JSON |
 ///
 /// ```
-/// use wrapyfi_data::types::{DataType, ServiceKind};
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::{DataType, ServiceKind};
 /// let snapshot: ServiceKind = "Image".parse()?;
 /// assert_eq!(snapshot.ros_type(), "wrapyfi_msgs/srv/ImageService");
 /// assert_eq!((snapshot.data_type(), snapshot.is_upstream()), (DataType::Image, false));

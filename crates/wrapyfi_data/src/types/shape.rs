@@ -3,7 +3,8 @@
 /// Error of bytes that do not fit the header that describes them.
 ///
 /// ```
-/// use wrapyfi_data::types::{Dtype, Tensor};
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::{Dtype, Tensor};
 /// let error = Tensor::new(Dtype::F32, [2, 2], vec![0_u8; 4]).unwrap_err();
 /// assert_eq!(error.to_string(), "float32 array [2, 2] needs 16 bytes, 4 are there");
 /// ```

@@ -5,7 +5,8 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 /// A point in time since 1970-01-01T00:00:00 UTC, laid out as `builtin_interfaces/msg/Time`.
 ///
 /// ```
-/// use wrapyfi_data::types::Stamp;
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::Stamp;
 /// assert_eq!(Stamp::from_secs_f64(1.5), Stamp { sec: 1, nanosec: 500_000_000 });
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]

@@ -13,9 +13,10 @@ use super::Origin;
 /// by the plug-in that `origin.key` names.
 ///
 /// ```
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
 /// use std::sync::Arc;
 /// use arrow_array::{Int64Array, RecordBatch, cast::AsArray, types::Int64Type};
-/// use wrapyfi_data::types::{Table, Value};
+/// use wrapyfi_core::types::{Table, Value};
 ///
 /// let speeds = Arc::new(Int64Array::from(vec![1, 2, 3])) as _;
 /// let table = Table::frame(RecordBatch::try_from_iter([("speed", speeds)])?);

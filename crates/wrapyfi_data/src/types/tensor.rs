@@ -22,7 +22,8 @@ use super::shape::{ShapeError, check_length, element_count};
 /// `data.len()` is always `shape.iter().product() * dtype.size()`; [`Tensor::new`] checks it.
 ///
 /// ```
-/// use wrapyfi_data::types::{Dtype, Tensor};
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::{Dtype, Tensor};
 /// let tensor = Tensor::from_elements(&[2, 2], vec![1.0_f32, 2.0, 3.0, 4.0])?;
 /// assert_eq!((tensor.dtype(), tensor.data().len()), (Dtype::F32, 16));
 /// assert_eq!(tensor.as_slice::<f32>().unwrap()[2], 3.0);
@@ -135,7 +136,8 @@ impl Tensor {
 /// back exactly.
 ///
 /// ```
-/// use wrapyfi_data::types::{NumpyArray, Value};
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::{NumpyArray, Value};
 /// // numpy.array(["1970-01-02"], "datetime64[D]")
 /// let dates = NumpyArray::new("'<M8[D]'", 8, [1], 1_i64.to_le_bytes().to_vec())?;
 /// assert_eq!(Value::from(dates).kind(), "numpy.ndarray");

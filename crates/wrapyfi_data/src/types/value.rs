@@ -17,7 +17,8 @@ use super::tensor::{NumpyArray, Tensor};
 /// Containers nest up to [`crate::Limits::depth`].
 ///
 /// ```
-/// use wrapyfi_data::types::{Map, Value};
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::{Map, Value};
 /// let value = Value::from(Map::from([("speed", 1.5)]));
 /// assert_eq!(value.get("speed").and_then(Value::as_f64), Some(1.5));
 /// ```
@@ -75,7 +76,10 @@ pub enum Value {
 /// An object behind a plug-in key that is not decoded here (`{"__wrapyfi__": [key, ...]}`).
 ///
 /// ```
-/// use wrapyfi_data::{Limits, codec::json, types::{Tagged, Value}};
+/// # mod wrapyfi_core { pub use wrapyfi_data::{Limits, codec, types}; }
+/// use wrapyfi_core::Limits;
+/// use wrapyfi_core::codec::json;
+/// use wrapyfi_core::types::{Tagged, Value};
 /// let text = r#"{"__wrapyfi__": ["MyPose", 1.0, 2.0]}"#;
 /// let value = json::decode(&text.into(), &Limits::default())?;
 /// assert_eq!(value, Value::from(Tagged::new("MyPose", text)));

@@ -7,7 +7,8 @@ use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, ToSocketAddrs, UdpSocket}
 /// configuration.
 ///
 /// ```
-/// use wrapyfi_endpoint::network::Hosts;
+/// # mod wrapyfi_core { pub use wrapyfi_endpoint::network; }
+/// use wrapyfi_core::network::Hosts;
 /// let hosts = Hosts::from_iter([("robot".to_owned(), "192.168.1.7".parse()?)]);
 /// assert_eq!(hosts.or_same("robot"), "192.168.1.7");
 /// assert_eq!(hosts.or_same("laptop"), "laptop");

@@ -41,20 +41,18 @@ pub enum Place {
 /// encrypted.
 ///
 /// ```
-/// use wrapyfi_endpoint::network::{Insecure, Place};
-/// let open = "192.168.1.7".parse()?;
-/// let mut insecure = Insecure::default();
-/// insecure.said(Place::File, true, false); // the file names the address
-/// assert!(insecure.check("zeromq", "the broker", open).is_err());
-/// insecure.said(Place::Argument, false, true); // the command line permits it
-/// assert!(insecure.check("zeromq", "the broker", open).is_ok());
-/// # Ok::<(), std::net::AddrParseError>(())
+/// # mod wrapyfi_core { pub use wrapyfi_endpoint::network; }
+/// use wrapyfi_core::network::Insecure;
+/// assert!(!Insecure::default().is_allowed);
+/// let in_the_lab: Insecure = true.into();
+/// assert!(in_the_lab.is_allowed);
 /// ```
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Insecure {
     /// True when the word `insecure` was given at a place that counts.
     pub is_allowed: bool,
     /// Place at which the address was given.
+    #[doc(hidden)]
     pub place: Place,
 }
 
@@ -99,6 +97,18 @@ pub struct ReachedByOthers {
 impl Insecure {
     /// Takes over the settings of one place. Call it in the order of the places, the one with
     /// precedence last.
+    ///
+    /// ```
+    /// use wrapyfi_endpoint::network::{Insecure, Place};
+    /// let open = "192.168.1.7".parse()?;
+    /// let mut insecure = Insecure::default();
+    /// insecure.said(Place::File, true, false); // the file names the address
+    /// assert!(insecure.check("zeromq", "the broker", open).is_err());
+    /// insecure.said(Place::Argument, false, true); // the command line permits it
+    /// assert!(insecure.check("zeromq", "the broker", open).is_ok());
+    /// # Ok::<(), std::net::AddrParseError>(())
+    /// ```
+    #[doc(hidden)]
     pub fn said(&mut self, place: Place, names_address: bool, is_insecure: bool) {
         if names_address {
             *self = Self { is_allowed: is_insecure, place };
@@ -112,6 +122,7 @@ impl Insecure {
     ///
     /// # Errors
     /// When the address is open to others and no setting permits it; the error names the setting.
+    #[doc(hidden)]
     pub fn check(
         self,
         middleware: &str,

@@ -8,11 +8,11 @@ use crate::NameError;
 /// A refused command line, with the warnings that came before it was refused.
 ///
 /// ```
-/// use wrapyfi_node::args::{RosArgs, RosArgsErrorKind};
-/// use wrapyfi_node::read_params_file;
+/// # mod wrapyfi_core { pub mod node { pub use wrapyfi_node::{args::RosArgs, read_params_file}; } }
+/// use wrapyfi_core::node::{RosArgs, read_params_file};
 /// let words = ["--ros-args", "--remap"].map(str::to_owned);
 /// let error = RosArgs::parse(words, read_params_file).unwrap_err();
-/// assert!(matches!(error.kind, RosArgsErrorKind::TrailingFlag { .. }));
+/// # assert!(matches!(error.kind, wrapyfi_node::args::RosArgsErrorKind::TrailingFlag { .. }));
 /// assert!(error.to_string().starts_with("Couldn't parse trailing --remap flag. "));
 /// ```
 #[derive(Debug)]
@@ -21,7 +21,7 @@ pub struct RosArgsError {
     #[doc(hidden)]
     pub kind: RosArgsErrorKind,
     /// Warnings that came before the error, in order.
-    pub warnings: Vec<RosArgsWarning>,
+    pub warnings: Vec<String>,
 }
 
 impl fmt::Display for RosArgsError {
@@ -233,29 +233,4 @@ pub enum LogLevelError {
     /// The value behind `:=` is no single word.
     #[error(transparent)]
     Rule(#[from] RuleError),
-}
-
-/// Warning about words that were accepted or passed on, for their author.
-///
-/// ```
-/// use wrapyfi_node::args::{RosArgs, RosArgsWarning};
-/// use wrapyfi_node::read_params_file;
-/// let args = RosArgs::parse(["chatter:=/chat".to_owned()], read_params_file)?;
-/// assert_eq!(args.warnings, [RosArgsWarning::DeprecatedRule("chatter:=/chat".into())]);
-/// # Ok::<(), wrapyfi_node::args::RosArgsError>(())
-/// ```
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum RosArgsWarning {
-    /// `a:=b` outside a block still works, for now.
-    #[error(
-        "Found remap rule '{0}'. This syntax is deprecated. Use '--ros-args --remap {0}' instead."
-    )]
-    DeprecatedRule(String),
-    /// `__ns:=` something relative or broken.
-    #[error("Namespace not remapped to a fully qualified name (found: {0})")]
-    NamespaceNotRemapped(String),
-    /// `__node:=` something that cannot be a name.
-    #[error("Node name not remapped to invalid name: '{0}'")]
-    NodeNotRemapped(String),
 }

@@ -24,8 +24,8 @@ use std::error::Error;
 use std::io;
 
 pub use error::{
-    LogLevelError, ParamsFileError, ParserError, RosArgsError, RosArgsErrorKind, RosArgsWarning,
-    RuleError, YamlError,
+    LogLevelError, ParamsFileError, ParserError, RosArgsError, RosArgsErrorKind, RuleError,
+    YamlError,
 };
 pub use log_levels::LogLevels;
 pub use parameters::MAX_FILE_BYTES;
@@ -42,7 +42,8 @@ pub const MAX_ARGUMENTS: usize = 16_384;
 /// Rules that a command line sets for the nodes of its process: names, parameters, log levels.
 ///
 /// ```
-/// use wrapyfi_node::{NodeName, args::RosArgs};
+/// # mod wrapyfi_core { pub mod node { pub use wrapyfi_node::{NodeName, args::RosArgs}; } }
+/// use wrapyfi_core::node::{NodeName, RosArgs};
 /// let argv = ["--fast", "--ros-args", "-r", "__ns:=/robot", "-r", "chatter:=news"];
 /// let args = RosArgs::parse(argv, |_path| Err(std::io::ErrorKind::NotFound.into()))?;
 ///
@@ -57,7 +58,7 @@ pub struct RosArgs {
     /// Arguments that are not ROS's, in order.
     pub program_args: Vec<String>,
     /// Warnings for the author of the command line, in order.
-    pub warnings: Vec<RosArgsWarning>,
+    pub warnings: Vec<String>,
     /// Security enclave, `/` unless given.
     pub enclave: String,
     /// True when log lines go to `/rosout`.
@@ -130,7 +131,9 @@ impl RosArgs {
         match RemapRule::parse(&word, &mut self.warnings) {
             Ok(rule) => {
                 self.rules.push(rule);
-                self.warnings.push(RosArgsWarning::DeprecatedRule(word));
+                self.warnings.push(format!(
+                    "Found remap rule '{word}'. This syntax is deprecated. Use '--ros-args --remap {word}' instead."
+                ));
             }
             Err(_not_a_rule) => self.program_args.push(word),
         }

@@ -8,7 +8,7 @@
 //!
 //! The first rule that matches wins, however special a later one is.
 
-use super::error::{RosArgsWarning, RuleError};
+use super::error::RuleError;
 use super::lexer::{Cursor, Lexeme};
 use crate::{NameError, NodeName};
 
@@ -37,16 +37,15 @@ pub(super) enum Scope {
 impl RemapRule {
     /// Reads a rule. A refused `__node` or `__ns` is warned of as well, because outside a block
     /// its author gets nothing but the warning.
-    pub(super) fn parse(text: &str, warnings: &mut Vec<RosArgsWarning>) -> Result<Self, RuleError> {
+    pub(super) fn parse(text: &str, warnings: &mut Vec<String>) -> Result<Self, RuleError> {
         let mut cursor = Cursor::new(text);
         let node = cursor.node_prefix().map(str::to_owned);
         let target = match cursor.peek() {
-            Lexeme::Node => value(&mut cursor, token, RosArgsWarning::NodeNotRemapped, warnings)
-                .map(Target::NodeName)?,
-            Lexeme::Namespace => {
-                value(&mut cursor, fully_qualified, RosArgsWarning::NamespaceNotRemapped, warnings)
-                    .map(Target::Namespace)?
+            Lexeme::Node => {
+                value(&mut cursor, token, node_refused, warnings).map(Target::NodeName)?
             }
+            Lexeme::Namespace => value(&mut cursor, fully_qualified, namespace_refused, warnings)
+                .map(Target::Namespace)?,
             _ => name_target(&mut cursor)?,
         };
         cursor.expect(Lexeme::Eof)?;
@@ -62,17 +61,25 @@ impl RemapRule {
 fn value(
     cursor: &mut Cursor<'_>,
     read: fn(&mut Cursor<'_>) -> Result<(), RuleError>,
-    refusal: fn(String) -> RosArgsWarning,
-    warnings: &mut Vec<RosArgsWarning>,
+    refusal: fn(&str) -> String,
+    warnings: &mut Vec<String>,
 ) -> Result<String, RuleError> {
     cursor.accept();
     cursor.expect(Lexeme::Separator)?;
     let found = cursor.rest().to_owned();
     if let Err(error) = read(cursor) {
-        warnings.push(refusal(found));
+        warnings.push(refusal(&found));
         return Err(error);
     }
     Ok(found)
+}
+
+fn node_refused(found: &str) -> String {
+    format!("Node name not remapped to invalid name: '{found}'")
+}
+
+fn namespace_refused(found: &str) -> String {
+    format!("Namespace not remapped to a fully qualified name (found: {found})")
 }
 
 fn token(cursor: &mut Cursor<'_>) -> Result<(), RuleError> {
@@ -199,8 +206,8 @@ mod tests {
         assert_eq!(
             warnings,
             [
-                RosArgsWarning::NodeNotRemapped("1".into()),
-                RosArgsWarning::NamespaceNotRemapped("a".into())
+                "Node name not remapped to invalid name: '1'",
+                "Namespace not remapped to a fully qualified name (found: a)"
             ]
         );
     }

@@ -37,11 +37,12 @@ pub struct ServiceDescription {
 /// Place of a request's identity on the wire, which differs between DDS vendors.
 ///
 /// ```
-/// use wrapyfi_ros2::environment;
-/// use wrapyfi_ros2::graph::ServiceMapping;
-/// let fast = |name: &str| (name == "RMW_IMPLEMENTATION").then(|| "rmw_fastrtps_cpp".to_owned());
-/// let mapping = environment::read(fast)?.services;
-/// assert_eq!((mapping, mapping.rmw()), (ServiceMapping::FastDds, "rmw_fastrtps_cpp"));
+/// # mod wrapyfi_core { pub mod middleware { pub mod ros2 { pub use wrapyfi_ros2::graph::ServiceMapping; } } }
+/// use wrapyfi_core::middleware::ros2::ServiceMapping;
+/// # use wrapyfi_ros2::environment;
+/// # let fast = |name: &str| (name == "RMW_IMPLEMENTATION").then(|| "rmw_fastrtps_cpp".to_owned());
+/// # assert_eq!(environment::read(fast)?.services, ServiceMapping::FastDds);
+/// assert_eq!(ServiceMapping::FastDds.rmw(), "rmw_fastrtps_cpp");
 /// # Ok::<(), environment::EnvironmentError>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

@@ -10,7 +10,7 @@ use wrapyfi_interfaces::rcl_interfaces::srv::{
 
 use super::asker::Asker;
 use super::options::{CHUNK, MAX_NAMES, ServiceOptions, node_name};
-use super::{ParameterClientError, ParameterResult, RefusedParameter};
+use super::{ParameterClientError, ParameterResult};
 use crate::graph::Peers;
 use crate::ros2::Ros2;
 use wrapyfi_data::types::{ParameterType, ParameterValue, Properties};
@@ -22,9 +22,13 @@ use wrapyfi_node::parameters::{Parameter, ParameterService};
 /// are wanted.
 ///
 /// ```no_run
-/// use wrapyfi_endpoint::Wake;
-/// use wrapyfi_ros2::{ParameterClient, Ros2, ServiceOptions};
-/// use wrapyfi_data::types::Properties;
+/// # mod wrapyfi_core {
+/// #     pub use {wrapyfi_endpoint as endpoint, wrapyfi_data::types};
+/// #     pub mod middleware { pub use wrapyfi_ros2 as ros2; }
+/// # }
+/// use wrapyfi_core::endpoint::Wake;
+/// use wrapyfi_core::middleware::ros2::{ParameterClient, Ros2, ServiceOptions};
+/// use wrapyfi_core::types::Properties;
 /// # fn example(ros2: &Ros2) -> Result<(), Box<dyn std::error::Error>> {
 /// let options = ServiceOptions::default();
 /// let mut talker = ParameterClient::open(ros2, "/talker", &options, &Wake::new())?;
@@ -92,6 +96,7 @@ impl ParameterClient {
     }
 
     /// Readiness of the node's parameter services.
+    #[doc(hidden)]
     pub fn servers(&self) -> Peers {
         self.set.as_ref().map_or(Peers::None, Asker::servers)
     }
@@ -151,11 +156,14 @@ impl ParameterClient {
         if results.len() != of {
             return Err(asker.fault(counts(results.len(), of)));
         }
-        let refused: Vec<RefusedParameter> = properties
+        let refused: Vec<String> = properties
             .names()
             .zip(results)
             .filter(|(_, result)| !result.successful)
-            .map(|(name, result)| RefusedParameter { name: name.to_owned(), reason: result.reason })
+            .map(|(name, result)| match &*result.reason {
+                "" => format!("{name}: no reason given"),
+                reason => format!("{name}: {reason}"),
+            })
             .collect();
         if refused.is_empty() {
             return Ok(());

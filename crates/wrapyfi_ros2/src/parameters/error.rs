@@ -3,26 +3,11 @@
 use crate::graph::GraphError;
 use wrapyfi_endpoint::{CallError, OpenError};
 
-/// A parameter that a node did not set.
-///
-/// ```
-/// use wrapyfi_ros2::RefusedParameter;
-/// let refused = RefusedParameter { name: "gain".into(), reason: "it is read-only".into() };
-/// assert_eq!(refused.to_string(), "gain: it is read-only");
-/// ```
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{name}: {}", if reason.is_empty() { "no reason given" } else { reason })]
-pub struct RefusedParameter {
-    /// Name of the parameter.
-    pub name: String,
-    /// Reason in the words of the node.
-    pub reason: String,
-}
-
 /// Error of reading or setting the parameters of another node.
 ///
 /// ```
-/// use wrapyfi_ros2::ParameterClientError;
+/// # mod wrapyfi_core { pub mod middleware { pub use wrapyfi_ros2 as ros2; } }
+/// use wrapyfi_core::middleware::ros2::ParameterClientError;
 /// let error = ParameterClientError::NotDeclared { node: "/talker".into(), names: vec!["gain".into()] };
 /// assert!(error.to_string().starts_with("node /talker has not declared"));
 /// ```
@@ -62,8 +47,8 @@ pub enum ParameterClientError {
     Refused {
         /// Full name of the node.
         node: String,
-        /// Parameters that the node did not set.
-        refused: Vec<RefusedParameter>,
+        /// Parameters that the node did not set, each with the reason in the node's words: `gain: it is read-only`.
+        refused: Vec<String>,
         /// Parameters in the request.
         of: usize,
     },
@@ -96,8 +81,14 @@ pub enum ParameterClientError {
     #[error(transparent)]
     Open(#[from] OpenError),
     /// DDS refused.
-    #[error(transparent)]
-    Graph(#[from] GraphError),
+    #[error("{0}")]
+    Graph(String),
+}
+
+impl From<GraphError> for ParameterClientError {
+    fn from(error: GraphError) -> Self {
+        Self::Graph(error.to_string())
+    }
 }
 
 /// Result of reading or setting the parameters of another node.

@@ -17,7 +17,7 @@ mod publisher;
 mod remote;
 
 pub use client::ParameterClient;
-pub use error::{ParameterClientError, ParameterResult, RefusedParameter};
+pub use error::{ParameterClientError, ParameterResult};
 pub(super) use listener::PropertiesListener;
 pub use options::ServiceOptions;
 pub(super) use publisher::PropertiesPublisher;

@@ -24,8 +24,9 @@ pub(super) fn node_name(ros2: &Ros2, name: &str) -> Result<String, ParameterClie
 /// Settings of the calls to the parameter services of a node.
 ///
 /// ```
+/// # mod wrapyfi_core { pub mod middleware { pub use wrapyfi_ros2 as ros2; } }
 /// use std::time::Duration;
-/// use wrapyfi_ros2::ServiceOptions;
+/// use wrapyfi_core::middleware::ros2::ServiceOptions;
 /// let patient = ServiceOptions { timeout: Duration::from_secs(30), ..ServiceOptions::default() };
 /// assert!(patient.timeout > ServiceOptions::default().timeout);
 /// ```

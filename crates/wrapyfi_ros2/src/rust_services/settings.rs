@@ -114,7 +114,7 @@ impl Settings {
             .filter(|_| config.domain_id <= MAX_DOMAIN_ID)
             .ok_or(RustServicesError::DomainOutOfRange(config.domain_id))?;
         let here = Some(vec![IpAddr::V4(Ipv4Addr::LOCALHOST)]);
-        let networks = match (config.discovery.range, config.interface.as_deref()) {
+        let networks = match (config.discovery_range, config.interface.as_deref()) {
             (DiscoveryRange::Off, _) => return Err(RustServicesError::Off),
             (DiscoveryRange::Localhost, _) | (_, Some("lo")) => here,
             (DiscoveryRange::Subnet | DiscoveryRange::SystemDefault, None) => None,
@@ -150,7 +150,6 @@ fn addresses_of(name: &str, interfaces: &[Interface]) -> Result<Vec<IpAddr>, Rus
 fn warnings(config: &CycloneConfig) -> Vec<String> {
     let mut warnings = Vec::new();
     let elsewhere: Vec<&str> = config
-        .discovery
         .static_peers
         .iter()
         .map(String::as_str)
@@ -195,7 +194,6 @@ fn interfaces() -> Vec<Interface> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::environment::DiscoverySettings;
 
     fn card(name: &str, addresses: &[Ipv4Addr], mtu: usize) -> Interface {
         let addresses = addresses.to_vec();
@@ -223,7 +221,7 @@ mod tests {
     ) -> Result<Settings, RustServicesError> {
         let mut config = CycloneConfig::loopback(NodeName::new("n", "/").unwrap(), 7);
         let static_peers = peers.iter().map(|&peer| peer.to_owned()).collect();
-        config.discovery = DiscoverySettings { range, static_peers };
+        (config.discovery_range, config.static_peers) = (range, static_peers);
         config.interface = interface.map(str::to_owned);
         let interfaces = [
             card("lo", &[Ipv4Addr::LOCALHOST], 65_536),

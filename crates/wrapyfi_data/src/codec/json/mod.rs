@@ -38,7 +38,9 @@ use crate::types::{Tensor, Value};
 /// Reads a native object. Arrays share no bytes with `text`; objects of unknown plug-ins do.
 ///
 /// ```
-/// use wrapyfi_data::{Limits, codec::json};
+/// # mod wrapyfi_core { pub use wrapyfi_data::{Limits, codec}; }
+/// use wrapyfi_core::Limits;
+/// use wrapyfi_core::codec::json;
 /// let value = json::decode(&r#"{"speed": [1, 2.5, NaN]}"#.into(), &Limits::default())?;
 /// assert_eq!(value.get("speed").unwrap().as_items().unwrap()[1].as_f64(), Some(2.5));
 /// # Ok::<(), wrapyfi_data::DecodeError>(())
@@ -63,7 +65,10 @@ pub fn decode_with(text: &Bytes, limits: &Limits, plugins: &Plugins) -> DecodeRe
 /// `std_msgs/msg/String`: a text that is no JSON is that text.
 ///
 /// ```
-/// use wrapyfi_data::{Limits, codec::json, plugin::Plugins};
+/// # mod wrapyfi_core { pub use wrapyfi_data::{Limits, codec, plugin}; }
+/// use wrapyfi_core::Limits;
+/// use wrapyfi_core::codec::json;
+/// use wrapyfi_core::plugin::Plugins;
 /// let read = |text: &str| json::decode_or_text(&text.to_owned().into(), &Limits::default(), &Plugins::none());
 /// assert_eq!(read(r#"{"n": 5}"#)?.get("n").unwrap().as_i64(), Some(5));
 /// assert_eq!(read("Hello World: 5")?.as_str(), Some("Hello World: 5"));

@@ -11,8 +11,9 @@ use crate::types::{PluginObject, Value};
 /// [`crate::types::Value::Object`]: nothing else holds arrays by name and is no `dict`.
 ///
 /// ```
-/// use wrapyfi_data::plugin::ZarrGroup;
-/// use wrapyfi_data::types::{ForeignObject, Tensor, Value};
+/// # mod wrapyfi_core { pub use wrapyfi_data::{plugin, types}; }
+/// use wrapyfi_core::plugin::ZarrGroup;
+/// use wrapyfi_core::types::{ForeignObject, Tensor, Value};
 /// let speeds = Tensor::from_elements(&[2], vec![1.5_f32, 2.0])?;
 /// let group = ZarrGroup { arrays: vec![("speed".into(), speeds.into())], ..ZarrGroup::default() };
 /// let value = Value::from(ForeignObject::new(group.clone()));

@@ -21,7 +21,8 @@ impl Tensor {
     /// else copied into it. `array.into()` does the same.
     ///
     /// ```
-    /// use wrapyfi_data::types::Tensor;
+    /// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+    /// use wrapyfi_core::types::Tensor;
     /// let array = ndarray::Array2::<f32>::zeros((480, 640));
     /// let before = array.as_ptr();
     /// let tensor = Tensor::from_ndarray_owned(array);

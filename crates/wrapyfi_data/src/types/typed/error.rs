@@ -5,7 +5,8 @@ use std::fmt::Display;
 /// Error of a conversion between a Rust type and a native object.
 ///
 /// ```
-/// use wrapyfi_data::types::{Value, from_value};
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
+/// use wrapyfi_core::types::{Value, from_value};
 /// let points = Value::from(vec![Value::from(1.5), Value::from("two")]);
 /// let error = from_value::<Vec<f64>>(points).unwrap_err();
 /// assert_eq!(error.to_string(), "at $[1]: invalid type: string \"two\", expected f64");

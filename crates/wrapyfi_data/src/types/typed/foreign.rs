@@ -183,13 +183,14 @@ impl<'de> Deserialize<'de> for DateTime {
 /// them arrays on the wire instead of nested lists.
 ///
 /// ```
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
 /// use ndarray::{Array2, arr2};
 /// use serde::{Deserialize, Serialize};
-/// use wrapyfi_data::types::{from_value, to_value};
+/// use wrapyfi_core::types::{from_value, to_value};
 ///
 /// #[derive(Debug, PartialEq, Serialize, Deserialize)]
 /// struct Pose {
-///     #[serde(with = "wrapyfi_data::types::as_tensor")]
+///     #[serde(with = "wrapyfi_core::types::as_tensor")]
 ///     rotation: Array2<f64>,
 /// }
 ///

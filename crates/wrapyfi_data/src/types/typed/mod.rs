@@ -33,8 +33,9 @@ use super::Value;
 /// A Rust value as a native object.
 ///
 /// ```
+/// # mod wrapyfi_core { pub use wrapyfi_data::types; }
 /// use serde::{Deserialize, Serialize};
-/// use wrapyfi_data::types::{Tensor, Value, from_value, to_value};
+/// use wrapyfi_core::types::{Tensor, Value, from_value, to_value};
 ///
 /// #[derive(Debug, PartialEq, Serialize, Deserialize)]
 /// struct Detection {
