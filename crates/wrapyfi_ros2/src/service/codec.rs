@@ -275,6 +275,16 @@ fn mismatch(expected: DataType, actual: DataType) -> DecodeError {
     DecodeError::mismatch(expected.to_string(), actual.to_string())
 }
 
+/// Reason as which a message that cannot be used is counted; `None` where DDS itself fails.
+pub(super) fn drop_reason(error: &GraphError) -> Option<DropReason> {
+    match error {
+        GraphError::TooLarge { .. } => Some(DropReason::Oversize),
+        GraphError::NoIdentity { .. } => Some(DropReason::Malformed),
+        GraphError::ForeignMapping { .. } => Some(DropReason::ServiceMapping),
+        _ => None,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -402,15 +412,5 @@ mod tests {
         }
         let error = refusal(&codec(ServiceKind::UpstreamImage), "request", "[]");
         assert!(error.contains("expected a request [args, kwargs]"), "{error}");
-    }
-}
-
-/// Reason as which a message that cannot be used is counted; `None` where DDS itself fails.
-pub(super) fn drop_reason(error: &GraphError) -> Option<DropReason> {
-    match error {
-        GraphError::TooLarge { .. } => Some(DropReason::Oversize),
-        GraphError::NoIdentity { .. } => Some(DropReason::Malformed),
-        GraphError::ForeignMapping { .. } => Some(DropReason::ServiceMapping),
-        _ => None,
     }
 }
