@@ -88,7 +88,7 @@ lint: | target/COLCON_IGNORE
 # not installed: under two minutes, once; the check itself takes three seconds.
 CARGO_DENY_VERSION := 0.20.2
 deny:
-	@cargo deny --version >/dev/null 2>&1 || { echo "make: cargo install cargo-deny $(CARGO_DENY_VERSION) (two minutes, once)"; \
+	@cargo deny --version 2>/dev/null | grep -qF " $(CARGO_DENY_VERSION)" || { echo "make: cargo install cargo-deny $(CARGO_DENY_VERSION) (two minutes, once)"; \
 		CARGO_PROFILE_DEV_DEBUG=0 cargo install --quiet --locked --debug cargo-deny@$(CARGO_DENY_VERSION); }
 	@cargo deny --offline --log-level error check licenses bans sources
 

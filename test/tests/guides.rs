@@ -307,7 +307,7 @@ fn rust() -> Result {
         guide.pass_over("[dependencies]", BUILT)?;
         guide.pass_over(
             "impl Mirror",
-            "The test of `examples/communicator` compares it with the program `mirror`",
+            "the test of `examples/communicator` compares it with the program `mirror`",
         )?;
         guide.pass_over("open_listener", "it is a part of an example in wrapyfi_core")?;
         let [publish, listen] = guide.lines("cargo run -- publish")?;

@@ -69,7 +69,7 @@ fn until<T>(
             return Ok(found);
         }
         if begin.elapsed() > TIMEOUT {
-            bail!("timeout ended: {what}\n{}", bridge.tail());
+            bail!("not within {TIMEOUT:?}: {what}\n{}", bridge.tail());
         }
         std::thread::sleep(Duration::from_millis(100));
     }

@@ -150,7 +150,7 @@ fn declared(
             // `seconds:=20` is an integer, `seconds:=0.5` is not: both are meant.
             "seconds" => fixed.dynamic(),
             "page_port" => fixed.with_integer_range(0, u16::MAX.into(), 1),
-            "service_timeout_ms" => fixed.with_integer_range(0, i64::MAX, 1),
+            "service_timeout_ms" => fixed.with_integer_range(0, 86_400_000, 1),
             _ => fixed,
         };
         store.declare(fixed, value).map_err(Failure::usage)

@@ -116,11 +116,8 @@ pub mod endpoint {
         Opened, Overflow, ParseAddressError, PublishError, Published, Publisher, Qos, QosEvent,
         QosPreset, QueueSpec, Refusal, Refused, Registry, Reliability, Reply, Request, RequestId,
         Role, Sample, SampleOrigin, ServeError, ServeResult, Server, ServiceSpec, TakeError,
-        Ticket, TopicSpec, UnknownMiddleware, Wake,
+        Ticket, TopicSpec, Traits, UnknownMiddleware, Wake,
     };
-    // What `Middleware::traits` returns, which a middleware of a program's own may give.
-    #[doc(hidden)]
-    pub use wrapyfi_endpoint::Traits;
 }
 
 /// Routes: those that are wanted, the engine that runs them, and their state.

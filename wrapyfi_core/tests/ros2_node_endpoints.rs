@@ -183,6 +183,7 @@ fn the_log_reaches_who_comes_late() {
         });
         assert_eq!(line, expected);
     }
+    assert_eq!(handle.lost_lines(), 0);
 }
 
 #[test]

@@ -63,6 +63,7 @@ pub(super) fn incoming(place: &Place) -> Result<Incoming> {
     let (zeromq, context, kind) = (start(place)?, Context::default(), place.payload);
     let mut listener = zeromq.open_listener(&Maker::new(kind)?.spec(&place.topic), &context)?;
     Ok(Box::new(move || {
+        // Captured, because the listener ends with its middleware.
         let _stays_open = &zeromq;
         loop {
             if let Some(sample) = listener.take()? {

@@ -189,7 +189,6 @@ pub trait Middleware: Send + Sync {
     }
 
     /// Properties of this middleware on which routes by pattern depend.
-    #[doc(hidden)]
     fn traits(&self) -> Traits {
         Traits::default()
     }

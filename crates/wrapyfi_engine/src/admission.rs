@@ -190,14 +190,17 @@ impl Reconciler {
     pub(super) fn keeps_last(&self, spec: &Route, candidate: &Candidate) -> bool {
         let Candidate { from, to, .. } = candidate;
         let Some(middleware) = self.middleware(from) else { return false };
-        let sources = self.sources(spec.role(), from, &to.middleware);
-        sources.filter(|one| middleware.keeps_last(one) == Some(true)).count() > 0
+        let mut keeps = false;
+        for one in self.sources(spec.role(), from, &to.middleware) {
+            keeps |= middleware.keeps_last(one) == Some(true);
+        }
+        keeps
     }
 
     /// Type that all publishers of the source have now instead of the one that the route learned, in words: from those
-    /// before, or from listeners where it was made ahead of what its source shows. Messages of a source whose messages show the type may
-    /// be read as what its listeners want; another type is news there once the source has shown the first, or where
-    /// they cannot. Those of ROS are read as objects, too.
+    /// before, or from listeners where it was made ahead of what its source shows. Messages of a source whose messages
+    /// show the type may be read as what its listeners want; another type is news there once the source has shown the
+    /// first, or where they cannot. Those of ROS are read as objects, too.
     pub(super) fn other_type(&mut self, spec: &Route, candidate: &mut Candidate) -> Option<String> {
         let Candidate { from, to, made, .. } = &*candidate;
         let Some(Kind::Topic(Types { to: carried, .. })) = *made else { return None };

@@ -21,7 +21,6 @@ use super::reconciler::{Change, Reconciler};
 use super::replacement::{INACTIVE, REMOVED};
 use super::route_status::{RouteState, RouteStatus};
 use super::tap::Tap;
-use super::work::Order;
 use wrapyfi_endpoint::{Mutex, Registry, UnknownMiddleware, Wake};
 use wrapyfi_retry::contained;
 
@@ -233,7 +232,7 @@ impl Driver {
                     let Some(member) = members.running.remove(&id) else { continue };
                     members.closing.push(Arc::clone(&member));
                     drop(members);
-                    member.order(Order::Stop(ending));
+                    member.stop(ending);
                     // A member that has not been stepped yet has no waker that its own bell could
                     // wake.
                     self.pool.ring(member);

@@ -42,7 +42,7 @@ pub(super) struct Member {
     /// Window on its messages; services have none.
     tap: Option<Arc<Tap>>,
     slot: Mutex<Slot>,
-    orders: Mutex<Vec<Order>>,
+    orders: Mutex<Orders>,
     is_ordered: AtomicBool,
     published: Mutex<Arc<Published>>,
     /// Reference of `step_began_ms`: a step that blocks does so by the system's time.
@@ -75,6 +75,14 @@ struct Slot {
     backoff: Backoff,
     /// Throttle for log lines of a state that stays the same while its reason changes.
     reasons: Throttle,
+}
+
+/// Orders that wait for the next step; a later one takes the place of one of its kind.
+#[derive(Default)]
+struct Orders {
+    keep_open: bool,
+    misfits: Option<Option<String>>,
+    stop: Option<Ending>,
 }
 
 /// State and quality of service that a route shows in status tables.
@@ -156,7 +164,19 @@ impl Member {
 
     /// Has the next step carry out `order`.
     pub(super) fn order(&self, order: Order) {
-        self.orders.lock().push(order);
+        self.enter(|orders| match order {
+            Order::KeepOpen => orders.keep_open = true,
+            Order::NameMisfits(named) => orders.misfits = Some(named),
+        });
+    }
+
+    /// Closes the route at the next step, which may have to wait for a blocking one.
+    pub(super) fn stop(&self, end: Ending) {
+        self.enter(|orders| orders.stop = Some(end));
+    }
+
+    fn enter(&self, enter: impl FnOnce(&mut Orders)) {
+        enter(&mut self.orders.lock());
         self.is_ordered.store(true, Ordering::Release);
         self.context.wake.ring();
     }
@@ -183,13 +203,13 @@ impl Member {
         let mut slot = self.slot.lock();
         let slot = &mut *slot;
         if self.is_ordered.swap(false, Ordering::AcqRel) {
-            let orders = std::mem::take(&mut *self.orders.lock());
-            for order in orders {
-                if let Order::Stop(end) = &order {
-                    self.close_now(slot, Some(end));
-                } else if let Some(work) = &mut slot.work {
-                    work.obey(order);
-                }
+            let Orders { keep_open, misfits, stop } = std::mem::take(&mut *self.orders.lock());
+            if let Some(end) = stop {
+                self.close_now(slot, Some(&end));
+            } else if let Some(work) = &mut slot.work {
+                let keep_open = keep_open.then_some(Order::KeepOpen);
+                let orders = keep_open.into_iter().chain(misfits.map(Order::NameMisfits));
+                orders.for_each(|order| work.obey(order));
             }
         }
         let work = slot.work.as_mut()?;

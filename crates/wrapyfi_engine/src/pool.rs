@@ -133,7 +133,7 @@ impl State {
 }
 
 /// Moves a member from one place to another: true for the one caller that does, false where it is not there.
-fn moves(member: &Member, from: u8, to: u8) -> bool {
+fn try_move(member: &Member, from: u8, to: u8) -> bool {
     member.place.compare_exchange(from, to, Ordering::AcqRel, Ordering::Acquire).is_ok()
 }
 
@@ -316,10 +316,10 @@ impl Pool {
             return;
         };
         let is_due = next <= now;
-        let is_at_rest = moves(&member, Place::RUNNING, Place::IDLE);
+        let is_at_rest = try_move(&member, Place::RUNNING, Place::IDLE);
         if !is_at_rest || is_due {
             // A bell that rings at this moment finds the member queued, or queues it itself.
-            if !is_at_rest || moves(&member, Place::IDLE, Place::QUEUED) {
+            if !is_at_rest || try_move(&member, Place::IDLE, Place::QUEUED) {
                 member.place.store(Place::QUEUED, Ordering::Release);
                 self.enqueue(state, member);
             }
@@ -359,7 +359,7 @@ impl Pool {
             while let Some(entry) = state.timers.first_entry().filter(|it| it.key().0 <= now) {
                 let member = entry.remove();
                 *member.timer.lock() = None;
-                if moves(&member, Place::IDLE, Place::QUEUED) {
+                if try_move(&member, Place::IDLE, Place::QUEUED) {
                     self.enqueue(&mut state, member);
                     if let Some(worker) = state.take_idle() {
                         worker.unpark();

@@ -379,7 +379,6 @@ impl Work for Relay {
         match order {
             Order::KeepOpen => self.spec.policy.lazy = false,
             Order::NameMisfits(named) => self.misfits = named,
-            Order::Stop(_) => {}
         }
     }
 

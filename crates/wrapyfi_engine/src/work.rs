@@ -28,15 +28,13 @@ pub(super) fn not_begun() -> RouteState {
     RouteState::Waiting("its first step".to_owned())
 }
 
-/// Order that reconciler and driver give a route; its next step carries it out.
+/// Order that the reconciler gives a route that goes on; its next step carries it out.
 #[derive(Debug)]
 pub(super) enum Order {
     /// Keep the source open from now on, whether somebody listens or not.
     KeepOpen,
     /// Name listeners of another type than the route's, for as long as nobody else listens.
     NameMisfits(Option<String>),
-    /// Close the route, which may have to wait for a step that blocks.
-    Stop(Ending),
 }
 
 /// Reason that a route is to end.
@@ -59,7 +57,7 @@ pub(super) trait Work: Send {
     /// True once the route has opened what it needs.
     fn is_open(&self) -> bool;
 
-    /// Does as it is told, except for an end, which is a `close`.
+    /// Carries out an order; a route of a service has nothing to do for any.
     fn obey(&mut self, _order: Order) {}
 
     /// Closes both ends and counts the messages on their way; the next step opens the ends again.

@@ -59,17 +59,22 @@ pub(crate) struct Method {
 pub(crate) fn analyse(method: &mut ImplItemFn) -> Option<syn::Result<Method>> {
     let marks = taken(&mut method.attrs, "register");
     let of_arguments = method.sig.inputs.iter_mut().map(|input| match input {
-        FnArg::Typed(argument) => {
-            ["received", "default"].map(|name| taken(&mut argument.attrs, name))
-        }
-        FnArg::Receiver(_) => OfArgument::default(),
+        FnArg::Typed(argument) => ArgumentMarks {
+            received: taken(&mut argument.attrs, "received"),
+            default: taken(&mut argument.attrs, "default"),
+        },
+        FnArg::Receiver(_) => ArgumentMarks::default(),
     });
     let of_arguments: Vec<_> = of_arguments.collect();
     (!marks.is_empty()).then(|| Method::new(method, &marks, &of_arguments))
 }
 
-/// The `#[received]` and the `#[default]` of an argument.
-type OfArgument = [Vec<Attribute>; 2];
+/// Marks that stood before an argument.
+#[derive(Default)]
+struct ArgumentMarks {
+    received: Vec<Attribute>,
+    default: Vec<Attribute>,
+}
 
 fn taken(attributes: &mut Vec<Attribute>, name: &str) -> Vec<Attribute> {
     attributes.extract_if(.., |attribute| is(attribute, name)).collect()
@@ -83,7 +88,7 @@ impl Method {
     fn new(
         method: &ImplItemFn,
         marks: &[Attribute],
-        of_arguments: &[OfArgument],
+        of_arguments: &[ArgumentMarks],
     ) -> syn::Result<Self> {
         let signature = &method.sig;
         let name = signature.ident.clone();
@@ -111,7 +116,7 @@ impl Method {
         let mut prev = None;
         // The receiver is input 0.
         let inputs = signature.inputs.iter().zip(of_arguments).enumerate();
-        for (index, (input, [received, default])) in inputs.skip(1) {
+        for (index, (input, ArgumentMarks { received, default })) in inputs.skip(1) {
             let FnArg::Typed(argument) = input else { continue };
             let (name, written) = (argument_name(&argument.pat)?, (*argument.ty).clone());
             if !received.is_empty() {

@@ -108,39 +108,9 @@ const THREADS: usize = 2;
 /// Longest time in which the node says goodbye to the master and sends its last messages.
 const GOODBYE: Duration = Duration::from_millis(1500);
 
-/// The middleware `ros`.
+/// Node of ROS 1 with the endpoints of this program.
 ///
 /// Dropping it tells the master, sends what is queued, and closes all connections, within two seconds.
-///
-/// ```
-/// # mod wrapyfi_core {
-/// #     use wrapyfi_ros1::{Ros1, Ros1Config, Ros1Error};
-/// #     pub use {wrapyfi_data::types, wrapyfi_endpoint as endpoint};
-/// #     pub struct Builder(Ros1Config);
-/// #     impl Builder {
-/// #         pub fn with(mut self, change: impl FnOnce(&mut Ros1Config)) -> Self {
-/// #             change(&mut self.0);
-/// #             self
-/// #         }
-/// #         pub fn start(self) -> Result<Ros1, Ros1Error> {
-/// #             Ros1::start(&self.0)
-/// #         }
-/// #     }
-/// #     pub fn ros1(node: &str) -> Builder {
-/// #         Builder(Ros1Config { node: Some(node.to_owned()), ..Ros1Config::default() })
-/// #     }
-/// # }
-/// use wrapyfi_core::endpoint::{Context, Middleware, TopicSpec};
-/// use wrapyfi_core::types::MessageType;
-/// // A master that is not there yet is waited for.
-/// let ros1 = wrapyfi_core::ros1("camera")
-///     .with(|settings| settings.master_uri = "http://127.0.0.1:11399".to_owned())
-///     .start()?;
-/// let spec = TopicSpec::new("/camera/image_raw", MessageType::Image);
-/// let mut listener = ros1.open_listener(&spec, &Context::default())?;
-/// assert_eq!((ros1.name(), listener.take()?), ("ros", None));
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 pub struct Ros1 {
     node: Arc<Node>,
     /// `None` once it is dropped.

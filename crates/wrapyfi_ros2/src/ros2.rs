@@ -17,33 +17,6 @@ type Remap = Arc<dyn Fn(&str) -> Result<String, String> + Send + Sync>;
 /// The middleware `ros2`: topics of one node, and with
 /// [`MessageType::Properties`](wrapyfi_data::types::MessageType::Properties) the parameters of others. Copies are the
 /// same node.
-///
-/// ```no_run
-/// # mod wrapyfi_core {
-/// #     use wrapyfi_node::NodeName;
-/// #     use wrapyfi_ros2::{CycloneConfig, Ros2, environment, join};
-/// #     pub use {wrapyfi_data::types, wrapyfi_endpoint as endpoint};
-/// #     pub struct Builder(NodeName);
-/// #     impl Builder {
-/// #         pub fn start(self) -> Result<Ros2, Box<dyn std::error::Error>> {
-/// #             let environment = environment::read(|name| std::env::var(name).ok())?;
-/// #             let cyclone = CycloneConfig::from_environment(self.0, &environment);
-/// #             let joined = join(&cyclone, &environment, None, "/")?;
-/// #             Ok(Ros2::joined(joined, |topic| Ok(topic.to_owned())))
-/// #         }
-/// #     }
-/// #     pub fn ros2(node: &str) -> Builder {
-/// #         Builder(NodeName::new(node, "/").unwrap())
-/// #     }
-/// # }
-/// use wrapyfi_core::endpoint::{Context, Middleware, TopicSpec};
-/// use wrapyfi_core::types::MessageType;
-/// let ros2 = wrapyfi_core::ros2("camera").start()?;
-/// let spec = TopicSpec::new("/camera/image_raw", MessageType::Image);
-/// let mut listener = ros2.open_listener(&spec, &Context::default())?;
-/// assert_eq!(listener.take()?, None);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Clone)]
 pub struct Ros2 {
     pub(super) graph: Arc<dyn Graph>,

@@ -354,8 +354,11 @@ async fn our_server_replies_as_yarp() {
 
 #[tokio::test]
 async fn our_client_asks_as_yarp() {
-    for (name, carrier) in REQUESTS {
-        let steps = parts(&format!("{name}.json"));
+    for (name, carrier) in REQUESTS.into_iter().chain([("rpc_tcp_reply_and_drop", "tcp")]) {
+        let mut steps = parts(&format!("{name}.json"));
+        if name == "rpc_tcp_reply_and_drop" {
+            steps.truncate(4); // the server closes then; the client of YARP had written once more
+        }
         let Part::Client(header) = &steps[0] else { panic!("{name}") };
         if !header.contains(&b'/') {
             continue; // `yarp rpc` is no port; ours are

@@ -225,8 +225,8 @@ async fn requests_are_answered_over_every_carrier_with_replies() {
         assert_eq!(reply.to_text(), "echo one \"two words\" 3", "{carrier}");
         let forgotten = client.call(&bottle("forget"), TIMEOUT).await.unwrap();
         assert_eq!(forgotten, Some(Bottle::new()), "{carrier}");
-        let dropped = client.call(&bottle("drop"), TIMEOUT).await.unwrap();
-        assert_eq!(dropped, Some(Bottle::new()), "{carrier}");
+        let empty = client.call(&bottle("empty"), TIMEOUT).await.unwrap();
+        assert_eq!(empty, Some(Bottle::new()), "{carrier}");
         let server = within(answering).await.unwrap();
         within(client.close()).await;
         within(server.close()).await;

@@ -22,7 +22,7 @@ use tokio::sync::{Notify, watch};
 use wrapyfi_yarp::Dialect;
 use wrapyfi_yarp::port::{LinkError, PortOptions, RpcClient, RpcError};
 
-use super::client_dialects::{self, Written};
+use super::client_dialects::{self, InDialects};
 use super::directory::unless_slow;
 use super::found_format::{self, FoundFormat};
 use super::link_state::LinkState;
@@ -49,7 +49,7 @@ pub(super) struct Outgoing {
 }
 
 enum Body {
-    Written(Written),
+    Written(InDialects),
     /// Request as it is, while nobody knows yet how the server reads.
     Unwritten(Request),
 }
@@ -131,18 +131,18 @@ impl ClientState {
     }
 
     /// A request in the dialect that the server has `known`, where it has.
-    fn write(&self, request: &Request, known: Option<Dialect>) -> EncodeResult<Written> {
+    fn write(&self, request: &Request, known: Option<Dialect>) -> EncodeResult<InDialects> {
         let options = self.options();
         let is_known = known.or(options.dialect).is_some();
-        let is_enough = is_known || payload::is_json(&self.spec, options);
-        Written::of(known.unwrap_or(self.dialect), is_enough, |dialect| {
+        let reader_is_known = is_known || payload::is_json(&self.spec, options);
+        InDialects::of(known.unwrap_or(self.dialect), reader_is_known, |dialect| {
             payload::encode_request(request, &self.spec, options, dialect)
         })
     }
 
     /// The format of a request that the server reads: it is asked once, and where that decides.
-    async fn readable<'a>(&self, shared: &Shared, written: &'a Written) -> &'a Bytes {
-        let Written { usual, other: Some(other) } = written else { return &written.usual };
+    async fn readable<'a>(&self, shared: &Shared, written: &'a InDialects) -> &'a Bytes {
+        let InDialects { usual, other: Some(other) } = written else { return &written.usual };
         let known = *self.known_dialect.lock();
         let dialect = match known {
             Some(dialect) => dialect,

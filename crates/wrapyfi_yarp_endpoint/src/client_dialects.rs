@@ -34,22 +34,22 @@ const BEFORE_TEXT: usize = 12;
 
 /// A message in the dialect of its reader, as far as that is known, and in the other one where its floats differ
 /// and the reader may have that.
-pub(super) struct Written {
+pub(super) struct InDialects {
     pub(super) usual: Bytes,
     pub(super) other: Option<Bytes>,
 }
 
-impl Written {
+impl InDialects {
     /// Writes a message in `dialect`, and in the other one unless the reader is known to have `dialect` or both
     /// are alike.
     pub(super) fn of(
         dialect: Dialect,
-        is_enough: bool,
+        reader_is_known: bool,
         write: impl Fn(Dialect) -> EncodeResult<Bytes>,
     ) -> EncodeResult<Self> {
         let usual = write(dialect)?;
         // What only one dialect has a form for is written in that one.
-        let other = if is_enough { None } else { write(dialect.other()).ok() };
+        let other = if reader_is_known { None } else { write(dialect.other()).ok() };
         Ok(Self { other: other.filter(|other| *other != usual), usual })
     }
 }

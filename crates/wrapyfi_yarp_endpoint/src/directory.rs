@@ -223,15 +223,18 @@ impl Directory {
     fn apply(&self, event: NameEvent) {
         let mut inner = self.inner.lock();
         inner.changes += 1;
-        let is_there = matches!(event, NameEvent::Added(_));
-        let (NameEvent::Added(name) | NameEvent::Removed(name)) = event;
-        if is_there {
-            inner.entered += 1;
-            let entry = Entry::new(inner.entered, None);
-            inner.names.insert(name.clone(), entry);
-        } else {
-            inner.names.remove(&name);
-        }
+        let name = match event {
+            NameEvent::Added(name) => {
+                inner.entered += 1;
+                let entry = Entry::new(inner.entered, None);
+                inner.names.insert(name.clone(), entry);
+                name
+            }
+            NameEvent::Removed(name) => {
+                inner.names.remove(&name);
+                name
+            }
+        };
         inner.ring(&name);
     }
 

@@ -107,38 +107,6 @@ const NAMES_TIMEOUT: Duration = Duration::from_secs(5);
 /// The middleware `yarp`.
 ///
 /// Dropping it closes the ports of all its endpoints and ends its name server, within two seconds.
-///
-/// ```
-/// # mod wrapyfi_core {
-/// #     use wrapyfi_yarp_endpoint::{Yarp, YarpConfig, YarpError};
-/// #     pub use {wrapyfi_data::types, wrapyfi_endpoint as endpoint};
-/// #     pub struct Builder(YarpConfig);
-/// #     impl Builder {
-/// #         pub fn with(mut self, change: impl FnOnce(&mut YarpConfig)) -> Self {
-/// #             change(&mut self.0);
-/// #             self
-/// #         }
-/// #         pub fn start(self) -> Result<Yarp, YarpError> {
-/// #             Yarp::start(&self.0)
-/// #         }
-/// #     }
-/// #     pub fn yarp() -> Builder {
-/// #         Builder(YarpConfig::default())
-/// #     }
-/// # }
-/// use wrapyfi_core::endpoint::{Context, Middleware, TopicSpec};
-/// use wrapyfi_core::types::MessageType;
-/// // A name server of its own, on any free port.
-/// let yarp = wrapyfi_core::yarp().with(|settings| {
-///     settings.name_server = Some(std::net::SocketAddr::from(([127, 0, 0, 1], 0)).into());
-///     settings.embedded = true;
-/// });
-/// let yarp = yarp.start()?;
-/// let spec = TopicSpec::new("/head/camera:o", MessageType::Image);
-/// let mut listener = yarp.open_listener(&spec, &Context::default())?;
-/// assert_eq!((yarp.name(), listener.take()?), ("yarp", None));
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 pub struct Yarp {
     shared: Arc<Shared>,
     server: Option<NameServer>,

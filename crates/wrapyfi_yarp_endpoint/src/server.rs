@@ -18,7 +18,7 @@ use tokio::sync::oneshot;
 use wrapyfi_yarp::Dialect;
 use wrapyfi_yarp::port::{Answer, PortOptions, Received, RpcServer};
 
-use super::client_dialects::{self, ClientDialects, Written};
+use super::client_dialects::{self, ClientDialects, InDialects};
 use super::found_format::{self, FoundFormat};
 use super::link_state::LinkState;
 use super::losses::Losses;
@@ -44,7 +44,7 @@ pub(super) struct YarpServer {
 /// A request, and the way back.
 pub(super) struct Ask {
     body: Bytes,
-    reply: oneshot::Sender<Written>,
+    reply: oneshot::Sender<InDialects>,
     format: RequestFormat,
 }
 
@@ -81,10 +81,10 @@ impl ServerState {
     }
 
     /// Writes an answer; twice where its floats differ and nobody knows what the client reads.
-    fn write(&self, answer: &Payload, format: RequestFormat) -> EncodeResult<Written> {
+    fn write(&self, answer: &Payload, format: RequestFormat) -> EncodeResult<InDialects> {
         let options = self.formats.of(&self.options, format.bottle);
-        let is_enough = format.dialect.is_some() || payload::is_json(&self.spec, options);
-        Written::of(format.dialect.unwrap_or(self.dialect), is_enough, |dialect| {
+        let reader_is_known = format.dialect.is_some() || payload::is_json(&self.spec, options);
+        InDialects::of(format.dialect.unwrap_or(self.dialect), reader_is_known, |dialect| {
             payload::encode_reply(answer, &self.spec, options, dialect)
         })
     }
@@ -111,8 +111,8 @@ impl ServerState {
             return Answer::Nothing;
         }
         Answer::Object(match answered.await {
-            Ok(Written { usual, other: None }) => usual,
-            Ok(Written { usual, other: Some(other) }) => {
+            Ok(InDialects { usual, other: None }) => usual,
+            Ok(InDialects { usual, other: Some(other) }) => {
                 let dialect = self.clients.usual().await;
                 self.clients.written(&received, dialect);
                 if dialect == self.dialect { usual } else { other }
@@ -228,7 +228,7 @@ async fn close(shared: &Shared, state: &ServerState) {
 
 impl ServerWire for YarpServer {
     type Ask = Ask;
-    type Answer = Written;
+    type Answer = InDialects;
 
     fn read(&self, Ask { body, format, .. }: &Ask) -> Result<Request, DecodeError> {
         let ServerState { spec, options, dialect, .. } = &*self.state;
@@ -236,12 +236,12 @@ impl ServerWire for YarpServer {
         payload::decode_request(body, spec, options, format.dialect.unwrap_or(*dialect))
     }
 
-    fn write(&self, ask: &Ask, payload: &Payload) -> EncodeResult<Written> {
+    fn write(&self, ask: &Ask, payload: &Payload) -> EncodeResult<InDialects> {
         self.state.write(payload, ask.format)
     }
 
-    fn send(&mut self, Ask { reply, format, .. }: Ask, answer: Result<Written, &str>) -> Sent {
-        let failed = |why: &str| Written { usual: self.state.error(why, format), other: None };
+    fn send(&mut self, Ask { reply, format, .. }: Ask, answer: Result<InDialects, &str>) -> Sent {
+        let failed = |why: &str| InDialects { usual: self.state.error(why, format), other: None };
         let answer = answer.unwrap_or_else(failed);
         let bytes = answer.usual.len();
         // Whoever asked may be gone: then nobody waits for it any more.

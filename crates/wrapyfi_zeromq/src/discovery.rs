@@ -89,7 +89,9 @@ impl ZeroMqDiscovery {
             let body: &[u8] = body.and_then(<[_]>::last).map_or(&[], |last| last);
             let Ok(topic) = std::str::from_utf8(first) else { continue };
             if topic == self.monitor_topic {
-                self.listeners = read_counts(body).or_else(|| self.listeners.take());
+                if let Some(counts) = read_counts(body) {
+                    self.listeners = Some(counts);
+                }
             } else if topic == TRAFFIC_TOPIC {
                 if let Some(topics) = read_table(body) {
                     (self.topics, self.has_table) = (topics, true);

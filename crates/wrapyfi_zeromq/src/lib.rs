@@ -97,35 +97,6 @@ const MAX_TOPIC_BYTES: usize = 1024;
 /// The middleware `zeromq`.
 ///
 /// Dropping it closes the sockets of all its endpoints and ends its broker, within a second.
-///
-/// ```
-/// # mod wrapyfi_core {
-/// #     use wrapyfi_zeromq::{ZeroMq, ZeroMqConfig, ZeroMqError};
-/// #     pub use {wrapyfi_data::types, wrapyfi_endpoint as endpoint};
-/// #     pub struct Builder(ZeroMqConfig);
-/// #     impl Builder {
-/// #         pub fn with(mut self, change: impl FnOnce(&mut ZeroMqConfig)) -> Self {
-/// #             change(&mut self.0);
-/// #             self
-/// #         }
-/// #         pub fn start(self) -> Result<ZeroMq, ZeroMqError> {
-/// #             ZeroMq::start(&self.0)
-/// #         }
-/// #     }
-/// #     pub fn zeromq() -> Builder {
-/// #         Builder(ZeroMqConfig::default())
-/// #     }
-/// # }
-/// use wrapyfi_core::endpoint::{Context, Middleware, TopicSpec};
-/// use wrapyfi_core::types::MessageType;
-/// // A broker of its own, on any free ports.
-/// let zeromq = wrapyfi_core::zeromq().with(|settings| (settings.pub_port, settings.sub_port) = (0, 0));
-/// let zeromq = zeromq.start()?;
-/// let spec = TopicSpec::new("/camera", MessageType::Image);
-/// let mut listener = zeromq.open_listener(&spec, &Context::default())?;
-/// assert_eq!(listener.take()?, None); // no publisher yet
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 pub struct ZeroMq {
     // Dropped in this order: sockets may still send while the broker runs.
     shared: Shared,

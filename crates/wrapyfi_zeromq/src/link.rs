@@ -109,7 +109,7 @@ impl BrokerLink {
                 contexts::reason(zmq::Error::EMFILE)
             )),
             _ if self.is_foreign() => Some(format!(
-                "the broker at {}, which has not answered: it has to run there, and Wrapyfi's own listens \
+                "the broker at {}, which does not answer: it has to run there, and Wrapyfi's own listens \
                  on 127.0.0.1 unless WRAPYFI_ZEROMQ_SOCKET_IP is set there",
                 self.broker
             )),

@@ -52,6 +52,11 @@ pub(super) struct Supervisor<B: Supervised> {
     broker: Arc<Mutex<Option<B>>>,
 }
 
+enum Found<B> {
+    Own(B),
+    Foreign { may_take_over: bool },
+}
+
 impl<B: Supervised> Supervisor<B> {
     /// Runs the broker, or finds the one that is there.
     pub(super) fn start(
@@ -61,13 +66,17 @@ impl<B: Supervised> Supervisor<B> {
         keys: Option<&Arc<Keys>>,
     ) -> Result<Self, ZeroMqError> {
         let ip = config.address()?;
-        let (own, may_take_over) = match mode {
+        let found = match mode {
             BrokerMode::Embedded => settle(config, ledger, ip)?,
-            BrokerMode::Foreign => (None, false),
+            BrokerMode::Foreign => Found::Foreign { may_take_over: false },
         };
-        let mut supervisor = Self { broker: Arc::new(Mutex::new(own)), guard: None };
-        if may_take_over {
-            supervisor.guard(config, ledger, ip, keys)?;
+        let mut supervisor = Self { broker: Arc::new(Mutex::new(None)), guard: None };
+        match found {
+            Found::Own(broker) => *supervisor.broker.lock() = Some(broker),
+            Found::Foreign { may_take_over: false } => {}
+            Found::Foreign { may_take_over: true } => {
+                supervisor.guard(config, ledger, ip, keys)?;
+            }
         }
         Ok(supervisor)
     }
@@ -109,19 +118,19 @@ impl<B: Supervised> Supervisor<B> {
     }
 }
 
-/// Our broker where it could bind, and otherwise whether it may take over later from the one that has the ports.
+/// Binds, or finds out who has the ports.
 fn settle<B: Supervised>(
     config: &ZeroMqConfig,
     ledger: &Arc<Ledger>,
     ip: IpAddr,
-) -> Result<(Option<B>, bool), ZeroMqError> {
+) -> Result<Found<B>, ZeroMqError> {
     let (give_up_at, mut backoff) = (Instant::now() + SETTLING, Backoff::of_process(3));
     loop {
         let refusal = match B::start_with(config, ledger) {
-            Ok(broker) => return Ok((Some(broker), false)),
+            Ok(broker) => return Ok(Found::Own(broker)),
             Err(BrokerError::NotHere(ip)) => {
                 tracing::info!(%ip, "not an address of this machine: using the broker there");
-                return Ok((None, false));
+                return Ok(Found::Foreign { may_take_over: false });
             }
             Err(refusal @ (BrokerError::PortTaken { .. } | BrokerError::NotLoopback { .. })) => {
                 refusal
@@ -131,7 +140,7 @@ fn settle<B: Supervised>(
         let may_take_over = matches!(refusal, BrokerError::PortTaken { .. });
         if !may_take_over && !is_of_this_machine(ip) {
             tracing::info!(%ip, "not an address of this machine: using the broker there");
-            return Ok((None, may_take_over));
+            return Ok(Found::Foreign { may_take_over });
         }
         let [front_port, back_port] = B::ports(config);
         let ([front_kind, back_kind], [front_as, back_as]) = (B::KINDS, B::ASKED_AS);
@@ -140,7 +149,7 @@ fn settle<B: Supervised>(
         let back = Asked::ask(SocketAddr::new(ip, back_port), back_kind, back_as, has_curve);
         if front.is_broker() && back.is_broker() {
             tracing::info!(%ip, front_port, back_port, "using the ZeroMQ broker that runs already");
-            return Ok((None, may_take_over));
+            return Ok(Found::Foreign { may_take_over });
         }
         if !may_take_over {
             return Err(refusal.into());

@@ -1,4 +1,4 @@
-//! Statuses and verdicts as messages of `wrapyfi_msgs`, and back.
+//! Statuses and diagnoses as messages of `wrapyfi_msgs`, and back.
 
 use wrapyfi_data::types::MessageType;
 use wrapyfi_endpoint::{CountersSnapshot, DropReason};
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn a_verdict_is_told_in_full() {
+    fn a_diagnosis_is_told_in_full() {
         let finding = Finding {
             cause: Cause::NobodyPublishes,
             what: "nobody publishes ros2:/a".to_owned(),

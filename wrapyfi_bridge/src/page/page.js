@@ -415,7 +415,7 @@ function detail() {
     const close = make("button", { type: "button", "aria-label": "Close" }, "✕"), why = make("button", { type: "button" }, "why?");
     close.addEventListener("click", () => choose(route.id));
     why.addEventListener("click", () => { const now = known.get(route.id); if (now) ask(now); });
-    panel = { show: make("div", { class: "show" }), state: make("p", { class: "verdict" }), told: make("div"), facts: make("dl"), path: draw("path"), area: draw("path", { class: "area" }), peak: make("h3") };
+    panel = { show: make("div", { class: "show" }), state: make("p", { class: "diagnosis" }), told: make("div"), facts: make("dl"), path: draw("path"), area: draw("path", { class: "area" }), peak: make("h3") };
     const history = draw("svg", { class: "history", viewBox: "0 0 400 90", preserveAspectRatio: "none" }, panel.area, panel.path);
     box.replaceChildren(make("div", { class: "top" }, make("span", { class: "dot" }), make("h2", { class: "name" }, title(route)), why, close), panel.show,
       make("div", { class: "part" }, make("p", { class: "ends" }, route.from), make("p", { class: "ends" }, `→ ${route.to}`)), make("div", { class: "part" }, panel.state, panel.told),
@@ -425,7 +425,7 @@ function detail() {
   panel.show.hidden = isPattern(route) || route.type.includes("/srv/");
   show(panel.show, route);
   say(panel.state, isPattern(route) ? patternWords(route) : sentence(route));
-  if (panel.why !== route.why) { panel.why = route.why; verdict(panel.told, route.why); }
+  if (panel.why !== route.why) { panel.why = route.why; diagnosis(panel.told, route.why); }
   const [curve, area] = spark(route.history, 400, 90);
   set(panel.path, "d", curve);
   set(panel.area, "d", area);
@@ -439,7 +439,7 @@ function detail() {
   const text = JSON.stringify(facts);
   if (panel.text !== text) { panel.text = text; panel.facts.replaceChildren(...facts.flatMap(([word, value]) => [make("dt", {}, word), make("dd", {}, value)])); }
 }
-function verdict(box, why) {
+function diagnosis(box, why) {
   const parts = [];
   if (why === "asked") parts.push(make("p", {}, "looking …"));
   else if (why && why.fault) parts.push(make("p", {}, why.fault));

@@ -21,7 +21,7 @@ use super::state::{
     broken, brought, counted, flows, hears_others, is_carried, is_met, is_provider, is_used,
     other_mapping, rate, refused, refused_alone, runs, state, unopened,
 };
-use super::stopped::stopped_programs;
+use super::stopped::with_stopped_programs;
 use super::words::{
     between, example, is_same_type, nobody, owner, people, provider, same_name_differently,
     types_differ,
@@ -37,8 +37,9 @@ struct Walk<'w> {
 /// Walks along the way.
 pub fn judge(way: &Way) -> Diagnosis {
     let mut walk = Walk { way, passed: way.known.clone() };
-    let finding =
-        inactive(way).or_else(|| walk.walk().err()).map(|finding| stopped_programs(finding, way));
+    let finding = inactive(way)
+        .or_else(|| walk.walk().err())
+        .map(|finding| with_stopped_programs(finding, way));
     let finding = finding.map(|finding| match way.is_of_parameters {
         true => by_parameters(finding, way),
         false => finding,

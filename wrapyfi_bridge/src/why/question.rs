@@ -404,7 +404,7 @@ fn observed(sight: Sight<'_>, uses_ros2: bool) -> Option<Arc<Ros2>> {
 fn beside_bridges<R>(
     sight: Sight<'_>,
     find: running::Find<'_>,
-    find_afar: Option<running::Find<'_>>,
+    find_elsewhere: Option<running::Find<'_>>,
     look: impl FnOnce() -> R,
 ) -> (R, running::BridgeReports) {
     let graph = graph(sight.endpoints);
@@ -423,17 +423,17 @@ fn beside_bridges<R>(
         while !is_over() && begin.elapsed() < 2 * AT_ONCE {
             std::thread::sleep(LOOK);
         }
-        let find = find_afar.filter(|_| !is_over())?;
+        let find = find_elsewhere.filter(|_| !is_over())?;
         elsewhere::bridge(&sight.endpoints.ros2, &graph, find, &is_over)
     };
     std::thread::scope(|scope| {
         let hear = |ros2| scope.spawn(move || running::heard(ros2, find, is_over));
         let heard = sight.ros2.map(|ros2| hear(ros2.as_ref()));
-        let other_domain = heard.as_ref().map(|_| scope.spawn(look_in_other_domains));
+        let looking = heard.as_ref().map(|_| scope.spawn(look_in_other_domains));
         let seen = look();
         has_looked.store(true, Relaxed);
         let heard = heard.and_then(|heard| heard.join().ok()).unwrap_or_default();
-        let other_domain = other_domain.and_then(|other_domain| other_domain.join().ok()).flatten();
+        let other_domain = looking.and_then(|looking| looking.join().ok()).flatten();
         (seen, running::BridgeReports { other_domain, ..heard })
     })
 }

@@ -71,7 +71,7 @@ pub(super) fn programs() -> Vec<(u32, String)> {
 }
 
 /// The finding that nobody is there, with the programs that may be and are stopped.
-pub(super) fn stopped_programs(finding: Finding, way: &Way) -> Finding {
+pub(super) fn with_stopped_programs(finding: Finding, way: &Way) -> Finding {
     use Cause::{Idle, NobodyListens, NobodyOffers, NobodyPublishes};
     if !matches!(finding.cause, NobodyPublishes | NobodyOffers | NobodyListens | Idle) {
         return finding;
@@ -88,6 +88,6 @@ pub(crate) fn or(failure: Failure) -> Failure {
     let domain = std::env::var("ROS_DOMAIN_ID").ok().and_then(|it| it.parse().ok()).unwrap_or(0);
     let words = |it: Finding| format!("{}: {}", it.what, it.remedy);
     let stopped = bridge(None, None).map(words);
-    let other_domain = || bridge(None, Some(domain)).map(|it| format!("{text}. {}", words(it)));
-    Failure::TimedOut(stopped.or_else(other_domain).unwrap_or(text))
+    let elsewhere = || bridge(None, Some(domain)).map(|it| format!("{text}. {}", words(it)));
+    Failure::TimedOut(stopped.or_else(elsewhere).unwrap_or(text))
 }

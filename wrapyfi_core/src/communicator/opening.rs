@@ -339,7 +339,9 @@ impl Opening<'_> {
     }
 
     fn opened<T>(&self, opened: OpenResult<T>) -> Result<T, MethodError> {
-        let method = || self.method.clone();
-        opened.map_err(|source| MethodError::Open { method: method(), source: Box::new(source) })
+        opened.map_err(|source| MethodError::Open {
+            method: self.method.clone(),
+            source: Box::new(source),
+        })
     }
 }

@@ -14,7 +14,6 @@ use super::client::ClientEnd;
 use super::context::Live;
 use super::error::MethodError;
 use super::listener::ListenerEnd;
-use super::notifier::Notifier;
 use super::oneshot;
 use super::publisher::PublisherEnd;
 use super::server::ServerEnd;
@@ -273,11 +272,10 @@ impl Session {
     /// Makes all waiting calls look again.
     fn ring(&self) {
         for Channel { publisher, listener, client, server, .. } in &self.channels {
-            let publisher = publisher.iter().map(|end| &end.changed);
-            let others = listener.iter().map(|end| &end.notifier);
-            let others = others.chain(client.iter().map(|end| &end.notifier));
-            let all = publisher.chain(others).chain(server.iter().map(|end| &end.notifier));
-            all.for_each(Notifier::ring);
+            publisher.iter().for_each(|end| end.changed.ring());
+            listener.iter().for_each(|end| end.notifier.ring());
+            client.iter().for_each(|end| end.notifier.ring());
+            server.iter().for_each(|end| end.notifier.ring());
         }
     }
 

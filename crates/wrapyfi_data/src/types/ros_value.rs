@@ -205,7 +205,7 @@ impl<'a> Path<'a> {
         Self { names: Vec::new(), defaults: Some(ros_type.plan().default_message()), bulk }
     }
 
-    fn path(&self) -> String {
+    fn words(&self) -> String {
         std::iter::once("$")
             .chain(self.names.iter().map(String::as_str))
             .collect::<Vec<_>>()
@@ -240,7 +240,7 @@ impl<'a> Path<'a> {
 
 fn json(value: &Value, path: &mut Path<'_>, depth: usize) -> Result<Json, RosValueError> {
     let refused = |path: &Path<'_>, remedy: &'static str| RosValueError::Kind {
-        path: path.path(),
+        path: path.words(),
         kind: value.kind().to_owned(),
         remedy,
     };
@@ -284,7 +284,7 @@ fn json(value: &Value, path: &mut Path<'_>, depth: usize) -> Result<Json, RosVal
             for (key, member) in map.iter() {
                 let Some(name) = key.as_str() else {
                     return Err(RosValueError::Kind {
-                        path: path.path(),
+                        path: path.words(),
                         kind: format!("key of type {}", key.kind()),
                         remedy: "fields have names",
                     });
@@ -316,7 +316,7 @@ fn float(value: f64) -> Json {
 /// Converts an array to a list of numbers, row by row whatever its shape, because fields have one
 /// dimension.
 fn numbers(tensor: &Tensor, path: &mut Path<'_>, depth: usize) -> Result<Json, RosValueError> {
-    let shown = path.path();
+    let shown = path.words();
     let refused = |remedy| RosValueError::Kind {
         path: shown.clone(),
         kind: format!("{} array of {} elements", tensor.dtype(), tensor.element_count()),

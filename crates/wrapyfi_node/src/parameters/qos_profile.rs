@@ -1,4 +1,5 @@
 //! Quality of service of an endpoint, as values from outside change it.
+//!
 //! ```text
 //!   Qos ─ Changed::new ─▶ Changed ◀─ set ─ policy, value
 //!                            └─ end ─▶ PinnedQos, true where the rest follows the peers

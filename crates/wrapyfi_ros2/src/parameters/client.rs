@@ -156,13 +156,13 @@ impl ParameterClient {
         if results.len() != of {
             return Err(asker.fault(counts(results.len(), of)));
         }
-        let refused: Vec<String> = properties
+        let refused: Vec<(String, String)> = properties
             .names()
             .zip(results)
             .filter(|(_, result)| !result.successful)
-            .map(|(name, result)| match &*result.reason {
-                "" => format!("{name}: no reason given"),
-                reason => format!("{name}: {reason}"),
+            .map(|(name, result)| match result.reason {
+                none if none.is_empty() => (name.to_owned(), "no reason given".to_owned()),
+                reason => (name.to_owned(), reason),
             })
             .collect();
         if refused.is_empty() {

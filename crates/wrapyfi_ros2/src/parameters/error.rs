@@ -43,12 +43,12 @@ pub enum ParameterClientError {
         names: Vec<String>,
     },
     /// The node set some of the parameters, or none, but not all.
-    #[error("node {node} refused {} of {of} parameters: {}", .refused.len(), list(.refused))]
+    #[error("node {node} refused {} of {of} parameters: {}", .refused.len(), list(&reasons(.refused)))]
     Refused {
         /// Full name of the node.
         node: String,
-        /// Parameters that the node did not set, each with the reason in the node's words: `gain: it is read-only`.
-        refused: Vec<String>,
+        /// Parameters that the node did not set, each with the reason in the node's words.
+        refused: Vec<(String, String)>,
         /// Parameters in the request.
         of: usize,
     },
@@ -95,6 +95,10 @@ impl From<GraphError> for ParameterClientError {
 pub type ParameterResult<T> = Result<T, ParameterClientError>;
 
 /// A few of several things.
+fn reasons(refused: &[(String, String)]) -> Vec<String> {
+    refused.iter().map(|(name, reason)| format!("{name}: {reason}")).collect()
+}
+
 fn list<T: std::fmt::Display>(things: &[T]) -> String {
     const SHOWN: usize = 8;
     let mut text: Vec<_> = things.iter().take(SHOWN).map(ToString::to_string).collect();

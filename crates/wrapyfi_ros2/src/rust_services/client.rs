@@ -55,7 +55,7 @@ impl Endpoints {
         let all = Arc::clone(&notifiers);
         let ring: Notify = Arc::new(move || {
             let notifiers: Vec<Notify> = all.lock().values().cloned().collect();
-            notifiers.iter().for_each(|bell| bell());
+            notifiers.iter().for_each(|notify| notify());
         });
         let end = End::open(shared, "creating a client", topics, ring)?;
         let (sent, waiting) = (BTreeMap::new(), BTreeMap::new());

@@ -184,11 +184,11 @@ fn stamped(payload: &Payload) -> Payload {
 }
 
 fn request_shown(request: &Request, as_json: bool) -> String {
-    let as_text = match request {
+    let text = match request {
         Request::Message(message) => as_text(message, as_json),
         Request::Call(call) => Ok(call_shown(call, as_json)),
     };
-    as_text.unwrap_or_else(|error| format!("a request that cannot be read: {error}"))
+    text.unwrap_or_else(|error| format!("a request that cannot be read: {error}"))
 }
 
 fn call_shown(Call { args, kwargs }: &Call, as_json: bool) -> String {
