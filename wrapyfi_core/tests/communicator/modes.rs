@@ -1,9 +1,13 @@
 //! Every mode without requests, and what changes it.
 
-use wrapyfi_core::communicator::{Configuration, MethodError, Mode};
+#[cfg(feature = "engine")]
+use wrapyfi_core::communicator::Configuration;
+use wrapyfi_core::communicator::{MethodError, Mode};
 use wrapyfi_endpoint::DropReason;
 
-use super::robot::{Nobody, RobotCommunicator, RobotMethod, context, image, robot};
+#[cfg(feature = "engine")]
+use super::robot::Nobody;
+use super::robot::{RobotCommunicator, RobotMethod, context, image, robot};
 
 #[test]
 fn without_a_mode_the_method_is_itself() {
@@ -200,6 +204,7 @@ fn a_list_gives_each_instance_its_mode() {
     assert!(error.contains("listed for 2 instances, and this is instance 3"), "{error}");
 }
 
+#[cfg(feature = "engine")]
 #[test]
 fn a_configuration_gives_modes_and_its_mistakes_are_told_by_calls() {
     let text = "Robot:\n  say: [publish, listen]\n  add: null\nNobody:\n  nod: publish\n";
