@@ -236,6 +236,7 @@ impl Writer {
     }
 
     /// Makes what the persistent id on top stands for.
+    #[cfg(feature = "torch")]
     pub(crate) fn persistent(&mut self) -> &mut Self {
         self.op(op::BINPERSID)
     }
