@@ -110,7 +110,7 @@ test-oldest: | target/COLCON_IGNORE
 LAST_RELEASE = $(shell git describe --tags --abbrev=0 2>/dev/null)
 # cargo-semver-checks does not follow what wrapyfi_core shows of the crates below: changes there are for the reviewer of its lists.
 # Until a release has a tag: the commit since which the public interface is compared.
-SEMVER_BASE := 37a84b8bbe086d8fdbec4c45bf207eff78ba544c
+SEMVER_BASE := f5ea02c3a5108badc3b26ae962bf9bfa454059e6
 test-semver: | target/COLCON_IGNORE
 	@if ! git cat-file -e "$(or $(LAST_RELEASE),$(SEMVER_BASE))^{commit}" 2>/dev/null; then \
 		echo "SKIPPED test-semver: this clone lacks the commit to compare with, $(or $(LAST_RELEASE),$(SEMVER_BASE))" >&2; \
