@@ -204,6 +204,13 @@ pub(crate) async fn play_client(stream: &mut TcpStream, parts: &[Part], what: &s
 
 /// Plays the server; our client's bytes must be those of `parts`, up to the end of either side.
 pub(crate) async fn play_server(stream: &mut TcpStream, parts: &[Part], text: bool, what: &str) {
+    play_parts(stream, parts, text, what).await;
+    stream.shutdown().await.ok();
+    expect_end(stream, what).await;
+}
+
+/// As [`play_server`], and leaves the connection as it is after the last part.
+pub(crate) async fn play_parts(stream: &mut TcpStream, parts: &[Part], text: bool, what: &str) {
     for (at, part) in parts.iter().enumerate() {
         let what = format!("{what}, part {at}");
         match part {
@@ -212,8 +219,6 @@ pub(crate) async fn play_server(stream: &mut TcpStream, parts: &[Part], text: bo
             Part::ClientEnd | Part::ServerEnd => break,
         }
     }
-    stream.shutdown().await.ok();
-    expect_end(stream, what).await;
 }
 
 /// `parts` with the number that a receiver answered to the header replaced.
