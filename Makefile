@@ -85,11 +85,13 @@ lint: | target/COLCON_IGNORE
 	@$(MAKE) deny
 
 # Licences, sources and doubled crates of all dependencies against deny.toml. Compiled without optimisation where it is
-# not installed: under two minutes, once; the check itself takes three seconds.
+# not installed: under two minutes, once; the check itself takes three seconds. It reads the crates of every platform in Cargo.lock,
+# of which a build has fetched its own platform's only.
 CARGO_DENY_VERSION := 0.20.2
 deny:
 	@cargo deny --version 2>/dev/null | grep -qF " $(CARGO_DENY_VERSION)" || { echo "make: cargo install cargo-deny $(CARGO_DENY_VERSION) (two minutes, once)"; \
 		CARGO_PROFILE_DEV_DEBUG=0 cargo install --quiet --locked --debug cargo-deny@$(CARGO_DENY_VERSION); }
+	@$(CARGO) fetch --locked
 	@cargo deny --offline --log-level error check licenses bans sources
 
 # All crates of the workspace's programs with version, source and licence, as SPDX. What the system gives (libzmq,
