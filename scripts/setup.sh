@@ -153,7 +153,8 @@ rust_tools() {
     done
     cargo nextest --version >/dev/null 2>&1 && return 0
     echo "setup: cargo install cargo-nextest $NEXTEST_VERSION (some minutes, once)"
-    cargo install --quiet --locked "cargo-nextest@$NEXTEST_VERSION" ||
+    # Without optimisation, which would take longer than it saves: the tests take the time, not what starts them.
+    CARGO_PROFILE_DEV_DEBUG=0 cargo install --quiet --locked --debug "cargo-nextest@$NEXTEST_VERSION" ||
         die "could not install cargo-nextest; see https://nexte.st for binaries"
 }
 
