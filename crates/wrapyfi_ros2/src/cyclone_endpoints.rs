@@ -48,7 +48,8 @@ impl CdrWriter for CycloneWriter {
         if !self.pacing.admit(&self.raw, bytes) {
             return Err(timeout(&self.topic));
         }
-        write(&self.raw, &self.topic, parts)
+        let written = self.raw.write_spaced(parts, self.pacing.pause(bytes));
+        written.map_err(|fault| refused(&self.topic, &fault))
     }
 
     fn slowed(&self) -> Option<String> {
@@ -70,11 +71,16 @@ impl CdrWriter for CycloneWriter {
 
 /// Writes a message to `topic`.
 pub(super) fn write(raw: &RawWriter, topic: &str, parts: &[&[u8]]) -> Result<(), GraphError> {
-    raw.write(parts).map_err(|fault| match fault {
+    raw.write(parts).map_err(|fault| refused(topic, &fault))
+}
+
+/// Error of a message to `topic` that Cyclone did not take.
+fn refused(topic: &str, fault: &WriteFault) -> GraphError {
+    match fault {
         WriteFault::Code(code) if code.is_timeout() => timeout(topic),
-        WriteFault::Code(code) => GraphError::stack("writing", topic, &code),
-        WriteFault::Message(reason) => GraphError::stack("writing", topic, &reason),
-    })
+        WriteFault::Code(code) => GraphError::stack("writing", topic, code),
+        WriteFault::Message(reason) => GraphError::stack("writing", topic, reason),
+    }
 }
 
 fn timeout(topic: &str) -> GraphError {

@@ -22,6 +22,7 @@ use super::events::{Events, Listener, silence};
 use super::matched::{self, Side};
 use super::qos::{EndpointQos, QosObject};
 use super::serdata::Sample;
+use super::spacing;
 use crate::gaps::Gaps;
 use crate::graph::CdrSample;
 
@@ -110,11 +111,21 @@ impl RawWriter {
 
     /// Writes the message made of `parts`.
     pub(crate) fn write(&self, parts: &[&[u8]]) -> Result<(), WriteFault> {
+        self.write_spaced(parts, None)
+    }
+
+    /// Writes the message made of `parts`; where it is longer than a fragment, with `pause` between two of them.
+    pub(crate) fn write_spaced(
+        &self,
+        parts: &[&[u8]],
+        pause: Option<Duration>,
+    ) -> Result<(), WriteFault> {
         let (handle, sertype) = (self.0.entity.handle(), self.sertype()?);
         // SAFETY: the type of a writer that `self` keeps alive.
         let sample = unsafe { Sample::from_parts(sertype, parts) }.map_err(WriteFault::Message)?;
         // SAFETY: the call consumes the reference, also when it fails.
-        ReturnCode::check(unsafe { cyclors::dds_writecdr(handle, sample.into_raw()) })?;
+        let write = || unsafe { cyclors::dds_writecdr(handle, sample.into_raw()) };
+        ReturnCode::check(spacing::spaced(pause, write))?;
         Ok(())
     }
 

@@ -6,6 +6,7 @@
 //!   qos       Cyclone's QoS object, filled from ours
 //!   events    listener callbacks ──▶ counters and a doorbell
 //!   serdata   pieces ──▶ Cyclone's sample;  Cyclone's sample ──▶ Bytes, without a copy
+//!   spacing   pauses between the fragments of a sample
 //!   sequence  numbers of received samples ──▶ how many are missing between them
 //!   endpoint  writer and reader of serialised messages
 //!   builtin   the endpoints that discovery has found, at once and as they come and go
@@ -32,6 +33,7 @@ mod matched;
 mod qos;
 mod sequence;
 mod serdata;
+mod spacing;
 #[cfg(test)]
 mod tests;
 mod topic;

@@ -1,13 +1,14 @@
 //! Topics whose samples are opaque CDR.
 //!
 //! ```text
-//!   cyclors' table of functions ── copied once ──▶ ours: four of them replaced ──▶ every topic
+//!   cyclors' table of functions ── copied once ──▶ ours: some of them replaced ──▶ every topic
 //! ```
 //!
 //! The table that comes with `cyclors` has no `print`, so that a user who traces with
 //! `Verbosity` `finest` would make Cyclone call a null pointer at the first sample; and its
-//! `to_ser` copies the whole sample wherever a part is asked for. Both are replaced here, and
-//! `from_ser`, so that a sample keeps its sequence number (`sequence`). Its `from_psmx`, for shared memory that a
+//! `to_ser` copies the whole sample wherever a part is asked for. Both are replaced here,
+//! `from_ser`, so that a sample keeps its sequence number (`sequence`), and `to_ser_ref`, for the pauses between fragments
+//! (`spacing`). Its `from_psmx`, for shared memory that a
 //! user's configuration brings in, leaves the payload's pointer of a raw sample unset, which `free` then gives to C's
 //! allocator. Without the function Cyclone takes such a topic over the network.
 //!
@@ -20,13 +21,14 @@ use std::ptr;
 use std::sync::OnceLock;
 
 use super::entity::{Entity, ReturnCode};
-use super::sequence;
+use super::{sequence, spacing};
 
 /// The functions Cyclone calls for our types and samples.
 struct Tables {
     sertype: *const cyclors::ddsi_sertype_ops,
     serdata: cyclors::ddsi_serdata_ops,
     from_ser: cyclors::ddsi_serdata_from_ser_t,
+    to_ser_ref: cyclors::ddsi_serdata_to_ser_ref_t,
 }
 
 // SAFETY: function pointers and a pointer to constant data; nothing is written after creation.
@@ -104,10 +106,16 @@ fn copy_tables(participant: &Entity) -> Result<Tables, ReturnCode> {
         print: Some(print),
         to_ser: Some(to_ser),
         from_ser: Some(from_ser),
+        to_ser_ref: Some(to_ser_ref),
         from_psmx: None,
         ..serdata
     };
-    Ok(Tables { sertype, serdata: replaced, from_ser: serdata.from_ser })
+    Ok(Tables {
+        sertype,
+        serdata: replaced,
+        from_ser: serdata.from_ser,
+        to_ser_ref: serdata.to_ser_ref,
+    })
 }
 
 /// Makes a sample as the table of `cyclors` does, with its sequence number.
@@ -127,6 +135,22 @@ unsafe extern "C" fn from_ser(
         sequence::keep(serdata, fragments);
         serdata
     }
+}
+
+/// Lends `size` bytes of a sample from `offset` on: a fragment that is about to be sent.
+unsafe extern "C" fn to_ser_ref(
+    serdata: *const cyclors::ddsi_serdata,
+    offset: usize,
+    size: usize,
+    span: *mut cyclors::ddsrt_iovec_t,
+) -> *mut cyclors::ddsi_serdata {
+    spacing::before_fragment(offset);
+    // Cyclone has this function from the tables, so they are there.
+    let Some(lend) = TABLES.get().and_then(|tables| tables.to_ser_ref) else {
+        return ptr::null_mut();
+    };
+    // SAFETY: what Cyclone gave is passed on.
+    unsafe { lend(serdata, offset, size, span) }
 }
 
 /// A sample in a trace: its size only, because printing may meet samples without content.
