@@ -57,4 +57,5 @@ mod yarp_commands;
 mod yarp_links;
 mod yarp_robot;
 mod yarp_routes;
+mod yarp_served_board;
 mod zeromq;

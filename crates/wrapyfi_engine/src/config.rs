@@ -140,6 +140,9 @@ pub struct RouteConfig {
     /// Address at which the bridge offers that service.
     #[serde(rename = "as")]
     pub offered: Option<Spanned<String>>,
+    /// Address at which a robot is offered as a control board: its states come from `from`, the movements that clients
+    /// ask for go to `to`. Two routes, one for each direction.
+    pub board: Option<Spanned<String>>,
     /// Time that a call of the service has, in milliseconds.
     pub timeout_ms: Option<Spanned<u64>>,
     /// Message type: see [`wrapyfi_data::types::MessageType`]; of a service [`wrapyfi_data::types::ServiceKind`].

@@ -1,14 +1,22 @@
 //! Configuration to routes: every name parsed, every conflict found before anything is opened.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-use super::config::Config;
+use super::config::{Config, RouteConfig, Spanned};
 use super::config_error::{ConfigError, Problem};
 use super::plan_address::Available;
 use super::plan_entry::Reader;
 use super::route::{Kind, Route, RouteKey};
 use wrapyfi_endpoint::{EndpointAddress, Role};
 use wrapyfi_interfaces::store::TypeStore;
+
+/// Option that both routes of a control board have at the board's end.
+pub(crate) const BOARD_OPTION: &str = "board";
+/// Type of the states of a control board.
+const BOARD_STATES: &str = "sensor_msgs/msg/JointState";
+/// Type of the movements of a control board, where the entry has none.
+const BOARD_MOVEMENTS: &str = "trajectory_msgs/msg/JointTrajectory";
 
 /// The routes of a configuration, checked.
 ///
@@ -101,7 +109,9 @@ impl Plan {
             let message = "no routes: nothing to do".to_owned();
             reader.problems.push(Problem { position: None, message });
         }
-        for entry in &config.routes {
+        let entries = config.routes.iter().flat_map(|entry| board_routes(entry));
+        for entry in entries {
+            let entry = &*entry;
             let Some(route) = reader.read(entry) else { continue };
             let (line, key) = (entry.referenced.line(), route.key());
             let place = (key.role, key.to.clone());
@@ -123,7 +133,7 @@ impl Plan {
                 }),
                 _ => None,
             };
-            let named = entry.value.name.as_ref().and_then(|name| names.insert(name, line));
+            let named = entry.value.name.clone().and_then(|name| names.insert(name, line));
             let named = named.map(|first| {
                 format!("{} already has the name {}; give each its own", at(first), route.name)
             });
@@ -136,6 +146,31 @@ impl Plan {
         }
         (Self { routes }, reader.problems)
     }
+}
+
+/// The routes that an entry stands for: itself, or the two of a control board.
+fn board_routes(entry: &Spanned<RouteConfig>) -> Vec<Cow<'_, Spanned<RouteConfig>>> {
+    let Some(board) = &entry.value.board else { return vec![Cow::Borrowed(entry)] };
+    let at_board = |value: &str| Spanned::new(value.to_owned(), board.referenced, board.defined);
+    let mut options = entry.value.options.clone();
+    options.insert(BOARD_OPTION.into(), Spanned::new(true.into(), board.referenced, board.defined));
+    let named = |what: &str| entry.value.name.as_ref().map(|name| format!("{name} {what}"));
+    let states = RouteConfig {
+        to: Some(board.clone()),
+        message_type: Some(at_board(BOARD_STATES)),
+        name: named("states"),
+        options: options.clone(),
+        ..entry.value.clone()
+    };
+    let movements = RouteConfig {
+        from: Some(board.clone()),
+        message_type: entry.value.message_type.clone().or_else(|| Some(at_board(BOARD_MOVEMENTS))),
+        name: named("movements"),
+        options,
+        ..entry.value.clone()
+    };
+    let spanned = |route| Cow::Owned(Spanned::new(route, entry.referenced, entry.defined));
+    [states, movements].map(spanned).into()
 }
 
 /// Place of an entry in words, by its line; one that a running bridge was told to add has none.
@@ -189,6 +224,17 @@ mod tests {
          encoding rgb8"
         );
         assert!(route.topic_spec(&route.to).match_peers);
+    }
+
+    #[test]
+    fn a_board_is_a_route_in_each_direction() {
+        let board = "board: 'zeromq:/arm', name: arm, options: { carrier: tcp }";
+        let read =
+            plan(&format!("routes:\n  - {{ {board}, from: 'ros2:/states', to: 'ros2:/go' }}\n"));
+        let fault = read.unwrap_err().to_string();
+        assert!(fault.contains("bridge.yaml:2:") && fault.contains("board"), "{fault}");
+        let fault = plan(&format!("routes:\n  - {{ {board}, from: 'ros2:/states' }}\n"));
+        assert!(fault.unwrap_err().to_string().contains("`to` is missing"));
     }
 
     #[test]

@@ -25,6 +25,7 @@
 //! | `client_dialects` | dialect and format of a request, and so of its answer |
 //! | `shared_output` | one output port for all publishers of its name |
 //! | `publisher`, `listener`, `client`, `server` | the endpoints |
+//! | `served_board` | a robot of ROS 2 as a control board of YARP |
 //! | `log_port` | the log, where `yarplogger` reads it |
 //! | `link_state`, `losses`, `tasks`, `own` | what an endpoint says of itself; where its task runs |
 
@@ -55,6 +56,7 @@ mod port_connection;
 mod publisher;
 mod registered_port;
 mod role;
+mod served_board;
 mod server;
 mod shared;
 mod shared_output;
@@ -109,6 +111,7 @@ const NAMES_TIMEOUT: Duration = Duration::from_secs(5);
 /// Dropping it closes the ports of all its endpoints and ends its name server, within two seconds.
 pub struct Yarp {
     shared: Arc<Shared>,
+    boards: served_board::ServedBoards,
     server: Option<NameServer>,
     runtime: Option<Runtime>,
     address: String,
@@ -194,7 +197,8 @@ impl Yarp {
             move |what| told.lost(&what),
             move || directory::follow(Arc::clone(&followed)),
         ));
-        Ok(Self { shared, server, runtime: Some(runtime), address })
+        let boards = served_board::ServedBoards::default();
+        Ok(Self { shared, boards, server, runtime: Some(runtime), address })
     }
 
     /// Checks that ports may be opened that others connect to: all but those that call.
@@ -257,11 +261,33 @@ impl Middleware for Yarp {
 
     fn open_listener(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Listener> {
         self.may_listen()?;
+        let options = options::YarpOptions::of_topic(spec)?;
+        if options.board {
+            let end = served_board::BoardListener::open(
+                &self.boards,
+                &self.shared,
+                spec,
+                &options,
+                context,
+            )?;
+            return Ok(Box::new(end));
+        }
         Ok(Box::new(listener::YarpListener::open(&self.shared, spec, context)?))
     }
 
     fn open_publisher(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Publisher> {
         self.may_listen()?;
+        let options = options::YarpOptions::of_topic(spec)?;
+        if options.board {
+            let end = served_board::BoardPublisher::open(
+                &self.boards,
+                &self.shared,
+                spec,
+                &options,
+                context,
+            )?;
+            return Ok(Box::new(end));
+        }
         Ok(Box::new(publisher::YarpPublisher::open(&self.shared, spec, context)?))
     }
 

@@ -6,6 +6,7 @@
 //!
 //! Options that are not listed here belong to the other end of a route and are left alone.
 
+use std::collections::BTreeMap;
 use std::str::FromStr;
 use std::sync::Arc;
 
@@ -13,7 +14,7 @@ use wrapyfi_yarp::Dialect;
 use wrapyfi_yarp::wire::Carrier;
 
 use super::intrinsics::Intrinsics;
-use super::joint_limits::JointLimits;
+use super::joint_limits::{JointLimits, Range};
 use wrapyfi_data::types::{Map, Value};
 use wrapyfi_endpoint::{OpenError, Peers, ServiceSpec, TopicSpec};
 use wrapyfi_yarp::port::Admission;
@@ -21,6 +22,7 @@ use wrapyfi_yarp::port::Admission;
 /// Names of the options that are read here: what a configuration may write.
 pub const OPTIONS: &[&str] = &[
     "base",
+    "board",
     "bottle",
     "carrier",
     "child_frame_id",
@@ -31,10 +33,12 @@ pub const OPTIONS: &[&str] = &[
     "frame_id",
     Peers::FROM,
     "joints",
+    "limits",
     "out_topic_connect",
     "packed_rows",
     "persistent",
     "port",
+    "prismatic",
     "sensor",
     Peers::TO,
     "wrapyfi_images",
@@ -121,6 +125,12 @@ pub struct YarpOptions {
     pub control: Option<Control>,
     /// Calibration that the camera has told; no option.
     pub intrinsics: Option<Intrinsics>,
+    /// `board`: whether the name is that of a control board whose ports are ours, for a robot of ROS 2 (false).
+    pub board: bool,
+    /// `prismatic`: names of the joints of our board that slide; the others turn.
+    pub prismatic: Vec<String>,
+    /// `limits`: least and greatest position of joints of our board, in YARP's units.
+    pub ranges: BTreeMap<String, Range>,
     /// `base`: how the mobile base takes velocities, `velocity` or `control`. Unless given, a `Twist` is pairs of
     /// field and value, as any message.
     pub base: Option<BaseCommand>,
@@ -167,6 +177,9 @@ impl Default for YarpOptions {
             limits: Arc::default(),
             control: None,
             intrinsics: None,
+            board: false,
+            prismatic: Vec::new(),
+            ranges: BTreeMap::new(),
             base: None,
             sensor: 0,
             degrees: true,
@@ -261,6 +274,7 @@ impl YarpOptions {
         const PORT: &str = "the name of a port, which begins with / and has no blanks";
         match key {
             "base" => self.base = Some(meant(value).ok_or("velocity or control")?),
+            "board" => self.board = value.as_bool().ok_or(SWITCH)?,
             "bottle" if value.as_str() == Some("auto") => self.finds_format = true,
             "bottle" => self.bottle = Some(format(value).ok_or("true, false, property or auto")?),
             "carrier" => {
@@ -285,10 +299,16 @@ impl YarpOptions {
             "dialect" => self.dialect = Some(meant(value).ok_or("v3 (YARP 3) or v4 (YARP 4)")?),
             "frame_id" => value.as_str().ok_or("a text")?.clone_into(&mut self.frame_id),
             "joints" => self.joints = names(value).ok_or("a list of different names")?,
+            "limits" => {
+                let wanted =
+                    "the least and greatest position by joint, such as { elbow: [0, 120] }";
+                self.ranges = ranges(value).ok_or(wanted)?;
+            }
             "out_topic_connect" => self.out_topic_connect = Some(port(value).ok_or(PORT)?),
             "packed_rows" => self.packed_rows = value.as_bool().ok_or(SWITCH)?,
             "persistent" => self.persistent = value.as_bool().ok_or(SWITCH)?,
             "port" => self.port = Some(port(value).ok_or(PORT)?),
+            "prismatic" => self.prismatic = names(value).ok_or("a list of different names")?,
             "sensor" => {
                 let number = value.as_i64().and_then(|number| usize::try_from(number).ok());
                 self.sensor = number.ok_or("the number of a sensor, counted from 0")?;
@@ -340,6 +360,17 @@ fn port(value: &Value) -> Option<String> {
     valid.then(|| name.to_owned())
 }
 
+fn ranges(value: &Value) -> Option<BTreeMap<String, Range>> {
+    let Value::Map(joints) = value else { return None };
+    let number = |value: &Value| value.as_f64().or_else(|| Some(value.as_i64()? as f64));
+    let range = |(joint, range): (&Value, &Value)| {
+        let [least, most] = range.as_items()? else { return None };
+        let range = (number(least)?, number(most)?);
+        (range.0 < range.1).then_some((joint.as_str()?.to_owned(), range))
+    };
+    joints.iter().map(range).collect()
+}
+
 fn names(value: &Value) -> Option<Vec<String>> {
     let mut names: Vec<String> = Vec::new();
     for name in value.as_items()? {
@@ -387,6 +418,9 @@ mod tests {
             ("out_topic_connect", "/viewer".into()),
             ("port", "/bridge/head".into()),
             ("joints", joints),
+            ("board", true.into()),
+            ("prismatic", Value::List(vec!["eye".into()])),
+            ("limits", Map::from([("neck", Value::List(vec![(-30).into(), 22.5.into()]))]).into()),
             ("degrees", false.into()),
             ("dialect", "v4".into()),
             ("packed_rows", true.into()),
@@ -413,6 +447,9 @@ mod tests {
             limits: Arc::default(),
             control: Some(Control::PositionDirect),
             intrinsics: None,
+            board: true,
+            prismatic: vec!["eye".into()],
+            ranges: BTreeMap::from([("neck".to_owned(), (-30.0, 22.5))]),
             base: Some(BaseCommand::Control),
             sensor: 2,
             degrees: false,
@@ -453,6 +490,8 @@ mod tests {
             ("child_frame_id", 3.into(), "must be a text"),
             ("sensor", (-1).into(), "must be the number of a sensor"),
             ("frame_id", 3.into(), "must be a text"),
+            ("board", "/arm".into(), "must be true or false"),
+            ("limits", Map::from([("neck", 3)]).into(), "must be the least and greatest position"),
         ] {
             let error = read(Map::from([(option, value)])).unwrap_err().to_string();
             assert!(error.contains(wanted), "{error}");
@@ -460,27 +499,33 @@ mod tests {
     }
 
     #[test]
-    fn the_example_for_an_icub_is_a_plan() {
+    fn the_examples_for_robots_are_plans() {
         use wrapyfi_endpoint::EndpointAddress;
         use wrapyfi_engine::{Available, Config, Plan};
         use wrapyfi_interfaces::store::TypeStore;
 
-        #[derive(Debug, Default, serde::Deserialize)]
-        struct NoEndpoints {}
-
-        let text = include_str!("../../../config/icub.yaml");
-        let config: Config<NoEndpoints> = Config::from_yaml(text, "icub.yaml").unwrap();
-        let known = |name, options| Available { name, options, ..Available::default() };
-        let ends = [known("yarp", OPTIONS), known("ros2", &[])];
-        let plan = Plan::new(&config, &ends, &mut TypeStore::generated(), "icub.yaml").unwrap();
-        let at_yarp = |ends: [&EndpointAddress; 2]| {
-            ends.into_iter().find(|end| end.middleware == "yarp").unwrap().clone()
+        let plan = |text: &str| {
+            let config: Config<std::collections::BTreeMap<String, serde_json::Value>> =
+                Config::from_yaml(text, "robot.yaml").unwrap();
+            let known = |name, options| Available { name, options, ..Available::default() };
+            let ends = [known("yarp", OPTIONS), known("ros2", &[])];
+            Plan::new(&config, &ends, &mut TypeStore::generated(), "robot.yaml").unwrap()
         };
-        for route in &plan.routes {
-            let spec = route.topic_spec(&at_yarp([&route.from, &route.to]));
-            YarpOptions::of_topic(&spec).unwrap();
-        }
-        assert!(plan.routes.len() > 10, "{plan:?}");
+        let options = |plan: &Plan| -> Vec<YarpOptions> {
+            let at_yarp = |ends: [&EndpointAddress; 2]| {
+                ends.into_iter().find(|end| end.middleware == "yarp").unwrap().clone()
+            };
+            let specs = plan.routes.iter().map(|it| it.topic_spec(&at_yarp([&it.from, &it.to])));
+            specs.map(|spec| YarpOptions::of_topic(&spec).unwrap()).collect()
+        };
+        let icub = plan(include_str!("../../../config/icub.yaml"));
+        assert!(options(&icub).len() > 10, "{icub:?}");
+        // A board is a route in each direction.
+        let arm = plan(include_str!("../../../config/arm_for_yarp.yaml"));
+        let ends: Vec<String> = arm.routes.iter().map(|route| route.ends().to_string()).collect();
+        let command = "ros2:/joint_trajectory_controller/joint_trajectory";
+        assert_eq!(ends, ["ros2:/joint_states -> yarp:/arm", &format!("yarp:/arm -> {command}")]);
+        assert!(options(&arm).iter().all(|it| it.board && it.ranges.len() == 4), "{arm:?}");
     }
 
     #[test]

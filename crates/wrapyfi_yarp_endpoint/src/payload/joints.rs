@@ -4,6 +4,7 @@
 //!   state:o     p p p …                              ──▶ position
 //!   stateExt:o  (p …) ok (v …) ok … (torque …) ok …  ──▶ position, velocity, effort
 //!   position    ──▶  p p p …                              for a port that takes positions
+//!   position, velocity, effort  ──▶  as stateExt:o        for a port of that name
 //! ```
 //!
 //! Angles are degrees in YARP and radians in ROS, unless option `degrees` is false; what a prismatic joint
@@ -11,7 +12,8 @@
 //! control board tells of its joints.
 
 use bytes::Bytes;
-use wrapyfi_yarp::Bottle;
+use wrapyfi_yarp::bottle::Vocab;
+use wrapyfi_yarp::{Bottle, Value as Element};
 
 use super::native;
 use super::numbers::{self, Numbers};
@@ -23,6 +25,13 @@ use wrapyfi_endpoint::codec::{DecodeError, DecodeResult, EncodeError, EncodeResu
 const POSITION: usize = 0;
 const VELOCITY: usize = 2;
 const TORQUE: usize = 12;
+const MODES: usize = 18;
+const INTERACTIONS: usize = 20;
+/// Number of elements in that list.
+const ELEMENTS: usize = 22;
+
+/// Ending of the name of the port that sends states in full.
+pub(in super::super) const EXTENDED_PORT: &str = "/stateExt:o";
 
 /// Reads the state of joints as fields of the message, without its header.
 pub(super) fn read(bytes: &Bytes, rules: Rules<'_>) -> DecodeResult<Map> {
@@ -76,26 +85,65 @@ fn extended(bottle: &Bottle) -> Option<[Vec<f64>; 3]> {
     Some([part(POSITION)?, part(VELOCITY)?, part(TORQUE)?])
 }
 
-/// Writes the positions of a message, in the order of option `joints` where it is given.
-pub(super) fn write(fields: &Value, rules: Rules<'_>) -> EncodeResult<Vec<u8>> {
-    let (names, position) = (texts(fields, "name"), floats(fields, "position"));
-    let mut values = ordered(&names, position, &rules.options.joints)?;
-    for (joint, value) in values.iter_mut().enumerate() {
-        if rules.options.has_degrees(joint) {
-            *value = value.to_degrees();
+/// Writes a message for the port `port`, in the order of option `joints` where it is given: its positions, or all that
+/// a `stateExt:o` has.
+pub(super) fn write(fields: &Value, port: &str, rules: Rules<'_>) -> EncodeResult<Vec<u8>> {
+    let names = texts(fields, "name");
+    let in_order = |field: &str| {
+        let mut values = ordered(&names, floats(fields, field), &rules.options.joints)?;
+        for (joint, value) in values.iter_mut().enumerate() {
+            if field != "effort" && rules.options.has_degrees(joint) {
+                *value = value.to_degrees();
+            }
         }
+        Ok(values)
+    };
+    let position = in_order("position")?;
+    if !port.ends_with(EXTENDED_PORT) {
+        return numbers::write_vector(position, rules);
     }
-    numbers::write_vector(values, rules)
+    // What a message leaves out has no number for any joint.
+    let told =
+        |field| if floats(fields, field).is_empty() { Ok(Vec::new()) } else { in_order(field) };
+    let lists = [position, told("velocity")?, told("effort")?];
+    native::bytes(&extended_of(lists, [Vec::new(), Vec::new()]), rules.dialect)
+}
+
+/// State in full, YARP's `jointData`: positions, velocities and torques of all joints, modes and modes of interaction as
+/// the numbers of their words. Lists that are empty, and those of motors, are marked as invalid and filled with zeros.
+pub(in super::super) fn extended_of(
+    [position, velocity, torque]: [Vec<f64>; 3],
+    [modes, interactions]: [Vec<i32>; 2],
+) -> Bottle {
+    let count = position.len();
+    let floats = |values: Vec<f64>| values.into_iter().map(Element::Float64).collect::<Vec<_>>();
+    let words = |values: Vec<i32>| values.into_iter().map(Element::Int32).collect::<Vec<_>>();
+    let [mut position, mut velocity, mut torque] = [position, velocity, torque].map(floats);
+    let [mut modes, mut interactions] = [modes, interactions].map(words);
+    let values = (0..ELEMENTS).step_by(2).flat_map(|place| {
+        let (mut list, zero) = match place {
+            POSITION => (std::mem::take(&mut position), Element::Float64(0.0)),
+            VELOCITY => (std::mem::take(&mut velocity), Element::Float64(0.0)),
+            TORQUE => (std::mem::take(&mut torque), Element::Float64(0.0)),
+            MODES => (std::mem::take(&mut modes), Element::Int32(0)),
+            INTERACTIONS => (std::mem::take(&mut interactions), Element::Int32(0)),
+            _ => (Vec::new(), Element::Float64(0.0)),
+        };
+        let flag = if list.is_empty() { Vocab::FAIL } else { Vocab::OK };
+        list.resize(count, zero);
+        [Element::List(Bottle { values: list }), Element::Vocab32(flag)]
+    });
+    Bottle { values: values.collect() }
 }
 
 /// The numbers of a field of a message.
-pub(super) fn floats(fields: &Value, name: &str) -> Vec<f64> {
+pub(in super::super) fn floats(fields: &Value, name: &str) -> Vec<f64> {
     let field = fields.get(name).and_then(Value::as_tensor);
     field.and_then(Tensor::to_vec::<f64>).unwrap_or_default()
 }
 
 /// The texts of a field of a message.
-pub(super) fn texts<'a>(fields: &'a Value, name: &str) -> Vec<&'a str> {
+pub(in super::super) fn texts<'a>(fields: &'a Value, name: &str) -> Vec<&'a str> {
     let items = fields.get(name).and_then(Value::as_items).unwrap_or_default();
     items.iter().filter_map(Value::as_str).collect()
 }

@@ -50,11 +50,13 @@ use wrapyfi_endpoint::codec::{
 };
 
 pub(super) use command::{COMMAND_PORT, trajectory};
+pub(super) use joints::{EXTENDED_PORT, extended_of, floats, texts};
 pub(super) use laser::is_scan;
 pub use outgoing::Outgoing;
 pub use requests::{
     decode_reply, decode_request, encode_error, encode_reply, encode_request, is_json,
 };
+pub(super) use ros::{JOINTS, TRAJECTORY, fields};
 
 /// Writes `payload` as a message of the topic.
 ///

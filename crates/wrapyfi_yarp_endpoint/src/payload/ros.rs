@@ -53,7 +53,7 @@ pub(super) fn encode(
         (JOINTS, _, None) if command::is_for(spec, rules.options) => {
             command::of_state(&fields, spec, rules)?
         }
-        (JOINTS, _, None) => joints::write(&fields, rules)?,
+        (JOINTS, _, None) => joints::write(&fields, &spec.topic, rules)?,
         (IMU, _, None) => sensors::write_imu(&fields, rules)?,
         (WRENCH, _, None) => sensors::write_wrench(&fields, rules)?,
         (FRAMES, _, None) => return frames::write(&fields, rules.dialect),
@@ -72,7 +72,7 @@ pub(super) fn encode(
 }
 
 /// The fields of a message.
-pub(super) fn fields(message: &RosMessage, spec: &TopicSpec) -> EncodeResult<Value> {
+pub(in super::super) fn fields(message: &RosMessage, spec: &TopicSpec) -> EncodeResult<Value> {
     message.to_value(spec.limits.message_bytes).map_err(|error| {
         let what = format!("a malformed {}: {error}", message.ros_type);
         fault::unwritable("bottle", what, "$", "look at its publisher")

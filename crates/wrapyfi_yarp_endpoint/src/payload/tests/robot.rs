@@ -61,6 +61,34 @@ fn movements_are_those_of_yarp() {
 }
 
 #[test]
+fn a_state_in_full_has_the_form_that_its_name_promises() {
+    let (mut spec, options) = board("sensor_msgs/msg/JointState", &[]);
+    spec.topic = "/arm/stateExt:o".to_owned();
+    let names: Value = ["eye", "neck", "heave"].into_iter().collect();
+    let fields = Map::from([
+        ("name", names),
+        ("position", numbers(&[PI, FRAC_PI_2, 0.5])),
+        ("velocity", numbers(&[0.0, PI, 0.25])),
+    ]);
+    let state = message(ros("sensor_msgs/msg/JointState"), &fields.into());
+    let bytes = encode(&state, &spec, &options, Dialect::V3).unwrap().payload.bytes;
+    let (zeros, words) = ("(0.0 0.0 0.0)", "(0 0 0)");
+    assert_eq!(
+        shown(&bytes),
+        format!(
+            "(90.0 180.0 0.5) [ok] (180.0 0.0 0.25) [ok] {zeros} [fail] {zeros} [fail] {zeros} [fail] {zeros} [fail] \
+             {zeros} [fail] {zeros} [fail] {zeros} [fail] {words} [fail] {words} [fail]"
+        )
+    );
+    let back =
+        decode(&Bytewise::object(bytes), None, &spec, &options, Dialect::V3, Stamp::default());
+    let Payload::RosMessage(back) = back.unwrap() else { panic!("a message") };
+    let back = back.to_value(1 << 20).unwrap();
+    assert_eq!(super::super::floats(&back, "velocity"), [PI, 0.0, 0.25]);
+    assert!(super::super::floats(&back, "effort").is_empty(), "what is not told is left out");
+}
+
+#[test]
 fn positions_are_moved_to_in_the_units_and_the_order_of_the_board() {
     let names = ["heave", "neck", "eye"];
     let payload = state(&names, "position", &[0.25, PI, -FRAC_PI_2]);
