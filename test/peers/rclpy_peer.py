@@ -34,8 +34,6 @@ import rclpy.node  # noqa: E402
 import rclpy.qos  # noqa: E402
 from lines import leave, leaving, say, watch_stdin  # noqa: E402
 from rosidl_parser import definition  # noqa: E402
-from rosidl_runtime_py import message_to_ordereddict, set_message_fields  # noqa: E402
-from rosidl_runtime_py.utilities import get_message, get_service  # noqa: E402
 
 watch_stdin()
 rclpy.init(args=[])
@@ -74,18 +72,50 @@ def filled(message, source):
     return message
 
 
+# As rosidl_runtime_py has them, which the wheels of ROS 2 lack.
+def interface(name):
+    package, folder, kind = name.split("/")
+    return getattr(importlib.import_module(f"{package}.{folder}"), kind)
+
+
+def plain(value):
+    if hasattr(value, "get_fields_and_field_types"):
+        return {name: plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
+    if isinstance(value, bytes):
+        return value.decode("latin-1")
+    if isinstance(value, (str, bool, int, float)):
+        return value
+    return [plain(item) for item in (value.tolist() if hasattr(value, "tolist") else value)]
+
+
+def set_fields(message, values):
+    kinds = dict(zip(message.get_fields_and_field_types(), message.SLOT_TYPES))
+    for name, value in values.items():
+        setattr(message, name, given(kinds[name], value))
+    return message
+
+
+def given(kind, value):
+    if isinstance(kind, definition.AbstractNestedType):
+        return [given(kind.value_type, item) for item in value]
+    if isinstance(kind, definition.NamespacedType):
+        return set_fields(interface("/".join((*kind.namespaces, kind.name)))(), value)
+    if isinstance(kind, definition.BasicType) and kind.typename in ("float", "double"):
+        return float(value)
+    return value
+
+
 def facts(message):
-    value = message_to_ordereddict(message)
+    value = plain(message)
     text = json.dumps(value, sort_keys=True, ensure_ascii=False, default=str)
     return {"value": value if len(text) < 4096 else None, "sha256": hashlib.sha256(text.encode()).hexdigest()}
 
 
 def message_number(n):
-    message = get_message(args.type)()
+    message = interface(args.type)()
     if args.value is None:
         return filled(message, random.Random(n))
-    set_message_fields(message, json.loads(args.value.replace("{n}", str(n))))
-    return message
+    return set_fields(message, json.loads(args.value.replace("{n}", str(n))))
 
 
 def profile():
@@ -98,7 +128,7 @@ def profile():
 
 
 def publish(node):
-    publisher = node.create_publisher(get_message(args.type), args.topic, profile())
+    publisher = node.create_publisher(interface(args.type), args.topic, profile())
     say("ready")
     n = 0
     while not leaving.wait(1 / args.rate) and (args.count == 0 or n < args.count):
@@ -119,7 +149,7 @@ def subscribe(node):
             say("message", index=len(got), **facts(message))
             got.append(None)
 
-    node.create_subscription(get_message(args.type), args.topic, heard, profile())
+    node.create_subscription(interface(args.type), args.topic, heard, profile())
     say("ready")
     while not leaving.is_set() and (args.count == 0 or len(got) < args.count):
         rclpy.spin_once(node, timeout_sec=0.1)
@@ -132,24 +162,21 @@ def serve(node):
         for name, value in fields.items():
             if isinstance(value, str) and value.startswith("="):
                 fields[name] = eval(value[1:], {"request": request})
-        set_message_fields(response, fields)
-        return response
+        return set_fields(response, fields)
 
-    node.create_service(get_service(args.type), args.topic, answer)
+    node.create_service(interface(args.type), args.topic, answer)
     say("ready")
     while not leaving.is_set():
         rclpy.spin_once(node, timeout_sec=0.1)
 
 
 def call(node):
-    kind = get_service(args.type)
+    kind = interface(args.type)
     client = node.create_client(kind, args.topic)
     while not client.wait_for_service(0.5):
         if leaving.is_set():
             return
-    request = kind.Request()
-    set_message_fields(request, json.loads(args.value or "{}"))
-    future = client.call_async(request)
+    future = client.call_async(set_fields(kind.Request(), json.loads(args.value or "{}")))
     while not future.done() and not leaving.is_set():
         rclpy.spin_once(node, timeout_sec=0.1)
     if future.done():

@@ -2,7 +2,8 @@
 //!
 //! ```text
 //!   sourced: ros2 on the PATH ────────┐
-//!   /opt/ros/*/setup.bash ─ bash, env ┴─▶ Installation
+//!   /opt/ros/*/setup.bash ─ bash, env ┼─▶ Installation
+//!   .venv-kilted: wheels, no ros2 ────┘
 //!   WRAPYFI_YARP_PREFIX, PATH ──────────▶ folder with yarp and yarpserver
 //! ```
 
@@ -15,15 +16,15 @@ use std::sync::OnceLock;
 
 use anyhow::{Context as _, bail};
 
-use crate::Result;
 use crate::programs::SYSTEM_PYTHON;
+use crate::{Result, repository};
 
 /// An installation of ROS 2.
 #[derive(Debug, Clone)]
 pub(crate) struct Installation {
     /// Variables that the setup file of the installation sets.
     pub(crate) environment: BTreeMap<OsString, OsString>,
-    /// The script `ros2`.
+    /// The script `ros2`, of which the wheels of Kilted have none.
     pub(crate) tool: PathBuf,
     /// The interpreter that its packages are for.
     pub(crate) python: PathBuf,
@@ -74,6 +75,45 @@ impl Installation {
         });
         let changed = pairs.filter(|(name, value)| std::env::var_os(name).as_ref() != Some(value));
         Self::of(changed.collect(), prefix.join("bin/ros2"))
+    }
+
+    /// ROS 2 Kilted from the wheels that `make test` installs.
+    pub(crate) fn kilted() -> Result<&'static Self> {
+        static FOUND: OnceLock<std::result::Result<Installation, String>> = OnceLock::new();
+        let found = FOUND.get_or_init(|| Self::wheels().map_err(|error| format!("{error:#}")));
+        found.as_ref().map_err(|reason| anyhow::anyhow!("{reason}"))
+    }
+
+    /// True where there are such wheels: for one Python on one processor.
+    pub(crate) fn has_wheels() -> bool {
+        let version = Command::new(SYSTEM_PYTHON).arg("--version").output();
+        cfg!(target_arch = "x86_64")
+            && version.is_ok_and(|version| version.stdout.starts_with(b"Python 3.11."))
+    }
+
+    /// Nothing to source: the environment is the prefix, and each wheel has libraries in a folder of its own.
+    fn wheels() -> Result<Self> {
+        let prefix = repository().join(".venv-kilted");
+        let packages = prefix.join("lib/python3.11/site-packages");
+        let none = "no ROS 2 Kilted in .venv-kilted: run `make test` on x86_64 with Python 3.11";
+        let mut libraries = vec![prefix.join("lib")];
+        for entry in std::fs::read_dir(packages).context(none)? {
+            let path = entry?.path();
+            if path.extension().is_some_and(|extension| extension == "libs") {
+                libraries.push(path);
+            }
+        }
+        let environment = BTreeMap::from([
+            ("AMENT_PREFIX_PATH".into(), prefix.clone().into_os_string()),
+            ("LD_LIBRARY_PATH".into(), std::env::join_paths(libraries)?),
+            // Not that of another one, which may be sourced.
+            ("PYTHONPATH".into(), OsString::new()),
+            ("ROS_DISTRO".into(), "kilted".into()),
+            ("ROS_PYTHON_VERSION".into(), "3".into()),
+            ("ROS_VERSION".into(), "2".into()),
+        ]);
+        let (tool, python) = (prefix.join("bin/ros2"), prefix.join("bin/python"));
+        Ok(Self { environment, tool, python, prefixes: vec![prefix] })
     }
 
     fn of(environment: BTreeMap<OsString, OsString>, tool: PathBuf) -> Result<Self> {

@@ -12,7 +12,7 @@
 //! | `WRAPYFI_POSE_MIRROR_BIN` | the example `pose_mirror`; default: beside `wrapyfi` |
 //! | `WRAPYFI_<NAME>_BIN` | a program of `examples/communicator`, for instance `WRAPYFI_FORWARDING_BIN`; default: beside `wrapyfi` |
 //! | `WRAPYFI_PYTHON` | interpreter with the Python peers; default: `.venv/bin/python` in the repository |
-//! | `WRAPYFI_REQUIRE_PEERS=1` | a missing peer fails the test instead of skipping it; not Fast DDS, ROS 1 and roscpp, which some systems lack, and no installation of ROS 2 or YARP |
+//! | `WRAPYFI_REQUIRE_PEERS=1` | a missing peer fails the test instead of skipping it; not Fast DDS, ROS 1, roscpp and the wheels of ROS 2 Kilted, which some systems lack, and no installation of ROS 2 or YARP |
 //! | `WRAPYFI_REQUIRE_ROS2=1` | the same for ROS 2: sourced, else the newest in `/opt/ros` |
 //! | `WRAPYFI_REQUIRE_YARP=1` | the same for YARP's tools |
 //! | `WRAPYFI_YARP_PREFIX` | where YARP is installed; default: where the `PATH` has `yarp` |

@@ -41,6 +41,9 @@ pub enum Need {
     Roscpp,
     /// ROS 2 as it is installed: its tools and rclpy.
     Ros2,
+    /// ROS 2 Kilted with rclpy on Fast DDS 3, from wheels. Where there are none for the machine the test is
+    /// skipped, whatever `WRAPYFI_REQUIRE_PEERS` says.
+    Kilted,
     /// Programs of ours that speak through the rmw of that ROS 2: `scripts/test-rmw.sh` has them.
     Rmw,
     /// This package of that installation, for instance a middleware. Those that are not installed are
@@ -68,6 +71,7 @@ pub fn run(test: &str, needs: &[Need], body: impl FnOnce(&TestEnv) -> Result) ->
                 Need::FastDds => !cpp::FAST_DDS.lacks_library(),
                 Need::Ros1 => has_package("python3-rospy"),
                 Need::Roscpp => !cpp::ROSCPP.lacks_library() || has_package("libroscpp-dev"),
+                Need::Kilted => Installation::has_wheels(),
                 Need::Hosts | Need::Chromium | Need::Rmw => false,
                 Need::Ros2Package(_) | Need::WrapyfiOnRos2 | Need::YarpDevice(_) => false,
                 _ => true,
@@ -102,6 +106,7 @@ fn check(need: Need) -> Result {
         Need::FastDds => cpp::FAST_DDS.or_why_not().map(drop),
         Need::Roscpp => cpp::ROSCPP.or_why_not().map(drop),
         Need::Ros2 => Installation::find().map(drop),
+        Need::Kilted => Installation::kilted().map(drop),
         Need::Rmw if std::env::var_os("WRAPYFI_TEST_RMW").is_some() => Ok(()),
         Need::Rmw => bail!("our programs have no rmw: scripts/test-rmw.sh runs them with one"),
         Need::Ros2Package(name) if Installation::find()?.has(name) => Ok(()),

@@ -26,6 +26,13 @@ impl<'w> RealRos2<'w> {
         Ok(Self { env, rmw, installation })
     }
 
+    /// ROS 2 Kilted from its wheels, on Fast DDS 3.
+    pub fn kilted(env: &'w TestEnv) -> Result<Self> {
+        let installation = Installation::kilted()?;
+        overlay(env)?;
+        Ok(Self { env, rmw: "rmw_fastrtps_cpp", installation })
+    }
+
     /// Starts `ros2` with these arguments.
     pub fn ros2(&self, args: &[&str]) -> Result<Process> {
         let tool = self.installation.tool.as_os_str();

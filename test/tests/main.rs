@@ -21,6 +21,7 @@ mod guides;
 mod headers;
 mod hostile;
 mod hosts;
+mod kilted;
 mod lifecycle;
 mod loops;
 mod node;

@@ -184,7 +184,10 @@ fn there_and_back(env: &TestEnv, ros: &RealRos2<'_>, kind: &str) -> Result {
         .map_err(|error| error.context(kind.to_owned()))
 }
 
-fn types_of_many_fields_go_through_zeromq_and_back(env: &TestEnv, ros: &RealRos2<'_>) -> Result {
+pub(crate) fn types_of_many_fields_go_through_zeromq_and_back(
+    env: &TestEnv,
+    ros: &RealRos2<'_>,
+) -> Result {
     for kind in [
         "geometry_msgs/msg/TwistWithCovarianceStamped",
         "sensor_msgs/msg/Imu",
@@ -200,7 +203,7 @@ fn types_of_many_fields_go_through_zeromq_and_back(env: &TestEnv, ros: &RealRos2
     Ok(())
 }
 
-fn images_go_through_zeromq_and_back(env: &TestEnv, ros: &RealRos2<'_>) -> Result {
+pub(crate) fn images_go_through_zeromq_and_back(env: &TestEnv, ros: &RealRos2<'_>) -> Result {
     let [there, between, back] = ["there", "between", "back"].map(|place| env.topic(place));
     let bridges = two_bridges(env, ros, [&there, &between, &back], "Image")?;
     let kind = "sensor_msgs/msg/Image";
@@ -256,7 +259,7 @@ fn a_late_latched_subscription_gets_the_last_message(env: &TestEnv, ros: &RealRo
 }
 
 /// Types that nobody compiled into ours: found in the installation by the ament index.
-fn ours_echoes_and_publishes_with_types_of_the_installation(
+pub(crate) fn ours_echoes_and_publishes_with_types_of_the_installation(
     env: &TestEnv,
     ros: &RealRos2<'_>,
 ) -> Result {
@@ -290,7 +293,7 @@ fn ours_echoes_and_publishes_with_types_of_the_installation(
 
 // Services and parameters -----------------------------------------------------------------------
 
-fn services_of_rclpy_are_called(env: &TestEnv, ros: &RealRos2<'_>) -> Result {
+pub(crate) fn services_of_rclpy_are_called(env: &TestEnv, ros: &RealRos2<'_>) -> Result {
     let service = env.topic("set");
     let kind = "std_srvs/srv/SetBool";
     let value = r#"{"success": "=request.data", "message": "=str(request.data)"}"#;
@@ -359,7 +362,10 @@ fn parameters_are_listed_got_set_and_dumped(env: &TestEnv, ros: &RealRos2<'_>) -
     Ok(())
 }
 
-fn parameters_of_a_node_of_rclpy_are_set_by_ours(_: &TestEnv, ros: &RealRos2<'_>) -> Result {
+pub(crate) fn parameters_of_a_node_of_rclpy_are_set_by_ours(
+    _: &TestEnv,
+    ros: &RealRos2<'_>,
+) -> Result {
     let node = ros.rclpy("params --node camera", Some(r#"{"rate": 30, "name": "left"}"#))?;
     node.event("ready")?;
     let properties = ["ros2:/camera", "--type", "Properties", "--timeout", "60"];
@@ -373,7 +379,10 @@ fn parameters_of_a_node_of_rclpy_are_set_by_ours(_: &TestEnv, ros: &RealRos2<'_>
     set.exits_with(0)?;
     let heard = node.event("set")?;
     assert_eq!((&heard["name"], &heard["value"]), (&json!("rate"), &json!(15)));
-    ros.seen(&["param", "get", "/camera", "rate"], |said| said.contains("15")).map(drop)
+    let mut echo =
+        ros.wrapyfi([&["echo"], &properties[..], &["--count", "1", "--json"]].concat())?;
+    assert_eq!(echo.objects(1)?[0]["value"]["rate"], 15);
+    echo.exits_with(0)
 }
 
 // Starts ----------------------------------------------------------------------------------------
