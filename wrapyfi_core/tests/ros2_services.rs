@@ -276,9 +276,8 @@ fn nobody_polls_for_the_other_half() {
     }));
 }
 
-/// The requests of a service as anybody may write them.
-fn raw_client(graph: &CycloneGraph, name: &str, max_bytes: usize) -> Box<dyn CdrClient> {
-    let description = ServiceDescription {
+fn described(name: &str, max_bytes: usize) -> ServiceDescription {
+    ServiceDescription {
         name: name.into(),
         type_name: ADD.0.into(),
         type_hash: None,
@@ -286,8 +285,38 @@ fn raw_client(graph: &CycloneGraph, name: &str, max_bytes: usize) -> Box<dyn Cdr
         response_hash: None,
         depth: 10,
         max_bytes,
-    };
-    graph.client(&description, bell(&Wake::new())).unwrap()
+    }
+}
+
+/// The requests of a service as anybody may write them.
+fn raw_client(graph: &CycloneGraph, name: &str, max_bytes: usize) -> Box<dyn CdrClient> {
+    graph.client(&described(name, max_bytes), bell(&Wake::new())).unwrap()
+}
+
+/// A service of ROS 2 keeps ten requests, and overwrites the oldest for an eleventh.
+#[test]
+fn more_calls_at_once_than_a_server_keeps_are_all_answered() {
+    let (near, far) = (ros2(&near_config("near")), CycloneGraph::new(&far_config("far")).unwrap());
+    let wake = Wake::new();
+    let mut server = far.server(&described("/robot/add", MAX_BYTES), bell(&wake)).unwrap();
+    let (mut client, _) = client(&near, "add");
+    assert!(wait_until(&wake, TIMEOUT, || client.link().peers == Some(1)));
+    for number in 0..50 {
+        client.send(&request(number, 1), TIMEOUT).unwrap();
+    }
+    let reply = message(service(ADD).response(), [("sum", 7)]);
+    let mut answered = 0;
+    assert!(wait_until(&wake, TIMEOUT, || {
+        let asked: Vec<_> = std::iter::from_fn(|| server.take().unwrap()).collect();
+        for one in asked {
+            server.reply(&one.id, &[&reply.cdr]).unwrap();
+        }
+        while let Some((_, result)) = client.take() {
+            assert_eq!(sum(&result.unwrap().payload), 7);
+            answered += 1;
+        }
+        answered == 50
+    }));
 }
 
 #[test]

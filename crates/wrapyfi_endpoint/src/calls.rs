@@ -2,8 +2,8 @@
 //! ended.
 //!
 //! ```text
-//!   begin ─▶ waiting (no server yet) ── send ─▶ sent ── answered, failed ─▶ ended ─▶ take, take_only
-//!               └────────────── expire ───────────┴──▶ timed out; its reply is late, and counted
+//!   begin ─▶ waiting (no server yet, or no room there) ── send ─▶ sent ── answered, failed ─▶ ended ─▶ take, take_only
+//!               └───────────────────── expire ──────────────────────┴──▶ timed out; its reply is late, and counted
 //! ```
 //!
 //! The calls have no socket. A request counts against the budget of bytes that wait until its call has ended.
@@ -38,7 +38,7 @@ pub struct Ticket(u64);
 /// Stage that a call had reached when its time was over.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stage {
-    /// No server had come to which the request could be sent.
+    /// No server had come to which the request could be sent, or those before it were not answered.
     Waiting,
     /// The request was sent, and no reply came.
     Sent,
@@ -64,6 +64,10 @@ struct Call {
 pub struct Calls<T> {
     service: String,
     limit: usize,
+    /// Largest number of requests that are with the server at once.
+    at_once: usize,
+    /// First of the sent requests that count as being with the server.
+    counted_from: i64,
     next: u64,
     waiting: VecDeque<(Call, T)>,
     sent: BTreeMap<i64, Call>,
@@ -78,6 +82,8 @@ impl<T> Calls<T> {
         Self {
             service: service.to_owned(),
             limit,
+            at_once: usize::MAX,
+            counted_from: i64::MIN,
             next: 0,
             waiting: VecDeque::new(),
             sent: BTreeMap::new(),
@@ -85,6 +91,12 @@ impl<T> Calls<T> {
             share: Share::default(),
             context: context.clone(),
         }
+    }
+
+    /// Sends at most `at_once` requests before one of them is answered; the others wait.
+    #[must_use]
+    pub fn at_once(self, at_once: usize) -> Self {
+        Self { at_once, ..self }
     }
 
     /// Name of the service, for messages.
@@ -123,9 +135,26 @@ impl<T> Calls<T> {
         Ok(ticket)
     }
 
-    /// Request that is sent next, once there is a server.
+    /// Request that is sent next, once there is a server; `None` while it has as many as may be with it.
     pub fn next_to_send(&self) -> Option<&T> {
+        if self.is_held_back() {
+            return None;
+        }
         self.waiting.front().map(|(_, request)| request)
+    }
+
+    /// True when a request waits for the answer to one before it.
+    pub fn is_held_back(&self) -> bool {
+        // A call that was sent to a server that is gone holds up nobody.
+        !self.waiting.is_empty() && self.sent.range(self.counted_from..).count() >= self.at_once
+    }
+
+    /// Lets the next requests be sent although those before were not answered: the server to which they went may be
+    /// gone. Sequence numbers must rise.
+    pub fn server_changed(&mut self) {
+        if let Some((last, _)) = self.sent.last_key_value() {
+            self.counted_from = last.saturating_add(1);
+        }
     }
 
     /// Hands over the request of [`Calls::next_to_send`]; its reply will come under `sequence`.
@@ -270,6 +299,34 @@ mod tests {
         }
         assert_eq!((calls.deadline(), calls.share.used()), (None, 0));
         assert_eq!(calls.context.counters.snapshot().received, 3);
+    }
+
+    #[test]
+    fn no_more_than_a_server_keeps_are_sent_before_it_answers() {
+        let now = Instant::now();
+        let mut calls = calls(64).at_once(2);
+        for number in 0..7 {
+            calls.begin((number, 1), now, SECOND * (number + 1)).unwrap();
+        }
+        let mut sequence = 0;
+        let mut send_all = |calls: &mut Calls<u32>| {
+            std::iter::from_fn(|| {
+                calls.next_to_send()?;
+                sequence += 1;
+                calls.send(sequence)
+            })
+            .collect::<Vec<_>>()
+        };
+        assert_eq!(send_all(&mut calls), [0, 1]);
+        assert!(send_all(&mut calls).is_empty(), "both are with the server");
+        answer(&mut calls, 2);
+        assert_eq!(send_all(&mut calls), [2]);
+        calls.expire(now + SECOND, |_| String::new());
+        assert_eq!(send_all(&mut calls), [3], "the time of the first is over");
+        calls.server_changed();
+        assert_eq!(send_all(&mut calls), [4, 5], "what the last server got holds up nobody");
+        answer(&mut calls, 3);
+        assert!(calls.is_held_back() && send_all(&mut calls).is_empty());
     }
 
     #[test]

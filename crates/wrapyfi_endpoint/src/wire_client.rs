@@ -15,6 +15,8 @@ use wrapyfi_data::EncodeResult;
 pub trait ClientWire: Send {
     /// Form in which a request waits to be sent.
     type Written: Send;
+    /// Largest number of requests that a server keeps: as many are with it at once, the others wait here.
+    const AT_ONCE: usize = usize::MAX;
 
     /// Writes a request that may be sent until `deadline`; also returns its size in bytes.
     fn write(&self, request: &Request, deadline: Instant) -> EncodeResult<(Self::Written, usize)>;
@@ -44,7 +46,7 @@ pub struct WireClient<W: ClientWire> {
 impl<W: ClientWire> WireClient<W> {
     /// A client without calls, which refuses to have more than `limit` under way.
     pub fn new(wire: W, service: &str, limit: usize, context: &Context) -> Self {
-        Self { wire, calls: Calls::new(service, limit, context) }
+        Self { wire, calls: Calls::new(service, limit, context).at_once(W::AT_ONCE) }
     }
     /// The part of the middleware.
     pub fn wire(&self) -> &W {

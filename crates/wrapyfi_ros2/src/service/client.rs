@@ -6,13 +6,15 @@
 //! ```
 //!
 //! A call made before a server is found waits for it: no request is sent before both halves of the
-//! match are there, because neither would be repeated.
+//! match are there, because neither would be repeated. No more are with the server than it keeps: it overwrites the
+//! oldest for one more, without a word.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 
+use super::USUAL_DEPTH;
 use super::codec::{ServiceCodec, drop_reason};
 use crate::graph::{CdrClient, Graph, GraphError, LOOK_AGAIN, Peers, ServiceMapping, ringing};
 use crate::names::service_type_from_dds;
@@ -43,6 +45,8 @@ pub(in super::super) struct Ros2Client {
     context: Context,
     dropped: Throttle,
     looked: Mutex<Option<Looked>>,
+    /// Servers to which the last request was sent.
+    sent_to: Peers,
 }
 
 impl Ros2Client {
@@ -70,6 +74,7 @@ impl Ros2Client {
             context: context.clone(),
             dropped: Throttle::default(),
             looked: Mutex::default(),
+            sent_to: Peers::None,
         };
         Ok(WireClient::new(wire, &service, pending, &context))
     }
@@ -103,38 +108,7 @@ impl Ros2Client {
         other
     }
 
-    fn send(&mut self, calls: &mut Calls<Bytes>) {
-        while let Some(request) = calls.next_to_send() {
-            let servers = self.cdr.servers();
-            if !matches!(servers, Peers::Ready(_)) || self.other_type(&servers).is_some() {
-                return;
-            }
-            match self.cdr.send(&[request]) {
-                Ok(sequence) => drop(calls.send(sequence)),
-                // Its readers do not keep up: it stays first in the row.
-                Err(GraphError::Timeout { .. }) => return,
-                Err(error) => {
-                    let (service, reason) = (calls.service().to_owned(), error.to_string());
-                    calls.refused(CallError::Transport { service, reason });
-                }
-            }
-        }
-    }
-}
-
-impl ClientWire for Ros2Client {
-    type Written = Bytes;
-
-    fn write(&self, request: &Request, _: Instant) -> Result<(Bytes, usize), EncodeError> {
-        let cdr = self.codec.encode_request(request)?;
-        let bytes = cdr.len();
-        Ok((cdr, bytes))
-    }
-
-    /// Does not wait for a reply; where a request is to be sent and its readers do not keep up, DDS may
-    /// hold it up for half a second.
-    fn turn(&mut self, calls: &mut Calls<Bytes>) {
-        self.send(calls);
+    fn receive(&mut self, calls: &mut Calls<Bytes>) {
         loop {
             match self.cdr.take() {
                 Ok(Some(reply)) => {
@@ -163,6 +137,48 @@ impl ClientWire for Ros2Client {
         }
     }
 
+    fn send(&mut self, calls: &mut Calls<Bytes>) {
+        if calls.is_held_back() && self.cdr.servers() != self.sent_to {
+            calls.server_changed();
+        }
+        while let Some(request) = calls.next_to_send() {
+            let servers = self.cdr.servers();
+            if !matches!(servers, Peers::Ready(_)) || self.other_type(&servers).is_some() {
+                return;
+            }
+            match self.cdr.send(&[request]) {
+                Ok(sequence) => {
+                    self.sent_to = servers;
+                    calls.send(sequence);
+                }
+                // Its readers do not keep up: it stays first in the row.
+                Err(GraphError::Timeout { .. }) => return,
+                Err(error) => {
+                    let (service, reason) = (calls.service().to_owned(), error.to_string());
+                    calls.refused(CallError::Transport { service, reason });
+                }
+            }
+        }
+    }
+}
+
+impl ClientWire for Ros2Client {
+    type Written = Bytes;
+    const AT_ONCE: usize = USUAL_DEPTH as usize;
+
+    fn write(&self, request: &Request, _: Instant) -> Result<(Bytes, usize), EncodeError> {
+        let cdr = self.codec.encode_request(request)?;
+        let bytes = cdr.len();
+        Ok((cdr, bytes))
+    }
+
+    /// Does not wait for a reply; where a request is to be sent and its readers do not keep up, DDS may
+    /// hold it up for half a second.
+    fn turn(&mut self, calls: &mut Calls<Bytes>) {
+        self.receive(calls);
+        self.send(calls);
+    }
+
     fn missing(&self, stage: Stage) -> String {
         let servers = self.cdr.servers();
         if let (Stage::Waiting, Some(other)) = (stage, self.other_type(&servers)) {
@@ -175,7 +191,9 @@ impl ClientWire for Ros2Client {
             (Stage::Waiting, Peers::Half) => {
                 "its server is found by half only, or has not confirmed that it hears".to_owned()
             }
-            (Stage::Waiting, Peers::Ready(_)) => "its server was found too late".to_owned(),
+            (Stage::Waiting, Peers::Ready(_)) => format!(
+                "its server was found too late, or has not answered the {USUAL_DEPTH} calls before it"
+            ),
             (Stage::Waiting, Peers::Foreign(theirs)) => foreign(theirs, self.mapping),
         }
     }
