@@ -191,6 +191,11 @@ fn where_somebody_listens_the_subscription_is_there_before_a_publisher() -> Resu
         let topic = env.topic("text");
         let bridge = bridge(env, &[])?;
         let forever = ["--type", "Text", "--count", "100000"];
+        // What the bridge tells about itself is no topic of ROS 1, whoever listens.
+        let status = format!("{NODE}/status");
+        let own = ["--type", "wrapyfi_msgs/msg/BridgeStatus", "--count", "100000"];
+        let looks = echo(env, &ros2(&status), &own)?;
+        looks.objects(1).map_err(|error| error.context(bridge.tail()))?;
         let listener = echo(env, &ros2(&topic), &forever)?;
         let stands = |books: &Books| has(&books.subscribers, &topic, NODE);
         books(env, "the bridge as a subscriber", stands)
@@ -203,6 +208,9 @@ fn where_somebody_listens_the_subscription_is_there_before_a_publisher() -> Resu
             .rospy(&format!("publish --topic {topic} --node talker"), Some(r#"{"data": "{n}"}"#))?;
         let heard = listener.objects(3).map_err(|error| error.context(bridge.tail()))?;
         assert_eq!(heard[0]["value"], "0", "the first message: {heard:?}");
+        // The listener to the status came before.
+        until_route(&bridge, &format!("ros:{status} -> ros2:{status}"), |route| route.is_none())?;
+        books(env, "nothing of the status", |books| !has(&books.subscribers, &status, NODE))?;
         // With the listener and the publisher the route goes.
         drop((listener, talker));
         until_route(&bridge, &format!("ros:{topic} -> ros2:{topic}"), |route| route.is_none())?;

@@ -33,7 +33,7 @@ fn waiting(what: String) -> Refusal {
 
 impl Reconciler {
     /// True for a name that the pattern leaves out though it matches: all its endpoints came from
-    /// the destination, or a route with that name is written in the configuration.
+    /// the destination, or its route is not for patterns to make.
     pub(super) fn is_left_out(
         &self,
         spec: &Route,
@@ -41,11 +41,12 @@ impl Reconciler {
         to: &EndpointAddress,
     ) -> bool {
         let comes_back = self.sources(spec.role(), from, &to.middleware).next().is_none();
-        comes_back || self.is_by_hand(spec, from, to)
+        comes_back || self.is_not_for_patterns(spec, from, to)
     }
 
-    /// True where the configuration has a route of its own for these ends.
-    pub(super) fn is_by_hand(
+    /// True where the configuration has a route of its own for these ends, or one of them is what the program has about
+    /// itself: discovery does not list that, so a listener there would seem to wait for somebody else.
+    pub(super) fn is_not_for_patterns(
         &self,
         spec: &Route,
         from: &EndpointAddress,
@@ -53,7 +54,11 @@ impl Reconciler {
     ) -> bool {
         let role = spec.role();
         let ends = [from, to];
-        self.explicit.keys().any(|it| it.role == role && is_by_hand([&it.from, &it.to], ends))
+        ends.iter().any(|end| self.own.contains(end))
+            || self
+                .explicit
+                .keys()
+                .any(|it| it.role == role && is_by_hand([&it.from, &it.to], ends))
     }
 
     /// Endpoints of a source whose messages did not come through the middleware of the destination.

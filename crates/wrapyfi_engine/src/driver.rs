@@ -6,7 +6,7 @@
 //!                        Engine::step: each in turn   Running: a pool of threads
 //! ```
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -21,7 +21,7 @@ use super::reconciler::{Change, Reconciler};
 use super::replacement::{INACTIVE, REMOVED};
 use super::route_status::{RouteState, RouteStatus};
 use super::tap::Tap;
-use wrapyfi_endpoint::{Mutex, Registry, UnknownMiddleware, Wake};
+use wrapyfi_endpoint::{EndpointAddress, Mutex, Registry, UnknownMiddleware, Wake};
 use wrapyfi_retry::contained;
 
 /// Reason that the routes of a bridge wait that is not active.
@@ -113,6 +113,10 @@ impl Driver {
 
     pub(super) fn set_types(&self, types: TypeStore) {
         self.reconciler.lock().types = types;
+    }
+
+    pub(super) fn set_own(&self, addresses: BTreeSet<EndpointAddress>) {
+        self.reconciler.lock().own = addresses;
     }
 
     /// Turns to another plan, as a whole or not at all. Routes that are the same in both go on

@@ -11,7 +11,7 @@ use super::plan_diff::PlanDiff;
 use super::rate;
 use super::route_status::RouteStatus;
 use super::running::Running;
-use wrapyfi_endpoint::{Registry, UnknownMiddleware};
+use wrapyfi_endpoint::{EndpointAddress, Registry, UnknownMiddleware};
 
 /// The routes of a plan, not running yet.
 ///
@@ -49,6 +49,13 @@ impl Engine {
     #[must_use]
     pub fn with_types(self, types: TypeStore) -> Self {
         self.driver.set_types(types);
+        self
+    }
+
+    /// Leaves out of every pattern what the program has at these addresses about itself.
+    #[must_use]
+    pub fn with_own(self, addresses: impl IntoIterator<Item = EndpointAddress>) -> Self {
+        self.driver.set_own(addresses.into_iter().collect());
         self
     }
 

@@ -13,7 +13,7 @@
 //! A plan may be replaced: routes that are the same in both go on untouched, whether they are
 //! written or a pattern made them. It has no threads and no clock of its own, as [`super::Relay`].
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -77,6 +77,8 @@ pub(super) struct Reconciler {
     pub(super) patterns: Vec<Pattern>,
     /// Routes with one name by their ends, which patterns leave alone; their places in the plan.
     pub(super) explicit: BTreeMap<RouteKey, usize>,
+    /// Addresses of what the program has about itself, which patterns leave alone.
+    pub(super) own: BTreeSet<EndpointAddress>,
     pub(super) graph: DiscoveredGraph,
     pub(super) types: TypeStore,
     /// Number of this bridge in marks.
@@ -110,6 +112,7 @@ impl Reconciler {
             registry: registry.clone(),
             patterns: Vec::new(),
             explicit: BTreeMap::new(),
+            own: BTreeSet::new(),
             graph: DiscoveredGraph::default(),
             types: TypeStore::from_environment().or_generated(),
             number: BridgeMark::number(),
@@ -280,7 +283,8 @@ impl Reconciler {
             let from = EndpointAddress { middleware: middleware.clone(), name: name.clone() };
             let key = (index, name);
             let is_known = self.candidates.contains_key(&key);
-            if self.is_by_hand(spec, &from, &to) || (!is_known && of_pattern >= max_routes) {
+            if self.is_not_for_patterns(spec, &from, &to) || (!is_known && of_pattern >= max_routes)
+            {
                 continue;
             }
             of_pattern += usize::from(!is_known);

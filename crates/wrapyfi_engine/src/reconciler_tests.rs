@@ -25,7 +25,11 @@ struct Bench {
     now: Instant,
 }
 
-fn engine(a: &Arc<impl Middleware + 'static>, b: &Arc<Memory>, routes: &[&str]) -> Engine {
+fn engine(
+    a: &Arc<impl Middleware + 'static>,
+    b: &Arc<impl Middleware + 'static>,
+    routes: &[&str],
+) -> Engine {
     let mut registry = Registry::new();
     registry.register(Arc::clone(a) as _);
     registry.register(Arc::clone(b) as _);
@@ -259,6 +263,56 @@ fn what_is_denied_is_left_out() {
     let _sources = all.map(|name| publisher(&bench.a, name, MessageType::NativeObject));
     bench.run(5 * SECOND);
     assert_eq!(bench.names(), ["a:/tf -> b:/tf"]);
+}
+
+/// The status of a bridge is no topic that another middleware has: a listener to it waits for the bridge.
+#[test]
+fn what_the_program_has_about_itself_gets_no_route() {
+    let mut bench = Bench::new(&["from: 'a:/(.*)', to: 'b:/$1'", "from: 'b:/(.*)', to: 'a:/$1'"]);
+    let own = ["b:/bridge/status".parse().unwrap()];
+    bench.engine = bench.engine.with_own(own);
+    let _here = [("/bridge/status"), ("/bridge/other")]
+        .map(|name| publisher(&bench.a, name, MessageType::NativeObject));
+    let _own = publisher(&bench.b, "/bridge/status", MessageType::NativeObject);
+    bench.run(3 * SECOND);
+    assert_eq!(bench.names(), ["a:/bridge/other -> b:/bridge/other"]);
+}
+
+/// A bus on which listeners are there first, and which hides the program's own endpoints.
+struct Ahead(Arc<Memory>);
+
+impl Middleware for Ahead {
+    fn name(&self) -> &str {
+        self.0.name()
+    }
+
+    fn open_listener(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Listener> {
+        self.0.open_listener(spec, context)
+    }
+
+    fn open_publisher(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Publisher> {
+        self.0.open_publisher(spec, context)
+    }
+
+    fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
+        self.0.discover()
+    }
+
+    fn traits(&self) -> Traits {
+        Traits { subscribes_first: true, tells_own: true, ..self.0.traits() }
+    }
+}
+
+#[test]
+fn a_listener_to_what_the_program_has_about_itself_opens_nothing() {
+    let [a, b] = ["a", "b"].map(|name| Arc::new(Ahead(Arc::new(Memory::new(name)))));
+    let engine = engine(&a, &b, &["from: 'a:/(.*)', to: 'b:/$1'"]);
+    let engine = engine.with_own(["b:/bridge/status".parse().unwrap()]);
+    let (a, b) = (Arc::clone(&a.0), Arc::clone(&b.0));
+    let mut bench = Bench { a, b, engine, now: Instant::now() };
+    let _waiting = ["/bridge/status", "/x"].map(|name| listener(&bench.b, name));
+    bench.run(3 * SECOND);
+    assert_eq!(bench.names(), ["a:/x -> b:/x"]);
 }
 
 #[test]

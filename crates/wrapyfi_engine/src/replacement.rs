@@ -89,10 +89,10 @@ impl Reconciler {
                 let key = (*new, name.clone());
                 let spec = self.patterns.get(*new).map(|it| Arc::clone(&it.spec));
                 spec.is_some_and(|spec| {
-                    let by_hand =
-                        spec.is_many() && self.is_by_hand(&spec, &candidate.from, &candidate.to);
+                    let is_not_meant = spec.is_many()
+                        && self.is_not_for_patterns(&spec, &candidate.from, &candidate.to);
                     let has_room = self.of_pattern(*new).count() < spec.max_routes();
-                    !by_hand && has_room && !self.candidates.contains_key(&key)
+                    !is_not_meant && has_room && !self.candidates.contains_key(&key)
                 })
             });
             let ends = [&old.spec.from, &old.spec.to];

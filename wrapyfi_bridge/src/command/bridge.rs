@@ -15,7 +15,7 @@ use crate::lifecycle::Lifecycle;
 use crate::lines::Lines;
 use crate::middlewares::{Loaded, Middlewares, OfferedNode};
 use crate::node::Node;
-use crate::on_graph::{OnGraph, Parts};
+use crate::on_graph::{OnGraph, Parts, own_addresses};
 use crate::page::Page;
 use crate::reload::{Reload, Source, Watch};
 use crate::shutdown::Shutdown;
@@ -74,7 +74,8 @@ pub fn run(
     }
     let registry = middlewares.registry_on(node.as_ref().map(OfferedNode::handle));
     let plan = if options.no_autostart { Plan::default() } else { plan };
-    let engine = Engine::new(plan, &registry).with_types(store);
+    let engine =
+        Engine::new(plan, &registry).with_types(store).with_own(own_addresses(bridge_node));
     // A middleware that starts anew waits until nobody holds the one before.
     drop(registry);
     let running = engine.start().context("cannot start the routes")?;

@@ -14,7 +14,8 @@
 //! ```
 //!
 //! No bridge by pattern carries these endpoints anywhere: their mark says that they have been everywhere, and
-//! services, of which the mapping of Fast DDS shows no mark, are left out by name.
+//! services, of which the mapping of Fast DDS shows no mark, are left out by name. A bridge's own are left out by
+//! address, because discovery does not list them to it.
 
 pub mod client;
 pub mod diagnostics;
@@ -30,8 +31,8 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, bail};
 use wrapyfi_data::types::{MessageType, Payload, RosMessage, RosType, ServiceKind, Value};
 use wrapyfi_endpoint::{
-    BridgeMark, Context, Durability, History, IncomingRequest, Publisher, Qos, Registry, RequestId,
-    Server, ServiceSpec, Throttle, TopicSpec, Wake,
+    BridgeMark, Context, Conventions, Durability, EndpointAddress, History, IncomingRequest,
+    Publisher, Qos, Registry, RequestId, Server, ServiceSpec, Throttle, TopicSpec, Wake,
 };
 use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::builtin_interfaces::msg::Time;
@@ -322,6 +323,16 @@ fn meant(title: &str, name: &str, mut all: Vec<RouteInfo>) -> Vec<RouteInfo> {
 
 fn message(ros_type: RosType, message: &impl Message) -> Payload {
     Payload::RosMessage(RosMessage::new(ros_type, message.encode().to_bytes()))
+}
+
+/// Addresses of what the bridge of a node has about itself, but for topics that it shares with other nodes.
+pub fn own_addresses(node: &Node) -> Vec<EndpointAddress> {
+    let topics =
+        ["status", "transition_event"].iter().map(|it| node.resolve_topic(&format!("~/{it}")));
+    let services = Conventions::NONE.node_services.iter();
+    let services = services.map(|it| node.resolve_service(&format!("~/{it}")));
+    let names = topics.chain(services).flatten();
+    names.map(|name| EndpointAddress { middleware: "ros2".to_owned(), name }).collect()
 }
 
 /// Mark of what no bridge by pattern carries anywhere: it has been everywhere. Other bridges see by it who began first.
