@@ -50,6 +50,26 @@ fn a_broker_names_the_port_that_is_taken() -> Result {
 }
 
 #[test]
+fn a_broker_beside_a_bridge_waits_for_its_end() -> Result {
+    run("a_broker_beside_a_bridge_waits_for_its_end", PROGRAM, |env| {
+        let bridge =
+            env.bridge(&env.embedded().route(Route::new("zeromq:/a", "ros2:/a", "Image")))?;
+        bridge.wait_until("its broker", |output| {
+            output.err.iter().any(|line| line.contains("broker runs: pub_port")).then_some(())
+        })?;
+        let broker = env.broker_that_may_fail()?;
+        let says = |words: String| {
+            broker.wait_until(&words, |output| {
+                output.err.iter().any(|line| line.contains(&words)).then_some(())
+            })
+        };
+        says(format!("the ZeroMQ broker that runs already (process {}, ", bridge.id()))?;
+        drop(bridge);
+        says("listeners connect to port".to_owned())
+    })
+}
+
+#[test]
 fn a_bridge_names_the_port_that_is_taken() -> Result {
     run("a_bridge_names_the_port_that_is_taken", PROGRAM, |env| {
         let _held = hold(env.pub_port())?;

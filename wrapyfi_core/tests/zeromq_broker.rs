@@ -163,6 +163,8 @@ fn a_silent_program_on_the_port_is_named() {
     let ZeroMqError::PortTaken { port: named, answer, .. } = &error else { panic!("{error}") };
     assert_eq!((*named, answer), (port, &Answer::Silent));
     assert!(error.to_string().contains(&port.to_string()), "{error}");
+    let who = format!("process {}, ", std::process::id());
+    assert!(error.to_string().contains(&who), "{error}");
 }
 
 #[test]

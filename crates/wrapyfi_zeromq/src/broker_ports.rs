@@ -13,6 +13,7 @@ use super::front::{self, Bounds, Front};
 use super::ledger::Ledger;
 use super::options::{self, StopSignal};
 use super::supervisor::Supervised;
+use wrapyfi_endpoint::network::owner;
 
 /// Both ports of a broker, bound, and the socket that stops its thread.
 pub(super) struct BrokerPorts {
@@ -102,7 +103,7 @@ impl BrokerPorts {
 /// Error for a port of ours that could not be bound.
 fn refused(ip: IpAddr, port: u16, error: &std::io::Error) -> BrokerError {
     match error.kind() {
-        ErrorKind::AddrInUse => BrokerError::PortTaken { ip, port },
+        ErrorKind::AddrInUse => BrokerError::PortTaken { ip, port, owner: owner(port) },
         ErrorKind::AddrNotAvailable => BrokerError::NotHere(ip),
         _ => failed_to(&format!("bind {}", options::endpoint(ip, port)))(error),
     }

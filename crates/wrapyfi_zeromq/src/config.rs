@@ -225,7 +225,10 @@ impl ZeroMqConfig {
     }
 
     /// Address of the broker.
-    pub(super) fn address(&self) -> Result<IpAddr, BrokerError> {
+    ///
+    /// # Errors
+    /// When the host has none.
+    pub fn address(&self) -> Result<IpAddr, BrokerError> {
         resolve(&self.hosts.or_same(&self.ip))
     }
 }

@@ -27,12 +27,17 @@ pub enum BrokerError {
     #[error(transparent)]
     Curve(#[from] CurveError),
     /// Somebody else has the port.
-    #[error("port {port} on {ip} is taken: stop what uses it, or choose another port")]
+    #[error(
+        "port {port} on {ip} is taken{}: stop what uses it, or choose another port",
+        shown(owner)
+    )]
     PortTaken {
         /// Address asked for.
         ip: IpAddr,
         /// Port asked for.
         port: u16,
+        /// Program that has it, where the system tells.
+        owner: Option<String>,
     },
     /// The address belongs to another machine.
     #[error("{0} is not an address of this machine: run the broker there and only connect here")]
@@ -64,7 +69,9 @@ pub enum BrokerError {
 pub enum ZeroMqError {
     /// A port belongs to something that is no broker.
     #[error(
-        "port {port} on {ip} is taken by {answer}; a broker would be {expected}: {}", answer.remedy(settings)
+        "port {port} on {ip} is taken by {answer}; a broker would be {expected}: {}{}",
+        answer.remedy(settings),
+        shown(owner)
     )]
     PortTaken {
         /// Address of the broker.
@@ -75,6 +82,8 @@ pub enum ZeroMqError {
         expected: &'static str,
         /// Program that answered on the port.
         answer: Answer,
+        /// Its process, where the system tells.
+        owner: Option<String>,
         /// Names of the two ports in the settings.
         settings: [&'static str; 2],
     },
@@ -95,6 +104,11 @@ pub enum ZeroMqError {
     /// libzmq or the system refused.
     #[error("ZeroMQ could not start: {0}")]
     Transport(String),
+}
+
+/// Program that has a port, behind what is said of the port.
+fn shown(owner: &Option<String>) -> String {
+    owner.as_deref().map(|it| format!(" ({it})")).unwrap_or_default()
 }
 
 impl ZeroMqError {

@@ -21,7 +21,7 @@ use super::turns::{Runs, Turns};
 use super::zmtp::{self, Kind};
 use wrapyfi_endpoint::Mutex;
 use wrapyfi_endpoint::backoff::Backoff;
-use wrapyfi_endpoint::network::is_of_this_machine;
+use wrapyfi_endpoint::network::{is_of_this_machine, owner};
 
 /// Longest time for which the two ports may be in different hands: two processes that start at
 /// once, or one that is just ending.
@@ -148,7 +148,8 @@ fn settle<B: Supervised>(
         let front = Asked::ask(SocketAddr::new(ip, front_port), front_kind, front_as, has_curve);
         let back = Asked::ask(SocketAddr::new(ip, back_port), back_kind, back_as, has_curve);
         if front.is_broker() && back.is_broker() {
-            tracing::info!(%ip, front_port, back_port, "using the ZeroMQ broker that runs already");
+            let by = owner(front_port).map(|it| format!(" ({it})")).unwrap_or_default();
+            tracing::info!(%ip, front_port, back_port, "using the ZeroMQ broker that runs already{by}");
             return Ok(Found::Foreign { may_take_over });
         }
         if !may_take_over {
@@ -195,7 +196,8 @@ impl Asked {
 
     fn into_error(self, settings: [&'static str; 2]) -> ZeroMqError {
         let Self { at, expected, answer, .. } = self;
-        ZeroMqError::PortTaken { ip: at.ip(), port: at.port(), expected, answer, settings }
+        let (ip, port) = (at.ip(), at.port());
+        ZeroMqError::PortTaken { ip, port, expected, answer, owner: owner(port), settings }
     }
 }
 

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
-use wrapyfi_endpoint::network::Place;
-use wrapyfi_zeromq::{Broker, BrokerError, CurveClient, ServiceBroker, ZeroMqConfig};
+use wrapyfi_endpoint::network::{Place, is_of_this_machine};
+use wrapyfi_zeromq::{BrokerError, BrokerMode, CurveClient, ZeroMq, ZeroMqConfig, ZeroMqError};
 
 use crate::cli::BrokerArgs;
 use crate::exit::{Failure, Result};
@@ -39,57 +39,68 @@ pub fn run(args: &BrokerArgs, shutdown: &Shutdown) -> Result<()> {
     } else {
         config = ZeroMqSection::default().checked(config)?;
     }
-    let services = match ServiceBroker::start(&config) {
-        Ok(services) => Some(services),
-        // Wrapyfi's servers bring theirs along: topics need not wait for them to end.
-        Err(error @ BrokerError::PortTaken { .. }) if !args.ports.any() => {
+    // Where a broker runs already, as in a bridge, this one waits for its end.
+    (config.broker, config.service_broker) = (BrokerMode::Embedded, BrokerMode::Embedded);
+    let ip = config.address().map_err(|error| failed(error.into()))?;
+    if !is_of_this_machine(ip) {
+        return Err(failed(BrokerError::NotHere(ip).into()));
+    }
+    let zeromq = ZeroMq::start(&config).map_err(failed)?;
+    match zeromq.start_services() {
+        Ok(_) => {}
+        // Topics need not wait for what has the ports of requests.
+        Err(error @ ZeroMqError::PortTaken { .. }) if !args.ports.any() => {
             tracing::warn!("no broker of requests and replies here: {error}");
-            None
         }
         Err(error) => return Err(failed(error)),
+    }
+    // Each is told once it is this process that runs it.
+    let (mut known, mut tells_topics, mut tells_services) = (BTreeMap::new(), true, true);
+    let mut tell = || {
+        if zeromq.service_broker_status().is_some()
+            && std::mem::take(&mut tells_services)
+            && let Ok((rep_port, req_port)) = zeromq.start_services()
+        {
+            tracing::info!(
+                "broker on {ip}: clients connect to port {rep_port}, servers to port {req_port}"
+            );
+        }
+        if zeromq.broker_status().is_some() && std::mem::take(&mut tells_topics) {
+            let (pub_port, sub_port) = (zeromq.pub_port(), zeromq.sub_port());
+            tracing::info!(
+                "broker on {ip}: listeners connect to port {pub_port}, publishers to port {sub_port}"
+            );
+        }
     };
-    if let Some(services) = &services {
-        tracing::info!(
-            "broker on {}: clients connect to port {}, servers to port {}",
-            services.ip(),
-            services.rep_port(),
-            services.req_port()
+    tell();
+    if zeromq.broker_status().is_none() {
+        tracing::warn!(
+            "waits for the end of the broker that runs already, and takes its place then"
         );
     }
-    let broker = Broker::start(&config).map_err(failed)?;
-    tracing::info!(
-        "broker on {}: listeners connect to port {}, publishers to port {}",
-        broker.ip(),
-        broker.pub_port(),
-        broker.sub_port()
-    );
-    let mut known = BTreeMap::new();
     while !shutdown.wait_until(Instant::now() + Duration::from_secs(1)) {
-        let status = broker.status();
-        if let Some(reason) = status.failure {
+        tell();
+        let (topics, services) = (zeromq.broker_status(), zeromq.service_broker_status());
+        if let Some(reason) = topics.as_ref().and_then(|status| status.failure.as_ref()) {
             return Err(anyhow!("the broker stopped: {reason}").into());
         }
-        if let Some(reason) = services.as_ref().and_then(|services| services.status().failure) {
+        if let Some(reason) = services.and_then(|status| status.failure) {
             return Err(anyhow!("the broker of requests stopped: {reason}").into());
         }
-        if status.subscriptions != known {
+        if let Some(status) = topics.filter(|status| status.subscriptions != known) {
             known = status.subscriptions;
             tracing::info!("subscriptions: {known:?}");
         }
     }
-    let status = broker.status();
-    tracing::info!("forwarded {} messages, {} bytes", status.messages, status.bytes);
-    if let Some(served) = services.map(|services| services.status()) {
+    if let Some(status) = zeromq.broker_status() {
+        tracing::info!("forwarded {} messages, {} bytes", status.messages, status.bytes);
+    }
+    if let Some(served) = zeromq.service_broker_status() {
         tracing::info!("forwarded {} requests, {} replies", served.requests, served.replies);
     }
     Ok(())
 }
 
-fn failed(error: BrokerError) -> Failure {
-    match error {
-        BrokerError::NotLoopback(_) | BrokerError::SamePort { .. } | BrokerError::Curve(_) => {
-            Failure::usage(error)
-        }
-        error => anyhow::Error::new(error).into(),
-    }
+fn failed(error: ZeroMqError) -> Failure {
+    if error.is_hopeless() { Failure::usage(error) } else { anyhow::Error::new(error).into() }
 }

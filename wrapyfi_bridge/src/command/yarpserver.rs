@@ -4,7 +4,7 @@ use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
-use wrapyfi_endpoint::network::Place;
+use wrapyfi_endpoint::network::{Place, owner};
 use wrapyfi_yarp::name::conf::{ConfError, NameServerConf, file_of, namespace};
 use wrapyfi_yarp::name::environment::Environment;
 use wrapyfi_yarp::server::{NameServer, NameServerError, NameServerOptions};
@@ -44,6 +44,10 @@ pub fn run(args: &YarpServerArgs, shutdown: &Shutdown) -> Result<()> {
         .context("cannot start the runtime")?;
     let server = runtime.block_on(NameServer::start(options)).map_err(|error| match error {
         NameServerError::BadNamespace { .. } => Failure::usage(error),
+        NameServerError::PortTaken { port, .. } => {
+            let owner = owner(port).map(|it| format!(" ({it})")).unwrap_or_default();
+            anyhow!("{error}{owner}").into()
+        }
         error => anyhow::Error::new(error).into(),
     })?;
     let own = server.registration().clone();

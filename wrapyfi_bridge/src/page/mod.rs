@@ -25,6 +25,7 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
 use tokio::sync::oneshot;
+use wrapyfi_endpoint::network::owner;
 
 use self::answers::Answers;
 use crate::in_force::Running;
@@ -47,8 +48,9 @@ impl Page {
     pub fn start(port: u16, bridge: Running) -> Option<Self> {
         serve(port, bridge)
             .inspect_err(|why| {
+                let owner = owner(port).map(|it| format!(" ({it})")).unwrap_or_default();
                 tracing::error!(
-                    "there is no live page at 127.0.0.1:{port}: {why}; another port is `page: {{ port: … }}` \
+                    "there is no live page at 127.0.0.1:{port}: {why}{owner}; another port is `page: {{ port: … }}` \
                      of the configuration, or parameter page_port"
                 );
             })
