@@ -86,16 +86,12 @@ impl<'a> CdrReader<'a> {
     }
 
     /// Reads a string. A NUL inside ends it, and a length of 0 is an empty string, as the ROS 2
-    /// middlewares have it.
+    /// middlewares have it. Nodes in C++ and Python 2 send other bytes than UTF-8, too: they become U+FFFD.
     ///
     /// # Errors
-    /// When it is too long, unterminated or not UTF-8.
+    /// When it is too long or unterminated.
     pub fn read_string(&mut self) -> Result<String, CdrError> {
-        let text = self.take_text()?;
-        std::str::from_utf8(text).map(str::to_owned).map_err(|error| CdrError::NotUtf8 {
-            path: String::new(),
-            valid_up_to: error.valid_up_to(),
-        })
+        self.take_text().map(|text| String::from_utf8_lossy(text).into_owned())
     }
 
     /// Reads a string without a copy, for those who decode it further: the result shares the
@@ -107,24 +103,19 @@ impl<'a> CdrReader<'a> {
         self.take_text().map(|text| self.cdr.slice_ref(text))
     }
 
-    /// Reads a wide string: UTF-16 code units in four bytes each, without a terminator.
+    /// Reads a wide string: UTF-16 code units in four bytes each, without a terminator. Those that are no UTF-16 become
+    /// U+FFFD.
     ///
     /// # Errors
-    /// When it is too long or not UTF-16.
+    /// When it is too long.
     pub fn read_wstring(&mut self) -> Result<String, CdrError> {
         let count = self.read_count(size_of::<u32>())?;
         let bytes = self.take(count.saturating_mul(size_of::<u32>()))?;
-        // A unit beyond 16 bits becomes a lone surrogate, which is refused like any other.
+        // A unit beyond 16 bits becomes a lone surrogate, which is no UTF-16 either.
         let units =
             u32::extract(bytes, self.order).map(|unit| u16::try_from(unit).unwrap_or(0xD800));
-        let mut text = String::with_capacity(count);
-        let mut index = 0;
-        for c in char::decode_utf16(units) {
-            let c = c.map_err(|_lone| CdrError::NotUtf16 { path: String::new(), index })?;
-            index += c.len_utf16();
-            text.push(c);
-        }
-        Ok(text)
+        let text = char::decode_utf16(units);
+        Ok(text.map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER)).collect())
     }
 
     fn take_text(&mut self) -> Result<&'a [u8], CdrError> {

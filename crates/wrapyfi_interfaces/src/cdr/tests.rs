@@ -111,10 +111,6 @@ fn refuses_with_field_and_numbers() {
         CdrError::Unterminated { path: "data".into(), length: 5, last: b'o' }
     );
     assert_eq!(
-        text(b"\0\x01\0\0\x04\0\0\0ok\xff\0").unwrap_err(),
-        CdrError::NotUtf8 { path: "data".into(), valid_up_to: 2 }
-    );
-    assert_eq!(
         text(b"\0\x01\0\0\x05\0").unwrap_err(),
         CdrError::Truncated { path: "data".into(), needed: 4, available: 2 }
     );
@@ -122,6 +118,16 @@ fn refuses_with_field_and_numbers() {
         Text::decode(&Bytes::from_static(b"\0\x01\0\0\x02\0\0\0a\0"), 9).unwrap_err(),
         CdrError::TooLarge { actual: 10, limit: 9 }
     );
+}
+
+#[test]
+fn what_is_no_unicode_is_replaced() {
+    let string = Bytes::from_static(b"\0\x01\0\0\x04\0\0\x0045\xb0\0");
+    assert_eq!(CdrReader::new(&string).unwrap().read_string().unwrap(), "45\u{fffd}");
+    // A surrogate without its other half, and a unit that has more than 16 bits.
+    let wide = b"\0\x01\0\0\x03\0\0\0\x00\xd8\0\0a\0\0\0\0\0\x01\0";
+    let wide = Bytes::from_static(wide);
+    assert_eq!(CdrReader::new(&wide).unwrap().read_wstring().unwrap(), "\u{fffd}a\u{fffd}");
 }
 
 #[test]

@@ -27,6 +27,8 @@ mod tags;
 pub(crate) use neutral::{extents, extents_body, quantity, quantity_body};
 pub use number::write_float;
 
+use std::borrow::Cow;
+
 use bytes::Bytes;
 
 use super::{DecodeError, DecodeResult, EncodeResult};
@@ -62,7 +64,7 @@ pub fn decode_with(text: &Bytes, limits: &Limits, plugins: &Plugins) -> DecodeRe
 }
 
 /// [`decode_with`] for messages that people and programs without Wrapyfi write too, such as
-/// `std_msgs/msg/String`: a text that is no JSON is that text.
+/// `std_msgs/msg/String`: a text that is no JSON is that text. Bytes that are not UTF-8 become U+FFFD.
 ///
 /// ```
 /// # mod wrapyfi_core { pub use wrapyfi_data::{Limits, codec, plugin}; }
@@ -77,14 +79,15 @@ pub fn decode_with(text: &Bytes, limits: &Limits, plugins: &Plugins) -> DecodeRe
 ///
 /// # Errors
 /// As [`decode_with`] where a limit is exceeded, `__wrapyfi__` stands in the text, which was therefore
-/// meant as an object, or the text is no UTF-8.
+/// meant as an object.
 pub fn decode_or_text(text: &Bytes, limits: &Limits, plugins: &Plugins) -> DecodeResult<Value> {
     decode_with(text, limits, plugins).or_else(|error| {
         let is_plain = matches!(error, DecodeError::Malformed { .. })
             && memchr::memmem::find(text, TAG.as_bytes()).is_none();
-        match str::from_utf8(text) {
-            Ok(plain) if is_plain => Ok(plain.into()),
-            _ => Err(error),
+        match String::from_utf8_lossy(text) {
+            Cow::Owned(repaired) => decode_or_text(&repaired.into(), limits, plugins),
+            Cow::Borrowed(plain) if is_plain => Ok(plain.into()),
+            Cow::Borrowed(_) => Err(error),
         }
     })
 }

@@ -112,9 +112,18 @@ fn a_bad_text_is_malformed() {
         "malformed CDR at $.data: data claims 9 elements, which need 9 bytes, 2 are left: \
          corrupt, or of another type"
     );
-    let cdr = Bytes::from_static(b"\0\x01\0\0\x03\0\0\0\xc3]\0");
-    let error = decode(&cdr, MessageType::StringJson, &limits()).unwrap_err();
-    assert!(matches!(error, DecodeError::Malformed { format: "JSON", .. }), "{error}");
+}
+
+/// Drivers write a degree sign as Latin-1 has it.
+#[test]
+fn bytes_of_a_text_that_are_not_utf_8_are_replaced() {
+    let cdr = Bytes::from_static(b"\0\x01\0\0\x04\0\0\x0045\xb0\0");
+    for kind in [MessageType::StringJson, MessageType::Text] {
+        assert_eq!(decode(&cdr, kind, &limits()), Ok(Value::from("45\u{fffd}").into()), "{kind}");
+    }
+    let cdr = Bytes::from_static(b"\0\x01\0\0\x0b\0\0\0{\"t\": \"\xb0\"}\0");
+    let read = decode(&cdr, MessageType::StringJson, &limits()).unwrap();
+    assert_eq!(read, Value::from(Map::from([("t", "\u{fffd}")])).into());
 }
 
 /// Texts of `ros2 run demo_nodes_cpp talker`, and texts that look like JSON and are none.
