@@ -91,10 +91,19 @@ class Objects(unittest.TestCase):
             (np.array([None]), "an array of Python objects"),
             ({frozenset([1])}, "a set as member of a set"),
             (10**5000, "digits"),
+            ({"a": [Unwilling()]}, "$.a[0]: Unwilling as NumPy array: KeyError: 'no'"),
+            (datetime.datetime(2024, 1, 2, tzinfo=NowhereTime()), "a datetime: OSError: nowhere"),
+            (np.ma.masked_array([1, 2], [True, False]), "a masked array: send its filled()"),
         ]:
             with self.assertRaises(MessageError) as caught:
                 write(value)
             self.assertIn(words, str(caught.exception))
+        for value in [[1, [2]], Unwilling(), "x", np.ma.masked]:
+            with self.assertRaises(MessageError):
+                write(value, "Tensor")
+        for value in [5, (np.float32([1]), float("inf")), (Unwilling(), 1), ([1, [2]], 3)]:
+            with self.assertRaises(MessageError):
+                write(value, "AudioChunk")
         endless = []
         endless.append(endless)
         with self.assertRaisesRegex(MessageError, "nested deeper than 64"):
@@ -103,6 +112,20 @@ class Objects(unittest.TestCase):
     def test_a_header_is_handed_on(self):
         header = Header(Time(5, 6), "map")
         self.assertIs(from_python(1, NativeObject, header=header, messages=MESSAGES).header, header)
+
+
+class Unwilling:
+    """An object whose own conversion fails."""
+
+    def __array__(self, *_, **__):
+        raise KeyError("no")
+
+
+class NowhereTime(datetime.tzinfo):
+    """A time zone that cannot be read."""
+
+    def utcoffset(self, _):
+        raise OSError("nowhere")
 
 
 class Arrays(unittest.TestCase):

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from .values import DeviceArray, MessageError
+from .values import DeviceArray, MessageError, problem_text
 
 #: Element types of a tensor, little-endian; ``bfloat16`` besides.
 DTYPES = {
@@ -45,7 +45,7 @@ def from_tensor(message):
     dtype, widen = _element_type(message.dtype)
     try:
         shape = tuple(int(extent) for extent in message.shape)
-    except (TypeError, ValueError) as problem:
+    except (TypeError, ValueError, OverflowError) as problem:
         raise MessageError(f"shape: {problem}").inside("shape") from None
     found = octets(message.data, "data")
     wanted = math.prod(shape) * dtype.itemsize
@@ -65,7 +65,7 @@ def from_tensor(message):
 
 
 def _element_type(name):
-    if name in DTYPES:
+    if isinstance(name, str) and name in DTYPES:
         return DTYPES[name], False
     if name != "bfloat16":
         raise MessageError(f"dtype {str(name)[:40]!r} is none of {', '.join(DTYPES)}, bfloat16").inside("dtype")
@@ -91,6 +91,16 @@ def buffer(elements):
     data = array.array("B")
     data.frombytes(np.ascontiguousarray(elements).reshape(-1).view(np.uint8).data)
     return data
+
+
+def as_array(value):
+    """The array that an object says it is."""
+    if np.ma.isMaskedArray(value):
+        raise MessageError("a masked array: send its filled(), and its mask beside that")
+    try:
+        return np.asanyarray(value)
+    except Exception as problem:  # whatever the object's own conversion raises
+        raise MessageError(f"{type(value).__name__} as NumPy array: {problem_text(problem)}") from None
 
 
 def is_tensor(elements):
@@ -136,7 +146,7 @@ def read_npy(text, budget):
         dtype = np.lib.format.descr_to_dtype(fields["descr"])
         if not all(type(extent) is int and extent >= 0 for extent in shape):
             raise ValueError(f"shape {shape}")
-    except (SyntaxError, ValueError, KeyError, TypeError, RecursionError, MemoryError) as problem:
+    except Exception as problem:  # NumPy and the parser raise whatever a header leads them to
         raise MessageError(f"header of a .npy file: {problem}") from None
     if dtype.hasobject:
         raise MessageError("an array of objects is a pickle and is not read")

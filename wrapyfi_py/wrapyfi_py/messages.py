@@ -1,12 +1,10 @@
 """The two functions: which message it is, and which class it shall be."""
 
-from .arrays import from_tensor, is_tensor, octets, tensor_fields
+from .arrays import as_array, from_tensor, is_tensor, octets, tensor_fields
 from .reading import read
 from .sound import audio_fields, from_audio
 from .values import MAX_MESSAGE_MIB, MessageError
 from .writing import write
-
-import numpy as np
 
 
 def to_python(message, *, limit_mib=MAX_MESSAGE_MIB):
@@ -64,7 +62,7 @@ def from_python(value, message="NativeObject", *, header=None, messages=None):
         text, tensors = write(value)
         return make(json=text, tensors=[messages.Tensor(**tensor) for tensor in tensors], **fields)
     if name == "Tensor":
-        elements = np.asanyarray(value)
+        elements = as_array(value)
         if not is_tensor(elements):
             raise MessageError(f"{elements.dtype} elements are no numbers of a Tensor: send a NativeObject")
         return make(**tensor_fields(elements))

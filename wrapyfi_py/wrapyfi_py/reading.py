@@ -8,7 +8,7 @@ import numpy as np
 
 from . import labelled, pictures, tables
 from .arrays import from_tensor, read_npy
-from .values import MAX_DEPTH, TAG, Absent, Budget, DeviceArray, MessageError, Tagged, mapping
+from .values import MAX_DEPTH, TAG, Absent, Budget, DeviceArray, MessageError, Tagged, mapping, problem_text
 
 #: Bytes of a message for each value in its JSON: an object takes far more than the two bytes of ``[]``.
 BYTES_A_VALUE = 8
@@ -99,7 +99,7 @@ class Reader:
         except MessageError:
             raise
         except Exception as problem:  # a library has its own opinion of what it takes
-            return Tagged(tag, [body], f"{type(problem).__name__}: {str(problem)[:200]}")
+            return Tagged(tag, [body], problem_text(problem))
 
     def members(self, body, depth):
         """Whatever Python can iterate over, as ``tuple(body)`` does."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .arrays import buffer, octets
+from .arrays import as_array, buffer, octets
 from .values import MessageError
 
 #: Types of a sample, and what the field ``encoding`` calls them.
@@ -32,8 +32,10 @@ def audio_fields(value):
     """The fields of the ``AudioChunk`` message for a pair of samples and their rate, as Wrapyfi has it."""
     try:
         samples, rate = value
-        samples, rate = np.asarray(samples), int(rate)
-    except (TypeError, ValueError):
+        samples, rate = as_array(samples), int(rate)
+    except MessageError:
+        raise
+    except (TypeError, ValueError, OverflowError):
         raise MessageError(f"sound is a pair of samples and rate, not of type {type(value).__name__}") from None
     if samples.dtype.name not in ENCODINGS or samples.ndim not in (1, 2):
         raise MessageError(

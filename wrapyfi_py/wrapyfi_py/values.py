@@ -93,6 +93,11 @@ class Absent(Exception):
     """A library that an object needs is not installed, or does not take the object."""
 
 
+def problem_text(problem):
+    """What an exception of somebody else says, in a length for a message."""
+    return f"{type(problem).__name__}: {str(problem)[:200]}"
+
+
 def library(name):
     """A library, imported now because a message has an object of it."""
     try:

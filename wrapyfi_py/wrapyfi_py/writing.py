@@ -7,8 +7,8 @@ import sys
 import numpy as np
 
 from . import labelled, pictures, tables
-from .arrays import is_tensor, tensor_fields, write_npy
-from .values import MAX_DEPTH, TAG, MessageError, Tagged
+from .arrays import as_array, is_tensor, tensor_fields, write_npy
+from .values import MAX_DEPTH, TAG, MessageError, Tagged, problem_text
 
 #: Libraries whose objects have a tag, and what writes each. A library that nobody imported has no objects.
 _LIBRARIES = {
@@ -97,7 +97,7 @@ class Writer:
         return found
 
     def array(self, elements):
-        elements = np.asanyarray(elements)
+        elements = as_array(elements)
         if not is_tensor(elements):
             return tagged("numpy.ndarray", write_npy(elements))
         self.arrays.append(tensor_fields(elements))
@@ -107,18 +107,19 @@ class Writer:
     def foreign(self, value, depth):
         """An object of a library: its tag, or the array that it says it is."""
         for name, writes in _LIBRARIES.items():
-            module = sys.modules.get(name)
-            found = module and writes(value)
+            try:
+                found = name in sys.modules and writes(value)
+            except MessageError:
+                raise
+            except Exception as problem:  # a library has its own opinion of its objects
+                raise MessageError(f"{type(value).__name__}: {problem_text(problem)}") from None
             if found:
                 tag, body = found
                 return tagged(tag, self.value(body, depth + 1))
         if isinstance(value, (bytes, bytearray, memoryview)):
             raise MessageError("raw bytes have no form in JSON: send numpy.frombuffer(value, numpy.uint8)")
         if hasattr(value, "__array__"):
-            try:
-                return self.array(np.asarray(value))
-            except (RuntimeError, TypeError, ValueError) as problem:
-                raise MessageError(f"{type(value).__name__} as NumPy array: {problem}") from None
+            return self.array(value)
         remedy = {
             complex: "numpy.complex128",
             datetime.date: "datetime.datetime",
@@ -133,7 +134,10 @@ def _datetime(value):
         return tagged("numpy.datetime64", "NaT")
     if getattr(value, "nanosecond", 0):
         raise MessageError("a datetime of pandas with nanoseconds: send its to_datetime64()")
-    return tagged("datetime", value.isoformat())
+    try:
+        return tagged("datetime", value.isoformat())
+    except Exception as problem:  # of a time zone that somebody wrote
+        raise MessageError(f"a datetime: {problem_text(problem)}") from None
 
 
 def _key(key):
