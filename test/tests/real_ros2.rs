@@ -124,6 +124,11 @@ fn the_tools_show_our_node(env: &TestEnv, ros: &RealRos2<'_>) -> Result {
         said.contains(&format!("{to}: {STRING}"))
             && said.contains(&format!("{from}: geometry_msgs/msg/Twist"))
             && said.contains("get_parameters: rcl_interfaces/srv/GetParameters")
+            // What bridges mark belongs to the node as well.
+            && said.contains(&format!("{name}/status: wrapyfi_msgs/msg/BridgeStatus"))
+            && said.contains("/diagnostics: diagnostic_msgs/msg/DiagnosticArray")
+            && said.contains(&format!("{name}/list_routes: wrapyfi_msgs/srv/ListRoutes"))
+            && said.contains(&format!("{name}/change_state: lifecycle_msgs/srv/ChangeState"))
     })?;
     assert!(info.contains("/rosout: rcl_interfaces/msg/Log"), "{info}");
     ros.seen(&["topic", "list", "-t"], |said| {

@@ -36,6 +36,9 @@ pub fn policy(node: &Node, plan: &Plan) -> String {
         (PUBLISH, "/parameter_events"),
         (PUBLISH, "/diagnostics"),
         (PUBLISH, &own),
+        // Marks of bridges, where the middleware of a ROS 2 carries them.
+        (PUBLISH, "/_wrapyfi_marks"),
+        (SUBSCRIBE, "/_wrapyfi_marks"),
         (SUBSCRIBE, "/clock"),
         (REPLY, &own),
     ] {

@@ -6,7 +6,8 @@ use std::io::Write as _;
 use std::sync::Arc;
 
 use wrapyfi_endpoint::Wake;
-use wrapyfi_ros2::graph::{Graph, wait_until};
+use wrapyfi_rmw::{DiscoveryRange, EndpointType, Node, NodeOptions};
+use wrapyfi_ros2::graph::{Graph, WriterTraits, wait_until};
 use wrapyfi_ros2::{CycloneConfig, CycloneGraph, RmwGraph};
 
 use crate::ros2_common::{TIMEOUT, bell, bodies, domain, name, topic};
@@ -109,6 +110,34 @@ fn services_on_cyclone_are_the_same_inside_and_on_rmw() {
 #[test]
 fn the_mark_of_a_bridge_is_seen() {
     bodies::the_mark_of_a_bridge_is_seen(&on_rmw("a"), &on_rmw("b"));
+}
+
+/// As the tools of ROS 2 see it, which know nothing of marks.
+#[test]
+fn what_is_marked_belongs_to_its_node() {
+    let config = config("looks");
+    let options = NodeOptions {
+        name: config.node.name().to_owned(),
+        namespace: config.node.namespace().to_owned(),
+        enclave: "/".to_owned(),
+        domain_id: config.domain_id,
+        range: DiscoveryRange::Localhost,
+        static_peers: Vec::new(),
+    };
+    let (a, looks) = (on_rmw("a"), Node::new(&options).unwrap());
+    let wake = Wake::new();
+    let mark = "0196a3b2c4d5e6f7:ros".parse().unwrap();
+    let traits = WriterTraits { mark: Some(&mark), ..WriterTraits::default() };
+    let _marked = a.advertise_with(&topic("/marked"), traits, bell(&wake)).unwrap();
+    let service = bodies::turn(1 << 20);
+    let _server = a.server_marked(&service, Some(&mark), bell(&wake)).unwrap();
+    let marked = if is_dds(&implementation()) { "rt/marked" } else { "/marked" };
+    assert!(wait_until(&wake, TIMEOUT, || {
+        let found = looks.endpoints(marked, EndpointType::Publishers).unwrap();
+        let services = looks.services_of(("a", "/robot"), false).unwrap_or_default();
+        found.iter().any(|one| one.node == "/robot/a")
+            && services.iter().any(|(name, _)| *name == service.name)
+    }));
 }
 
 #[test]

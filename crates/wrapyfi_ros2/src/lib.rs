@@ -101,6 +101,10 @@ mod rmw_endpoints;
 #[cfg(feature = "rmw")]
 mod rmw_graph;
 #[cfg(feature = "rmw")]
+mod rmw_hashes;
+#[cfg(feature = "rmw")]
+mod rmw_marks;
+#[cfg(feature = "rmw")]
 mod rmw_paired;
 mod ros2;
 #[cfg(feature = "fastdds-services")]

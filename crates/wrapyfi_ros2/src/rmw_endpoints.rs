@@ -13,7 +13,9 @@ use super::graph::{
     CdrClient, CdrReader, CdrReply, CdrRequest, CdrSample, CdrServer, CdrWriter, GraphError,
     GraphResult, Notify, Peers, QosEvents, RequestId, ServiceDescription,
 };
-use super::rmw_graph::{Shared, hash_from_text};
+use super::rmw_graph::Shared;
+use super::rmw_hashes::hash_from_text;
+use super::rmw_marks::Marked;
 use wrapyfi_endpoint::{History, Qos};
 
 /// Longest time in milliseconds that rmw waits for reliable readers of which no message may be
@@ -28,6 +30,7 @@ pub(super) struct RmwWriter {
     pub(super) publisher: Publisher,
     pub(super) topic: String,
     pub(super) returned: Cell<QosEvents>,
+    pub(super) _marked: Option<Marked>,
 }
 
 impl CdrWriter for RmwWriter {
@@ -231,6 +234,7 @@ pub(super) struct RmwServer {
     server: Server,
     service: ServiceDescription,
     last_reply: Option<Instant>,
+    _marked: Option<Marked>,
     /// Clients come and go with the graph.
     _watch: Arc<wrapyfi_rmw::Notify>,
 }
@@ -239,12 +243,14 @@ impl RmwServer {
     pub(super) fn new(
         node: &Node,
         service: &ServiceDescription,
+        marked: Option<Marked>,
         on_event: &Notify,
     ) -> GraphResult<Self> {
         let made = node.server(&described(service), Arc::clone(on_event));
         let server = made.map_err(uncreated(service))?;
         let watch = node.watch_graph(Arc::clone(on_event));
-        Ok(Self { server, service: service.clone(), last_reply: None, _watch: watch })
+        let service = service.clone();
+        Ok(Self { server, service, last_reply: None, _marked: marked, _watch: watch })
     }
 }
 

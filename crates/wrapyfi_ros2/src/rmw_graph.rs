@@ -6,19 +6,16 @@
 //!      └── discovery: what rmw knows of the graph, asked again when it has changed
 //! ```
 //!
-//! rmw shows no USER_DATA. The mark of a bridge is the name of a child of its node, which has the marked endpoints:
-//! `/bridge/_mark/ros/yarp/_0196a3b2c4d5e6f7` of the node `/bridge`. Tools hide such nodes, and here the endpoints are
-//! the parent's.
+//! rmw shows no USER_DATA, where the marks of bridges are on DDS: bridges tell each other (`rmw_marks`).
 
 use std::cell::Cell;
-use std::collections::HashMap;
-use std::fmt::Write as _;
+use std::collections::{HashMap, HashSet};
 use std::hash::{DefaultHasher, Hash, Hasher as _};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-use wrapyfi_rmw::{EndpointType, Fault, Gid, Node, NodeOptions, TypeHash};
+use wrapyfi_rmw::{EndpointType, Fault, Gid, Node, NodeOptions};
 
 use super::config::CycloneConfig;
 use super::environment::DiscoveryRange;
@@ -29,6 +26,8 @@ use super::graph::{
 };
 use super::names;
 use super::rmw_endpoints::{RmwClient, RmwReader, RmwServer, RmwWriter};
+use super::rmw_hashes::{hash_from_text, hash_to_text};
+use super::rmw_marks::{self, Marked, Marks};
 use super::rmw_paired::{PairedClient, PairedServer};
 use wrapyfi_endpoint::{BridgeMark, Mutex, Qos};
 use wrapyfi_node::NodeName;
@@ -41,10 +40,9 @@ pub struct RmwGraph(Arc<Shared>);
 pub(super) struct Shared {
     name: NodeName,
     pub(super) node: Node,
-    /// Endpoints whose nodes are not known yet, and since when they are.
+    /// Endpoints whose nodes or marks are not known yet, and since when they are.
     nameless: Mutex<HashMap<Gid, Instant>>,
-    /// Children of the node, by the marks that they are.
-    marks: Mutex<HashMap<BridgeMark, Node>>,
+    marks: Arc<Marks>,
     mapping: ServiceMapping,
     is_dds: bool,
     pub(super) publishers: Publishers,
@@ -106,8 +104,26 @@ impl RmwGraph {
         };
         let is_dds = implementation != "rmw_zenoh_cpp";
         let publishers = Publishers::default();
-        let (name, marks, nameless) = (config.node.clone(), Mutex::default(), Mutex::default());
+        let (name, marks, nameless) = (config.node.clone(), Arc::default(), Mutex::default());
         Ok(Self(Arc::new(Shared { name, node, nameless, marks, mapping, is_dds, publishers })))
+    }
+}
+
+impl RmwGraph {
+    /// Tells other bridges of the mark of endpoints, as long as the returned value lives.
+    fn mark(&self, mark: &BridgeMark, ends: Vec<rmw_marks::End>) -> Marked {
+        self.join_marks();
+        self.0.marks.put(mark, ends)
+    }
+
+    fn join_marks(&self) {
+        let marks = Arc::downgrade(&self.0.marks);
+        let hear = move || {
+            if let Some(marks) = marks.upgrade() {
+                marks.hear();
+            }
+        };
+        self.0.marks.join(&self.0.name, &self.0.node, Arc::new(hear));
     }
 }
 
@@ -123,13 +139,15 @@ impl Graph for RmwGraph {
         on_match: Notify,
     ) -> Created<dyn CdrWriter> {
         let hash = topic.type_hash.as_deref().and_then(hash_from_text);
-        let node = self.0.marked(traits.mark);
+        let ends = || vec![(true, self.0.spelled(&topic.name))];
+        let marked = traits.mark.map(|mark| self.mark(mark, ends()));
+        let node = &self.0.node;
         let made =
             node.publisher(&topic.name, &topic.type_name, hash.as_ref(), &topic.qos, on_match);
         let publisher =
             made.map_err(|fault| GraphError::stack("creating a writer", &topic.name, &fault))?;
         let (topic, returned) = (topic.name.clone(), Cell::default());
-        Ok(Box::new(RmwWriter { publisher, topic, returned }))
+        Ok(Box::new(RmwWriter { publisher, topic, returned, _marked: marked }))
     }
 
     fn subscribe(&self, topic: &TopicDescription, on_data: Notify) -> Created<dyn CdrReader> {
@@ -171,24 +189,39 @@ impl Graph for RmwGraph {
         mark: Option<&BridgeMark>,
         on_event: Notify,
     ) -> Created<dyn CdrServer> {
-        let node = self.0.marked(mark);
+        let names = names::service_to_dds(&service.name, &service.type_name).ok();
+        let marked = mark.zip(names).map(|(mark, names)| {
+            self.mark(mark, vec![(false, names.requests.0), (true, names.replies.0)])
+        });
         Ok(match self.0.mapping {
             ServiceMapping::Cyclone => {
-                Box::new(PairedServer::new(&self.0, &node, service, &on_event)?)
+                Box::new(PairedServer::new(&self.0, service, marked, &on_event)?)
             }
-            ServiceMapping::FastDds => Box::new(RmwServer::new(&node, service, &on_event)?),
+            ServiceMapping::FastDds => {
+                Box::new(RmwServer::new(&self.0.node, service, marked, &on_event)?)
+            }
         })
     }
 
     fn endpoints(&self) -> GraphResult<Vec<DiscoveredEndpoint>> {
-        let found = self.0.all();
-        let found = found
-            .map_err(|fault| GraphError::stack("listing endpoints", &self.0.name.fqn(), &fault))?;
+        let failed = |fault| GraphError::stack("listing endpoints", &self.0.name.fqn(), &fault);
+        self.join_marks();
+        self.0.marks.hear();
+        let found = self.0.all().map_err(failed)?;
+        let nodes = self.0.node.nodes().map_err(failed)?;
+        let bridges =
+            nodes.iter().filter_map(|(name, namespace)| rmw_marks::bridge(name, namespace));
+        let bridges: HashSet<&str> = bridges.collect();
+        let marks = self.0.spelled(rmw_marks::TOPIC);
         let mut nameless = self.0.nameless.lock();
         let before = std::mem::take(&mut *nameless);
         let now = Instant::now();
         let named = found.into_iter().filter(|(node, found)| {
-            if !node.ends_with(NAMELESS) {
+            if found.dds_topic == marks {
+                return false;
+            }
+            let is_unmarked = !found.is_own && found.mark.is_none() && bridges.contains(&**node);
+            if !node.ends_with(NAMELESS) && !is_unmarked {
                 return true;
             }
             let since = before.get(&found.gid).copied().unwrap_or(now);
@@ -213,6 +246,8 @@ impl Graph for RmwGraph {
                 on_change();
             }
         }));
+        self.join_marks();
+        self.0.marks.watch(&kept);
         // Endpoints that were there before are no change, so they are looked up once.
         watched.look();
         Ok(Box::new(Watch { watched, _kept: kept }))
@@ -239,23 +274,6 @@ impl Shared {
         self.mapping != ServiceMapping::Cyclone
     }
 
-    /// The node that has endpoints with this mark.
-    fn marked(&self, mark: Option<&BridgeMark>) -> Node {
-        let Some(mark) = mark else { return self.node.clone() };
-        let mut marks = self.marks.lock();
-        if let Some(node) = marks.get(mark) {
-            return node.clone();
-        }
-        let (name, namespace) = child(&self.name.fqn(), mark);
-        match self.node.child(&name, &namespace) {
-            Ok(node) => marks.entry(mark.clone()).or_insert(node).clone(),
-            Err(fault) => {
-                tracing::warn!(%fault, %mark, "other bridges will not know what this one makes");
-                self.node.clone()
-            }
-        }
-    }
-
     /// All endpoints, each with its node's name.
     fn all(&self) -> Result<Vec<(String, DiscoveredEndpoint)>, Fault> {
         let mut all = Vec::new();
@@ -274,7 +292,6 @@ impl Shared {
     fn add_services(&self, all: &mut Vec<(String, DiscoveredEndpoint)>) -> Result<(), Fault> {
         for (name, namespace) in self.node.nodes()? {
             let fqn = format!("{}/{name}", namespace.trim_end_matches('/'));
-            let (node, mark) = parent(&fqn);
             for clients in [false, true] {
                 // A node that went in between has none.
                 let found = self.node.services_of((&name, &namespace), clients);
@@ -283,6 +300,7 @@ impl Shared {
                         let Ok(dds) = names::service_to_dds(&service, &ros_type) else { continue };
                         let (dds_topic, dds_type) = dds.requests;
                         let gid = gid_of(&(&fqn, &service, clients));
+                        let mark = self.marks.of(&fqn, &(clients, dds_topic.clone()));
                         let found = DiscoveredEndpoint {
                             is_publisher: clients,
                             topic: dds_topic.clone(),
@@ -292,11 +310,11 @@ impl Shared {
                             type_hash: None,
                             gid,
                             qos: Qos::default().into(),
-                            is_own: node == self.name.fqn(),
-                            mark: mark.clone(),
+                            is_own: fqn == self.name.fqn(),
+                            mark,
                             service_mapping: None,
                         };
-                        all.push((node.to_owned(), found));
+                        all.push((fqn.clone(), found));
                     }
                 }
             }
@@ -313,10 +331,11 @@ impl Shared {
         let found = self.node.endpoints(topic, side)?;
         let topic = topic.to_owned();
         Ok(found.into_iter().map(move |endpoint| {
-            let (node, mark) = parent(&endpoint.node);
-            let is_own = node == self.name.fqn() || self.node.owns(&endpoint.gid);
+            let is_publisher = side == EndpointType::Publishers;
+            let is_own = endpoint.node == self.name.fqn() || self.node.owns(&endpoint.gid);
+            let mark = self.marks.of(&endpoint.node, &(is_publisher, topic.clone()));
             let found = DiscoveredEndpoint {
-                is_publisher: side == EndpointType::Publishers,
+                is_publisher,
                 topic: names::topic_from_dds(&topic).unwrap_or(&topic).to_owned(),
                 dds_topic: topic.clone(),
                 type_name: names::type_from_dds(&endpoint.type_name)
@@ -329,7 +348,7 @@ impl Shared {
                 mark,
                 service_mapping: super::vendor::mapping_of(&endpoint.gid, None),
             };
-            (node.to_owned(), found)
+            (endpoint.node, found)
         }))
     }
 }
@@ -346,27 +365,9 @@ fn gid_of(key: &impl Hash) -> [u8; 16] {
 
 /// Name that rmw gives a node whose own name has not arrived.
 const NAMELESS: &str = "_NODE_NAME_UNKNOWN_";
-/// Time within which nodes say their names, which come after their endpoints. An endpoint whose node says none is not
-/// of ROS.
+/// Time within which nodes say their names, which come after their endpoints, and bridges their marks. An endpoint whose
+/// node says none is not of ROS.
 const NAMES_COME: Duration = Duration::from_millis(500);
-
-/// Separator between a node's name and the middlewares of the mark that its child is.
-const MARK: &str = "/_mark/";
-
-/// Name and namespace of the child of `node` that is a mark.
-fn child(node: &str, mark: &BridgeMark) -> (String, String) {
-    (format!("_{:016x}", mark.bridge), format!("{node}{MARK}{}", mark.path.join("/")))
-}
-
-/// The node that endpoints of `node` are said to have, and their mark.
-fn parent(node: &str) -> (&str, Option<BridgeMark>) {
-    let mark = || {
-        let (parent, mark) = node.rsplit_once(MARK)?;
-        let (path, number) = mark.rsplit_once("/_")?;
-        Some((parent, format!("{number}:{}", path.replace('/', ",")).parse().ok()?))
-    };
-    mark().map_or((node, None), |(parent, mark)| (parent, Some(mark)))
-}
 
 /// Endpoints that are known of one side of a topic.
 struct Watched {
@@ -429,7 +430,8 @@ impl NodeWatch for Nodes {
         }
         match self.shared.all() {
             Ok(all) => {
-                self.owners = all.into_iter().map(|(node, found)| (found.gid, node)).collect();
+                let named = all.into_iter().filter(|(node, _)| !node.ends_with(NAMELESS));
+                self.owners = named.map(|(node, found)| (found.gid, node)).collect();
                 self.seen = changes;
             }
             Err(fault) => tracing::warn!(%fault, "cannot read whose endpoints there are"),
@@ -441,51 +443,9 @@ impl NodeWatch for Nodes {
     }
 }
 
-/// Prefix of a hash of version 1, by REP-2016.
-const HASH_BEGINS: &str = "RIHS01_";
-
-pub(super) fn hash_from_text(text: &str) -> Option<TypeHash> {
-    let digits = text.strip_prefix(HASH_BEGINS).filter(|digits| digits.len() == 64)?;
-    let mut hash = [0; 32];
-    for (byte, pair) in hash.iter_mut().zip(digits.as_bytes().chunks_exact(2)) {
-        *byte = u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok()?;
-    }
-    Some(hash)
-}
-
-fn hash_to_text(hash: &TypeHash) -> String {
-    let mut text = HASH_BEGINS.to_owned();
-    for byte in hash {
-        // Writing to a string does not fail.
-        _ = write!(text, "{byte:02x}");
-    }
-    text
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn hashes_are_texts_and_bytes() {
-        let text = format!("RIHS01_{}", "0f".repeat(32));
-        assert_eq!(hash_from_text(&text).as_ref().map(hash_to_text), Some(text));
-        for wrong in ["", "RIHS01_", "RIHS02_00", &format!("RIHS01_{}", "zz".repeat(32))] {
-            assert_eq!(hash_from_text(wrong), None);
-        }
-    }
-
-    #[test]
-    fn a_child_is_its_parent_with_a_mark() {
-        let mark = BridgeMark { bridge: 7, path: vec!["ros".into(), "yarp".into()] };
-        let (name, namespace) = child("/lab/bridge", &mark);
-        let full = format!("{namespace}/{name}");
-        assert_eq!(full, "/lab/bridge/_mark/ros/yarp/_0000000000000007");
-        assert_eq!(parent(&full), ("/lab/bridge", Some(mark)));
-        for other in ["/bridge", "/a/_mark/ros/_7", "/a/_mark/_0000000000000007", "/_mark/"] {
-            assert_eq!(parent(other), (other, None));
-        }
-    }
 
     #[test]
     fn a_publisher_has_one_number() {

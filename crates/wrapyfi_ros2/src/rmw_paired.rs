@@ -22,7 +22,9 @@ use super::graph::{
 };
 use super::names;
 use super::rmw_endpoints::{service_qos, uncreated, unsent};
-use super::rmw_graph::{Shared, hash_from_text};
+use super::rmw_graph::Shared;
+use super::rmw_hashes::hash_from_text;
+use super::rmw_marks::Marked;
 use super::service_header::{self, HEADER, Identified, LEAST};
 
 /// A topic of DDS, its type as ROS 2 names it, and the type's hash.
@@ -174,6 +176,7 @@ pub(super) struct PairedServer {
     topics: [String; 2],
     /// True when all clients hear replies, with the change of the graph for which that holds.
     hearing: Cell<(u64, bool)>,
+    _marked: Option<Marked>,
     /// Clients come and go with the graph.
     _watch: Arc<wrapyfi_rmw::Notify>,
 }
@@ -181,11 +184,11 @@ pub(super) struct PairedServer {
 impl PairedServer {
     pub(super) fn new(
         shared: &Arc<Shared>,
-        node: &Node,
         service: &ServiceDescription,
+        marked: Option<Marked>,
         on_event: &Notify,
     ) -> GraphResult<Self> {
-        let names = names(service)?;
+        let (names, node) = (names(service)?, &shared.node);
         let [requests, replies] = halves(&names, service);
         let topics = [requests.0.to_owned(), replies.0.to_owned()];
         Ok(Self {
@@ -193,6 +196,7 @@ impl PairedServer {
             shared: Arc::clone(shared),
             topics,
             hearing: Cell::new((u64::MAX, false)),
+            _marked: marked,
             _watch: node.watch_graph(Arc::clone(on_event)),
         })
     }

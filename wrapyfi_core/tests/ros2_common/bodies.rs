@@ -136,17 +136,22 @@ pub struct Turn {
     server: Box<dyn CdrServer>,
 }
 
+/// A service of a type that nobody defines.
+pub fn turn(max_bytes: usize) -> ServiceDescription {
+    ServiceDescription {
+        name: "/turn".into(),
+        type_name: "nowhere_interfaces/srv/Turn".into(),
+        type_hash: Some(HASH.into()),
+        request_hash: Some(HASH.into()),
+        response_hash: None,
+        depth: 10,
+        max_bytes,
+    }
+}
+
 impl Turn {
     pub fn between(a: &dyn Graph, b: &dyn Graph, max_bytes: usize) -> Self {
-        let service = ServiceDescription {
-            name: "/turn".into(),
-            type_name: "nowhere_interfaces/srv/Turn".into(),
-            type_hash: Some(HASH.into()),
-            request_hash: Some(HASH.into()),
-            response_hash: None,
-            depth: 10,
-            max_bytes,
-        };
+        let service = turn(max_bytes);
         let wake = Wake::new();
         let client = a.client(&service, bell(&wake)).unwrap();
         assert_eq!(client.servers(), Peers::None);
