@@ -346,7 +346,7 @@ impl Watch {
     ///
     /// # Errors
     /// When the system refuses a thread or a handler.
-    pub fn start(mut reload: Reload) -> Result<Self> {
+    pub fn start(reload: Reload) -> Result<Self> {
         let (context, stop) = (Context::default(), Arc::<AtomicBool>::default());
         let hung_up = Arc::<AtomicBool>::default();
         let mut hang_up = None;
@@ -392,7 +392,9 @@ impl Watch {
         let (alive, ended) = channel::<()>();
         let thread = std::thread::Builder::new().name("reload".to_owned());
         let started = thread.spawn(move || {
+            // Dropped last: a middleware that is left while the program ends takes the process along.
             let _alive = alive;
+            let (mut reload, mut services, mut managed) = (reload, services, managed);
             let (mut ends, mut finalized_at) = (BTreeMap::new(), None);
             let pause = |time: Duration| {
                 std::thread::sleep(time.min(STOP_WITHIN / 2));

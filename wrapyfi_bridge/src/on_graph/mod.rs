@@ -126,6 +126,7 @@ impl OnGraph {
         // It ends with the sender of questions, at the latest after the one that it answers.
         let started = thread.spawn(move || {
             let _alive = explaining;
+            let parts = parts;
             answer_all(&parts, &asked, &tell, &wake);
         });
         started.context("cannot answer ~/explain")?;
