@@ -173,6 +173,7 @@ def serve(node):
 def call(node):
     kind = interface(args.type)
     client = node.create_client(kind, args.topic)
+    say("ready")
     while not client.wait_for_service(0.5):
         if leaving.is_set():
             return

@@ -99,6 +99,25 @@ fn a_server_that_was_stopped_and_goes_on_answers_fast_dds_again() -> Result {
 }
 
 #[test]
+fn without_a_choice_a_service_is_in_both_mappings() -> Result {
+    run("without_a_choice_a_service_is_in_both_mappings", NEEDS, |env| {
+        let service = env.topic("sums");
+        let server = start(env, "", "serve", &service, &["--value", r#"{"sum": 42}"#])?;
+        for rmw in [FAST, CYCLONE, ""] {
+            let mut call = start(env, rmw, "call", &service, &["--timeout", "60"])?;
+            call.exits_with(0).map_err(|e| e.context(server.tail()))?;
+        }
+        assert_eq!(server.objects(3)?.len(), 3, "each request is given once");
+        let mut client = env.fast_peer(&format!("client --topic {service} --type {ADD}"))?;
+        let replies = |output: &Output| output.events("reply").pop();
+        let reply = told_until(&mut client, &Cdr::new().long(1).long(3), None, replies)
+            .map_err(|e| e.context(server.tail()))?;
+        assert_eq!(reply["cdr"], json!(Cdr::new().long(42).hex()));
+        Ok(())
+    })
+}
+
+#[test]
 fn a_call_in_the_wrong_mapping_says_what_to_set() -> Result {
     run("a_call_in_the_wrong_mapping_says_what_to_set", NEEDS, |env| {
         let service = env.topic("sums");

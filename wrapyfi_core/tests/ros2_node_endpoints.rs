@@ -276,7 +276,7 @@ mod fast {
     #[test]
     fn another_node_uses_the_parameters_as_of_fast_dds() {
         let config = |node: &str| CycloneConfig {
-            services: ServiceMapping::FastDds,
+            services: Some(ServiceMapping::FastDds),
             ..CycloneConfig::loopback(name(&format!("{node}_{}", std::process::id())), domain())
         };
         let offering = Offering::new(&config("camera"));

@@ -250,7 +250,7 @@ mod fast_dds {
     #[test]
     fn parameters_are_read_set_and_watched_as_of_fast_dds() {
         let config = |node: &str| CycloneConfig {
-            services: ServiceMapping::FastDds,
+            services: Some(ServiceMapping::FastDds),
             ..CycloneConfig::loopback(name(&format!("{node}_{}", std::process::id())), domain())
         };
         let offering = Offering::new(&config("camera"));

@@ -25,7 +25,7 @@ struct FastNodes {
 fn graph(name: &str, domain: u32) -> CycloneGraph {
     let node = NodeName::new(name, "/conformance").unwrap();
     let mut config = CycloneConfig::loopback(node, domain);
-    config.services = ServiceMapping::FastDds;
+    config.services = Some(ServiceMapping::FastDds);
     CycloneGraph::new(&config).unwrap()
 }
 

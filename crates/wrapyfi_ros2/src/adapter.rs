@@ -76,8 +76,6 @@ pub fn join(
         (Some(wanted), _) => (Some(wanted), "endpoints.ros2.graph"),
         (None, wanted) => (wanted, "WRAPYFI_ROS2_GRAPH"),
     };
-    // A sourced ROS 2 without a setting means its default.
-    let means_other = environment.services != ServiceMapping::Cyclone;
     let security = environment.security;
     match wanted {
         Some(Adapter::Rmw) => return on_rmw(config, asked_by, enclave),
@@ -91,9 +89,10 @@ pub fn join(
         return on_rmw(config, "ROS_SECURITY_ENABLE asks for keys", enclave);
     }
     check_security(security, enclave)?;
-    if cfg!(feature = "rmw") && means_other {
+    if cfg!(feature = "rmw") && environment.means_rmw {
         if loads_cyclone()? {
-            let config = CycloneConfig { services: ServiceMapping::Cyclone, ..config.clone() };
+            let config =
+                CycloneConfig { services: Some(ServiceMapping::Cyclone), ..config.clone() };
             return on_cyclone(&config, "the rmw of this ROS 2 is rmw_cyclonedds_cpp");
         }
         return on_rmw(config, &environment.stack_reason, enclave);
@@ -133,11 +132,11 @@ fn on_cyclone(config: &CycloneConfig, reason: &str) -> Result<Joined, JoinError>
     tracing::info!(
         domain = config.domain_id,
         range = ?config.discovery_range,
-        services = config.services.rmw(),
+        services = config.services.map_or("of both DDS vendors", ServiceMapping::rmw),
         reason,
         "ROS 2 is on CycloneDDS inside this program"
     );
-    if !cfg!(feature = "rmw") && config.services != ServiceMapping::Cyclone {
+    if !cfg!(feature = "rmw") && config.services == Some(ServiceMapping::FastDds) {
         tracing::info!(concat!(
             "topics of CycloneDDS and Fast DDS interoperate; to speak through the middleware of ROS 2 itself, ",
             build!()

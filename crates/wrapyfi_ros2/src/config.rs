@@ -75,8 +75,9 @@ pub struct CycloneConfig {
     /// counted there; one more than four times over this limit is discarded by its header, before
     /// memory is taken for it, with a warning from Cyclone.
     pub max_message_bytes: usize,
-    /// Form in which services are mapped to DDS.
-    pub services: ServiceMapping,
+    /// The only form in which services are mapped to DDS; `None`: each is offered in both, and a server is called in
+    /// its own.
+    pub services: Option<ServiceMapping>,
     /// Sources after ours, as in `CYCLONEDDS_URI`: XML or `file://…`, separated by commas.
     pub extra_uri: Option<String>,
 }
@@ -106,7 +107,7 @@ impl CycloneConfig {
             static_peers: Vec::new(),
             interface: Some("lo".into()),
             max_message_bytes: Limits::default().message_bytes,
-            services: ServiceMapping::Cyclone,
+            services: Some(ServiceMapping::Cyclone),
             extra_uri: None,
         }
     }
@@ -205,7 +206,7 @@ mod tests {
             static_peers: peers.iter().map(|&peer| peer.to_owned()).collect(),
             interface: None,
             max_message_bytes: 1000,
-            services: ServiceMapping::Cyclone,
+            services: Some(ServiceMapping::Cyclone),
             extra_uri: None,
         }
     }

@@ -100,7 +100,7 @@ impl CdrReader for CycloneReader {
     fn take(&mut self) -> Result<Option<CdrSample>, GraphError> {
         match self.raw.take(self.max_bytes) {
             Ok(Taken::Nothing) => Ok(None),
-            Ok(Taken::Message(sample)) => Ok(Some(sample)),
+            Ok(Taken::Message(sample, _)) => Ok(Some(sample)),
             Ok(Taken::TooLarge(actual)) => Err(GraphError::TooLarge {
                 topic: self.topic.clone(),
                 actual,

@@ -8,6 +8,7 @@
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::sync::{Arc, MutexGuard};
 
+use super::both_mappings;
 use super::config::CycloneConfig;
 use super::cyclone::{self, EndpointQos, Entity, Events, RawReader, RawWriter, ReturnCode};
 use super::cyclone_endpoints::{CycloneReader, CycloneWriter, Listed};
@@ -186,7 +187,9 @@ impl CycloneGraph {
             Listed::new(node.clone(), EndpointKind::Reader, reader.guid().map_err(code)?),
             Listed::new(node.clone(), EndpointKind::Writer, gid),
         ];
-        Ok((Ends::new(&service.name, writer, reader, service.max_bytes), gid, listed))
+        let is_beside = node.services.mapping().is_none();
+        let ends = Ends::new(&service.name, writer, reader, service.max_bytes, is_beside);
+        Ok((ends, gid, listed))
     }
 }
 
@@ -208,16 +211,21 @@ impl Graph for CycloneGraph {
         self.subscribe_dds(&to_dds(topic)?, on_data)
     }
 
-    fn service_mapping(&self) -> ServiceMapping {
+    fn service_mapping(&self) -> Option<ServiceMapping> {
         self.0.services.mapping()
     }
 
     fn client(&self, service: &ServiceDescription, on_event: Notify) -> Created<dyn CdrClient> {
-        if let Some(other) = self.0.services.elsewhere(service)? {
+        let other = self.0.services.elsewhere(service)?;
+        if let (Some(_), Some(other)) = (self.service_mapping(), other) {
             return other.client(service, on_event);
         }
         let (ends, guid, listed) = self.ends(service, "clientid", None, &on_event)?;
-        Ok(Box::new(CycloneClient::new(ends, guid, listed)))
+        let client = Box::new(CycloneClient::new(ends, guid, listed));
+        Ok(match in_both(service, other.map(|other| other.client(service, on_event))) {
+            Some(fast_dds) => Box::new(both_mappings::Client::new(client, fast_dds)),
+            None => client,
+        })
     }
 
     fn server_marked(
@@ -227,11 +235,16 @@ impl Graph for CycloneGraph {
         on_event: Notify,
     ) -> Created<dyn CdrServer> {
         // There, there is no room for a mark.
-        if let Some(other) = self.0.services.elsewhere(service)? {
+        let other = self.0.services.elsewhere(service)?;
+        if let (Some(_), Some(other)) = (self.service_mapping(), other) {
             return other.server(service, on_event);
         }
         let (ends, _, listed) = self.ends(service, "serviceid", mark, &on_event)?;
-        Ok(Box::new(CycloneServer::new(ends, listed)))
+        let server = Box::new(CycloneServer::new(ends, listed));
+        Ok(match in_both(service, other.map(|other| other.server(service, on_event))) {
+            Some(fast_dds) => Box::new(both_mappings::Server::new(server, fast_dds)),
+            None => server,
+        })
     }
 
     fn endpoints(&self) -> GraphResult<Vec<DiscoveredEndpoint>> {
@@ -284,6 +297,18 @@ impl Drop for Node {
         self.info().retire();
         if let Some(index) = self.peers.get_mut() {
             index.close();
+        }
+    }
+}
+
+/// One half of a service in both mappings, where it could be created: without a choice the other one is enough.
+fn in_both<T: ?Sized>(service: &ServiceDescription, half: Option<Created<T>>) -> Option<Box<T>> {
+    match half.transpose() {
+        Ok(half) => half,
+        Err(error) => {
+            let service = &service.name;
+            tracing::warn!(service, "in the mapping of rmw_cyclonedds_cpp alone: {error}");
+            None
         }
     }
 }

@@ -7,18 +7,21 @@
 //! ```
 //!
 //! All clients of a service hear all its replies; each keeps its own.
+//!
+//! Beside Fast DDS's mapping (`both_mappings`) a server gives requests of that mapping too: a client asks as soon as one
+//! stack of the node has matched, and here its request is whole.
 
 use std::cell::{Cell, RefCell};
 use std::collections::{HashMap, HashSet};
 use std::time::{Duration, Instant};
 
-use super::cyclone::{RawReader, RawWriter, Taken};
+use super::cyclone::{EndpointFound, RawReader, RawWriter, Taken};
 use super::graph::{
     CdrClient, CdrReply, CdrRequest, CdrSample, CdrServer, GraphError, LOOK_AGAIN, Peers,
     RequestId, ServiceMapping,
 };
 use super::service_header::{self, HEADER, LEAST};
-use super::vendor::{EndKey, pair};
+use super::vendor::{EndKey, is_rustdds, pair};
 
 /// Clients whose endpoints a server remembers.
 const MAX_CLIENTS: usize = 1024;
@@ -29,9 +32,9 @@ const CONFIRM: Duration = Duration::from_secs(1);
 /// Service mapping of this module.
 const OURS: ServiceMapping = ServiceMapping::Cyclone;
 
-/// Origin of a sample: the key that its sender's endpoints have in common, and the sender's mapping
+/// Origin of a sample: the key that its sender's endpoints have in common, its writer, and the sender's mapping
 /// where that is not ours.
-type Origin = (EndKey, Option<ServiceMapping>);
+type Origin = (EndKey, [u8; 16], Option<ServiceMapping>);
 
 /// The two endpoints of a client or a server.
 pub(super) struct Ends {
@@ -43,6 +46,9 @@ pub(super) struct Ends {
     pub(super) reader: RawReader,
     /// Largest message without its identity.
     pub(super) max_bytes: usize,
+    /// True where the node has Fast DDS's mapping too: programs on RustDDS that do not tell theirs are taken to speak
+    /// that one.
+    is_beside: bool,
     /// Origins of samples, by the handle of the sample's writer.
     writers: RefCell<HashMap<u64, Option<Origin>>>,
     /// Change of the writer's matches that was probed last, the time of the probe, and true when
@@ -56,17 +62,24 @@ impl Ends {
         writer: RawWriter,
         reader: RawReader,
         max_bytes: usize,
+        is_beside: bool,
     ) -> Self {
         let (service, writers) = (service.to_owned(), RefCell::default());
         let probed = Cell::new((0, Instant::now(), true));
-        Self { service, writer, reader, max_bytes, writers, probed }
+        Self { service, writer, reader, max_bytes, is_beside, writers, probed }
     }
 
-    /// The next sample, the identity still in it.
-    fn take(&mut self) -> Result<Option<CdrSample>, GraphError> {
+    /// Mapping of a peer, where that can be known.
+    fn mapping(&self, peer: &EndpointFound) -> Option<ServiceMapping> {
+        let taken = (self.is_beside && is_rustdds(&peer.guid)).then_some(ServiceMapping::FastDds);
+        peer.service_mapping.or(taken)
+    }
+
+    /// The next sample, the identity still in it, and its number.
+    fn take(&mut self) -> Result<Option<(CdrSample, Option<i64>)>, GraphError> {
         match self.reader.take(self.max_bytes.saturating_add(HEADER)) {
             Ok(Taken::Nothing) => Ok(None),
-            Ok(Taken::Message(sample)) => Ok(Some(sample)),
+            Ok(Taken::Message(sample, number)) => Ok(Some((sample, number))),
             Ok(Taken::TooLarge(actual)) => Err(GraphError::TooLarge {
                 topic: self.service.clone(),
                 actual: actual.saturating_sub(HEADER),
@@ -84,8 +97,8 @@ impl Ends {
         }
         let known = writers.entry(sample.publisher).or_insert_with(|| {
             let peer = self.reader.writer(sample.publisher)?;
-            let theirs = peer.service_mapping.filter(|&theirs| theirs != OURS);
-            Some((EndKey::new(&peer.guid, &peer.user_data), theirs))
+            let theirs = self.mapping(&peer).filter(|&theirs| theirs != OURS);
+            Some((EndKey::new(&peer.guid, &peer.user_data), peer.guid, theirs))
         });
         known.clone()
     }
@@ -128,9 +141,8 @@ impl Ends {
         let writers = self.reader.writers().unwrap_or_default();
         let (requests, replies) =
             if writer_is_requests { (&readers, &writers) } else { (&writers, &readers) };
-        let keyed = |peer: &super::cyclone::EndpointFound| {
-            (peer.service_mapping, EndKey::new(&peer.guid, &peer.user_data))
-        };
+        let keyed =
+            |peer: &EndpointFound| (self.mapping(peer), EndKey::new(&peer.guid, &peer.user_data));
         pair(requests.iter().map(keyed), replies.iter().map(keyed), OURS)
     }
 
@@ -168,9 +180,9 @@ impl<L: Send> CdrClient for CycloneClient<L> {
     }
 
     fn take(&mut self) -> Result<Option<CdrReply>, GraphError> {
-        while let Some(sample) = self.ends.take()? {
+        while let Some((sample, _)) = self.ends.take()? {
             // Replies to clients of the other vendor, which are on the same topic.
-            if self.ends.origin(&sample).is_some_and(|(_, theirs)| theirs.is_some()) {
+            if self.ends.origin(&sample).is_some_and(|(_, _, theirs)| theirs.is_some()) {
                 continue;
             }
             let reply = service_header::split(&sample.cdr)
@@ -247,21 +259,30 @@ impl<L> CycloneServer<L> {
 
 impl<L: Send> CdrServer for CycloneServer<L> {
     fn take(&mut self) -> Result<Option<CdrRequest>, GraphError> {
-        let Some(sample) = self.ends.take()? else { return Ok(None) };
+        let Some((sample, number)) = self.ends.take()? else { return Ok(None) };
         let origin = self.ends.origin(&sample);
-        if let Some((_, Some(theirs))) = origin {
+        if let Some((_, writer, Some(theirs))) = origin {
+            if let Some(sequence) = number.filter(|_| self.ends.is_beside) {
+                return Ok(Some(CdrRequest {
+                    id: RequestId { client: writer, sequence },
+                    cdr: sample.cdr,
+                    source_timestamp_ns: sample.source_timestamp_ns,
+                    sample: Some((writer, sequence)),
+                }));
+            }
             let service = self.ends.service.clone();
             return Err(GraphError::ForeignMapping { service, ours: OURS, theirs });
         }
         let request = service_header::split(&sample.cdr)
             .ok_or_else(|| self.ends.no_identity("request", sample.cdr.len()))?;
-        if let Some((key, _)) = origin {
+        if let Some((key, ..)) = origin {
             self.clients.note(request.client, key);
         }
         Ok(Some(CdrRequest {
             id: service_header::request_id(request.client, request.sequence),
             cdr: request.cdr,
             source_timestamp_ns: sample.source_timestamp_ns,
+            sample: None,
         }))
     }
 

@@ -142,9 +142,12 @@ pub struct Environment {
     pub discovery: DiscoverySettings,
     /// `CYCLONEDDS_URI`, where set: sources that override our configuration.
     pub cyclonedds_uri: Option<String>,
-    /// Form in which services are mapped to DDS: topics of all vendors understand each other,
-    /// services do not.
-    pub services: ServiceMapping,
+    /// The only form in which services are mapped to DDS, where `RMW_IMPLEMENTATION` names a vendor: topics of all
+    /// vendors understand each other, services do not. `None`: both forms.
+    pub services: Option<ServiceMapping>,
+    /// True where a program that has the rmw of an installed ROS 2 is to speak through it: another vendor than
+    /// CycloneDDS is named, or a ROS 2 is sourced and none is.
+    pub means_rmw: bool,
     /// Reason for the choice of the DDS stack, for the log at start.
     pub stack_reason: String,
     /// Library that carries the graph, `WRAPYFI_ROS2_GRAPH`; `None` where it is not set.
@@ -206,7 +209,8 @@ pub fn read(lookup: impl Fn(&str) -> Option<String>) -> Result<Environment, Envi
     let set = |name: &str| lookup(name).filter(|value| !value.is_empty());
     let mut warnings = Vec::new();
     let rmw = set("RMW_IMPLEMENTATION");
-    let (services, stack_reason) = services(rmw.as_deref(), set("ROS_DISTRO").as_deref())?;
+    let distro = set("ROS_DISTRO");
+    let services = services(rmw.as_deref())?;
     let graph = set("WRAPYFI_ROS2_GRAPH")
         .map(|word| Adapter::from_word(&word).ok_or(EnvironmentError::UnknownGraph(word)));
     Ok(Environment {
@@ -214,7 +218,8 @@ pub fn read(lookup: impl Fn(&str) -> Option<String>) -> Result<Environment, Envi
         discovery: discovery(&set, &mut warnings),
         cyclonedds_uri: set("CYCLONEDDS_URI"),
         services,
-        stack_reason,
+        means_rmw: rmw.as_ref().map_or(distro.is_some(), |rmw| rmw != "rmw_cyclonedds_cpp"),
+        stack_reason: stack_reason(rmw.as_deref(), distro.as_deref()),
         graph: graph.transpose()?,
         security: security(&set),
         warnings,
@@ -308,28 +313,27 @@ fn discovery(
     DiscoverySettings { range, static_peers }
 }
 
-/// Service mapping that every node of this environment chooses, and the reason in words.
-fn services(
-    rmw: Option<&str>,
-    distro: Option<&str>,
-) -> Result<(ServiceMapping, String), EnvironmentError> {
-    let reason = match (rmw, distro) {
+fn stack_reason(rmw: Option<&str>, distro: Option<&str>) -> String {
+    match (rmw, distro) {
         (None, None) => "RMW_IMPLEMENTATION and ROS_DISTRO are not set".to_owned(),
         (None, Some(distro)) => {
             format!("RMW_IMPLEMENTATION is not set; Fast DDS is the default of {distro}")
         }
         (Some(rmw), _) => format!("RMW_IMPLEMENTATION={rmw}"),
-    };
-    match rmw {
-        Some("rmw_cyclonedds_cpp") => return Ok((ServiceMapping::Cyclone, reason)),
-        None if distro.is_none() => return Ok((ServiceMapping::Cyclone, reason)),
-        // A library that is missing says so when it is loaded.
-        _ if cfg!(feature = "rmw") => return Ok((ServiceMapping::FastDds, reason)),
-        None | Some("rmw_fastrtps_cpp" | "rmw_fastrtps_dynamic_cpp") => {}
-        Some("rmw_zenoh_cpp") => return Err(EnvironmentError::Zenoh),
-        Some(other) => return Err(EnvironmentError::UnknownRmw(other.into())),
     }
-    Ok((ServiceMapping::FastDds, reason))
+}
+
+/// The only service mapping of this environment, where it names one.
+fn services(rmw: Option<&str>) -> Result<Option<ServiceMapping>, EnvironmentError> {
+    match rmw {
+        None => Ok(None),
+        Some("rmw_cyclonedds_cpp") => Ok(Some(ServiceMapping::Cyclone)),
+        // A library that is missing says so when it is loaded.
+        Some(_) if cfg!(feature = "rmw") => Ok(Some(ServiceMapping::FastDds)),
+        Some("rmw_fastrtps_cpp" | "rmw_fastrtps_dynamic_cpp") => Ok(Some(ServiceMapping::FastDds)),
+        Some("rmw_zenoh_cpp") => Err(EnvironmentError::Zenoh),
+        Some(other) => Err(EnvironmentError::UnknownRmw(other.into())),
+    }
 }
 
 #[cfg(test)]
@@ -432,17 +436,20 @@ mod tests {
     #[test]
     fn topics_are_on_cyclone_whatever_dds_is_asked_for() {
         for (rmw, services) in [
-            ("", ServiceMapping::Cyclone),
-            ("rmw_cyclonedds_cpp", ServiceMapping::Cyclone),
-            ("rmw_fastrtps_cpp", ServiceMapping::FastDds),
+            ("", None),
+            ("rmw_cyclonedds_cpp", Some(ServiceMapping::Cyclone)),
+            ("rmw_fastrtps_cpp", Some(ServiceMapping::FastDds)),
         ] {
-            assert_eq!(with(&[("RMW_IMPLEMENTATION", rmw)]).unwrap().services, services, "{rmw}");
+            let read = with(&[("RMW_IMPLEMENTATION", rmw)]).unwrap();
+            assert_eq!(read.services, services, "{rmw}");
+            assert_eq!(read.means_rmw, rmw == "rmw_fastrtps_cpp", "{rmw}");
         }
         let jazzy = with(&[("ROS_DISTRO", "jazzy")]).unwrap();
-        assert_eq!(jazzy.services, ServiceMapping::FastDds);
+        assert_eq!((jazzy.services, jazzy.means_rmw), (None, true));
         assert!(jazzy.stack_reason.contains("jazzy"));
         let both = [("ROS_DISTRO", "jazzy"), ("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp")];
-        assert_eq!(with(&both).unwrap().services, ServiceMapping::Cyclone);
+        let both = with(&both).unwrap();
+        assert_eq!((both.services, both.means_rmw), (Some(ServiceMapping::Cyclone), false));
         #[cfg(not(feature = "rmw"))]
         {
             let zenoh = with(&[("RMW_IMPLEMENTATION", "rmw_zenoh_cpp")]).unwrap_err();

@@ -107,8 +107,8 @@ pub trait Graph: Send + Sync {
     /// When the DDS stack refuses.
     fn subscribe(&self, topic: &TopicDescription, on_data: Notify) -> Created<dyn CdrReader>;
 
-    /// Form in which this node maps services to DDS.
-    fn service_mapping(&self) -> ServiceMapping;
+    /// The only form in which this node maps services to DDS; `None` where it has both.
+    fn service_mapping(&self) -> Option<ServiceMapping>;
 
     /// Creates a client and announces it. `on_event` is called as in [`Graph::subscribe`].
     ///

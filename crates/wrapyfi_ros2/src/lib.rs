@@ -65,6 +65,7 @@
 
 mod adapter;
 mod announcement;
+mod both_mappings;
 mod config;
 mod conventions;
 mod cyclone;

@@ -259,7 +259,7 @@ impl CdrServer for RmwServer {
         let taken = within(self.server.take(self.service.max_bytes), &self.service)?;
         Ok(taken.map(|(cdr, Received { id, source_timestamp_ns, .. })| {
             let id = RequestId { client: id.client, sequence: id.sequence };
-            CdrRequest { id, cdr, source_timestamp_ns }
+            CdrRequest { id, cdr, source_timestamp_ns, sample: None }
         }))
     }
 

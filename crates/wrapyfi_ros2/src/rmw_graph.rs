@@ -172,8 +172,8 @@ impl Graph for RmwGraph {
         }))
     }
 
-    fn service_mapping(&self) -> ServiceMapping {
-        self.0.mapping
+    fn service_mapping(&self) -> Option<ServiceMapping> {
+        Some(self.0.mapping)
     }
 
     fn client(&self, service: &ServiceDescription, on_event: Notify) -> Created<dyn CdrClient> {

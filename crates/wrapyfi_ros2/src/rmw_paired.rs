@@ -222,7 +222,7 @@ impl CdrServer for PairedServer {
         Ok(taken.map(|(message, request)| {
             let source_timestamp_ns = message.source_timestamp_ns;
             let id = service_header::request_id(request.client, request.sequence);
-            CdrRequest { id, cdr: request.cdr, source_timestamp_ns }
+            CdrRequest { id, cdr: request.cdr, source_timestamp_ns, sample: None }
         }))
     }
 

@@ -78,7 +78,11 @@ impl RustServices {
     pub fn new(config: &CycloneConfig) -> Result<Self, RustServicesError> {
         let settings = Settings::new(config)?;
         for warning in &settings.warnings {
-            tracing::warn!("{warning}");
+            match config.services {
+                Some(_) => tracing::warn!("{warning}"),
+                // Nobody asked for this mapping.
+                None => tracing::info!("{warning}"),
+            }
         }
         Ok(Self::with(settings))
     }

@@ -1,10 +1,12 @@
 //! DDS stack that carries the services of a node.
 //!
 //! ```text
-//!   ServiceMapping::Cyclone ─▶ CycloneDDS, beside the topics
-//!   ServiceMapping::FastDds ─▶ RustServices: the node's own, ~/…, on one participant; all others on a second one
+//!   Cyclone's mapping  ─▶ CycloneDDS, beside the topics
+//!   Fast DDS's mapping ─▶ RustServices: the node's own, ~/…, on one participant; all others on a second one
 //!                                  └─ their GIDs ─▶ ros_discovery_info, under the node's name
 //! ```
+//!
+//! Without a choice each service is in both (`both_mappings`).
 //!
 //! Fast DDS hears nothing of the end of a service on RustDDS, but for that of a participant (`rust_services/goodbye`).
 //! So those of the routes have one of their own, which ends with them when a bridge is deactivated.
@@ -20,6 +22,7 @@ use super::rust_services::{RustServices, RustServicesError};
 /// The services of one node.
 #[cfg(feature = "fastdds-services")]
 pub(super) struct Services {
+    mapping: Option<ServiceMapping>,
     /// The node's own services, and all others.
     on_rustdds: Option<Result<[RustServices; 2], RustServicesError>>,
     /// Beginning of the names of the node's own.
@@ -32,20 +35,26 @@ impl Services {
     /// not keep the node from its topics: they are the error of the first service.
     pub(super) fn new(config: &CycloneConfig) -> Self {
         let on_rustdds = match config.services {
-            ServiceMapping::Cyclone => None,
-            ServiceMapping::FastDds => {
-                Some(RustServices::new(config).map(|own| [own.clone(), own.apart()]))
-            }
+            Some(ServiceMapping::Cyclone) => None,
+            _ => Some(RustServices::new(config).map(|own| [own.clone(), own.apart()])),
         };
-        Self { on_rustdds, own: format!("{}/", config.node.fqn()) }
+        let (mapping, on_rustdds) = match (config.services, on_rustdds) {
+            // What was not asked for may be missing.
+            (None, Some(Err(error))) => {
+                tracing::info!("services are not in the mapping of rmw_fastrtps_cpp: {error}");
+                (Some(ServiceMapping::Cyclone), None)
+            }
+            found => found,
+        };
+        Self { mapping, on_rustdds, own: format!("{}/", config.node.fqn()) }
     }
 
-    /// Form in which services are mapped to DDS.
-    pub(super) fn mapping(&self) -> ServiceMapping {
-        self.on_rustdds.as_ref().map_or(ServiceMapping::Cyclone, |_| ServiceMapping::FastDds)
+    /// The only form in which services are mapped to DDS; `None`: both.
+    pub(super) fn mapping(&self) -> Option<ServiceMapping> {
+        self.mapping
     }
 
-    /// Participant for a service that does not go over CycloneDDS.
+    /// Participant for a service that does not go over CycloneDDS alone.
     pub(super) fn elsewhere(
         &self,
         service: &ServiceDescription,
@@ -81,15 +90,15 @@ impl Services {
 
 /// The services of one node, in a build without RustDDS.
 #[cfg(not(feature = "fastdds-services"))]
-pub(super) struct Services(ServiceMapping);
+pub(super) struct Services(Option<ServiceMapping>);
 
 #[cfg(not(feature = "fastdds-services"))]
 impl Services {
     pub(super) fn new(config: &CycloneConfig) -> Self {
-        Self(config.services)
+        Self(config.services.or(Some(ServiceMapping::Cyclone)))
     }
 
-    pub(super) fn mapping(&self) -> ServiceMapping {
+    pub(super) fn mapping(&self) -> Option<ServiceMapping> {
         self.0
     }
 
@@ -98,8 +107,8 @@ impl Services {
         service: &ServiceDescription,
     ) -> GraphResult<Option<&dyn super::graph::Graph>> {
         match self.0 {
-            ServiceMapping::Cyclone => Ok(None),
-            ServiceMapping::FastDds => Err(refused(
+            None | Some(ServiceMapping::Cyclone) => Ok(None),
+            Some(ServiceMapping::FastDds) => Err(refused(
                 service,
                 "CycloneDDS inside has services of rmw_fastrtps_cpp in programs built with the feature \
                  fastdds-services, as `cargo build` builds them; colcon leaves it out where it builds with rmw, \

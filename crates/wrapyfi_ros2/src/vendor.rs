@@ -35,6 +35,11 @@ pub(super) fn mapping_of(
     }
 }
 
+/// True for an endpoint of RustDDS.
+pub(super) fn is_rustdds(guid: &[u8; 16]) -> bool {
+    guid.starts_with(&[0x01, 0x12])
+}
+
 /// Key that both endpoints of one server or client have in common.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub(super) enum EndKey {

@@ -100,19 +100,25 @@ pub fn the_bridge(
         )))),
     }?;
     let (graph, node) = (ros2.graph(), &chosen.0);
-    let (ours, theirs) = (
-        graph.service_mapping(),
-        mappings(graph.as_ref(), &format!("{node}/{LIST_ROUTES}"), false),
-    );
-    match theirs.first() {
-        Some(theirs) if *theirs != ours => Err(Failure::Usage(format!(
+    let theirs = mappings(graph.as_ref(), &format!("{node}/{LIST_ROUTES}"), false);
+    match only_foreign(graph.service_mapping(), &theirs) {
+        Some(theirs) => Err(Failure::Usage(format!(
             "{node} answers on services in the way of {theirs}, and this shell asks in that of {}: export \
              RMW_IMPLEMENTATION={theirs} here",
-            ours.rmw(),
+            theirs.other().rmw(),
             theirs = theirs.rmw()
         ))),
-        _ => Ok(chosen),
+        None => Ok(chosen),
     }
+}
+
+/// Mapping of those who serve something, where none of them has the only one that this node has.
+pub(crate) fn only_foreign(
+    ours: Option<ServiceMapping>,
+    servers: &[ServiceMapping],
+) -> Option<ServiceMapping> {
+    let ours = ours?;
+    servers.first().copied().filter(|_| !servers.contains(&ours))
 }
 
 /// Mappings of those who serve a name on ROS 2, or of those who call it.

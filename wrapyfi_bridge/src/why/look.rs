@@ -30,7 +30,7 @@ use super::{End, Graph, Registered, TIMEOUT, elsewhere, roles};
 use crate::discovery_watch::DiscoveryWatch;
 use crate::exit::{Failure, Result};
 use crate::middlewares::{self, Endpoints, Observer, Server};
-use crate::on_graph::client::mappings;
+use crate::on_graph::client::{mappings, only_foreign};
 
 /// Time between two looks.
 pub(super) const LOOK: Duration = Duration::from_millis(20);
@@ -447,7 +447,7 @@ fn mapping(end: &mut End, ros2: &dyn graph::Graph) {
     let (ours, servers) = (ros2.service_mapping(), of(false));
     let first = servers.first().copied();
     let client = of(true).into_iter().find(|one| !servers.contains(one));
-    end.foreign = first.filter(|_| !servers.contains(&ours)).map(|theirs| (theirs, ours));
+    end.foreign = only_foreign(ours, &servers).zip(ours);
     end.clients = client.zip(first);
 }
 

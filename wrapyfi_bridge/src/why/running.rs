@@ -16,7 +16,7 @@ use wrapyfi_ros2::Ros2;
 use wrapyfi_ros2::graph::ServiceMapping;
 
 use super::look::LOOK;
-use crate::on_graph::client::{mappings, ros_type};
+use crate::on_graph::client::{mappings, only_foreign, ros_type};
 
 /// End of the name of the topic that has the status of a bridge; its node stands before it.
 const STATUS: &str = "/status";
@@ -59,8 +59,7 @@ pub(super) fn heard(
     // Bridges of one name are told apart by their publishers.
     let mut having: BTreeMap<(String, Option<u64>), RouteInfo> = BTreeMap::new();
     let graph = ros2.graph().as_ref();
-    let served =
-        |node: &str| mappings(graph, &format!("{node}/change_state"), false).first().copied();
+    let served = |node: &str| mappings(graph, &format!("{node}/change_state"), false);
     loop {
         let Ok(found) = discovery.endpoints() else { return BridgeReports::default() };
         for one in found {
@@ -88,15 +87,18 @@ pub(super) fn heard(
         }
         // Who would have to activate it has to know how its services are mapped; so has who judges its route of services.
         let is_told = |((node, _), route): (&(String, _), &RouteInfo)| {
-            (route.kind != "service" && route.reason != TO_BE_ACTIVATED) || served(node).is_some()
+            (route.kind != "service" && route.reason != TO_BE_ACTIVATED) || !served(node).is_empty()
         };
         if !is_over(bridges.len(), having.iter().any(is_told)) {
             context.wake.wait(LOOK);
             continue;
         }
         let ours = graph.service_mapping();
-        let foreign = bridges.keys().filter_map(|node| Some((node.clone(), served(node)?)));
-        let foreign = foreign.filter(|(_, mapping)| *mapping != ours).collect();
+        let foreign = bridges.keys().filter_map(|node| {
+            let theirs = only_foreign(ours, &served(node))?;
+            Some((node.clone(), theirs))
+        });
+        let foreign = foreign.collect();
         let (active, rest): (Vec<_>, Vec<_>) =
             having.into_iter().partition(|(_, route)| route.state == "active");
         let mut all = active.into_iter().chain(rest).map(|((node, _), route)| (node, route));

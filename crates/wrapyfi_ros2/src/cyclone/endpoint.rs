@@ -213,8 +213,9 @@ pub(crate) struct RawReader {
 pub(crate) enum Taken {
     /// Nothing: no message waits.
     Nothing,
-    /// A message; its publisher is the handle of the writer, for [`RawReader::writer`].
-    Message(CdrSample),
+    /// A message, and the number that its writer gave it where it came from another process; its publisher is the
+    /// handle of the writer, for [`RawReader::writer`].
+    Message(CdrSample, Option<i64>),
     /// A message of so many bytes was over the limit and is gone.
     TooLarge(usize),
 }
@@ -261,18 +262,17 @@ impl RawReader {
             if !info.valid_data {
                 continue;
             }
-            if let Some(number) = sample.sequence() {
+            let number = sample.sequence();
+            if let Some(number) = number {
                 self.gaps.note(info.publication_handle, number);
             }
             let bytes = sample.len();
             return Ok(if bytes > max_bytes {
                 Taken::TooLarge(bytes)
             } else {
-                Taken::Message(CdrSample {
-                    cdr: sample.into_bytes(),
-                    source_timestamp_ns: info.source_timestamp,
-                    publisher: info.publication_handle,
-                })
+                let (cdr, publisher) = (sample.into_bytes(), info.publication_handle);
+                let source_timestamp_ns = info.source_timestamp;
+                Taken::Message(CdrSample { cdr, source_timestamp_ns, publisher }, number)
             });
         }
     }

@@ -41,7 +41,7 @@ pub struct ServiceDescription {
 /// use wrapyfi_core::middleware::ros2::ServiceMapping;
 /// # use wrapyfi_ros2::environment;
 /// # let fast = |name: &str| (name == "RMW_IMPLEMENTATION").then(|| "rmw_fastrtps_cpp".to_owned());
-/// # assert_eq!(environment::read(fast)?.services, ServiceMapping::FastDds);
+/// # assert_eq!(environment::read(fast)?.services, Some(ServiceMapping::FastDds));
 /// assert_eq!(ServiceMapping::FastDds.rmw(), "rmw_fastrtps_cpp");
 /// # Ok::<(), environment::EnvironmentError>(())
 /// ```
@@ -59,6 +59,15 @@ impl ServiceMapping {
         match self {
             Self::Cyclone => "rmw_cyclonedds_cpp",
             Self::FastDds => "rmw_fastrtps_cpp",
+        }
+    }
+
+    /// The mapping that does not understand this one.
+    #[must_use]
+    pub fn other(self) -> Self {
+        match self {
+            Self::Cyclone => Self::FastDds,
+            Self::FastDds => Self::Cyclone,
         }
     }
 }
@@ -82,6 +91,9 @@ pub struct CdrRequest {
     pub cdr: Bytes,
     /// Source timestamp in nanoseconds since 1970.
     pub source_timestamp_ns: i64,
+    /// Writer of a request of Fast DDS's mapping and its number there, by which it is known where both of a node's
+    /// stacks have received it.
+    pub sample: Option<([u8; 16], i64)>,
 }
 
 /// A reply as its client takes it.

@@ -50,8 +50,8 @@ impl Graph for MadeUp {
         Ok(Box::new(End(Script::default())))
     }
 
-    fn service_mapping(&self) -> ServiceMapping {
-        ServiceMapping::Cyclone
+    fn service_mapping(&self) -> Option<ServiceMapping> {
+        Some(ServiceMapping::Cyclone)
     }
 
     fn client(&self, _: &ServiceDescription, _: Notify) -> Result<Box<dyn CdrClient>, GraphError> {

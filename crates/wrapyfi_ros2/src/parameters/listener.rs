@@ -5,14 +5,13 @@ use std::time::Instant;
 
 use super::ServiceOptions;
 use super::{ParameterClientError, ParameterResult, RemoteParameters};
-use crate::graph::{Peers, ServiceMapping};
+use crate::graph::Peers;
 use crate::ros2::Ros2;
 use wrapyfi_endpoint::{Context, DropReason, Link, Listener, Review, Sample, TakeError, TopicSpec};
 
 /// Listens to the parameters of one node.
 pub(crate) struct PropertiesListener {
     remote: RemoteParameters,
-    mapping: ServiceMapping,
     context: Context,
     /// The next message is all that is known: nobody was told what led there.
     whole: bool,
@@ -26,7 +25,6 @@ impl PropertiesListener {
             ServiceOptions { max_bytes: spec.limits.message_bytes, ..ServiceOptions::default() };
         Ok(Self {
             remote: RemoteParameters::watch(ros2, &spec.topic, &options, &context.wake)?,
-            mapping: ros2.graph().service_mapping(),
             context: context.clone(),
             whole: true,
             trouble: None,
@@ -85,7 +83,7 @@ impl Listener for PropertiesListener {
 
     fn link(&self) -> Link {
         let trouble = self.trouble.as_ref().map(|(text, _)| text.clone());
-        link(self.remote.node(), &self.remote.servers(), self.mapping, trouble)
+        link(self.remote.node(), &self.remote.servers(), trouble)
     }
 
     fn review(&mut self, now: Instant) -> Review {
@@ -100,16 +98,11 @@ impl Listener for PropertiesListener {
 }
 
 /// The link to a node with so many servers of its parameters.
-pub(super) fn link(
-    node: &str,
-    servers: &Peers,
-    ours: ServiceMapping,
-    trouble: Option<String>,
-) -> Link {
+pub(super) fn link(node: &str, servers: &Peers, trouble: Option<String>) -> Link {
     let (peers, waiting_for) = match servers {
         Peers::Ready(servers) => (*servers, trouble),
         Peers::Foreign(theirs) => {
-            let (theirs, ours) = (theirs.rmw(), ours.rmw());
+            let (theirs, ours) = (theirs.rmw(), theirs.other().rmw());
             let what = format!(
                 "node {node} to speak {ours}: it runs {theirs}; set RMW_IMPLEMENTATION={theirs} \
                  here, or {ours} there"
@@ -124,11 +117,12 @@ pub(super) fn link(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::graph::ServiceMapping;
 
     #[test]
     fn what_is_waited_for_is_said() {
         let waits = |peers, trouble: Option<&str>| {
-            link("/camera", &peers, ServiceMapping::Cyclone, trouble.map(str::to_owned)).waiting_for
+            link("/camera", &peers, trouble.map(str::to_owned)).waiting_for
         };
         assert_eq!(waits(Peers::Ready(1), None), None);
         assert_eq!(waits(Peers::Ready(1), Some("an answer")).as_deref(), Some("an answer"));

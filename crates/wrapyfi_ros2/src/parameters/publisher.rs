@@ -3,7 +3,7 @@
 use super::ServiceOptions;
 use super::listener::link;
 use super::{ParameterClient, ParameterClientError, ParameterResult};
-use crate::graph::{Peers, ServiceMapping};
+use crate::graph::Peers;
 use crate::ros2::Ros2;
 use wrapyfi_data::Limits;
 use wrapyfi_data::codec::properties_to_set;
@@ -13,7 +13,6 @@ use wrapyfi_endpoint::{Context, Link, PublishError, Publisher, TopicSpec, Wake};
 /// Sets parameters of one node. Each message waits for the node's answer.
 pub(crate) struct PropertiesPublisher {
     client: ParameterClient,
-    mapping: ServiceMapping,
     max_bytes: usize,
     wake: Wake,
 }
@@ -25,7 +24,6 @@ impl PropertiesPublisher {
         let options = ServiceOptions { max_bytes, timeout: Limits::SHUTDOWN };
         Ok(Self {
             client: ParameterClient::open(ros2, &spec.topic, &options, &context.wake)?,
-            mapping: ros2.graph().service_mapping(),
             max_bytes,
             wake: context.wake.clone(),
         })
@@ -52,6 +50,6 @@ impl Publisher for PropertiesPublisher {
     }
 
     fn link(&self) -> Link {
-        link(self.client.node(), &self.client.servers(), self.mapping, None)
+        link(self.client.node(), &self.client.servers(), None)
     }
 }

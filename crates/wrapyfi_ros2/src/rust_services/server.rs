@@ -47,6 +47,7 @@ impl CdrServer for Server {
                 id: identity::request_id(taken.related, taken.writer, taken.number),
                 cdr,
                 source_timestamp_ns: taken.source_timestamp_ns,
+                sample: Some((taken.writer, taken.number)),
             })),
             Received::TooLarge(actual) => Err(GraphError::TooLarge {
                 topic: pair.service.clone(),

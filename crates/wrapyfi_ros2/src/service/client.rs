@@ -41,7 +41,7 @@ pub(in super::super) struct Ros2Client {
     cdr: Box<dyn CdrClient>,
     graph: Arc<dyn Graph>,
     codec: ServiceCodec,
-    mapping: ServiceMapping,
+    mapping: Option<ServiceMapping>,
     context: Context,
     dropped: Throttle,
     looked: Mutex<Option<Looked>>,
@@ -87,7 +87,7 @@ impl Ros2Client {
     /// Type that the servers have, where it is another than ours. DDS matches no endpoints of two types, and RustDDS
     /// all.
     fn other_type(&self, servers: &Peers) -> Option<String> {
-        if self.mapping == ServiceMapping::Cyclone && matches!(servers, Peers::Ready(_)) {
+        if self.mapping == Some(ServiceMapping::Cyclone) && matches!(servers, Peers::Ready(_)) {
             return None;
         }
         let mut looked = self.looked.lock();
@@ -194,7 +194,7 @@ impl ClientWire for Ros2Client {
             (Stage::Waiting, Peers::Ready(_)) => format!(
                 "its server was found too late, or has not answered the {USUAL_DEPTH} calls before it"
             ),
-            (Stage::Waiting, Peers::Foreign(theirs)) => foreign(theirs, self.mapping),
+            (Stage::Waiting, Peers::Foreign(theirs)) => foreign(theirs),
         }
     }
 
@@ -227,7 +227,8 @@ impl ClientWire for Ros2Client {
 }
 
 /// Difference that separates the two ends of a service, and its remedy, in words.
-fn foreign(theirs: ServiceMapping, ours: ServiceMapping) -> String {
+fn foreign(theirs: ServiceMapping) -> String {
+    let ours = theirs.other();
     format!(
         "the other end runs {}, whose services do not understand those of {}: set \
          RMW_IMPLEMENTATION={} here, or {} there",
