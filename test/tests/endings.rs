@@ -161,6 +161,41 @@ fn four_hundred_routes_open_though_a_process_starts_with_a_thousand_files() -> R
 /// Files that a program may open.
 const FILES: usize = 80;
 
+/// CycloneDDS ends its process in each of these cases.
+#[test]
+fn what_cyclonedds_cannot_start_with_ends_with_one_line() -> Result {
+    run("what_cyclonedds_cannot_start_with_ends_with_one_line", &[Need::Program], |env| {
+        let echo = ["echo", "ros2:/x", "--type", "std_msgs/msg/String", "--timeout", "1"];
+        for limit in ["-n 8", "-n 12", "-v 100000"] {
+            let mut one = env.wrapyfi_by(&format!("ulimit {limit}; exec \"$@\""), &echo)?;
+            one.exits_with(1).map_err(|error| error.context(limit))?;
+            let said = one.stderr();
+            assert!(said.contains("no room for CycloneDDS"), "{limit}: {said}");
+            assert_eq!(said.lines().count(), 1, "{limit}: {said}");
+        }
+        for peer in ["999.1.1.1", "::1"] {
+            let script = format!("ROS_STATIC_PEERS={peer} exec \"$@\"");
+            let mut one = env.wrapyfi_by(&script, &echo)?;
+            one.exits_with(2).map_err(|error| error.context(peer))?;
+            let said = one.stderr();
+            assert!(said.contains("ROS_STATIC_PEERS has") && said.contains(peer), "{said}");
+        }
+        let xml = "<CycloneDDS><Domain><Discovery><Peers><Peer address=\"robot.invalid\"/></Peers>\
+                   </Discovery></Domain></CycloneDDS>";
+        for variable in ["ROS_STATIC_PEERS=robot.invalid", &format!("CYCLONEDDS_URI='{xml}'")] {
+            let script = format!("export {variable}; exec \"$@\"");
+            let mut one = env.wrapyfi_by(&script, &echo)?;
+            one.wait_until("the name", |output| {
+                let words = "waits for the host \"robot.invalid\"";
+                output.err.iter().any(|line| line.contains(words)).then_some(())
+            })?;
+            one.terminate()?;
+            one.exits_with(0)?;
+        }
+        Ok(())
+    })
+}
+
 /// Starts a server that may open few files, and waits until its log has `words`.
 fn with_few_files(env: &TestEnv, args: &[&str], words: &str) -> Result<Process> {
     let script = format!("ulimit -n {FILES}; exec \"$@\"");

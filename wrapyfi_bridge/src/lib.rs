@@ -29,6 +29,7 @@
 //!
 //! A library only so that its two programs share it; it promises no stable interface.
 
+pub mod aborted;
 pub mod canonical;
 pub mod cli;
 pub mod columns;

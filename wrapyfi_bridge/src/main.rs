@@ -12,6 +12,7 @@ use wrapyfi_bridge::{command, logging, node_main};
 
 fn main() -> ExitCode {
     wrapyfi_bridge::files::raise_limit();
+    wrapyfi_bridge::aborted::catch();
     let (words, ros) = node_main::split(std::env::args_os());
     finish(run(&Cli::parse_from(words), ros))
 }

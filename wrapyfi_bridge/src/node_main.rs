@@ -44,6 +44,7 @@ pub fn main_of(bridge: MiddlewareBridge) -> ExitCode {
 
 fn run_executable(bridge: Option<MiddlewareBridge>) -> Result<()> {
     crate::files::raise_limit();
+    crate::aborted::catch();
     let ros = parse(std::env::args_os().skip(1))?;
     let (name, about) = match bridge {
         None => ("bridge", "Runs the routes of a configuration file, as a ROS 2 node.".to_owned()),

@@ -10,9 +10,16 @@
 //! one is refused rather than silently given the first.
 
 use std::collections::BTreeMap;
+use std::sync::RwLock;
 
 use super::cyclone::Entity;
 use wrapyfi_endpoint::Mutex;
+
+/// Files that Cyclone has open for a domain.
+const FILES: usize = 12;
+/// Threads that it has, and the bytes of the stack of one.
+const THREADS: usize = 8;
+const STACK: usize = 8 << 20;
 
 static DOMAINS: Mutex<BTreeMap<u32, Shared>> = Mutex::new(BTreeMap::new());
 
@@ -46,6 +53,16 @@ pub enum DomainError {
         /// Domain id.
         id: u32,
     },
+    /// The process has no room for what Cyclone takes, and Cyclone ends it then.
+    #[error("there is no room for CycloneDDS, which takes {wanted}: {reason} ({remedy})")]
+    NoRoom {
+        /// Resources that Cyclone takes at least, in words.
+        wanted: &'static str,
+        /// Words of the system.
+        reason: String,
+        /// Limit to raise.
+        remedy: &'static str,
+    },
     /// Cyclone refused; its log says why.
     #[error(
         "CycloneDDS could not open domain {id}: {reason}; its log lines say why, CYCLONEDDS_URI is the usual cause"
@@ -76,6 +93,7 @@ impl DomainLease {
                 });
             }
             None => {
+                find_room()?;
                 let domain = Entity::domain(id, configuration).map_err(|code| {
                     if code.is_precondition() {
                         DomainError::Foreign { id }
@@ -104,6 +122,31 @@ impl Drop for DomainLease {
             }
         }
     }
+}
+
+/// Looks for what Cyclone takes and does not check, or cannot give back in order when it is refused.
+fn find_room() -> Result<(), DomainError> {
+    let no_room = |wanted, error: &std::io::Error, remedy| DomainError::NoRoom {
+        wanted,
+        reason: error.to_string(),
+        remedy,
+    };
+    let files: Result<Vec<_>, _> = (0..FILES).map(|_| std::fs::File::open("/dev/null")).collect();
+    let files = files.map_err(|error| no_room("12 files", &error, "ulimit -n"))?;
+    // All threads at once: each begins with waiting.
+    let gate = RwLock::new(());
+    let threads = std::thread::scope(|scope| {
+        let closed = gate.write();
+        let start = |_| {
+            let thread = std::thread::Builder::new().stack_size(STACK);
+            thread.spawn_scoped(scope, || drop(gate.read()))
+        };
+        let started: Result<Vec<_>, _> = (0..THREADS).map(start).collect();
+        drop(closed);
+        started.map(drop)
+    });
+    drop(files);
+    threads.map_err(|error| no_room("8 threads of 8 MiB", &error, "ulimit -u, ulimit -v"))
 }
 
 /// Says once what the kernel grants of the receive buffer we ask for: Cyclone does not tell.

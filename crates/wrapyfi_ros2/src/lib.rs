@@ -94,6 +94,7 @@ mod pacing;
 mod parameters;
 mod payload;
 mod peer_index;
+mod peer_names;
 mod publisher;
 mod receive_path;
 mod replays;
