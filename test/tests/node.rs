@@ -1,7 +1,7 @@
 //! The node executable as `ros2 run` starts it: ROS arguments decide name, namespace, topics and parameters.
 
 use serde_json::Value;
-use wrapyfi_e2e::{Need, Output, Result, Route, TestEnv, run, texts};
+use wrapyfi_e2e::{Need, Output, Result, Route, TestEnv, ros2, run, texts};
 
 const NEEDS: &[Need] = &[Need::Node, Need::Python];
 const NEEDS_ALL: &[Need] = &[Need::Node, Need::Program, Need::Python];
@@ -287,6 +287,19 @@ fn security_is_refused_or_warned_of_where_there_is_none() -> Result {
         enforced.exits_with(2)?;
         let said = enforced.tail();
         assert!(said.contains("ROS_SECURITY_STRATEGY=Enforce"), "{said}");
+        Ok(())
+    })
+}
+
+/// As any other setting that the program cannot have.
+#[test]
+fn a_configuration_of_cyclonedds_that_it_refuses_is_bad_usage() -> Result {
+    run("a_configuration_of_cyclonedds_that_it_refuses_is_bad_usage", &[Need::Program], |env| {
+        env.set_variable("WRAPYFI_ROS2_GRAPH", "cyclone");
+        env.set_variable("CYCLONEDDS_URI", "<CycloneDDS><Domain><Nonsense/></Domain></CycloneDDS>");
+        let mut echo = env.wrapyfi(["echo", &ros2(&env.topic("x")), "--type", "Text"])?;
+        echo.exits_with(2)?;
+        assert!(echo.stderr().contains("CYCLONEDDS_URI"), "{}", echo.stderr());
         Ok(())
     })
 }

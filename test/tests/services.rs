@@ -254,6 +254,22 @@ fn a_large_reply_of_fast_ddss_mapping_arrives() -> Result {
     })
 }
 
+#[test]
+fn a_request_comes_from_a_file() -> Result {
+    run("a_request_comes_from_a_file", NEEDS, |env| {
+        let set = env.topic("set");
+        let server = serve(env, &set, &["--type", "std_srvs/srv/SetBool", "--echo"])?;
+        let file = env.write("on.json", r#"{"data": true}"#)?.display().to_string();
+        reply(env, &set, &["--file", &file])?;
+        assert_eq!(server.objects(1)?[0]["value"], json!({"data": true}));
+        let file = env.write("wrong.json", r#"{"dat": true}"#)?.display().to_string();
+        let mut wrong = call(env, &set, &["--type", "std_srvs/srv/SetBool", "--file", &file])?;
+        wrong.exits_with(2)?;
+        assert!(wrong.stderr().contains("did you mean \"data\"?"), "{}", wrong.stderr());
+        server.terminate()
+    })
+}
+
 /// The last reply arrives though its server ends at once.
 #[test]
 fn a_reply_of_any_type_comes_from_a_file() -> Result {

@@ -288,8 +288,11 @@ pub struct CallArgs {
     pub definitions: Vec<PathBuf>,
     /// Fields of the request, where those that are left out have their default; the one argument of a
     /// function of Wrapyfi.
-    #[arg(long, value_name = "JSON", conflicts_with_all = ["args", "kwargs"])]
+    #[arg(long, value_name = "JSON", conflicts_with_all = ["args", "kwargs", "file"])]
     pub value: Option<String>,
+    /// The same from a file: .json, or .npy with an array for a function of Wrapyfi.
+    #[arg(long, value_name = "F", conflicts_with_all = ["args", "kwargs"])]
+    pub file: Option<PathBuf>,
     /// Arguments in order, as a JSON list: of a function of Wrapyfi, in Wrapyfi's dialect, or the first
     /// fields of the request.
     #[arg(long, value_name = "JSON")]

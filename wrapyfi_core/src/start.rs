@@ -195,7 +195,7 @@ mod ros2 {
     use super::{Builder, MiddlewareSettings, StartError, failed};
     use wrapyfi_node::NodeName;
     use wrapyfi_ros2::environment::{self, Environment};
-    use wrapyfi_ros2::{Adapter, CycloneConfig, JoinError, Ros2, join};
+    use wrapyfi_ros2::{Adapter, CycloneConfig, CycloneError, DomainError, JoinError, Ros2, join};
 
     /// Rule that gives a topic the name that it has for the node, or says what is wrong with it.
     type Remap = dyn Fn(&str) -> Result<String, String> + Send + Sync;
@@ -273,7 +273,14 @@ mod ros2 {
             let Self { cyclone, adapter, enclave, environment, remap } = self.clone();
             environment.log();
             let joined = join(&cyclone, &environment, adapter, &enclave);
-            let is_refused = |error: &JoinError| !matches!(error, JoinError::Cyclone(_));
+            let is_refused = |error: &JoinError| match error {
+                // With the user's own configuration, which nothing changes but the user.
+                JoinError::Cyclone(CycloneError::Domain(DomainError::Refused { .. })) => {
+                    cyclone.extra_uri.is_some()
+                }
+                JoinError::Cyclone(_) => false,
+                _ => true,
+            };
             let joined = joined.map_err(|error| failed(&error, is_refused(&error), false))?;
             Ok(Ros2::joined(joined, move |topic| remap(topic)))
         }

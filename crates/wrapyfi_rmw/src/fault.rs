@@ -29,6 +29,11 @@ pub enum SendFault {
 }
 
 impl Fault {
+    /// True where keys are asked for and there are none: no other middleware helps.
+    pub fn wants_keys(&self) -> bool {
+        self.operation == super::security::KEYS
+    }
+
     /// A fault that rmw has no words for.
     pub(crate) fn new(operation: &'static str, reason: impl Into<String>) -> Self {
         Self { operation, reason: reason.into() }

@@ -7,6 +7,9 @@ use std::path::{Path, PathBuf};
 
 use super::Fault;
 
+/// Variable that asks for keys, and operation of the fault where there are none.
+pub(crate) const KEYS: &str = "ROS_SECURITY_ENABLE";
+
 /// The keys that a node uses.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Keys {
@@ -22,7 +25,7 @@ impl Keys {
         variable: impl Fn(&str) -> Option<String>,
     ) -> Result<Option<Self>, Fault> {
         let is = |name: &str, wanted: &str| variable(name).is_some_and(|value| value == wanted);
-        if !is("ROS_SECURITY_ENABLE", "true") {
+        if !is(KEYS, "true") {
             return Ok(None);
         }
         let enforced = is("ROS_SECURITY_STRATEGY", "Enforce");
@@ -34,12 +37,27 @@ impl Keys {
         match folder {
             Some(folder) if folder.is_dir() => Ok(Some(Self { folder, enforced })),
             folder if enforced => {
-                let reason = match folder {
+                let keystore = told("ROS_SECURITY_KEYSTORE");
+                let at = keystore.as_deref().unwrap_or("KEYSTORE");
+                let reason = match &folder {
                     Some(folder) => format!("there are no keys in {}", folder.display()),
                     None => "ROS_SECURITY_KEYSTORE is not set".to_owned(),
                 };
-                let remedy = format!("ros2 security create_enclave KEYSTORE {enclave}");
-                Err(Fault::new("ROS_SECURITY_ENABLE", format!("{reason}: {remedy}")))
+                let mut remedy = vec![];
+                if !keystore.as_ref().is_some_and(|it| Path::new(it).is_dir()) {
+                    remedy.push(format!("`ros2 security create_keystore {at}`"));
+                }
+                remedy.push(format!("`ros2 security create_enclave {at} {enclave}`"));
+                if keystore.is_none() {
+                    remedy.push("`export ROS_SECURITY_KEYSTORE=KEYSTORE`".to_owned());
+                }
+                let remedy = remedy.join(", ");
+                Err(Fault::new(
+                    KEYS,
+                    format!(
+                        "{reason}, and ROS_SECURITY_STRATEGY=Enforce: {remedy}; or unset {KEYS}"
+                    ),
+                ))
             }
             _ => Ok(None),
         }
@@ -75,7 +93,17 @@ mod tests {
         assert_eq!(keys(&[on, at, other]), Ok(None));
         let said = keys(&[on, at, enforced, other]).unwrap_err();
         assert!(said.starts_with("ROS_SECURITY_ENABLE: there are no keys in "), "{said}");
-        assert!(keys(&[on, enforced]).unwrap_err().contains("ROS_SECURITY_KEYSTORE is not set"));
+        let create = format!("`ros2 security create_enclave {store_text} /other`");
+        assert!(said.contains(&create) && !said.contains("create_keystore"), "{said}");
+        let said = keys(&[on, enforced]).unwrap_err();
+        for words in [
+            "ROS_SECURITY_KEYSTORE is not set",
+            "`ros2 security create_keystore KEYSTORE`",
+            "`ros2 security create_enclave KEYSTORE /lab/arm`",
+            "`export ROS_SECURITY_KEYSTORE=KEYSTORE`",
+        ] {
+            assert!(said.contains(words), "{words}: {said}");
+        }
         std::fs::remove_dir_all(store).unwrap();
     }
 }

@@ -42,6 +42,9 @@ pub enum JoinError {
         "the middleware of ROS 2 could not create the node: {0}; install the one that RMW_IMPLEMENTATION names, name another, or set WRAPYFI_ROS2_GRAPH=cyclone"
     )]
     Rmw(String),
+    /// Keys are enforced, and there are none; the text says how they are made.
+    #[error("{0}")]
+    WithoutKeys(String),
     /// The program was built without the feature `rmw`; the text says who asked for it.
     #[error(
         "{0} asks for the middleware of ROS 2, which this program was built without: {build}",
@@ -166,7 +169,10 @@ fn loads_cyclone() -> Result<bool, JoinError> {
 
 #[cfg(feature = "rmw")]
 fn on_rmw(config: &CycloneConfig, reason: &str, enclave: &str) -> Result<Joined, JoinError> {
-    let refused = |fault: wrapyfi_rmw::Fault| JoinError::Rmw(fault.to_string());
+    let refused = |fault: wrapyfi_rmw::Fault| match fault.wants_keys() {
+        true => JoinError::WithoutKeys(fault.to_string()),
+        false => JoinError::Rmw(fault.to_string()),
+    };
     let rmw = wrapyfi_rmw::implementation().map_err(refused)?;
     tracing::info!(
         domain = config.domain_id,

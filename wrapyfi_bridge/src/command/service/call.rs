@@ -5,9 +5,9 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
 use wrapyfi_data::Limits;
-use wrapyfi_data::types::{Map, Payload, ServiceKind, Value, fields_of_call};
+use wrapyfi_data::types::{Map, MessageType, Payload, ServiceKind, Value, fields_of_call};
 use wrapyfi_endpoint::{
-    Call, CallError, Context, LearnError, Middleware, Role as EndpointRole, ServiceSpec,
+    Call, CallError, Context, LearnError, Middleware, Role as EndpointRole, ServiceSpec, TopicSpec,
 };
 use wrapyfi_yarp_endpoint as yarp;
 
@@ -18,10 +18,10 @@ use crate::command::definitions;
 use crate::describe::{describe, summary};
 use crate::exit::{Failure, Result};
 use crate::middlewares::{Role, for_service, is_ros};
-use crate::output;
 use crate::shutdown::Shutdown;
 use crate::why::question::inactive_at;
 use crate::words::words;
+use crate::{input, output};
 
 /// Calls once and prints the reply.
 ///
@@ -96,9 +96,18 @@ fn called(args: &CallArgs, shutdown: &Shutdown) -> Result<()> {
 
 /// The request that the command line gives: fields, or what a function is called with.
 fn request(args: &CallArgs) -> Result<Call> {
-    match &args.value {
-        Some(text) => Ok(Call { args: vec![value("--value", text)?], kwargs: Map::new() }),
-        None => Ok(Call {
+    let only = |value| Call { args: vec![value], kwargs: Map::new() };
+    match (&args.value, &args.file) {
+        (Some(text), _) => Ok(only(value("--value", text)?)),
+        (None, Some(file)) => {
+            let spec = TopicSpec::new(&args.endpoint.name, MessageType::NativeObject);
+            match input::from_file(file, &spec) {
+                Ok(Payload::NativeObject(object)) => Ok(only(object.value)),
+                Ok(_) => Err(Failure::Usage(format!("{} holds no value", file.display()))),
+                Err(error) => Err(Failure::usage(format!("{error:#}"))),
+            }
+        }
+        (None, None) => Ok(Call {
             args: arguments("--args", args.args.as_deref())?,
             kwargs: keywords("--kwargs", args.kwargs.as_deref())?,
         }),
