@@ -271,7 +271,7 @@ fn what_the_program_has_about_itself_gets_no_route() {
     let mut bench = Bench::new(&["from: 'a:/(.*)', to: 'b:/$1'", "from: 'b:/(.*)', to: 'a:/$1'"]);
     let own = ["b:/bridge/status".parse().unwrap()];
     bench.engine = bench.engine.with_own(own);
-    let _here = [("/bridge/status"), ("/bridge/other")]
+    let _here = ["/bridge/status", "/bridge/other"]
         .map(|name| publisher(&bench.a, name, MessageType::NativeObject));
     let _own = publisher(&bench.b, "/bridge/status", MessageType::NativeObject);
     bench.run(3 * SECOND);
