@@ -195,7 +195,7 @@ def frame_facts(frame):
                   "columns_type": f"{type(frame.columns).__name__} {frame.columns.dtype} {frame.columns.name}",
                   "index": [str(label) for label in index], "index_type": f"{type(index).__name__} {index.dtype} {index.name}",
                   "names": [str(name) for name in [*index.names, *frame.columns.names]], "freq": str(getattr(index, "freqstr", None)),
-                  "values": [[repr(value) for value in frame[label].tolist()] for label in frame.columns]})
+                  "values": [[repr(value) for value in frame.iloc[:, place].tolist()] for place in range(frame.shape[1])]})
 
 
 @case(plugin="pandas_data")
@@ -284,6 +284,17 @@ class PandasLevels:
         rows = pandas.MultiIndex.from_tuples([("a", 1, "2024-01"), ("b", seq, None), ("a", 3, "2024-02")], names=["x", None, "month"])
         columns = pandas.MultiIndex.from_tuples([("left", 1), ("left", 2), ("right", 1)], names=["side", "n"])
         return pandas.DataFrame([[1, 2.5, "u"], [3, 4.5, "v"], [seq, 0.5, None]], index=rows, columns=columns)
+
+
+@case(plugin="pandas_data")
+class PandasTwice:
+    """Two columns of one label."""
+    facts = staticmethod(frame_facts)
+
+    @staticmethod
+    def make(seq):
+        import pandas
+        return pandas.DataFrame([[seq, "x"], [2, None]], columns=pandas.Index(["a", "a"], name="label"))
 
 
 @case(plugin="pandas_data")

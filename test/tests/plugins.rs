@@ -210,6 +210,7 @@ travels! {
     pandas_zones_and_periods_travel: "pandas", "pandastimes" as "table";
     pandas_regular_times_travel: "pandas", "pandasfreq" as "table";
     pandas_labels_of_several_levels_travel: "pandas", "pandaslevels" as "table";
+    pandas_labels_that_are_equal_travel: "pandas", "pandastwice" as "table";
     pyarrow_structs_travel: "pyarrow", "arrowstruct" as "table";
     pyarrow_lists_travel: "pyarrow", "arrowlist" as "table";
     pyarrow_scalars_travel: "pyarrow", "arrowscalar" as "table";
@@ -233,6 +234,8 @@ travels_from_ros! {
     pillow_images_travel_from_ros: "PIL", "pillowrgb";
     pandas_frames_travel_from_ros: "pandas", "pandasframe";
     pandas_frames_of_every_type_travel_from_ros: "pandas", "pandastypes";
+    pandas_labels_of_several_levels_travel_from_ros: "pandas", "pandaslevels";
+    pandas_labels_that_are_equal_travel_from_ros: "pandas", "pandastwice";
     pandas_series_travel_from_ros: "pandas", "pandasseries";
     pandas_indices_travel_from_ros: "pandas", "pandasindex";
     pyarrow_arrays_travel_from_ros: "pyarrow", "arrowarray";

@@ -193,7 +193,8 @@ def write(value):
     elif isinstance(value, pandas.DataFrame):
         kind, index, names = "DataFrame", value.index, value.columns.names
         columns, labels = [value.iloc[:, n].array for n in range(value.shape[1])], value.columns.tolist()
-        names = list(names) if isinstance(value.columns, pandas.MultiIndex) else names[0]
+        # As the bridge has it: a list of names would be a label of that type.
+        names = tuple(names) if isinstance(value.columns, pandas.MultiIndex) else names[0]
     else:
         return None
     if getattr(value, "attrs", None):

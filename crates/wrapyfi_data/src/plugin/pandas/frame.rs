@@ -239,7 +239,12 @@ impl Frame {
         if kind != Kind::Index && index.len() != table.batch.num_rows() && !columns.is_empty() {
             return Err(wrong("index", &format!("{} labels for {rows} rows", index.len())));
         }
-        Ok(Self { kind, index, columns, columns_name: name("columns_name")? })
+        // Names of several levels are a tuple, as pandas has them; a list is taken for one.
+        let columns_name = match name("columns_name")? {
+            Value::List(names) => Value::Tuple(names),
+            other => other,
+        };
+        Ok(Self { kind, index, columns, columns_name })
     }
 }
 

@@ -14,7 +14,9 @@ type Result<T> = std::result::Result<T, PickleError>;
 pub(super) fn frame(node: &Node<'_>, budget: &Budget) -> Result<Frame> {
     let call = node.any_call()?;
     match call.global().name {
-        "DataFrame" if call.find_state().is_none() => constructed_frame(node, &call, budget),
+        "DataFrame" if call.find_state().is_none_or(|state| relabelled(&state).is_some()) => {
+            constructed_frame(node, &call, budget)
+        }
         "Series" if call.find_state().is_none() => constructed_series(node, &call, budget),
         "DataFrame" => data_frame(node, &call, budget),
         "Series" => series(node, &call, budget),
@@ -132,8 +134,23 @@ fn constructed_frame(node: &Node<'_>, call: &PickleCall<'_>, budget: &Budget) ->
         }
         Ok(Column { label, dtype, array })
     });
-    let columns = columns.collect::<Result<Vec<_>>>()?;
+    let mut columns = columns.collect::<Result<Vec<_>>>()?;
+    let Some(relabelled) = call.find_state().and_then(|state| relabelled(&state)) else {
+        return Ok(Frame { kind: Kind::Frame, index, columns, columns_name });
+    };
+    let (names, columns_name) = axis(&relabelled, budget)?;
+    if names.len() != columns.len() {
+        return Err(relabelled.unexpected(format!("labels of {} columns", columns.len())));
+    }
+    for (column, label) in columns.iter_mut().zip(names) {
+        column.label = label;
+    }
     Ok(Frame { kind: Kind::Frame, index, columns, columns_name })
+}
+
+/// Labels that a frame is given after it was made, because some are equal.
+fn relabelled<'a>(state: &Node<'a>) -> Option<Node<'a>> {
+    state.dict().ok()?.find("columns")
 }
 
 /// `pandas.Series(values, index, dtype, name)`.

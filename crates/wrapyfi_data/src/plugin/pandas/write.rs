@@ -2,6 +2,7 @@
 //!
 //! ```text
 //!   pandas.DataFrame({label: pandas.Series(values, index), …}, index, columns)
+//!   pandas.DataFrame({0: …, 1: …}, index, range) and state {_typ, columns}, where two labels are equal
 //!   pandas.Series(values, index, None, name)
 //!   pandas.Index(values, None, False, name) · pandas.RangeIndex(start, stop, step, None, False, name)
 //!   pandas.MultiIndex.from_tuples(labels of columns, None, names)
@@ -50,22 +51,17 @@ pub(super) fn frame(to: &mut Writer, frame: &Frame) -> Result {
 
 fn data_frame(to: &mut Writer, frame: &Frame, columns: &[Column]) -> Result {
     let mut seen = HashSet::new();
-    for column in columns {
-        let key = json::encode(&column.label).unwrap_or_default();
-        if !seen.insert(key) {
-            return Err(PluginError::unsupported(
-                format!("a data frame with two columns labelled {:?}", column.label),
-                "give the columns different labels",
-            ));
-        }
-    }
+    let is_dict = columns.iter().all(|it| seen.insert(json::encode(&it.label).unwrap_or_default()));
     // The index is written first, put into the memo, and popped.
     index(to, &frame.index)?;
     let rows = to.remember();
     to.pop().global("pandas", "DataFrame").mark();
     to.mark();
-    for column in columns {
-        label(to, &column.label)?;
+    for (column, number) in columns.iter().zip(0..) {
+        match is_dict {
+            true => label(to, &column.label)?,
+            false => _ = to.int(number),
+        }
         to.global("pandas", "Series").mark();
         values(to, column)?;
         to.recall(rows);
@@ -74,8 +70,17 @@ fn data_frame(to: &mut Writer, frame: &Frame, columns: &[Column]) -> Result {
     }
     to.dict_since_mark();
     to.recall(rows);
+    if is_dict {
+        labels(to, frame, columns)?;
+        to.tuple_since_mark().reduce();
+        return Ok(());
+    }
+    // A dict has no key twice: the columns are numbered, and are given their labels by the state.
+    range(to, 0, i64::try_from(columns.len()).unwrap_or(i64::MAX), 1, &Value::Null)?;
+    to.tuple_since_mark().reduce().mark();
+    to.str("_typ").str("dataframe").str("columns");
     labels(to, frame, columns)?;
-    to.tuple_since_mark().reduce();
+    to.dict_since_mark().build();
     Ok(())
 }
 
