@@ -8,7 +8,6 @@
 //! | `.jpg`, `.jpeg` | image, compressed as it is |
 //! | `.wav` | sound, the whole file in one chunk |
 
-use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
@@ -21,6 +20,8 @@ use wrapyfi_data::types::{
 };
 use wrapyfi_endpoint::TopicSpec;
 use wrapyfi_endpoint::codec::{self, npy::NpyArray};
+
+use crate::files::open;
 
 /// The payload that `text`, JSON in Wrapyfi's dialect, describes.
 ///
@@ -109,7 +110,7 @@ fn image(raw: RawPixels) -> Payload {
 
 fn read(path: &Path, limits: &Limits) -> anyhow::Result<Bytes> {
     let name = path.display();
-    let file = File::open(path).with_context(|| format!("cannot open {name}"))?;
+    let file = open(path).with_context(|| format!("cannot open {name}"))?;
     let limit = limits.message_bytes as u64;
     let mut content = Vec::new();
     file.take(limit + 1)
@@ -132,7 +133,7 @@ fn array(path: &Path, spec: &TopicSpec) -> anyhow::Result<Value> {
 
 fn png(path: &Path, limits: &Limits) -> anyhow::Result<RawPixels> {
     let name = path.display();
-    let file = BufReader::new(File::open(path).with_context(|| format!("cannot open {name}"))?);
+    let file = BufReader::new(open(path).with_context(|| format!("cannot open {name}"))?);
     let mut decoder =
         png::Decoder::new_with_limits(file, png::Limits { bytes: limits.message_bytes });
     decoder.set_transformations(png::Transformations::EXPAND | png::Transformations::STRIP_16);

@@ -73,6 +73,7 @@ pub fn start_as(logger: &str, level: LevelFilter, levels: &LogLevels, stdout: bo
         given => severity(given),
     };
     let rust_log = std::env::var(EnvFilter::DEFAULT_ENV).unwrap_or_default();
+    let unknown: Vec<_> = unknown_words(&rust_log).map(str::to_owned).collect();
     let (by_target, reload) = reload::Layer::new(EnvFilter::default());
     let levels = Arc::new(Levels {
         own: RwLock::new((level, levels.clone())),
@@ -92,6 +93,11 @@ pub fn start_as(logger: &str, level: LevelFilter, levels: &LogLevels, stdout: bo
             PANICS.fetch_add(1, Relaxed);
             tracing::error!("{panic}");
         }));
+        for word in unknown {
+            tracing::warn!(
+                "RUST_LOG: {word:?} is no level (off, error, warn, info, debug, trace), and is taken for a module's name"
+            );
+        }
     }
 }
 
@@ -273,13 +279,32 @@ impl<S: Subscriber> Layer<S> for Output {
 fn filter(level: LevelFilter, rust_log: &str) -> EnvFilter {
     const TALKATIVE: &str = "rustdds";
     const SENDER: &str = "rustdds::network::udp_sender";
-    let filter = EnvFilter::builder().with_default_directive(level.into()).parse_lossy(rust_log);
+    // A module alone would turn all others off, with their warnings.
+    let has_level = words_of(rust_log).any(|word| word.parse::<LevelFilter>().is_ok());
+    let filter = EnvFilter::builder().parse_lossy(if has_level {
+        rust_log.to_owned()
+    } else {
+        format!("{level},{rust_log}")
+    });
     if rust_log.contains(TALKATIVE) {
         return filter;
     }
     let quiet = |name: &str, most: LevelFilter| format!("{name}={}", level.min(most)).parse().ok();
     let directives = [quiet(TALKATIVE, LevelFilter::WARN), quiet(SENDER, LevelFilter::ERROR)];
     directives.into_iter().flatten().fold(filter, EnvFilter::add_directive)
+}
+
+fn words_of(rust_log: &str) -> impl Iterator<Item = &str> {
+    rust_log.split(',').map(str::trim).filter(|word| !word.is_empty())
+}
+
+/// Words of `RUST_LOG` that are neither a level nor look like the name of a module.
+fn unknown_words(rust_log: &str) -> impl Iterator<Item = &str> {
+    words_of(rust_log).filter(|word| {
+        word.parse::<LevelFilter>().is_err()
+            && !word.contains(['=', ':', '[', ']', '}'])
+            && !["wrapyfi", "rustdds"].iter().any(|known| word.starts_with(known))
+    })
 }
 
 /// The parts of an event in the order in which they are printed.
@@ -385,5 +410,20 @@ mod tests {
         assert_eq!(words(LevelFilter::OFF, ""), ["off", &sender("off"), "rustdds=off"]);
         assert_eq!(words(LevelFilter::INFO, "debug"), ["debug", &sender("error"), "rustdds=warn"]);
         assert_eq!(words(LevelFilter::INFO, "rustdds=info,warn"), ["rustdds=info", "warn"]);
+    }
+
+    #[test]
+    fn a_module_in_rust_log_leaves_the_level_of_the_others() {
+        for (rust_log, level) in [
+            ("wrapyfi_zeromq=debug", "info"),
+            ("banana", "info"),
+            ("wrapyfi_zeromq=debug,warn", "warn"),
+            ("off", "off"),
+        ] {
+            let filter = filter(LevelFilter::INFO, rust_log).to_string();
+            assert!(filter.split(',').any(|word| word == level), "{rust_log}: {filter}");
+        }
+        let unknown = |text| unknown_words(text).collect::<Vec<_>>();
+        assert_eq!(unknown("banana, Warn,wrapyfi_ros2,hyper=info,3"), ["banana"]);
     }
 }

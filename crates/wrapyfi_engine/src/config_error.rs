@@ -105,14 +105,27 @@ impl Problem {
             }
             Error::SerdeInvalidType { unexpected, expected, .. }
             | Error::SerdeInvalidValue { unexpected, expected, .. } => {
-                format!("found {unexpected}, expected {expected}")
+                // What the reader calls a value whose place it remembers.
+                match expected.contains("span-aware") {
+                    true => format!("{unexpected} is no value of this key"),
+                    false => format!("found {unexpected}, expected {expected}"),
+                }
             }
-            other => in_words(&other.render()),
+            other => in_words(other),
         };
-        // The text of the line helps more than its number.
         let line = position
             .and_then(|(line, _)| text.lines().nth(usize::try_from(line).ok()?.checked_sub(1)?))
-            .map(|line| format!(", in `{}`", line.trim().chars().take(80).collect::<String>()))
+            .map(str::trim)
+            .filter(|line| !line.is_empty());
+        let message = match line {
+            Some(line) if line.contains("!!binary") => {
+                "`!!binary` has no place in a configuration: write the text itself".to_owned()
+            }
+            _ => message,
+        };
+        // The text of the line helps more than its number.
+        let line = line
+            .map(|line| format!(", in `{}`", line.chars().take(80).collect::<String>()))
             .unwrap_or_default();
         let example = key
             .filter(|_| is_of_key)
@@ -149,8 +162,29 @@ pub(super) fn example(key: &str) -> Option<&'static str> {
     })
 }
 
-/// The parser's first line without its position, and without Rust's names for numbers.
-fn in_words(text: &str) -> String {
+/// The parser's first line without its position, and without its names for what a user writes.
+fn in_words(error: &serde_saphyr::Error) -> String {
+    use serde_saphyr::Error;
+    let text = match error {
+        Error::Eof { .. } => {
+            return format!(
+                "no configuration is written here; the shortest one is `routes: {}`",
+                "[{ from: \"zeromq:/a\", to: \"ros2:/a\", type: Text }]"
+            );
+        }
+        Error::RecursiveReferencesRequireWeakTypes { .. } => {
+            return "the value contains itself: `*` may name only what ends before it".to_owned();
+        }
+        Error::UnknownAnchor { .. } => {
+            return "`*` names a value that nothing above it names with `&`".to_owned();
+        }
+        Error::TaggedScalarCannotDeserializeIntoString { .. } | Error::UnsupportedTag { .. } => {
+            return "a tag (`!`) has no place in a configuration: write the value without it"
+                .to_owned();
+        }
+        Error::Unexpected { expected: "string scalar", .. } => "expected a text".to_owned(),
+        other => other.render_with_formatter(&serde_saphyr::UserMessageFormatter),
+    };
     let text = text.lines().next().unwrap_or_default();
     let text = text.split_once(" at line ").map_or(text, |(text, _)| text);
     match text {
@@ -162,6 +196,37 @@ fn in_words(text: &str) -> String {
         "invalid boolean" => "expected true or false".to_owned(),
         "expected mapping start" => "expected keys with values".to_owned(),
         "expected sequence start" => "expected a list".to_owned(),
+        "recursion limit exceeded" => "lists and keys stand too deep inside each other".to_owned(),
         _ => text.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::super::config::Config;
+
+    #[test]
+    fn faults_of_yaml_are_told_in_words_of_a_user() {
+        let deep = format!("routes: {}", "[".repeat(5000));
+        for (text, words) in [
+            ("", "no configuration is written here"),
+            ("# to do\n", "no configuration is written here"),
+            ("routes: &r [*r]", "the value contains itself"),
+            ("routes: *r", "`*` names a value that nothing above it names"),
+            ("routes: !!binary aGVsbG8=", "`!!binary` has no place"),
+            ("routes: !!binary ???", "`!!binary` has no place"),
+            ("routes:\n- from: !!binary /w==\n", "`!!binary` has no place"),
+            ("? [a]\n: b", "expected a text"),
+            (&deep, "lists and keys stand too deep inside each other"),
+        ] {
+            let error = Config::<BTreeMap<String, String>>::from_yaml(text, "file").unwrap_err();
+            let told = error.to_string();
+            assert!(told.contains(words), "{text:.40}: {told}");
+            for jargon in ["serial", "recursi", "span", "scalar", "weak", "enum", "input"] {
+                assert!(!told.contains(jargon), "{text:.40}: {told}");
+            }
+        }
     }
 }

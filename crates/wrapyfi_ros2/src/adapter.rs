@@ -56,6 +56,16 @@ pub enum JoinError {
         "ROS_SECURITY_ENABLE=true with ROS_SECURITY_STRATEGY=Enforce asks for keys, which CycloneDDS inside this program cannot use: {0}; or unset ROS_SECURITY_ENABLE"
     )]
     NoKeys(&'static str),
+    /// This machine has no such interface.
+    #[error(
+        "endpoints.ros2.interface: this machine has no network interface {name:?}; it has {}", there.join(", ")
+    )]
+    NoInterface {
+        /// Name that is configured.
+        name: String,
+        /// Names that there are.
+        there: Vec<String>,
+    },
 }
 
 /// A node on the graph.
@@ -135,7 +145,23 @@ fn check_security(security: Security, enclave: &str) -> Result<(), JoinError> {
     Ok(())
 }
 
+/// Refuses an interface that does not exist, of which CycloneDDS says no more than that it could not open the domain.
+fn check_interface(config: &CycloneConfig) -> Result<(), JoinError> {
+    let (Some(name), Ok(listed)) = (&config.interface, std::fs::read_dir("/sys/class/net")) else {
+        return Ok(());
+    };
+    let names = listed.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+    let mut there: Vec<String> = names.collect();
+    // CycloneDDS takes the address of an interface as well.
+    if there.contains(name) || name.parse::<std::net::IpAddr>().is_ok() {
+        return Ok(());
+    }
+    there.sort();
+    Err(JoinError::NoInterface { name: name.clone(), there })
+}
+
 fn on_cyclone(config: &CycloneConfig, reason: &str) -> Result<Joined, JoinError> {
+    check_interface(config)?;
     tracing::info!(
         domain = config.domain_id,
         range = ?config.discovery_range,
@@ -214,6 +240,17 @@ mod tests {
             assert!(said.starts_with(asked_by), "{said}");
             assert!(said.contains("colcon build --packages-up-to wrapyfi_bridge"), "{said}");
         }
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn an_interface_that_does_not_exist_is_named_with_those_that_do() {
+        let mut config = CycloneConfig::loopback(NodeName::new("n", "/").unwrap(), 0);
+        config.interface = Some("eth99".to_owned());
+        let error = join(&config, &environment::read(|_| None).unwrap(), None, "/").err().unwrap();
+        let said = error.to_string();
+        assert!(said.contains("no network interface \"eth99\"; it has "), "{said}");
+        assert!(said.contains("lo"), "{said}");
     }
 
     #[test]

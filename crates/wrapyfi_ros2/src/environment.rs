@@ -199,6 +199,20 @@ pub enum EnvironmentError {
     /// Neither of the two adapters.
     #[error("WRAPYFI_ROS2_GRAPH={0} is neither cyclone nor rmw")]
     UnknownGraph(String),
+    /// A word for keys that ROS 2 takes for none.
+    #[error(
+        "{variable}={value:?} is no word that ROS 2 knows, and its nodes would start unprotected: write {variable}={word}, or {other}"
+    )]
+    SecurityWord {
+        /// Name of the variable.
+        variable: &'static str,
+        /// Value that it has.
+        value: String,
+        /// Value that is meant.
+        word: &'static str,
+        /// Value that turns it off.
+        other: &'static str,
+    },
 }
 
 /// Reads the variables through `lookup`, for instance `|name| std::env::var(name).ok()`.
@@ -221,20 +235,43 @@ pub fn read(lookup: impl Fn(&str) -> Option<String>) -> Result<Environment, Envi
         means_rmw: rmw.as_ref().map_or(distro.is_some(), |rmw| rmw != "rmw_cyclonedds_cpp"),
         stack_reason: stack_reason(rmw.as_deref(), distro.as_deref()),
         graph: graph.transpose()?,
-        security: security(&set),
+        security: security(&set, &mut warnings)?,
         warnings,
     })
 }
 
-/// As rcl reads it: any other word than `true` is off, any other strategy than `Enforce` permissive.
-fn security(set: &impl Fn(&str) -> Option<String>) -> Security {
-    let is = |name: &str, wanted: &str| set(name).is_some_and(|value| value == wanted);
-    match (is("ROS_SECURITY_ENABLE", "true"), is("ROS_SECURITY_STRATEGY", "Enforce")) {
-        (false, _) => Security::Off,
-        (true, false) => Security::Permissive,
-        (true, true) => Security::Enforce,
+/// Keys that are asked for. rcl knows the words `true` and `Enforce` alone, and takes every other for off and
+/// permissive: there a node of `TRUE` with `Enforce` starts unprotected. Such a word is refused here.
+fn security(
+    set: &impl Fn(&str) -> Option<String>,
+    warnings: &mut Vec<String>,
+) -> Result<Security, EnvironmentError> {
+    let refused = |variable, value, word, other| {
+        Err(EnvironmentError::SecurityWord { variable, value, word, other })
+    };
+    let strategy = set("ROS_SECURITY_STRATEGY").unwrap_or_default();
+    let is_enforced = strategy.trim().eq_ignore_ascii_case("Enforce");
+    match set("ROS_SECURITY_ENABLE") {
+        Some(on) if on == "true" => match &*strategy {
+            "Enforce" => Ok(Security::Enforce),
+            "" => Ok(Security::Permissive),
+            other if other.eq_ignore_ascii_case("Permissive") => Ok(Security::Permissive),
+            _ => refused("ROS_SECURITY_STRATEGY", strategy, "Enforce", "Permissive"),
+        },
+        None => Ok(Security::Off),
+        Some(off) if OFF.iter().any(|word| off.eq_ignore_ascii_case(word)) => Ok(Security::Off),
+        Some(unknown) if is_enforced => refused("ROS_SECURITY_ENABLE", unknown, "true", "false"),
+        Some(unknown) => {
+            warnings.push(format!(
+                "ROS_SECURITY_ENABLE={unknown:?} has no effect, as in every ROS 2 node: the word is true"
+            ));
+            Ok(Security::Off)
+        }
     }
 }
+
+/// Words by which `ROS_SECURITY_ENABLE` is meant to be off.
+const OFF: [&str; 4] = ["false", "0", "no", "off"];
 
 fn domain_id(value: Option<String>) -> Result<u32, EnvironmentError> {
     let Some(text) = value else { return Ok(0) };
@@ -411,16 +448,34 @@ mod tests {
     }
 
     #[test]
-    fn security_is_read_as_rcl_reads_it() {
+    fn security_is_read_as_rcl_reads_it_and_fails_closed() {
         let read = |enable, strategy| {
             let pairs = [("ROS_SECURITY_ENABLE", enable), ("ROS_SECURITY_STRATEGY", strategy)];
-            with(&pairs).unwrap().security
+            with(&pairs)
         };
-        assert_eq!(read("", "Enforce"), Security::Off);
-        assert_eq!(read("TRUE", "Enforce"), Security::Off);
-        assert_eq!(read("true", ""), Security::Permissive);
-        assert_eq!(read("true", "enforce"), Security::Permissive);
-        assert_eq!(read("true", "Enforce"), Security::Enforce);
+        for (enable, strategy, expected) in [
+            ("", "Enforce", Security::Off),
+            ("False", "Enforce", Security::Off),
+            ("0", "Enforce", Security::Off),
+            ("true", "", Security::Permissive),
+            ("true", "permissive", Security::Permissive),
+            ("true", "Enforce", Security::Enforce),
+        ] {
+            assert_eq!(read(enable, strategy).unwrap().security, expected, "{enable} {strategy}");
+        }
+        for (enable, strategy, variable) in [
+            ("TRUE", "Enforce", "ROS_SECURITY_ENABLE=\"TRUE\""),
+            ("1", "enforce", "ROS_SECURITY_ENABLE=\"1\""),
+            ("true ", "Enforce", "ROS_SECURITY_ENABLE=\"true \""),
+            ("true", "enforce", "ROS_SECURITY_STRATEGY=\"enforce\""),
+            ("true", "Strict", "ROS_SECURITY_STRATEGY=\"Strict\""),
+        ] {
+            let told = read(enable, strategy).unwrap_err().to_string();
+            assert!(told.starts_with(variable), "{told}");
+        }
+        let open = read("TRUE", "").unwrap();
+        assert_eq!(open.security, Security::Off);
+        assert!(open.warnings[0].contains("the word is true"), "{:?}", open.warnings);
     }
 
     #[test]

@@ -168,6 +168,14 @@ impl Supervised for ServiceBroker {
     }
 
     fn start_with(config: &ZeroMqConfig, ledger: &Arc<Ledger>) -> Result<Self, BrokerError> {
+        // The broker of topics is a program of its own to this one: it would be asked to stop.
+        for (topics, topics_port) in Broker::SETTINGS.into_iter().zip(Broker::ports(config)) {
+            for (name, port) in Self::SETTINGS.into_iter().zip(Self::ports(config)) {
+                if port == topics_port && port != 0 {
+                    return Err(BrokerError::SamePort { port, names: [topics, name] });
+                }
+            }
+        }
         let depth = u16::try_from(config.pending.max(1)).unwrap_or(u16::MAX);
         // What a client does not read waits behind that, in the thread of the broker.
         let (ports, bound) = BrokerPorts::bind::<Self>(config, [SEND_HWM, depth], None, ledger)?;

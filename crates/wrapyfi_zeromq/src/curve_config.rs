@@ -187,8 +187,9 @@ pub enum CurveError {
     Twice(String),
     /// A broker runs here, and has no key that stays.
     #[error(
-        "a broker with CURVE needs `secret_key_file`; a program that only connects says `server_key`, the public key \
-         of the broker"
+        "CURVE is asked for and the broker runs here: name the file with its secret key, `secret_key_file` \
+         (WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE); where the broker is another program, write `broker: foreign` \
+         (WRAPYFI_ZEROMQ_START_PROXY_BROKER=False)"
     )]
     NoSecretKey,
     /// The broker that would run here has another key than clients are told.

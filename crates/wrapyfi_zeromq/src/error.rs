@@ -12,7 +12,7 @@ use wrapyfi_endpoint::network::ReachedByOthers;
 /// use wrapyfi_zeromq::{Broker, ZeroMqConfig};
 /// let same = ZeroMqConfig { pub_port: 5557, sub_port: 5557, ..ZeroMqConfig::default() };
 /// let error = Broker::start(&same).err().unwrap();
-/// assert!(error.to_string().ends_with("are both 5557: give the two sides of the broker two ports"));
+/// assert!(error.to_string().ends_with("are both 5557: give each a port of its own"));
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
@@ -42,8 +42,8 @@ pub enum BrokerError {
     /// The address belongs to another machine.
     #[error("{0} is not an address of this machine: run the broker there and only connect here")]
     NotHere(IpAddr),
-    /// Both sides on one port.
-    #[error("{} and {} are both {port}: give the two sides of the broker two ports", names[0], names[1])]
+    /// Two sides on one port.
+    #[error("{} and {} are both {port}: give each a port of its own", names[0], names[1])]
     SamePort {
         /// The port.
         port: u16,

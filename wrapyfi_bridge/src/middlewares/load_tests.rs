@@ -176,6 +176,10 @@ fn settings_that_no_middleware_starts_with_are_refused_with_their_line() {
         ("ros: { node: 1x }", "node: wrapyfi_bridge"),
         ("ros: { namespace: 'a b' }", "namespace: /robot"),
         ("zeromq: { pub_port: 5555, sub_port: 5555 }", "both 5555"),
+        (
+            "zeromq: { rep_port: 5555 }",
+            "pub_port and rep_port are both 5555: give each a port of its own, such as rep_port: 5557",
+        ),
         ("zeromq: { ip: '10.0.0.5:5555' }", "write ports as pub_port"),
     ] {
         let route = "routes:\n- {from: 'zeromq:/a', to: 'ros2:/a', type: Text}\n";

@@ -13,6 +13,7 @@ use wrapyfi_ros1::{self as ros1, Ros1Config};
 
 use super::word::Word;
 use crate::exit::{Failure, Result};
+use crate::files::read_file;
 
 /// The middleware as routes and commands address it, with its rules for topics.
 pub(super) const AVAILABLE: Available<'static> = Available {
@@ -53,12 +54,10 @@ impl Ros1Section {
                 Problem::at(file.referenced, text)
             };
             let path = folder.join(&file.value);
-            let size = std::fs::metadata(&path).map_err(|error| wrong(&error))?.len();
-            if size > MAX_CONFIG_BYTES as u64 {
-                let text = format!("{size} bytes long, the limit is {MAX_CONFIG_BYTES}");
-                return Err(wrong(&text));
+            let text = read_file(&path).map_err(|error| wrong(&error))?;
+            if text.len() > MAX_CONFIG_BYTES {
+                return Err(wrong(&format!("the limit is {MAX_CONFIG_BYTES} bytes")));
             }
-            let text = std::fs::read_to_string(&path).map_err(|error| wrong(&error))?;
             let rules: Option<Rules> =
                 serde_saphyr::from_str(&text).map_err(|error| wrong(&error))?;
             self.rules = std::mem::take(&mut self.rules).then(rules.unwrap_or_default());

@@ -179,18 +179,23 @@ impl ZeroMqSection {
         }
         let mut config = of_environment()?;
         self.say_ports(&mut config);
-        for pair in self.ports(&mut config).chunks_exact(2) {
-            let [(one, port, first), (other, same, second)] = pair else { continue };
-            if let Some(written) = second.or(*first)
-                && port == same
-                && **port != 0
-            {
-                let text = format!(
-                    "{one} and {other} are both {port}: give the two sides of the broker two ports, such as \
-                     {other}: {}",
-                    port.checked_add(1).unwrap_or(**port - 1)
-                );
-                return Err(Problem::at(written.referenced, text));
+        let ports = self.ports(&mut config);
+        for (at, (other, same, second)) in ports.iter().enumerate() {
+            for (before, (one, port, first)) in ports.iter().enumerate().take(at) {
+                // Of the default ports for services nothing is known that they are used.
+                let first = first.filter(|_| before / 2 == at / 2);
+                if let Some(written) = second.or(first)
+                    && port == same
+                    && **port != 0
+                {
+                    let taken: Vec<u16> = ports.iter().map(|(_, port, _)| **port).collect();
+                    let free = (**port..=u16::MAX).find(|port| !taken.contains(port));
+                    let text = format!(
+                        "{one} and {other} are both {port}: give each a port of its own, such as {other}: {}",
+                        free.unwrap_or(5560)
+                    );
+                    return Err(Problem::at(written.referenced, text));
+                }
             }
         }
         self.say(&mut config);
@@ -317,7 +322,7 @@ mod tests {
             ("broker: foreign", both, None, &server),
             ("broker: embedded", short(), None, &server),
             (&own, short(), None, &server),
-            ("curve: { server_key: short }", nowhere(), None, &secret),
+            ("curve: { server_key: short }", nowhere(), Some(1), "\"short\""),
             (
                 "broker: foreign\ncurve:\n\n  server_key: short",
                 CurveConfig::default(),

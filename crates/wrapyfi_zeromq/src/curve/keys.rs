@@ -75,16 +75,15 @@ impl Keys {
         if zmq::has("curve") != Some(true) {
             return Err(CurveError::NotInLibzmq);
         }
+        // First, so that a text which is no key is told as that where a broker also lacks its own.
+        let server = config.server_key.as_deref().map(public_key).transpose()?;
         let secret = match &config.secret_key_file {
             Some(path) => secret_key(path)?,
             None if serves => return Err(CurveError::NoSecretKey),
             None => random()?,
         };
         let public = *SecretKey::from(*secret).public_key().as_bytes();
-        let server = match &config.server_key {
-            Some(text) => public_key(text)?,
-            None => public,
-        };
+        let server = server.unwrap_or(public);
         let is_kept = config.secret_key_file.is_some();
         let mut keys = Self { secret, public, server, is_kept, clients: None };
         if serves && keys.is_of_another() {
