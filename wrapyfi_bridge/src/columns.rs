@@ -1,15 +1,12 @@
 //! Rows of text as lines with aligned columns.
 
-/// A text without what a terminal obeys: names come from the network.
-pub fn plain(text: &str) -> String {
-    text.replace(char::is_control, "\u{fffd}")
-}
+use crate::visible::escaped;
 
-/// Lines of the rows: the first `texts` columns are aligned to the left, those of numbers to the right. Characters that
-/// a terminal obeys are no part of them.
+/// Lines of the rows: the first `texts` columns are aligned to the left, those of numbers to the right. Letters that
+/// a terminal obeys are shown by their number.
 pub fn aligned<const N: usize>(rows: &[[String; N]], texts: usize) -> Vec<String> {
     let rows: Vec<[String; N]> =
-        rows.iter().map(|row| row.each_ref().map(|cell| plain(cell))).collect();
+        rows.iter().map(|row| row.each_ref().map(|cell| escaped(cell).into_owned())).collect();
     let mut widths = [0; N];
     for row in &rows {
         for (width, cell) in widths.iter_mut().zip(row) {
@@ -34,6 +31,6 @@ mod tests {
     #[test]
     fn names_from_outside_move_no_cursor() {
         let rows = [["/a\x1b[31m\n/b".to_owned(), "1".to_owned()]];
-        assert_eq!(aligned(&rows, 1), ["/a\u{fffd}[31m\u{fffd}/b  1"]);
+        assert_eq!(aligned(&rows, 1), ["/a\\u001b[31m\\u000a/b  1"]);
     }
 }

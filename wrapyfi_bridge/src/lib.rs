@@ -25,6 +25,7 @@
 //!   input     JSON, .npy, PNG, JPEG, WAV -> a payload
 //!   status_line  route status as JSON
 //!   columns   rows of text as lines
+//!   visible   text from outside as it may be shown
 //! ```
 //!
 //! A library only so that its two programs share it; it promises no stable interface.
@@ -59,5 +60,6 @@ pub mod shutdown;
 pub mod sros2;
 pub mod status_line;
 pub mod top;
+pub mod visible;
 pub mod why;
 pub mod words;

@@ -25,6 +25,7 @@ use wrapyfi_ros2::NodeHandle;
 use wrapyfi_yarp_endpoint::LogPort;
 
 use crate::lines::Lines;
+use crate::visible::escaped_lines;
 
 /// Most loggers that may have a level of their own.
 const MAX_LOGGERS: usize = 4096;
@@ -108,7 +109,7 @@ pub fn panics() -> u64 {
 
 /// Prints a line to stderr, after those that were logged before, and waits until it is read, for a moment.
 pub fn last_word(text: &str) {
-    print(format!("{text}\n"));
+    print(format!("{}\n", escaped_lines(text)));
     finish(LAST_WORD);
 }
 
@@ -244,9 +245,7 @@ impl<S: Subscriber> Layer<S> for Output {
             Level::INFO => ("INFO", "INFO", LogLevel::Info),
             Level::DEBUG | Level::TRACE => ("DEBUG", "DEBUG", LogLevel::Debug),
         };
-        // Names from outside may hold what a terminal obeys.
-        let obeyed = |letter: char| letter.is_control() && letter != '\n' && letter != '\t';
-        let text = (line.message + &line.fields).replace(obeyed, "\u{fffd}");
+        let text = escaped_lines(&(line.message + &line.fields)).into_owned();
         if self.is_printed {
             let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
             let (seconds, rest) = (now.as_secs(), now.subsec_nanos());

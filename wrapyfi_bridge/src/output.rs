@@ -5,9 +5,10 @@ use std::io::{self, Write};
 use anyhow::Context as _;
 
 use crate::exit::{Failure, Result};
+use crate::visible::escaped_lines;
 
 /// Prints a text and a line break, and hands it over at once: whoever reads a pipe sees each message
-/// when it comes.
+/// when it comes. What a terminal obeys is shown by its number, which is the same text where it is JSON.
 ///
 /// # Errors
 /// [`Failure::Unread`] when the reader has seen enough, as in `wrapyfi echo … | head`; else when it
@@ -17,7 +18,7 @@ pub fn line(text: &str) -> Result<()> {
 }
 
 fn line_to(out: &mut impl Write, text: &str) -> Result<()> {
-    match writeln!(out, "{text}").and_then(|()| out.flush()) {
+    match writeln!(out, "{}", escaped_lines(text)).and_then(|()| out.flush()) {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Err(Failure::Unread),
         printed => Ok(printed.context("cannot print")?),
     }
@@ -46,6 +47,8 @@ mod tests {
         let mut text = Vec::new();
         line_to(&mut text, "a").unwrap();
         assert_eq!(text, b"a\n");
+        line_to(&mut text, "{\"b\":\"\u{9b}\u{202e}\"}").unwrap();
+        assert_eq!(text, b"a\n{\"b\":\"\\u009b\\u202e\"}\n");
         let unread = line_to(&mut Refusing(io::ErrorKind::BrokenPipe), "a").unwrap_err();
         assert_eq!(unread.code(), 0);
         assert_eq!(finish(Err(unread)), std::process::ExitCode::SUCCESS);

@@ -3,6 +3,8 @@
 use serde::Serialize;
 use wrapyfi_engine::RouteStatus;
 
+use crate::visible::escaped;
+
 /// Routes as one JSON object, `{"routes": [...]}`, on a line; with `"panics"` where this process had some.
 pub fn json_line(routes: &[RouteStatus], panics: u64) -> Vec<u8> {
     #[derive(Serialize)]
@@ -13,9 +15,8 @@ pub fn json_line(routes: &[RouteStatus], panics: u64) -> Vec<u8> {
     }
     let panics = (panics > 0).then_some(panics);
     // Names are text and counters are numbers: nothing in it can fail.
-    let mut line = serde_json::to_vec(&StatusRecord { routes, panics }).unwrap_or_default();
-    line.push(b'\n');
-    line
+    let line = serde_json::to_string(&StatusRecord { routes, panics }).unwrap_or_default();
+    format!("{}\n", escaped(&line)).into_bytes()
 }
 
 #[cfg(test)]
@@ -49,6 +50,16 @@ mod tests {
         let text = |panics| String::from_utf8(json_line(&[], panics)).unwrap();
         assert_eq!(text(0), "{\"routes\":[]}\n");
         assert_eq!(text(2), "{\"routes\":[],\"panics\":2}\n");
+    }
+
+    #[test]
+    fn a_name_holds_nothing_that_a_terminal_obeys() {
+        let name = "/a\x1b\x07\0\u{9b}\u{202e}";
+        let status = RouteStatus { name: name.to_owned(), ..route() };
+        let line = String::from_utf8(json_line(&[status], 0)).unwrap();
+        assert!(!line.trim_end().contains(crate::visible::is_obeyed), "{line:?}");
+        let read: serde_json::Value = serde_json::from_str(&line).unwrap();
+        assert_eq!(read["routes"][0]["name"], name);
     }
 
     #[test]

@@ -22,6 +22,7 @@ use wrapyfi_data::types::{
 use wrapyfi_endpoint::codec::convert;
 
 use crate::canonical::canonical;
+use crate::visible::{escaped, is_obeyed};
 
 /// Elements of an array that are all shown.
 const ALL: usize = 24;
@@ -104,8 +105,8 @@ fn legible(out: &mut String, json: &str) {
         }
         for read in char::decode_utf16(units) {
             match read {
-                Ok(letter) if !letter.is_control() => out.push(letter),
-                Ok(control) => _ = write!(out, "\\u{:04x}", u32::from(control)),
+                Ok(letter) if !is_obeyed(letter) => out.push(letter),
+                Ok(obeyed) => out.push_str(&escaped(&String::from(obeyed))),
                 Err(lone) => _ = write!(out, "\\u{:04x}", lone.unpaired_surrogate()),
             }
         }

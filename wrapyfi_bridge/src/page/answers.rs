@@ -17,6 +17,7 @@ use super::document::Document;
 use super::metrics;
 use super::previews::Previews;
 use crate::in_force::Running;
+use crate::visible::escaped;
 use crate::why::judge::judge;
 use crate::{logging, middlewares};
 use wrapyfi_endpoint::Mutex;
@@ -43,9 +44,14 @@ impl Answer {
     }
 
     fn json(value: &impl Serialize) -> Self {
-        // Names are text and counters are numbers: nothing in it can fail.
-        Self::new("application/json", serde_json::to_vec(value).unwrap_or_default())
+        Self::new("application/json", json_text(value))
     }
+}
+
+/// JSON in which names hold nothing that a terminal obeys.
+fn json_text(value: &impl Serialize) -> String {
+    // Names are text and counters are numbers: nothing in it can fail.
+    escaped(&serde_json::to_string(value).unwrap_or_default()).into_owned()
 }
 
 /// Statuses of the routes at one moment, and what was made of them.
@@ -139,7 +145,7 @@ impl Answers {
             panics: logging::panics(),
             routes: rows.collect(),
         };
-        let json = serde_json::to_vec(&document).unwrap_or_default().into();
+        let json = json_text(&document).into();
         let places = ids.into_iter().zip(0..).collect();
         let fresh = Arc::new(Now { at: Instant::now(), routes, places, json });
         *now = Some(Arc::clone(&fresh));

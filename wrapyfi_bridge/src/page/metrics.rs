@@ -5,6 +5,8 @@ use std::fmt::{Display, Write as _};
 
 use wrapyfi_engine::RouteStatus;
 
+use crate::visible::escaped;
+
 /// States of a route, each with a line of its own.
 const STATES: [&str; 4] = ["active", "waiting", "degraded", "error"];
 
@@ -104,7 +106,9 @@ impl Text {
         self.text.push_str(&self.name);
         for (at, (label, text)) in labels.iter().enumerate() {
             let begin = if at == 0 { '{' } else { ',' };
-            let text = text.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n");
+            let lines: Vec<_> = text.split('\n').map(escaped).collect();
+            let text = lines.join("\n").replace('\\', "\\\\");
+            let text = text.replace('"', "\\\"").replace('\n', "\\n");
             let _infallible = write!(self.text, "{begin}{label}=\"{text}\"");
         }
         let end = if labels.is_empty() { "" } else { "}" };
@@ -122,7 +126,7 @@ mod tests {
     #[test]
     fn a_route_has_its_numbers_and_its_name_stays_within_its_label() {
         let route = RouteStatus {
-            name: "a\"} 1\nb\\".to_owned(),
+            name: "a\"} 1\nb\\\x1b\u{202e}".to_owned(),
             from: "ros2:/a".to_owned(),
             to: "zeromq:/a".to_owned(),
             kind: "topic",
@@ -144,7 +148,7 @@ mod tests {
         };
         let away = BTreeMap::from([("ros2", None), ("yarp", Some("a name server".to_owned()))]);
         let text = text(&[route], &away, 2);
-        let own = r#"route="a\"} 1\nb\\",from="ros2:/a",to="zeromq:/a""#;
+        let own = r#"route="a\"} 1\nb\\\\u001b\\u202e",from="ros2:/a",to="zeromq:/a""#;
         for line in [
             format!("wrapyfi_route_state{{{own},state=\"degraded\"}} 1"),
             format!("wrapyfi_route_state{{{own},state=\"active\"}} 0"),

@@ -8,6 +8,9 @@ function fill(element, of, inside) {
   element.append(...inside);
   return element;
 }
+// What a browser does not show, and what reorders the letters beside it: names come from the network.
+const HIDDEN = /[\u0000-\u0008\u000b-\u001f\u007f-\u009f\u061c\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb]/g;
+const visible = (_, value) => (typeof value === "string" ? value.replace(HIDDEN, (letter) => `\\u${letter.charCodeAt(0).toString(16).padStart(4, "0")}`) : value);
 const say = (element, text) => { if (element.textContent !== text) element.textContent = text; };
 const set = (element, name, value) => { if (element.getAttribute(name) !== String(value)) element.setAttribute(name, value); };
 
@@ -457,7 +460,7 @@ async function ask(route) {
 async function get(path, ms) {
   const reply = await fetch(path, { signal: AbortSignal.timeout(ms), cache: "no-store" });
   if (!reply.ok) throw new Error(`HTTP status ${reply.status}`);
-  return reply.json();
+  return JSON.parse(await reply.text(), visible);
 }
 function render() { head(); picture(); live(); table(); detail(); }
 let missed = 0;

@@ -8,7 +8,8 @@ use clap::ValueEnum;
 use wrapyfi_interfaces::named;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 
-use crate::columns::{aligned, plain};
+use crate::columns::aligned;
+use crate::visible::escaped;
 
 /// Number of rates that are kept of each route: two minutes of a reply a second.
 const HISTORY: usize = 120;
@@ -120,7 +121,19 @@ impl Routes {
     /// Takes a reply.
     pub fn update(&mut self, routes: Vec<RouteInfo>) {
         let mut rows = BTreeMap::new();
-        for info in routes {
+        for mut info in routes {
+            for text in [
+                &mut info.key,
+                &mut info.source,
+                &mut info.destination,
+                &mut info.type_name,
+                &mut info.state,
+                &mut info.reason,
+                &mut info.refused,
+                &mut info.allow,
+            ] {
+                *text = escaped(text).into_owned();
+            }
             let key = (info.key.clone(), info.kind.clone());
             let before = self.rows.remove(&key);
             let mut history = before.map(|before| before.history).unwrap_or_default();
@@ -184,7 +197,7 @@ impl Routes {
             let _infallible = write!(text, "\n{line}");
             for note in [row.info.reason.clone(), row.drops(), row.refused()] {
                 if !note.is_empty() {
-                    let _infallible = write!(text, "\n    {}", plain(&note));
+                    let _infallible = write!(text, "\n    {note}");
                 }
             }
         }
