@@ -12,12 +12,6 @@
 //! | [`face`] | a stand-in for a recogniser of facial expressions |
 //! | [`head`] | stand-ins for sensors of a head's orientation, a robot's neck |
 
-/// The guides, whose code is compiled with the examples.
-#[cfg(doctest)]
-#[doc = include_str!("../../../docs/rust.md")]
-#[doc = include_str!("../../../docs/reference/communicator.md")]
-pub struct Guide;
-
 pub mod audio;
 pub mod camera;
 pub mod face;

@@ -8,10 +8,13 @@
 use std::sync::Arc;
 use std::thread;
 
-use wrapyfi_communicator_examples::{image, pixels, samples, sound};
+use wrapyfi_communicator_examples::{pixels, samples};
 use wrapyfi_core::communicator::{CommunicatorContext, Mode, communicator};
 use wrapyfi_core::middleware::memory::Memory;
-use wrapyfi_core::types::{AudioChunk, Image, ParameterValue, Properties, Value};
+use wrapyfi_core::types::{
+    AudioChunk, Dtype, Encoding, Image, ParameterValue, Properties, RawPixels, SampleFormat, Stamp,
+    Tensor, Value,
+};
 
 // Listing 2
 struct ForwardCls;
@@ -86,11 +89,18 @@ impl ChannelCls {
         aud_chunk: u32,
         aud_chann: u8,
     ) -> (Value, Option<Image>, Option<AudioChunk>) {
-        let ros_img = image(1, img_width, img_height);
-        let zeromq_aud = sound(1, aud_rate, aud_chunk, aud_chann);
-        let arrays = [ros_img.as_ref().and_then(pixels), zeromq_aud.as_ref().and_then(samples)];
-        let yarp_native = Value::List(arrays.map(Value::from).to_vec());
-        (yarp_native, ros_img, zeromq_aud)
+        let frame = vec![7; img_width as usize * img_height as usize * 3];
+        let wave = 0.5_f32.to_le_bytes().repeat(aud_chunk as usize * usize::from(aud_chann));
+        let arrays = [
+            Tensor::new(Dtype::U8, [img_height as usize, img_width as usize, 3], frame.clone()),
+            Tensor::new(Dtype::F32, [aud_chunk as usize, aud_chann.into()], wave.clone()),
+        ];
+        let yarp_native = Value::List(arrays.map(|array| Value::from(array.ok())).to_vec());
+        let pixels = RawPixels::dense(img_width, img_height, Encoding::Bgr8, frame);
+        let ros_img = pixels.ok().map(|pixels| Image::new(Stamp::now(), pixels));
+        let float = SampleFormat::F32Le;
+        let zeromq_aud = AudioChunk::new(Stamp::now(), aud_chunk, aud_chann, aud_rate, float, wave);
+        (yarp_native, ros_img, zeromq_aud.ok())
     }
 }
 // End

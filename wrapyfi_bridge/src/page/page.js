@@ -177,15 +177,20 @@ function lay(graph, width, real) {
   const row = Math.max(tallest > 300 ? 2.4 : 5, Math.min(tallest < 7 ? 50 : 38, room / tallest));
   const named = row >= 12.5, font = Math.min(tallest < 7 ? 19 : 16.5, row * .82);
   const rows = (list) => Math.max(1, list.length) * row;
-  const tall = (column) => column.reduce((sum, list) => sum + rows(list) + HEAD + FOOT, 0) + Math.max(0, column.length - 1) * GAP;
+  // Cables between the outer columns pass below the card in the middle, each on a level of its own.
+  const lane = (name) => (name === "ros2" ? 1 : columns[0].includes(name) ? 0 : 2);
+  const across = real.filter(({ ends }) => Math.abs(lane(ends.from.side) - lane(ends.to.side)) === 2).length;
+  const step = Math.min(24, 240 / Math.max(1, across)), below = across ? 14 + across * step : 0;
+  const tall = (column, lane) => column.reduce((sum, list) => sum + rows(list) + HEAD + FOOT, lane === 1 ? below : 0) + Math.max(0, column.length - 1) * GAP;
   const height = Math.max(...lists.map(tall)) + 2 * TOP;
   const lanes = lists.filter((column) => column.length).length;
   const cardWidth = Math.min(460, Math.max(170, width * (lanes === 3 ? .225 : .3)));
   const xs = lists[0].length ? (lists[2].length ? [0, (width - cardWidth) / 2, width - cardWidth] : [width * .06, width * .94 - cardWidth, 0]) : [0, (width - cardWidth) / 2, 0];
   fill(graph, { viewBox: `0 0 ${width} ${height.toFixed(0)}`, height: height.toFixed(0) }, []);
   const under = draw("g"), over = draw("g"), cards = draw("g");
+  let middle = null;
   lists.forEach((column, lane) => {
-    let y = TOP + (height - 2 * TOP - tall(column)) / 2;
+    let y = TOP + (height - 2 * TOP - tall(column, lane)) / 2;
     column.forEach((list, at) => {
       const name = lane === 1 ? "ros2" : columns[lane ? 1 : 0][at], tallCard = HEAD + FOOT + rows(list), x = xs[lane];
       const card = draw("g", { class: `${sideClass(name)}${lane === 1 ? " hub" : ""}` });
@@ -205,11 +210,13 @@ function lay(graph, width, real) {
       });
       if (!named) groups(card, list, row, x, cardWidth);
       cards.append(card);
+      if (lane === 1) middle = { left: x, right: x + cardWidth, level: y + tallCard + 14 + step / 2 };
       y += tallCard + GAP;
     });
   });
-  const thin = Math.max(.8, Math.min(2.2, row / 9)), labels = row >= 21;
-  const seen = new Map();
+  const thin = Math.max(.8, Math.min(2.2, row / 9)), labels = row >= 12.5;
+  const seen = new Map(), pills = [];
+  const isFree = ([x, y]) => !pills.some((other) => Math.abs(other[0] - x) < 80 && Math.abs(other[1] - y) < 21);
   for (const route of real) {
     const [a, b] = [port(route.ends.from), port(route.ends.to)];
     let x1 = a.right, x2 = b.left, bend;
@@ -222,17 +229,25 @@ function lay(graph, width, real) {
     seen.set(pair, again + 1);
     const shift = again * Math.min(7, row / 4), [y1, y2] = [a.y + shift, b.y + shift];
     const far = bend ?? (x2 - x1) * .5, c1 = x1 + far, c2 = bend === undefined ? x2 - far : x2 + far;
-    const way = `M${x1} ${y1}C${c1} ${y1} ${c2} ${y2} ${x2} ${y2}`;
+    const spot = (t, u = 1 - t) => [u * u * u * x1 + 3 * u * u * t * c1 + 3 * u * t * t * c2 + t * t * t * x2, u * u * u * y1 + 3 * u * u * t * y1 + 3 * u * t * t * y2 + t * t * t * y2];
+    let way = `M${x1} ${y1}C${c1} ${y1} ${c2} ${y2} ${x2} ${y2}`, spots = [.5, .62, .38, .74, .26, .56, .44, .68, .32, .82, .18, .88, .12].map((t) => spot(t));
+    if (Math.abs(a.lane - b.lane) === 2) {
+      const [e1, e2] = a.lane < b.lane ? [middle.left, middle.right] : [middle.right, middle.left], { level } = middle;
+      const [m1, m2] = [(x1 + e1) / 2, (e2 + x2) / 2];
+      way = `M${x1} ${y1}C${m1} ${y1} ${m1} ${level} ${e1} ${level}L${e2} ${level}C${m2} ${level} ${m2} ${y2} ${x2} ${y2}`;
+      spots = [.5, .28, .72].map((t) => [e1 + (e2 - e1) * t, level]);
+      middle.level += step;
+    }
     const line = draw("path", { class: "cable", d: way }), flow = draw("path", { class: "flow", d: way });
     const turn = Math.sign(x2 - c2) || 1, big = Math.min(9, Math.max(3, row * .42));
     const group = draw("g", { tabindex: -1 }, line, flow,
       draw("circle", { class: "port", cx: x1, cy: y1, r: Math.max(1.4, Math.min(4.5, row * .2)) }),
       draw("path", { class: "head", d: `M${x2 + turn * 1} ${y2}l${-turn * big} ${-big * .62}v${big * 1.24}z` }));
-    let rate = null, pill = null, middle = 0;
+    // The rate stands where no other one does.
+    const [cx, cy] = spots.find(isFree) || spots[0];
+    let rate = null, pill = null;
     if (labels) {
-      const spot = again % 2 ? .62 : .5, t = spot, u = 1 - t;
-      const cx = u * u * u * x1 + 3 * u * u * t * c1 + 3 * u * t * t * c2 + t * t * t * x2, cy = u * u * u * y1 + 3 * u * u * t * y1 + 3 * u * t * t * y2 + t * t * t * y2;
-      middle = cx;
+      pills.push([cx, cy]);
       pill = draw("rect", { class: "pill", y: (cy - 10).toFixed(1), height: 20, rx: 10 });
       rate = draw("text", { class: "rate", x: cx.toFixed(1), y: (cy + 4.6).toFixed(1) });
       group.append(pill, rate);
@@ -242,7 +257,7 @@ function lay(graph, width, real) {
     group.addEventListener("pointerenter", () => tip(over, route.id, (x1 + x2) / 2, (y1 + y2) / 2, width, height));
     group.addEventListener("pointerleave", () => over.replaceChildren());
     under.append(group);
-    cables.set(route.id, { group, line, flow, rate, pill, x: middle, thin, seconds: "" });
+    cables.set(route.id, { group, line, flow, rate, pill, x: cx, thin, seconds: "" });
   }
   graph.append(cards, under, over);
 }
