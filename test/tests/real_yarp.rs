@@ -44,6 +44,7 @@ at_each! {
     a_control_board_is_commanded_and_asked;
     an_input_that_comes_after_its_topic_finds_its_name_free;
     ours_take_no_number_that_a_robot_is_given;
+    the_name_of_a_killed_program_is_ours;
 }
 
 fn at(test: &str, names: Names, body: impl FnOnce(&TestEnv) -> Result) -> Result {
@@ -63,6 +64,24 @@ pub(crate) fn yarps_server(env: &TestEnv) -> Result<Process> {
     let server = env.yarp_tool("yarpserver", &args)?.pillar();
     told(env, &["where"], |said| said.contains(&port))?;
     Ok(server)
+}
+
+/// A name server keeps the address of a program that was killed, and may be told it again by whoever restores what it
+/// knew.
+fn the_name_of_a_killed_program_is_ours(env: &TestEnv) -> Result {
+    let name = env.topic("kept");
+    let dead = std::net::TcpListener::bind(("127.0.0.1", 0))?.local_addr()?.port().to_string();
+    let left_behind = ["name", "register", &name, "tcp", "127.0.0.1", &dead];
+    let is_at_it = |said: &str| said.contains(&format!("port {dead} "));
+    let is_ours = |said: &str| said.contains("registration name") && !is_at_it(said);
+    told(env, &left_behind, is_at_it)?;
+    let _publisher = publisher(env, &name, "here")?;
+    told(env, &["name", "query", &name], is_ours)?;
+    told(env, &left_behind, is_at_it)?;
+    told(env, &["name", "query", &name], is_ours)?;
+    let ours = yarp(&name);
+    let mut hears = env.wrapyfi(["echo", &ours, "--type", "Text", "--count", "1"])?;
+    hears.exits_with(0)
 }
 
 /// Output of `yarp`, once it is as wanted.

@@ -204,18 +204,52 @@ async fn ports_come_back_when_the_name_server_does() {
     })
     .await;
 
-    // Somebody takes the name: it is his.
-    let taken = NameRequest { host: Some("127.0.0.1".into()), port: Some(9), ..named("/kept") };
-    client.register(&taken).await.unwrap();
+    // The address of a program that was killed is told for it: the name is ours all the same.
+    let other = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
+    let number = other.local_addr().unwrap().port();
+    drop(other);
+    let placed =
+        NameRequest { host: Some("127.0.0.1".into()), port: Some(number), ..named("/kept") };
+    client.register(&placed).await.unwrap();
+    until("/kept is taken over", async || client.query("/kept").await.unwrap() == Some(at.clone()))
+        .await;
+    assert!(status.borrow().taken.is_empty());
+
+    // Somebody takes the name, and is there: it is his.
+    let other = TcpListener::bind(("127.0.0.1", number)).await.unwrap();
+    let accepting = tokio::spawn(async move { while other.accept().await.is_ok() {} });
+    client.register(&placed).await.unwrap();
     let told = status.wait_for(|status| status.taken == ["/kept"]);
     tokio::time::timeout(TIMEOUT, told).await.unwrap().unwrap();
     registrar.unregister("/kept").await.unwrap();
-    assert_eq!(client.query("/kept").await.unwrap().unwrap().port, 9);
+    assert_eq!(client.query("/kept").await.unwrap().unwrap().port, number);
+    accepting.abort();
     // Whoever opens it anew is not told of that.
     assert!(status.borrow().taken.is_empty());
 
     registrar.unregister("/other").await.unwrap();
     assert_eq!(client.query("/other").await.unwrap(), None);
+    server.stop().await;
+}
+
+/// A change that the name server tells is looked at, however long the registrar waits between its own questions.
+#[tokio::test]
+async fn a_name_that_changes_hands_is_noticed_when_it_is_told() {
+    let server = server().await;
+    let client = server.client();
+    let patient =
+        RegistrarOptions { check_every: Duration::from_secs(1000), ..RegistrarOptions::default() };
+    let registrar = Registrar::start(client.clone(), patient);
+    let at = registrar.register(&named("/kept")).await.unwrap();
+    registrar.status().wait_for(|status| status.connected).await.unwrap();
+    client.unregister("/kept").await.unwrap();
+    registrar.doubt("/others");
+    registrar.doubt("/kept");
+    until("/kept is registered again", async || {
+        client.query("/kept").await.unwrap() == Some(at.clone())
+    })
+    .await;
+    assert_eq!(client.query("/others").await.unwrap(), None);
     server.stop().await;
 }
 
@@ -369,6 +403,33 @@ async fn a_name_server_that_answers_nonsense_is_named() {
         let error = error.unwrap_err().to_string();
         assert!(error.contains(says), "{}: {error}", String::from_utf8_lossy(answer));
     }
+}
+
+#[tokio::test]
+async fn a_port_that_the_name_server_keeps_elsewhere_is_an_error() {
+    let listener = TcpListener::bind(("127.0.0.1", 0)).await.unwrap();
+    let client = NameClient::new(NameServerConf {
+        host: "127.0.0.1".into(),
+        port: listener.local_addr().unwrap().port(),
+    });
+    let served = tokio::spawn(async move {
+        let mut asked = Vec::new();
+        for _ in 0..3 {
+            let (mut stream, _) = listener.accept().await.unwrap();
+            let mut line = vec![0; 200];
+            let length = stream.read(&mut line).await.unwrap();
+            asked.push(String::from_utf8_lossy(&line[..length]).trim().to_owned());
+            let answer =
+                b"registration name /a ip 127.0.0.1 port 10002 type tcp\n*** end of message\n";
+            stream.write_all(answer).await.unwrap();
+        }
+        asked
+    });
+    let request = NameRequest { host: Some("127.0.0.1".into()), port: Some(10_444), ..named("/a") };
+    let error = client.register(&request).await.unwrap_err();
+    assert!(matches!(&error, NameError::Elsewhere { wanted: 10_444, .. }), "{error}");
+    let again = "NAME_SERVER register /a ... 127.0.0.1 10444";
+    assert_eq!(served.await.unwrap(), [again, "NAME_SERVER unregister /a", again]);
 }
 
 #[tokio::test]

@@ -350,7 +350,11 @@ async fn listen(
                     let port = client.query(&name).await?;
                     port.into_iter().for_each(|port| directory.listed(port));
                 }
-                event => directory.apply(event),
+                event => {
+                    let (NameEvent::Added(name) | NameEvent::Removed(name)) = &event;
+                    shared.registrar.doubt(name);
+                    directory.apply(event);
+                }
             },
             () = tokio::time::sleep_until(look_at), if next_look.is_some() => {
                 next_look = looks.next();

@@ -3,7 +3,7 @@
 //! ```text
 //!   names that somebody wants ─ ask ─▶ at most 8 at once: Network::inspect, one connection a port
 //!        ▲                                │ told: never again until the name server enters it anew
-//!        └────── Answers ◀────────────────┴ silent: again after 1 s, 2 s, … 5 min
+//!        └────── Answers ◀────────────────┴ silent: again after 0.5 s, 1 s, … 5 min
 //!   connected with us as what it is not ─▶ once more
 //!   in the way of a route ─▶ one connection that stays; when it ends, once more: refused ─▶ gone
 //! ```
@@ -27,7 +27,7 @@ use wrapyfi_endpoint::{Mutex, Role};
 /// of a processor: more of them only wait for each other.
 const AT_ONCE: usize = 8;
 /// Time after which a port that did not answer is asked again; it doubles each time.
-const FIRST_AGAIN: Duration = Duration::from_secs(1);
+const FIRST_AGAIN: Duration = Duration::from_millis(500);
 /// Longest such time.
 const LAST_AGAIN: Duration = Duration::from_secs(300);
 
@@ -49,6 +49,8 @@ struct Answer {
     inspection: Option<Arc<Inspection>>,
     /// True where nobody is at the port's address any more.
     is_gone: bool,
+    /// True where the port's address has refused once: its program was killed, or is about to listen.
+    may_be_gone: bool,
     /// True while a connection tells when the port ends.
     is_watched: bool,
     failures: u32,
@@ -157,11 +159,13 @@ impl Survey {
         }
     }
 
-    /// True when all of these ports have answered, or were given up for now.
+    /// True when all of these ports have answered, or were given up for now. One that has refused once is not.
     pub(super) fn is_over(&self, ports: &BTreeMap<String, Entry>) -> bool {
         let answers = self.answers.lock();
         ports.keys().all(|name| {
-            answers.get(name).is_some_and(|answer| !matches!(answer.state, State::Asked))
+            answers
+                .get(name)
+                .is_some_and(|answer| !matches!(answer.state, State::Asked) && !answer.may_be_gone)
         })
     }
 
@@ -207,14 +211,17 @@ impl Survey {
         };
         match told {
             Ok(told) => {
-                (answer.state, answer.is_gone) = (State::Answered, false);
+                answer.state = State::Answered;
+                (answer.is_gone, answer.may_be_gone) = (false, false);
                 answer.inspection = Some(Arc::new(told));
             }
             Err(silence) => {
                 answer.state = State::Silent(now);
                 answer.failures = answer.failures.saturating_add(1);
                 let has_begun = answer.inspection.is_some() || answer.failures > 1;
-                answer.is_gone |= silence == Silence::Refused && has_begun;
+                let is_refused = silence == Silence::Refused;
+                answer.is_gone |= is_refused && has_begun;
+                answer.may_be_gone = is_refused && !answer.is_gone;
             }
         }
         self.changes.fetch_add(1, Ordering::Release);
@@ -240,12 +247,12 @@ mod tests {
             assert!(survey.is_over(&ports(1)));
             let mut pause = Duration::ZERO;
             while survey.due(&ports(1), now + pause).is_empty() {
-                pause += Duration::from_secs(1);
+                pause += Duration::from_millis(500);
             }
             now += pause;
-            pauses.push(pause.as_secs());
+            pauses.push(pause.as_secs_f64());
         }
-        assert_eq!(pauses, [1, 2, 4, 8, 16, 32, 64, 128, 256, 300, 300]);
+        assert_eq!(pauses, [0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0, 300.0]);
         survey.enter("/a", 1, Ok(Inspection::default()), now);
         let later = now + Duration::from_secs(1_000_000);
         assert!(survey.due(&ports(1), later).is_empty(), "it has said it");
@@ -268,8 +275,10 @@ mod tests {
         assert!(!survey.begins_watch("/a", 1), "nobody has asked it");
         survey.due(&ports(1), now);
         assert!(!said(Silence::Refused, now), "it may be about to listen");
+        assert!(!survey.is_over(&ports(1)), "it is asked again, soon");
         assert_eq!(survey.due(&ports(1), later).len(), 1);
         assert!(!survey.is_gone("/a") && said(Silence::Refused, later));
+        assert!(survey.is_over(&ports(1)));
         let later = later + Duration::from_secs(2);
         assert_eq!(survey.due(&ports(1), later).len(), 1);
         assert!(survey.is_gone("/a"), "until it has answered");

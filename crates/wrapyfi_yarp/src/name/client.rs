@@ -187,8 +187,21 @@ impl NameClient {
         self.registration(&command, &answer)
     }
 
-    /// Registers a port, which takes the name from whoever had it.
+    /// Registers a port, which takes the name from whoever had it. One that the name server then tells for another
+    /// number is forgotten and registered once more.
     pub async fn register(&self, request: &NameRequest) -> Result<Registration, NameError> {
+        let is_there = |at: &Registration| request.port.is_none_or(|port| port == at.port);
+        let at = self.register_once(request).await?;
+        if is_there(&at) {
+            return Ok(at);
+        }
+        self.unregister(&at.name).await?;
+        let at = self.register_once(request).await?;
+        let wanted = request.port.filter(|_| !is_there(&at));
+        wanted.map_or(Ok(at.clone()), |wanted| Err(NameError::Elsewhere { at, wanted }))
+    }
+
+    async fn register_once(&self, request: &NameRequest) -> Result<Registration, NameError> {
         let command = self.register_command(request)?;
         // YARP's own ports end this line with both bytes, and the others with one.
         let answer = self.one_line(&command, "\r\n").await?;

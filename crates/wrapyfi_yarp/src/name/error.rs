@@ -1,6 +1,7 @@
 //! Error of a request to a name server.
 
 use crate::port::LinkError;
+use crate::port::names::Registration;
 
 /// Error of a request to a name server.
 #[derive(Debug, thiserror::Error)]
@@ -33,6 +34,17 @@ pub enum NameError {
         command: String,
         /// Answer that came, shortened.
         answer: String,
+    },
+    /// The name server tells another number for a port than the one that was registered.
+    #[error(
+        "name server: {} was registered with port {wanted}, and is told for {}: run yarp clean, or take another name",
+        at.name, at.contact()
+    )]
+    Elsewhere {
+        /// Place that the name server tells.
+        at: Registration,
+        /// Number that was registered.
+        wanted: u16,
     },
     /// The name server refused the command.
     #[error("name server: {command:?} was refused: {answer}")]

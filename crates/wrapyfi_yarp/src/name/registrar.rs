@@ -5,17 +5,19 @@
 //!                 │
 //!   Registrar ────┴── one connection to the name server, open all the time
 //!                       │ it ends              ──▶ wait for the name server, register all again
-//!                       └ every 5 s: "query" of the next name ──▶ gone? register it again
+//!                       ├ doubt("/cam"): it was registered or removed ─┐
+//!                       └ every 5 s, the next name ────────────────────┴▶ "query": gone, or at an address
+//!                                                          where nobody is? register it again
 //! ```
 //!
 //! The connection stays open because a name server that ends closes it, so its restart is noticed
 //! at once without a question. The question every few seconds goes over the same connection, one
 //! name after the other, whatever their number: it finds a server that is there but has forgotten
 //! us (`yarp clean` during a pause of ours), and a machine that vanished without closing anything.
-//! A name that another program registered meanwhile belongs to that program: it is logged once, and
-//! left alone.
+//! A name that another program registered meanwhile belongs to that program, as long as somebody is at
+//! its address: it is logged once, and left alone. A registration of a program that was killed is replaced.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Bound;
 use std::sync::Arc;
 use std::time::Duration;
@@ -78,9 +80,14 @@ struct Shared {
     options: RegistrarOptions,
     names: Mutex<BTreeMap<String, Wanted>>,
     status: watch::Sender<RegistrarStatus>,
-    /// The first name came: there is something to watch.
+    /// Names whose registration has changed, and has to be looked at.
+    doubted: Mutex<BTreeSet<String>>,
+    /// The first name came, or a doubt: there is something to look at.
     wake: Notify,
 }
+
+/// Longest time for which a port that has our name is given for its answer.
+const ANSWERS_WITHIN: Duration = Duration::from_secs(2);
 
 /// A port that should be registered.
 #[derive(Debug, Clone)]
@@ -90,6 +97,12 @@ struct Wanted {
     properties: BTreeMap<String, Vec<crate::Value>>,
     announced: bool,
     taken: bool,
+}
+
+impl Wanted {
+    fn is_at(&self, found: &Registration) -> bool {
+        (&found.host, found.port) == (&self.at.host, self.at.port)
+    }
 }
 
 impl Registrar {
@@ -102,6 +115,7 @@ impl Registrar {
             options,
             names: Mutex::default(),
             status: watch::Sender::default(),
+            doubted: Mutex::default(),
             wake: Notify::new(),
         });
         let (told, kept) = (Arc::clone(&shared), Arc::clone(&shared));
@@ -119,6 +133,16 @@ impl Registrar {
         &self.0.shared.client
     }
 
+    /// Has the registration of a name looked at, where it is one of these ports: the name server has told that
+    /// it changed.
+    pub fn doubt(&self, name: &str) {
+        let shared = &self.0.shared;
+        if shared.names.lock().contains_key(name) {
+            shared.doubted.lock().insert(name.to_owned());
+            shared.wake.notify_one();
+        }
+    }
+
     /// State of the registrar, and a signal of its changes.
     pub fn status(&self) -> watch::Receiver<RegistrarStatus> {
         self.0.shared.status.subscribe()
@@ -130,9 +154,7 @@ async fn release(client: &NameClient, wanted: &Wanted) -> Result<(), NameError> 
     let at = &wanted.at;
     let found = if wanted.taken { None } else { client.query(&at.name).await? };
     match found {
-        Some(found) if (&found.host, found.port) == (&at.host, at.port) => {
-            client.unregister(&at.name).await
-        }
+        Some(found) if wanted.is_at(&found) => client.unregister(&at.name).await,
         _ => Ok(()),
     }
 }
@@ -163,11 +185,18 @@ impl Names for Registrar {
         })
     }
 
+    /// Announces a port, and makes sure that it is the one that the name server tells of.
     fn announce<'a>(&'a self, name: &'a str, alive: bool) -> Later<'a, ()> {
-        if alive {
-            self.0.shared.change(name, |wanted| wanted.announced = true);
-        }
-        Names::announce(self.client(), name, alive)
+        Box::pin(async move {
+            if alive {
+                self.0.shared.change(name, |wanted| wanted.announced = true);
+            }
+            Names::announce(self.client(), name, alive).await?;
+            if alive && self.0.shared.wanted(name).is_some() {
+                self.0.shared.renew(name).await?;
+            }
+            Ok(())
+        })
     }
 
     fn set<'a>(&'a self, name: &'a str, key: &'a str, values: &'a [String]) -> Later<'a, ()> {
@@ -224,9 +253,21 @@ impl Shared {
 
     /// Makes sure that one port is registered where it is.
     async fn renew(&self, name: &str) -> Result<(), NameError> {
-        if let Some(other) = self.client.query(name).await? {
-            self.compare(&other);
-            return Ok(());
+        let found = self.client.query(name).await?;
+        self.judge(name, found).await
+    }
+
+    /// Registers a port again whose name the name server does not know, or tells for an address where nobody is.
+    async fn judge(&self, name: &str, found: Option<Registration>) -> Result<(), NameError> {
+        if let Some(found) = found {
+            if self.is_ours(&found) || !self.is_deserted(&found).await {
+                self.compare(&found);
+                return Ok(());
+            }
+            tracing::info!(
+                target: "wrapyfi_yarp::name",
+                "{name} is registered at {}:{}, where nobody is", found.host, found.port
+            );
         }
         // As it is now: a port that was opened again meanwhile has another number.
         while let Some(wanted) = self.wanted(name) {
@@ -238,6 +279,20 @@ impl Shared {
         Ok(())
     }
 
+    /// True for a registration that is as it should be, and for one that is not wanted any more.
+    fn is_ours(&self, found: &Registration) -> bool {
+        let wanted = self.wanted(&found.name);
+        wanted.is_none_or(|wanted| wanted.is_at(found))
+    }
+
+    /// True where the address of a registration refuses connections.
+    async fn is_deserted(&self, found: &Registration) -> bool {
+        let version = std::iter::once(crate::Value::vocab("ver")).collect();
+        let asked = self.client.link_options();
+        let answer = asked.ask(&found.contact(), &version, ANSWERS_WITHIN).await;
+        answer.is_err_and(|error| error.is_refused())
+    }
+
     async fn register(&self, wanted: &Wanted) -> Result<(), NameError> {
         let Registration { name, host, port, carrier } = &wanted.at;
         let request = NameRequest {
@@ -246,7 +301,8 @@ impl Shared {
             host: Some(host.clone()),
             port: Some(*port),
         };
-        self.client.register(&request).await?;
+        let at = self.client.register(&request).await?;
+        self.compare(&at);
         for (key, values) in &wanted.properties {
             self.client.set(name, key, values).await?;
         }
@@ -266,7 +322,7 @@ impl Shared {
             let mut names = self.names.lock();
             // Unregistered meanwhile.
             let Some(wanted) = names.get_mut(name) else { return };
-            let taken = (&found.host, found.port) != (&wanted.at.host, wanted.at.port);
+            let taken = !wanted.is_at(found);
             if taken == wanted.taken {
                 return;
             }
@@ -330,14 +386,21 @@ async fn renew_and_watch(
 
 /// Watches one connection until it ends, which is an error, or until there are no names.
 async fn stay(shared: &Shared, mut link: Link) -> Result<(), LinkError> {
-    let mut name = String::new();
+    let mut last = String::new();
     loop {
-        let waited = tokio::time::timeout(shared.options.check_every, link.ended()).await;
-        if let Ok(error) = waited {
-            return Err(error);
-        }
-        let Some(wanted) = shared.after(&name) else { return Ok(()) };
-        name.clone_from(&wanted.at.name);
+        let doubted = shared.doubted.lock().pop_first();
+        let name = match doubted {
+            Some(name) => name,
+            None => tokio::select! {
+                error = link.ended() => return Err(error),
+                () = shared.wake.notified() => continue,
+                () = tokio::time::sleep(shared.options.check_every) => {
+                    let Some(wanted) = shared.after(&last) else { return Ok(()) };
+                    last.clone_from(&wanted.at.name);
+                    wanted.at.name
+                }
+            },
+        };
         let data = Command::Data { reply: true, envelope: None };
         let question = text::message(&data, Some(format!("query {name}").as_bytes()));
         let asked = async {
@@ -345,13 +408,9 @@ async fn stay(shared: &Shared, mut link: Link) -> Result<(), LinkError> {
             link.answer_lines().await
         };
         let answer = shared.client.in_time(asked).await?;
-        match answer.first().and_then(|line| reply::registration(line)) {
-            Some(found) => shared.compare(&found),
-            None => {
-                if let Err(error) = shared.renew(&name).await {
-                    tracing::warn!(target: "wrapyfi_yarp::name", %error, name, "not registered");
-                }
-            }
+        let found = answer.first().and_then(|line| reply::registration(line));
+        if let Err(error) = shared.judge(&name, found).await {
+            tracing::warn!(target: "wrapyfi_yarp::name", %error, name, "not registered");
         }
     }
 }
