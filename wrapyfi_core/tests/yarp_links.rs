@@ -344,6 +344,57 @@ fn a_name_server_may_come_last() {
 }
 
 /// A listener names what it waits for, and a name that another program has is waited for.
+/// A bottle of one string is JSON where a program of Wrapyfi sends it, and that string where another one does.
+#[test]
+fn who_sends_tells_whether_a_string_is_json() {
+    let net = YarpNetwork::new();
+    let (network, names, yarp) = (net.network(), net.names(), net.yarp());
+    let heard = |name: &str, options: Map, yarp: &Yarp| {
+        let context = Context::default();
+        let mut listener = yarp.open_listener(&topic(name, options), &context).unwrap();
+        let mut heard = None;
+        until(&context, "a message", || {
+            heard = heard.take().or_else(|| listener.take().unwrap());
+            heard.is_some()
+        });
+        heard.map(|sample| sample.payload).unwrap()
+    };
+    let value = |text: &str| Payload::from(Value::from(text));
+    let sends = |name: &str| {
+        let options = PortOptions::default();
+        let port = net.runtime.block_on(network.open_output(name, &options)).unwrap();
+        net.runtime.spawn(async move {
+            loop {
+                let sent = port.write_bottle(&Bottle::from(vec![Element::from("42")]));
+                assert!(sent.is_ok());
+                tokio::time::sleep(Duration::from_millis(10)).await;
+            }
+        })
+    };
+    let (other, wrapyfi) = (sends("/other"), sends("/wf"));
+    // As Wrapyfi's publishers do.
+    net.runtime.block_on(names.subscribe("/wf", "tcp://wf:out")).unwrap();
+    assert_eq!(heard("/other", Map::default(), &yarp), value("42"));
+    assert_eq!(heard("/other", Map::from([("bottle", false)]), &yarp), number(42));
+    assert_eq!(heard("/wf", Map::default(), &yarp), number(42));
+    // Ours are told from their property.
+    let ours = net.yarp();
+    let context = Context::default();
+    let mut publisher = ours.open_publisher(&topic("/ours", Map::default()), &context).unwrap();
+    let publishing = std::sync::atomic::AtomicBool::new(true);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            while publishing.load(Relaxed) {
+                _ = publisher.publish(&number(7));
+                std::thread::sleep(Duration::from_millis(10));
+            }
+        });
+        assert_eq!(heard("/ours", Map::default(), &yarp), number(7));
+        publishing.store(false, Relaxed);
+    });
+    (other.abort(), wrapyfi.abort());
+}
+
 #[test]
 fn names_are_waited_for() {
     let net = YarpNetwork::new();

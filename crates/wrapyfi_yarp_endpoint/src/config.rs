@@ -65,6 +65,10 @@ pub struct YarpConfig {
     /// Largest message in bytes that a port reads before it cuts the connection; topics and services
     /// have limits of their own below it.
     pub max_message_bytes: usize,
+    /// True where a bottle of one string is JSON, whoever sends it, as Wrapyfi's listeners have it. Otherwise it is
+    /// that where a program of Wrapyfi sends it, and itself where another one does. Option `bottle` goes before it.
+    #[doc(hidden)]
+    pub is_wrapyfi: bool,
     /// Rules that tell a port's type by its name, of which the first that matches counts; [`Convention::usual`] unless
     /// said. The type of any other port is that of its first message.
     #[doc(hidden)]
@@ -83,6 +87,7 @@ impl Default for YarpConfig {
             hosts: Hosts::default(),
             send_queue: 16,
             max_message_bytes: Limits::default().message_bytes + SLACK,
+            is_wrapyfi: false,
             conventions: Convention::usual(),
         }
     }

@@ -1,15 +1,16 @@
-//! Functions of Wrapyfi, told from the rpc ports of robots.
+//! Functions and publishers of Wrapyfi, told from the ports of robots.
 //!
 //! ```text
 //!   /wf/fn    subscribe /wf/fn ─▶ /wf/fn:out     Python Wrapyfi: JSON in one string
 //!             property wrapyfi = json            ours: JSON, too
-//!   /rpc:i    neither                            a robot: bottles
+//!   /rpc:i    neither                            a robot: bottles, whose strings are strings
 //! ```
 //!
-//! On the wire both are rpc ports, and nobody may be asked: a robot carries out what it is sent, and
-//! Wrapyfi calls its function. The name server knows, though: a server of Wrapyfi asks it for a connection
-//! from its port to the same name with `:out`, and ours leave a property.
+//! On the wire both are rpc ports, or send bottles of one string, and nobody may be asked: a robot carries out what
+//! it is sent, and Wrapyfi calls its function. The name server knows, though: a server or publisher of Wrapyfi asks it
+//! for a connection from its port to the same name with `:out`, and ours leave a property.
 
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Duration;
 
@@ -17,11 +18,15 @@ use wrapyfi_yarp::wire::admin::split_destination;
 
 use super::options::{BottleFormat, YarpOptions};
 use super::shared::Shared;
+use wrapyfi_data::types::{DataType, MessageType};
+use wrapyfi_endpoint::Mutex;
 
 /// Property of a port of ours at the name server, where it takes calls as Wrapyfi's.
 const MARK: &str = "wrapyfi";
 /// Value of [`MARK`].
 const JSON: &str = "json";
+/// Most ports whose format a listener keeps.
+const MOST_SENDERS: usize = 256;
 /// Time that Wrapyfi is given between opening its port and asking for that connection.
 const OPENS_WITHIN: Duration = Duration::from_millis(250);
 
@@ -80,6 +85,54 @@ pub(super) async fn of_server(shared: &Shared, name: &str, has_just_come: bool) 
         }
     }
     BottleFormat::Bottle
+}
+
+/// Formats in which the programs that send to a listener write native objects. Each port is looked up once, with its
+/// first message: Wrapyfi has asked for its connection by then.
+#[derive(Debug, Default)]
+pub(super) struct SenderFormats {
+    /// True where the topic leaves the format to be found.
+    finds: bool,
+    /// Ports by name, with the number of their entry in the directory.
+    known: Mutex<BTreeMap<String, (u64, BottleFormat)>>,
+}
+
+impl SenderFormats {
+    pub(super) fn new(message_type: MessageType, options: &YarpOptions, shared: &Shared) -> Self {
+        let is_object = matches!(message_type, MessageType::NativeObject | MessageType::StringJson);
+        let finds = is_object && options.bottle.is_none() && !shared.is_wrapyfi;
+        Self { finds, known: Mutex::default() }
+    }
+
+    /// Format of what the port `name` sends; `None` where it is that of the options.
+    pub(super) async fn of(&self, shared: &Shared, name: &str) -> Option<BottleFormat> {
+        if !self.finds {
+            return None;
+        }
+        let number = shared.directory.entry(name).map_or(0, |entry| entry.number);
+        let known = self.known.lock().get(name).copied();
+        if let Some((of, format)) = known
+            && of == number
+        {
+            return Some(format);
+        }
+        let is_json = name.starts_with('/') && is_of_wrapyfi(shared, name).await;
+        let format = if is_json { BottleFormat::Json } else { BottleFormat::Plain };
+        let mut known = self.known.lock();
+        if known.len() >= MOST_SENDERS {
+            known.clear();
+        }
+        known.insert(name.to_owned(), (number, format));
+        Some(format)
+    }
+}
+
+/// True where a publisher writes native objects as Wrapyfi does, to whoever reads them.
+pub(super) fn writes_json(message_type: MessageType, options: &YarpOptions) -> bool {
+    let is_json = matches!(options.bottle, None | Some(BottleFormat::Json));
+    is_json
+        && message_type.data_type() == DataType::NativeObject
+        && message_type != MessageType::Text
 }
 
 async fn is_of_wrapyfi(shared: &Shared, name: &str) -> bool {

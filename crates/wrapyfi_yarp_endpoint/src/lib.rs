@@ -186,6 +186,7 @@ impl Yarp {
                 tasks,
                 send_queue,
                 environment,
+                is_wrapyfi: config.is_wrapyfi,
                 is_afar,
                 refused,
             };

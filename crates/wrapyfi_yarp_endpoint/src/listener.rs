@@ -12,11 +12,12 @@ use wrapyfi_yarp::Dialect;
 use wrapyfi_yarp::port::{Answer, PortOptions, Received, RpcServer};
 
 use super::device::Device;
+use super::found_format::SenderFormats;
 use super::link_state::LinkState;
 use super::losses::Losses;
 use super::name::check_name;
 use super::opening::{numbered, until_open};
-use super::options::YarpOptions;
+use super::options::{BottleFormat, YarpOptions};
 use super::port_connection::PortConnection;
 use super::shared::Shared;
 use super::tasks::{Stop, Stopped};
@@ -41,6 +42,8 @@ struct Arrival {
     received: Received,
     received_at: Instant,
     stamp: Stamp,
+    /// Format in which its sender writes native objects, where the options leave it to be found.
+    format: Option<BottleFormat>,
 }
 
 impl Waits for Arrival {
@@ -54,6 +57,7 @@ struct ListenerState {
     /// A port that answers nothing: its function runs on the connection's own task.
     port: Mutex<Option<RpcServer>>,
     device: Device,
+    formats: SenderFormats,
     link_state: Arc<LinkState>,
     inbox: Sender<Arrival>,
     limit: usize,
@@ -89,7 +93,9 @@ impl ListenerState {
         }
         self.device.wait().await;
         let received_at = self.inbox.context().clock.now();
-        let arrival = Arrival { received, received_at, stamp: Stamp::now() };
+        let stamp = Stamp::now();
+        let format = self.formats.of(shared, &received.from).await;
+        let arrival = Arrival { received, received_at, stamp, format };
         self.inbox.place(arrival, self.inbox.max_wait()).await;
     }
 }
@@ -114,6 +120,7 @@ impl YarpListener {
         let state = Arc::new(ListenerState {
             port: Mutex::default(),
             device: Device::new(spec.message_type, &options, &topic),
+            formats: SenderFormats::new(spec.message_type, &options, shared),
             link_state: Arc::new(LinkState::new(context.wake.clone(), waiting)),
             inbox: sender,
             limit: spec.limits.message_bytes,
@@ -217,10 +224,13 @@ async fn close(state: &ListenerState) {
 
 impl Listener for YarpListener {
     fn take(&mut self) -> Result<Option<Sample>, TakeError> {
-        let Some(Arrival { received, received_at, stamp }) = self.inbox.pop() else {
+        let Some(Arrival { received, received_at, stamp, format }) = self.inbox.pop() else {
             return Ok(None);
         };
-        let (spec, options) = (&self.spec, self.state.device.options());
+        let (spec, mut options) = (&self.spec, self.state.device.options());
+        if format.is_some() {
+            options = Arc::new(YarpOptions { bottle: format, ..(*options).clone() });
+        }
         let sent_at = received.stamp();
         let payload =
             payload::decode(&received.payload, sent_at, spec, &options, self.dialect, stamp)?;

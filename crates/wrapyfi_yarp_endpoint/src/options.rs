@@ -55,6 +55,9 @@ pub enum BottleFormat {
     /// Pairs of key and value, as YARP's `Property` writes itself: dicts.
     Property,
 }
+    /// One string that is itself, other bottles as lists: what programs other than Wrapyfi's send. Written as
+    /// [`BottleFormat::Json`].
+    Plain,
 
 /// Meaning of the numbers that are sent to a control board.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, strum::EnumString)]
@@ -147,8 +150,8 @@ pub struct YarpOptions {
     /// `wrapyfi_images`: whether the peer is Python Wrapyfi, whose images have packed rows and call
     /// every order of colours `rgb` (false).
     pub wrapyfi_images: bool,
-    /// `bottle`: `true`, `false` or `property`; unset or `auto`, native objects are JSON and the services of
-    /// ROS plain bottles.
+    /// `bottle`: `true`, `false` (JSON) or `property`; unset or `auto`, native objects are JSON where Wrapyfi sends
+    /// them, and the services of ROS plain bottles.
     pub bottle: Option<BottleFormat>,
     /// `bottle: auto`: bottles, unless a function of Wrapyfi is behind the port that is called; what is
     /// answered has the format of what was asked.

@@ -25,6 +25,7 @@ use wrapyfi_yarp::Dialect;
 use wrapyfi_yarp::port::{Connected, Fate, Message, Overflow, PayloadKind, PortOptions, Written};
 
 use super::device::Device;
+use super::found_format;
 use super::input;
 use super::link_state::LinkState;
 use super::losses::Sent;
@@ -67,6 +68,8 @@ struct PublisherState {
     /// A port is being opened: its name may be known already, and is not another program's.
     opening: watch::Sender<bool>,
     device: Device,
+    /// True where native objects are written as Wrapyfi does, unless they go to an input port.
+    writes_json: bool,
     link_state: Arc<LinkState>,
     /// Counts messages: a movement that is under way ends when another one comes.
     messages: AtomicU64,
@@ -132,6 +135,7 @@ impl YarpPublisher {
             commands: AtomicBool::new(false),
             opening: watch::Sender::new(false),
             device: Device::new(spec.message_type, &options, destination),
+            writes_json: found_format::writes_json(spec.message_type, &options),
             link_state,
             messages: AtomicU64::new(0),
         });
@@ -324,6 +328,9 @@ async fn serve(
         state.link_state.waiting(format!(
             "port {given}, which another publisher of this program has: give both the same to_peers, \
              out_topic_connect and type, or one of them another port"
+        if state.writes_json && destination.is_none() {
+            found_format::mark(shared, port.name()).await;
+        }
         ));
         backoff.pause().await;
     };

@@ -28,6 +28,8 @@ pub(super) struct Shared {
     pub(super) tasks: Tasks,
     pub(super) send_queue: usize,
     pub(super) environment: Environment,
+    /// Strings of all senders are JSON, as in Wrapyfi's own programs.
+    pub(super) is_wrapyfi: bool,
     /// The name server is on another machine.
     pub(super) is_afar: bool,
     /// Refusal of ports that others connect to; `None` where they may be opened.

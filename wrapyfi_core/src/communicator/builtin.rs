@@ -289,6 +289,7 @@ mod yarp {
             let is_insecure = kwargs.switch("insecure")?.unwrap_or(false);
             config.insecure.said(Place::Keyword, ip.is_some(), is_insecure);
             config.ip = ip.or(config.ip);
+            config.is_wrapyfi = true;
             config.dialect = kwargs.word("dialect")?.unwrap_or(config.dialect);
             config.max_message_bytes = config.max_message_bytes.max(wanted.max_message_bytes);
             // Two sides, two instances: one instance does not hear itself.

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //!   bottle: false     one string of JSON, as Wrapyfi    other bottles are read as lists, too
+//!   no option         the same, where Wrapyfi sends     another's one string is itself
 //!   bottle: true      the values of a list themselves
 //!   bottle: property  pairs of key and value            a dict
 //! ```
@@ -64,7 +65,7 @@ pub(super) fn encode(
     writer: Writer<'_>,
 ) -> EncodeResult<Vec<u8>> {
     let bottle = match (format, value) {
-        (BottleFormat::Json, _) => single(json::encode_with(value, plugins)?),
+        (BottleFormat::Json | BottleFormat::Plain, _) => single(json::encode_with(value, plugins)?),
         (BottleFormat::Bottle, _) | (BottleFormat::Property, Value::Map(_)) => {
             writer.bottle(value)?
         }
@@ -94,7 +95,13 @@ pub(super) fn decode(
                 Err(_) => Ok(element::to_value(&Element::String(text.clone()), rules.dialect)),
             }
         }
-        (BottleFormat::Json | BottleFormat::Bottle, _) => {
+        (BottleFormat::Plain, [Element::String(text)]) => {
+            Ok(match str::from_utf8(text.as_bytes()) {
+                Ok(text) => text.to_owned().into(),
+                Err(_) => element::to_value(&Element::String(text.clone()), rules.dialect),
+            })
+        }
+        (BottleFormat::Json | BottleFormat::Plain | BottleFormat::Bottle, _) => {
             Ok(element::to_list(bottle, rules.dialect))
         }
         (BottleFormat::Property, pairs) => {
@@ -118,7 +125,7 @@ pub(super) fn encode_text(
         return Err(EncodeError::mismatch("a text", format!("a {}", value.kind())));
     };
     let bottle = match format {
-        BottleFormat::Json => single(text.to_owned()),
+        BottleFormat::Json | BottleFormat::Plain => single(text.to_owned()),
         BottleFormat::Bottle | BottleFormat::Property => typed(text, writer)?,
     };
     bytes(&bottle, writer.dialect)
@@ -135,7 +142,9 @@ pub(super) fn typed(text: &str, writer: Writer<'_>) -> EncodeResult<Bottle> {
 /// it. Bytes that are not UTF-8 become U+FFFD: a `std_msgs/msg/String` has no others.
 pub(super) fn decode_text(bottle: &Bottle, format: BottleFormat) -> Value {
     match (format, bottle.values.as_slice()) {
-        (BottleFormat::Json, [Element::String(text)]) => text.to_string_lossy().into_owned().into(),
+        (BottleFormat::Json | BottleFormat::Plain, [Element::String(text)]) => {
+            text.to_string_lossy().into_owned().into()
+        }
         _ => bottle.to_text().into(),
     }
 }

@@ -70,6 +70,30 @@ fn list<const N: usize>(items: [Value; N]) -> Value {
     Value::List(items.into())
 }
 
+/// Whatever a string holds, it is that string, unless Wrapyfi sends it.
+#[test]
+fn a_string_of_other_programs_is_itself() {
+    let spec = topic(MessageType::NativeObject, []);
+    let read = |text: &str, bottle| {
+        let options = YarpOptions { bottle, ..YarpOptions::default() };
+        let sent = Bytewise::object(typed(text));
+        value(&decode(&sent, None, &spec, &options, Dialect::V3, NOW).unwrap())
+    };
+    for (text, plain, json) in [
+        ("\"42\"", Value::from("42"), Value::from(42)),
+        ("\"true\"", "true".into(), true.into()),
+        ("\"[1]\"", "[1]".into(), list([1.into()])),
+        ("\"{\\\"a\\\": 1}\"", "{\"a\": 1}".into(), Map::from([("a", 1)]).into()),
+        ("hello", "hello".into(), "hello".into()),
+        ("42", list([42.into()]), list([42.into()])),
+        ("[ok]", list(["[ok]".into()]), list(["[ok]".into()])),
+    ] {
+        assert_eq!(read(text, Some(BottleFormat::Plain)), plain, "{text}");
+        assert_eq!(read(text, Some(BottleFormat::Json)), json, "{text}");
+        assert_eq!(read(text, None), json, "{text}");
+    }
+}
+
 #[test]
 fn objects_are_json_and_any_other_bottle_is_read() {
     let json = topic(MessageType::NativeObject, []);
