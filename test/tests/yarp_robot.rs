@@ -49,6 +49,33 @@ fn picture(env: &TestEnv) -> Result<String> {
 const JOINTS: &str = "sensor_msgs/msg/JointState";
 
 #[test]
+fn a_subscription_is_an_input_port_that_gives_way_to_a_port_that_publishes() -> Result {
+    run("a_subscription_is_an_input_port", NEEDS, |env| {
+        let _names = env.yarpserver()?;
+        let (twist, cmd) = ("geometry_msgs/msg/Twist", env.topic("base/cmd"));
+        let ear = env.dds_subscriber(&cmd, twist, "--count 1")?;
+        let pose = env.topic("head/state/o");
+        let eye = env.dds_subscriber(&pose, JOINTS, "--count 1")?;
+        let bridge = bridge(env)?;
+        until_typed(&bridge, &cmd, twist, "")?;
+        // As `yarp connect /joy /base/cmd:i`.
+        let connects = format!("out_topic_connect={cmd}:i");
+        let fields = r#"{"linear": {"x": 0.25}}"#;
+        let said = ["--type", twist, "--value", fields, "--option", &connects];
+        let _joy = port(env, &env.topic("joy"), &said)?;
+        let heard = ear.messages(1).map_err(|error| error.context(bridge.tail()))?;
+        assert_eq!(heard[0]["fields"]["linear"]["x"], 0.25, "{heard:?}");
+        // /head/state/o has an input port by now; the robot's /head/state:o becomes that topic.
+        until_typed(&bridge, &pose, JOINTS, "")?;
+        let joints = r#"{"name": ["a", "b"], "position": [0.5, -1.0]}"#;
+        let said = ["--type", JOINTS, "--value", joints];
+        let _head = port(env, &env.topic("head/state:o"), &said)?;
+        eye.messages(1).map_err(|error| error.context(bridge.tail()))?;
+        Ok(())
+    })
+}
+
+#[test]
 fn ports_have_the_types_of_what_they_send() -> Result {
     run("ports_have_the_types_of_what_they_send", NEEDS, |env| {
         let _names = env.yarpserver()?;

@@ -17,7 +17,7 @@ use super::{
 };
 use crate::Mutex;
 use crate::backoff::Backoff;
-use wrapyfi_data::types::ServiceKind;
+use wrapyfi_data::types::{Map, MessageType, ServiceKind};
 use wrapyfi_retry::contained;
 
 /// Fault of a try to start a middleware.
@@ -184,6 +184,20 @@ impl Middleware for DeferredMiddleware {
         self.started().map(<dyn Middleware>::traits).unwrap_or_default()
     }
 
+    fn received_as(&self, learned: MessageType, options: &Map) -> MessageType {
+        self.started().map_or(learned, |started| started.received_as(learned, options))
+    }
+
+    fn ahead_options(&self, name: &str) -> Option<Map> {
+        self.started().ok().and_then(|started| started.ahead_options(name))
+    }
+
+    fn doubt(&self, name: &str) {
+        if let Ok(started) = self.started() {
+            started.doubt(name);
+        }
+    }
+
     fn learn_topic(&self, found: &Discovered, types: &mut TypeStore) -> LearnResult<Learned> {
         match self.started() {
             Ok(started) => started.learn_topic(found, types),
@@ -230,7 +244,6 @@ mod tests {
 
     use super::*;
     use crate::memory::Memory;
-    use wrapyfi_data::types::MessageType;
 
     fn opened(late: &DeferredMiddleware) -> OpenResult<()> {
         let spec = TopicSpec::new("/t", MessageType::NativeObject);

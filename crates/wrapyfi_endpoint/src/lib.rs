@@ -210,6 +210,13 @@ pub trait Middleware: Send + Sync {
         learned
     }
 
+    /// Options with which a listener of the source `name` is opened ahead of its publishers, for listeners at the
+    /// destination of a route ([`Traits::subscribes_first`]); `None` where it is not opened ahead.
+    fn ahead_options(&self, name: &str) -> Option<Map> {
+        _ = name;
+        self.traits().subscribes_first.then(Map::default)
+    }
+
     /// Learns the type of a service from its server's announcement, as [`Middleware::learn_topic`].
     ///
     /// # Errors
@@ -265,8 +272,8 @@ pub struct Traits {
     /// True where discovery shows the marks of other bridges' endpoints.
     pub shows_marks: bool,
     /// True where a listener that is there first hears a publisher at once, long before discovery
-    /// finds that publisher. A route whose destination has a listener then opens its source ahead
-    /// of it.
+    /// finds that publisher, or is connected by others. A route whose destination has a listener then opens
+    /// its source ahead of it.
     pub subscribes_first: bool,
     /// True where messages carry no type and may be read as any type that they fit. A route then
     /// takes the type that the listeners at its destination want.

@@ -108,7 +108,12 @@ impl Reconciler {
         if let Some(rival) = self.rival(spec, candidate) {
             return Some(rival);
         }
-        if let Some(other) = self.taken(role, to) {
+        if candidate.is_ahead && self.has_source(role, to) {
+            return Some(format!("{to} to have no other source"));
+        }
+        if !spec.policy.merge
+            && let Some(other) = self.taken(role, to)
+        {
             return Some(format!("the name {to}, to which {other} goes"));
         }
         self.is_on_both_sides(role, from, to).then(|| {
@@ -145,6 +150,8 @@ impl Reconciler {
             && (spec.policy.lazy || has_qos())
             && self.keeps_last(spec, candidate);
         let name = if spec.is_many() { candidate.name(role) } else { spec.name.clone() };
+        let ahead = self.middleware(from).filter(|_| candidate.is_ahead);
+        let ahead = ahead.and_then(|source| source.ahead_options(&from.name)).unwrap_or_default();
         let (from, to, typing) = (from.clone(), to.clone(), Typing::Given);
         let mut route = Route { name, mark, from, to, names: None, kind, typing, ..spec.clone() };
         if let QosConfig::Match(qos) = &mut route.policy.qos
@@ -152,6 +159,11 @@ impl Reconciler {
         {
             // Publishers of the source keep their last message, so the destination does too.
             qos.durability = Durability::TransientLocal;
+        }
+        for (key, value) in ahead {
+            if key.as_str().is_some_and(|key| route.policy.options.get(key).is_none()) {
+                route.policy.options.insert(key, value);
+            }
         }
         Ok(route)
     }

@@ -204,6 +204,7 @@ mod tests {
             options: &["carrier"],
             check_option: &|_, _| Ok(()),
             conventions: Conventions { has_text_type: name == "ros2", ..Conventions::NONE },
+            ..Available::default()
         };
         let mut types = TypeStore::generated();
         Plan::new(&config, &[known("zeromq"), known("ros2")], &mut types, "bridge.yaml")

@@ -32,6 +32,10 @@ pub struct Available<'a> {
     pub options: &'a [&'a str],
     /// Rule of the middleware for the value of one of them; the error names the fault.
     pub check_option: &'a dyn Fn(&str, &Value) -> Result<(), String>,
+    /// Those of them that only the source of a route has, because they are about what is received.
+    pub source_options: &'a [&'a str],
+    /// Those of them that only the destination of a route has, because they are about what is sent.
+    pub destination_options: &'a [&'a str],
     /// Conventions of the middleware for types and names.
     #[doc(hidden)]
     pub conventions: Conventions,
@@ -44,6 +48,8 @@ impl Default for Available<'_> {
             check_topic: &|_| Ok(()),
             options: &[],
             check_option: &|_, _| Ok(()),
+            source_options: &[],
+            destination_options: &[],
             conventions: Conventions::NONE,
         }
     }

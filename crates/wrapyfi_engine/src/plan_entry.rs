@@ -251,7 +251,9 @@ impl<'r> Reader<'r> {
                     to.value
                 );
                 self.complain(to.referenced, text);
-            } else if let Err(fault) = pattern.check_template(&target.name) {
+            } else if (target.name.contains('$') || !config.merge)
+                && let Err(fault) = pattern.check_template(&target.name)
+            {
                 self.complain(to.referenced, format!("{to_key} {:?}: {fault}", to.value));
             }
         }
@@ -359,6 +361,7 @@ impl<'r> Reader<'r> {
             limits: Limits { message_bytes: mib.saturating_mul(Limits::MIB), ..default.limits },
             plugins: default.plugins.with_devices(devices.or_from(&self.default_devices)),
             options: options.unwrap_or_default(),
+            merge: config.merge,
             lazy: config.lazy.as_ref().map_or(is_many && !is_service, |lazy| lazy.value),
             timeout: timeout.map_or(ServiceSpec::TIMEOUT, |ms| Duration::from_millis(ms.value)),
             from_override: default.from_override,

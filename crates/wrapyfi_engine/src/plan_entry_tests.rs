@@ -29,6 +29,7 @@ fn plan(routes: &[&str]) -> Result<Plan, ConfigError> {
         options,
         check_option: &check_option,
         conventions,
+        ..Available::default()
     };
     let middlewares =
         [known("ros", &["carrier", "from_peers", "to_peers"][..]), known("ros2", &["carrier"][..])];
@@ -45,6 +46,62 @@ fn wrong(route: &str) -> String {
     assert!(text.starts_with("bridge.yaml:2:"), "{text}");
     assert_eq!(text.lines().count(), 1, "{text}");
     text
+}
+
+#[test]
+fn options_of_the_other_direction_are_refused() {
+    let check_option = |_: &str, _: &Value| Ok(());
+    let yarp = Available {
+        name: "yarp",
+        options: &["base", "carrier", "sensor"],
+        check_option: &check_option,
+        source_options: &["sensor"],
+        destination_options: &["base"],
+        ..Available::default()
+    };
+    let ros2 = Available { name: "ros2", ..Available::default() };
+    let read = |route: &str| {
+        let text = format!("routes:\n  - {{ {route} }}\n");
+        let config: Config<NoEndpoints> = Config::from_yaml(&text, "bridge.yaml").unwrap();
+        let plan = Plan::new(&config, &[yarp, ros2], &mut TypeStore::generated(), "bridge.yaml");
+        plan.map(drop).map_err(|error| error.to_string())
+    };
+    let inward = |options: &str| {
+        read(&format!("from: 'yarp:/a', to: 'ros2:/b', type: Image, options: {{ {options} }}"))
+    };
+    let outward = |options: &str| {
+        read(&format!("from: 'ros2:/b', to: 'yarp:/a', type: Image, options: {{ {options} }}"))
+    };
+    assert_eq!(
+        (inward("sensor: 1, carrier: tcp"), outward("base: velocity, carrier: tcp")),
+        (Ok(()), Ok(()))
+    );
+    let text = inward("base: velocity").unwrap_err();
+    assert!(
+        text.contains("option base is about what is sent to yarp, which is the source"),
+        "{text}"
+    );
+    let text = outward("sensor: 1").unwrap_err();
+    assert!(
+        text.contains(
+            "option sensor is about what is received from yarp, which is the destination"
+        ),
+        "{text}"
+    );
+}
+
+#[test]
+fn a_pattern_goes_to_one_name_where_it_says_that_it_merges() {
+    let joints = "from: 'ros:/(?:.*/)?state', to: 'ros2:/joint_states'";
+    assert!(wrong(joints).contains("all that the pattern means would go to one name"));
+    let merged = one(&format!("{joints}, merge: true"));
+    for name in ["/state", "/left/arm/state"] {
+        assert_eq!(merged.target(name).unwrap().to_string(), "ros2:/joint_states");
+    }
+    assert!(
+        wrong(&format!("{}, merge: true", joints.replace("states", "$1")))
+            .contains("$1 is no group")
+    );
 }
 
 #[test]

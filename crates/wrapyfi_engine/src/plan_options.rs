@@ -35,6 +35,10 @@ pub(super) fn read(
             complain(text);
             continue;
         }
+        if !is_service && let Some(text) = goes_the_other_way(name, ends, middlewares) {
+            complain(text);
+            continue;
+        }
         if let Err(unknown) = known_option(name, &known, &format!("between {from} and {to}")) {
             complain(unknown);
             continue;
@@ -54,6 +58,32 @@ pub(super) fn read(
         }
     }
     options
+}
+
+/// Reason why an option can have no effect: each end that knows it is at the other end of the route.
+fn goes_the_other_way(
+    name: &str,
+    [from, to]: [&EndpointAddress; 2],
+    middlewares: &[Available<'_>],
+) -> Option<String> {
+    let at = |end: &EndpointAddress| middlewares.iter().find(|one| one.name == end.middleware);
+    let (at_source, at_destination) = (at(from)?, at(to)?);
+    let known = |one: &Available<'_>| one.options.contains(&name);
+    let works = known(at_source) && !at_source.destination_options.contains(&name)
+        || known(at_destination) && !at_destination.source_options.contains(&name);
+    if works || !(known(at_source) || known(at_destination)) {
+        return None;
+    }
+    let (what, end) = if known(at_source) {
+        ("sent to", &at_source.name)
+    } else {
+        ("received from", &at_destination.name)
+    };
+    let is = if known(at_source) { "the source" } else { "the destination" };
+    Some(format!(
+        "option {name} is about what is {what} {end}, which is {is} of this route: leave it out, or exchange \
+         from and to"
+    ))
 }
 
 /// Reason why the programs at an end of a route cannot be listed.

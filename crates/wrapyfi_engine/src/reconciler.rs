@@ -354,6 +354,7 @@ impl Reconciler {
         ) else {
             return Vec::new();
         };
+        let Some(middleware) = &source.middleware else { return Vec::new() };
         let knows_others = source.traits().tells_own && target.traits().tells_own;
         if spec.role() != Role::Publisher || !source.traits().subscribes_first || !knows_others {
             return Vec::new();
@@ -365,6 +366,11 @@ impl Reconciler {
         };
         let sources = target.names(Role::Listener).filter(waits);
         let sources = sources.filter_map(|name| inverse.source(name));
+        let sources = sources.filter(|name| {
+            let to = spec.target(name);
+            middleware.ahead_options(name).is_some()
+                && to.is_some_and(|to| !self.has_source(spec.role(), &to))
+        });
         sources.filter(|name| source.endpoints(Role::Publisher, name).is_empty()).collect()
     }
 
@@ -500,6 +506,9 @@ impl Reconciler {
                     false => "its source is gone".to_owned(),
                 });
             }
+            if candidate.is_ahead && self.has_source(spec.role(), &candidate.to) {
+                return Err("another source has come".to_owned());
+            }
             if let Some(rival) = self.rival(spec, candidate) {
                 candidate.state = State::New;
                 candidate.waits(spec.role(), RouteState::Waiting(rival.clone()), true);
@@ -544,6 +553,15 @@ impl Reconciler {
     /// Middlewares at the two ends of a route, as far as anybody looks at them.
     pub(super) fn sides(&self, spec: &Route) -> impl Iterator<Item = &DiscoveredMiddleware> {
         [&spec.from, &spec.to].into_iter().filter_map(|end| self.graph.get(&end.middleware))
+    }
+
+    /// True where a source that exists has this destination, also one that another pattern matches.
+    pub(super) fn has_source(&self, role: Role, to: &EndpointAddress) -> bool {
+        self.candidates.iter().any(|((index, _), other)| {
+            !other.is_ahead
+                && other.to == *to
+                && self.patterns.get(*index).is_some_and(|pattern| pattern.spec.role() == role)
+        })
     }
 
     /// Source of another candidate whose route already runs to this destination.

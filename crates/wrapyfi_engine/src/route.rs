@@ -198,6 +198,8 @@ pub struct Policy {
     pub options: Map,
     /// True when the source is open only while somebody listens at the destination.
     pub lazy: bool,
+    /// True where other routes may have the same destination, those of one pattern among them.
+    pub merge: bool,
     /// Time that a call of a service has.
     pub timeout: Duration,
 }
@@ -218,6 +220,7 @@ impl Default for Policy {
             plugins: Plugins::standard(),
             options: Map::default(),
             lazy: false,
+            merge: false,
             timeout: ServiceSpec::TIMEOUT,
         }
     }

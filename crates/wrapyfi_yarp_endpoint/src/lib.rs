@@ -82,7 +82,7 @@ pub use config::YarpConfig;
 pub use error::YarpError;
 pub use log_port::LogPort;
 pub use name::{NAME, UNOPENED, check_topic};
-pub use options::{OPTIONS, check_option};
+pub use options::{DESTINATION_OPTIONS, OPTIONS, SOURCE_OPTIONS, check_option};
 pub use types::Convention;
 pub use wrapyfi_yarp::Dialect;
 pub use wrapyfi_yarp::name::NameServerConf;
@@ -307,7 +307,22 @@ impl Middleware for Yarp {
 
     fn traits(&self) -> Traits {
         // A name belongs to one port of the network: nobody else publishes where we do.
-        Traits { tells_own: true, untyped: true, carriers: true, ..Traits::default() }
+        Traits {
+            tells_own: true,
+            subscribes_first: true,
+            untyped: true,
+            carriers: true,
+            ..Traits::default()
+        }
+    }
+
+    /// The port of a topic that others listen to is an input port, which YARP's users connect: `/cmd_vel:i`.
+    fn ahead_options(&self, name: &str) -> Option<Map> {
+        if name.contains(':') {
+            return None;
+        }
+        let port = if input::is_input(name) { name.to_owned() } else { format!("{name}:i") };
+        Some(Map::from([("port", Value::from(port))]))
     }
 
     fn learn_topic(&self, found: &Discovered, types: &mut TypeStore) -> LearnResult<Learned> {

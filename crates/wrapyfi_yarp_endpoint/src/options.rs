@@ -44,20 +44,25 @@ pub const OPTIONS: &[&str] = &[
     "wrapyfi_images",
 ];
 
+/// Options that are about what ports send to us.
+pub const SOURCE_OPTIONS: &[&str] = &["child_frame_id", "frame_id", "sensor"];
+/// Options that are about what we send to ports.
+pub const DESTINATION_OPTIONS: &[&str] = &["base", "control", "out_topic_connect"];
+
 /// BottleFormat of native objects in bottles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum BottleFormat {
     /// One string of JSON, as Wrapyfi writes it. Other bottles are read, too.
     #[default]
     Json,
+    /// One string that is itself, other bottles as lists: what programs other than Wrapyfi's send. Written as
+    /// [`BottleFormat::Json`].
+    Plain,
     /// The values themselves: lists, numbers, words.
     Bottle,
     /// Pairs of key and value, as YARP's `Property` writes itself: dicts.
     Property,
 }
-    /// One string that is itself, other bottles as lists: what programs other than Wrapyfi's send. Written as
-    /// [`BottleFormat::Json`].
-    Plain,
 
 /// Meaning of the numbers that are sent to a control board.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, strum::EnumString)]

@@ -21,6 +21,8 @@ pub(super) const AVAILABLE: Available<'static> = Available {
     check_topic: &ros1::check_name,
     options: ros1::OPTIONS,
     check_option: &|_, _| Ok(()),
+    source_options: &[],
+    destination_options: &[],
     conventions: ros1::CONVENTIONS,
 };
 

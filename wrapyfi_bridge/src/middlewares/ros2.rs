@@ -17,6 +17,8 @@ pub(super) const AVAILABLE: Available<'static> = Available {
     check_topic: &check_topic,
     options: &[],
     check_option: &|_, _| Ok(()),
+    source_options: &[],
+    destination_options: &[],
     conventions: Conventions { has_text_type: true, ..Conventions::NONE },
 };
 

@@ -22,6 +22,8 @@ pub(super) const AVAILABLE: Available<'static> = Available {
     check_topic: &yarp::check_topic,
     options: yarp::OPTIONS,
     check_option: &yarp::check_option,
+    source_options: yarp::SOURCE_OPTIONS,
+    destination_options: yarp::DESTINATION_OPTIONS,
     conventions: yarp::CONVENTIONS,
 };
 

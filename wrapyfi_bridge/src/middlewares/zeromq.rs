@@ -23,6 +23,8 @@ pub(super) const AVAILABLE: Available<'static> = Available {
     check_topic: &zeromq::check_topic,
     options: &[],
     check_option: &|_, _| Ok(()),
+    source_options: &[],
+    destination_options: &[],
     conventions: Conventions::NONE,
 };
 
