@@ -39,6 +39,8 @@ pub struct Selection {
     pub service_timeout_ms: Option<u64>,
     /// Carries `/clock` from ROS 1.
     pub clock: bool,
+    /// Carries the joints of all control boards of YARP to `/joint_states`, too.
+    pub joint_states: bool,
 }
 
 impl MiddlewareBridge {
@@ -74,7 +76,8 @@ impl MiddlewareBridge {
     /// # Errors
     /// When the prefix cannot begin a name of ROS 2, or an entry of `allow` or `deny` is no pattern.
     pub fn yaml(self, selection: &Selection) -> Result<String, String> {
-        let Selection { allow, deny, prefix, has_hidden, service_timeout_ms, clock } = selection;
+        let Selection { allow, deny, prefix, has_hidden, service_timeout_ms, clock, joint_states } =
+            selection;
         let prefix = prefix.trim_matches('/');
         if !prefix.is_empty() {
             NodeName::check_topic(&format!("/{prefix}"))
@@ -132,6 +135,17 @@ impl MiddlewareBridge {
                 const UNKNOWN: &str = ", type_if_unknown: NativeObject";
                 // Robots take bottles, functions of Wrapyfi JSON.
                 const CALLS: &str = ", options: { bottle: auto }";
+                // The time of a simulation is left out elsewhere: on YARP nobody has such a port by accident.
+                if !has_hidden {
+                    const CLOCK: &str = ", type: rosgraph_msgs/msg/Clock, default_deny: false";
+                    add(into("yarp:/(clock)", "$1"), false, false, CLOCK);
+                    let (_, to) = into("", "(clock)");
+                    add((to, "yarp:/$1".to_owned()), false, true, CLOCK);
+                }
+                if *joint_states {
+                    const JOINTS: &str = ", type: sensor_msgs/msg/JointState, merge: true";
+                    add(into("yarp:/(?:.*/)?state:o", "joint_states"), false, false, JOINTS);
+                }
                 for is_service in [false, true] {
                     let calls = if is_service { CALLS } else { "" };
                     let kind = format!("{UNKNOWN}{calls}");
@@ -199,6 +213,25 @@ mod tests {
         let timeout = |route: &Route| route.policy.timeout.as_millis();
         assert_eq!(services.map(timeout).collect::<Vec<_>>(), [1234, 1234]);
         assert!(!MiddlewareBridge::Ros1.yaml(&Selection::default()).unwrap().contains("clock"));
+    }
+
+    #[test]
+    fn yarp_carries_the_network_clock_and_all_joints_to_one_topic_where_that_is_wished() {
+        let first = |selection: &Selection, name: &str, count: usize| {
+            let all = targets(MiddlewareBridge::Yarp, selection, name);
+            all.into_iter().take(count).collect::<Vec<_>>()
+        };
+        let all = Selection::default();
+        assert_eq!(first(&all, "/clock", 2), ["ros2:/clock", "yarp:/clock"]);
+        let prefixed = Selection { prefix: "sim".into(), ..Selection::default() };
+        assert_eq!(first(&prefixed, "/clock", 1), ["ros2:/sim/clock"]);
+        assert_eq!(first(&prefixed, "/sim/clock", 1), ["yarp:/clock"]);
+        let denied = Selection { deny: vec!["clock".into()], ..Selection::default() };
+        assert!(targets(MiddlewareBridge::Yarp, &denied, "/clock").is_empty());
+        let wished = Selection { joint_states: true, ..Selection::default() };
+        for port in ["/icub/head/state:o", "/state:o"] {
+            assert!(first(&wished, port, 2).contains(&"ros2:/joint_states".to_owned()), "{port}");
+        }
     }
 
     #[test]

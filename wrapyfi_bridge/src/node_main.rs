@@ -184,8 +184,18 @@ fn declared(
             let meant = "Carries /clock from ROS 1.";
             let clock = bridge == MiddlewareBridge::Ros1
                 && declare("clock", meant, false.into())? == ParameterValue::Bool(true);
-            let selection =
-                Selection { allow, deny, prefix, has_hidden, service_timeout_ms, clock };
+            let meant = "Carries the joints of all control boards to /joint_states, too.";
+            let joint_states = bridge == MiddlewareBridge::Yarp
+                && declare("joint_states", meant, false.into())? == ParameterValue::Bool(true);
+            let selection = Selection {
+                allow,
+                deny,
+                prefix,
+                has_hidden,
+                service_timeout_ms,
+                clock,
+                joint_states,
+            };
             Some((bridge, selection))
         }
     };
@@ -204,7 +214,7 @@ fn declared(
         (ParameterValue::String(file), Some((bridge, selection))) if !file.is_empty() => {
             if selection != Selection::default() {
                 return Err(Failure::Usage(format!(
-                    "parameters allow, deny, prefix, default_deny, service_timeout_ms and clock are \
+                    "parameters allow, deny, prefix, default_deny, service_timeout_ms, clock and joint_states are \
                      for the built-in configuration of {}; with config_file, write them into the \
                      file",
                     bridge.node()

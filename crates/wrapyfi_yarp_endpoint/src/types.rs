@@ -55,6 +55,7 @@ impl Convention {
             ("(.*/)?tf:o", "tf2_msgs/msg/TFMessage"),
             ("(.*/)?\\w*[lL]aser\\w*:o", SCAN),
             ("(.*/)?odometry:o", "nav_msgs/msg/Odometry"),
+            ("clock", payload::CLOCK),
             ("(.*/)?cams?/[^:]*(:o)?", "Image"),
             ("(.*/)?\\w*([iI]mage|[iI]mg):o", "Image"),
         ];
@@ -187,6 +188,8 @@ mod tests {
             ("/cer/laserFront:o", None, Some(SCAN)),
             ("/baseControl/odometry:o", None, Some("nav_msgs/msg/Odometry")),
             ("/baseControl/odometer:o", None, None),
+            ("/clock", None, Some("rosgraph_msgs/msg/Clock")),
+            ("/wall/clock", None, None),
             ("/estate:o", None, None),
             ("/camera/info:o", None, None),
         ] {

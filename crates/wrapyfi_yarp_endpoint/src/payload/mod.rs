@@ -14,6 +14,7 @@
 
 mod base;
 mod camera;
+mod clock;
 mod command;
 mod element;
 mod fault;
@@ -58,6 +59,7 @@ pub use requests::{
 };
 pub(super) use ros::{JOINTS, TRAJECTORY, fields};
 
+pub(super) use ros::CLOCK;
 /// Writes `payload` as a message of the topic.
 ///
 /// # Errors

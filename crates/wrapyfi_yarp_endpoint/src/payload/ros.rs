@@ -8,6 +8,7 @@
 //!   sensor_msgs/msg/LaserScan, nav_msgs/msg/Odometry  ◀──▶  scans, odometries
 //!   geometry_msgs/msg/Twist, TwistStamped             ──▶   velocities of a base (option base)
 //!   sensor_msgs/msg/CameraInfo                        ◀──   pictures
+//!   rosgraph_msgs/msg/Clock                           ◀──▶  two integers of the network clock
 //!   any other  ◀──▶  (linear ((x 0.1) …)) (angular …)   or JSON (bottle: false)
 //!   header.stamp                    ◀──▶  envelope
 //! ```
@@ -20,7 +21,7 @@ use super::super::intrinsics::CAMERA_INFO;
 use super::super::options::BottleFormat;
 use super::numbers::Width;
 use super::rules::Rules;
-use super::{base, camera, command, fault, frames, joints, laser, native, numbers, sensors};
+use super::{base, camera, clock, command, fault, frames, joints, laser, native, numbers, sensors};
 use wrapyfi_data::types::{Header, Map, RosMessage, RosType, Stamp, Value};
 use wrapyfi_endpoint::TopicSpec;
 use wrapyfi_endpoint::codec::{DecodeError, DecodeResult, EncodeResult, json};
@@ -29,6 +30,8 @@ use wrapyfi_endpoint::codec::{DecodeError, DecodeResult, EncodeResult, json};
 pub(crate) const JOINTS: &str = "sensor_msgs/msg/JointState";
 /// Movements of joints, point by point.
 pub(crate) const TRAJECTORY: &str = "trajectory_msgs/msg/JointTrajectory";
+/// Time of a simulation.
+pub(crate) const CLOCK: &str = "rosgraph_msgs/msg/Clock";
 const IMU: &str = "sensor_msgs/msg/Imu";
 const WRENCH: &str = "geometry_msgs/msg/WrenchStamped";
 const FRAMES: &str = "tf2_msgs/msg/TFMessage";
@@ -57,6 +60,7 @@ pub(super) fn encode(
         (IMU, _, None) => sensors::write_imu(&fields, rules)?,
         (WRENCH, _, None) => sensors::write_wrench(&fields, rules)?,
         (FRAMES, _, None) => return frames::write(&fields, rules.dialect),
+        (CLOCK, _, None) => clock::write(&fields, rules)?,
         (SCAN, _, None) => laser::write(&fields, rules)?,
         (ODOMETRY, _, None) => base::write_odometry(&fields, rules)?,
         (TWIST | TWIST_STAMPED, _, None) if let Some(base) = rules.options.base => {
@@ -93,6 +97,7 @@ pub(super) fn decode(
         (IMU, _, None) => sensors::read_imu(bytes, rules)?,
         (WRENCH, _, None) => sensors::read_wrench(bytes, rules)?,
         (FRAMES, _, None) => frames::read(bytes, rules, stamp)?,
+        (CLOCK, _, None) => clock::read(bytes, rules)?,
         (SCAN, _, None) => laser::read(bytes, rules)?,
         (ODOMETRY, _, None) => base::read_odometry(bytes, rules, stamp)?,
         (CAMERA_INFO, _, None) if let Some(size) = camera::size(bytes, rules.limits) => {

@@ -79,6 +79,20 @@ fn the_layout_of_a_multi_array_is_followed() {
 }
 
 #[test]
+fn the_network_clock_is_two_integers() {
+    let spec = topic(MessageType::Ros(ros("rosgraph_msgs/msg/Clock")), []);
+    let payload = read(typed("1700000000 500"), &spec).unwrap();
+    let time = value(&payload);
+    let part = |name| time.get("clock").and_then(|clock| clock.get(name)).and_then(Value::as_i64);
+    assert_eq!((part("sec"), part("nanosec")), (Some(1_700_000_000), Some(500)));
+    assert_eq!(shown(&bytes_of(&payload, &spec)), "1700000000 500");
+    for text in ["1", "1 2 3", "1.5 2", "1 1000000000", "1 -1", "a b"] {
+        let error = read(typed(text), &spec).unwrap_err().to_string();
+        assert!(error.contains("seconds and nanoseconds"), "{text}: {error}");
+    }
+}
+
+#[test]
 fn joints_have_names_and_radians() {
     let ros_type = ros("sensor_msgs/msg/JointState");
     let names: Value = ["neck_pitch", "neck_roll"].into_iter().collect();
