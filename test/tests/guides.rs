@@ -274,6 +274,10 @@ fn yarp() -> Result {
         for mark in ["robot$", "laptop$  mkdir", "laptop$  export", "laptop$  ros2 topic hz"] {
             guide.pass_over(mark, "it takes YARP and two machines: `real_yarp` has them")?;
         }
+        guide.pass_over(
+            "ros2 service call",
+            "it takes ROS 2 with wrapyfi_msgs: `real_ros2` has it",
+        )?;
         env.peer("make_files.py", &env.path("").display().to_string())?.exits_with(0)?;
         std::fs::rename(env.path("colour.png"), env.path("frame.png"))?;
         let [server, camera, head, list, bridge, echo, call] = guide.lines("wrapyfi yarpserver")?;

@@ -13,8 +13,8 @@ use std::time::Duration;
 
 use tokio::sync::{Notify, watch};
 use tokio::time::{Instant, timeout};
-use wrapyfi_yarp::Dialect;
 use wrapyfi_yarp::port::{Connected, PortOptions, RpcClient};
+use wrapyfi_yarp::{Bottle, Dialect};
 
 use super::board::ANSWERS;
 use super::intrinsics::{self, Intrinsics};
@@ -60,6 +60,8 @@ pub(super) struct Device {
     settled: watch::Sender<bool>,
     /// Signal of messages that would wait.
     wanted: Notify,
+    /// Held while a request is made of it.
+    turn: tokio::sync::Mutex<()>,
 }
 
 impl Device {
@@ -82,7 +84,15 @@ impl Device {
         let given = Arc::new(options.clone());
         let settled = watch::Sender::new(subject.is_none());
         let current = Mutex::new(Arc::clone(&given));
-        Self { current, given, subject, rpc, settled, wanted: Notify::new() }
+        Self {
+            current,
+            given,
+            subject,
+            rpc,
+            settled,
+            wanted: Notify::new(),
+            turn: tokio::sync::Mutex::default(),
+        }
     }
 
     /// The options as they are now.
@@ -108,6 +118,24 @@ impl Device {
         if timeout(TIMEOUT, settled.wait_for(|settled| *settled)).await.is_err() {
             // Once is enough.
             self.settled.send_replace(true);
+        }
+    }
+
+    /// Makes a request of the device, one after the other.
+    ///
+    /// # Errors
+    /// Reason that it was not carried out.
+    pub(super) async fn request(&self, shared: &Shared, request: &Bottle) -> Result<(), String> {
+        let _turn = self.turn.lock().await;
+        let known = self.rpc.iter().find(|(name, _)| shared.directory.knows(name));
+        let (rpc, _) = known.ok_or_else(|| "its port for requests is not there".to_owned())?;
+        let answer = on_port(shared, rpc, async |client| {
+            client.call(request, ANSWERS).await.map_err(|error| error.to_string())
+        });
+        let answer = answer.await?.unwrap_or_default();
+        match answer.values.last() {
+            Some(last) if last.is_word("ok") => Ok(()),
+            _ => Err(format!("{rpc} answered {}", answer.to_text())),
         }
     }
 
@@ -222,21 +250,31 @@ async fn ask(
     subject: &Subject,
     given: &YarpOptions,
 ) -> Result<YarpOptions, String> {
+    on_port(shared, rpc, async |client| match subject {
+        Subject::Joints { is_moved } => {
+            let joints = board::joints(client, dialect, *is_moved).await?;
+            Ok(joints.applied(given, dialect))
+        }
+        Subject::Calibration { picture } => {
+            let intrinsics = Some(calibration(client, picture).await?);
+            Ok(YarpOptions { intrinsics, ..given.clone() })
+        }
+    })
+    .await
+}
+
+/// Does `work` with a client that is connected to the port `rpc`.
+async fn on_port<T>(
+    shared: &Shared,
+    rpc: &str,
+    work: impl AsyncFnOnce(&RpcClient) -> Result<T, String>,
+) -> Result<T, String> {
     let unregistered = PortOptions { register: false, ..shared.asking() };
     let client = shared.network.open_rpc_client(&numbered(rpc), &unregistered).await;
     let client = client.map_err(|error| error.to_string())?;
     let told = async {
         client.connect(&format!("tcp:/{rpc}")).await.map_err(|error| error.to_string())?;
-        match subject {
-            Subject::Joints { is_moved } => {
-                let joints = board::joints(&client, dialect, *is_moved).await?;
-                Ok(joints.applied(given, dialect))
-            }
-            Subject::Calibration { picture } => {
-                let intrinsics = Some(calibration(&client, picture).await?);
-                Ok(YarpOptions { intrinsics, ..given.clone() })
-            }
-        }
+        work(&client).await
     };
     let told = timeout(ANSWERS, told).await;
     client.close().await;

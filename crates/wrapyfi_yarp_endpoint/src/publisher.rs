@@ -21,8 +21,8 @@ use std::time::Duration;
 
 use tokio::sync::watch;
 use tokio::time::Instant;
-use wrapyfi_yarp::Dialect;
 use wrapyfi_yarp::port::{Connected, Fate, Message, Overflow, PayloadKind, PortOptions, Written};
+use wrapyfi_yarp::{Bottle, Dialect};
 
 use super::device::Device;
 use super::found_format;
@@ -183,6 +183,19 @@ impl YarpPublisher {
         Err(PublishError::QueueFull { topic, depth })
     }
 
+    /// Makes a request of the board that the messages are for; its bytes.
+    fn request(&self, request: Bottle, bytes: usize) -> usize {
+        let (state, sent) = (Arc::clone(&self.state), Sent::new(&self.counters, bytes));
+        let shared = Arc::clone(&self.shared);
+        self.shared.tasks.spawn_aside(async move {
+            if let Err(why) = state.device.request(&shared, &request).await {
+                tracing::warn!("{}: {} was not done: {why}", state.name, request.to_text());
+                sent.missed(DropReason::ConnectionLost);
+            }
+        });
+        bytes
+    }
+
     /// Writes movements at their times, those of now at once; their bytes.
     fn run(&self, movements: Vec<(Duration, Outgoing)>, own: u64) -> Result<usize, PublishError> {
         let begin = Instant::now();
@@ -315,6 +328,9 @@ async fn serve(
         })
         .await;
         shared.own.insert(port.name());
+        if state.writes_json && destination.is_none() {
+            found_format::mark(shared, port.name()).await;
+        }
         port
     };
     let mut backoff = Backoff::of_name(given);
@@ -328,9 +344,6 @@ async fn serve(
         state.link_state.waiting(format!(
             "port {given}, which another publisher of this program has: give both the same to_peers, \
              out_topic_connect and type, or one of them another port"
-        if state.writes_json && destination.is_none() {
-            found_format::mark(shared, port.name()).await;
-        }
         ));
         backoff.pause().await;
     };
@@ -442,6 +455,11 @@ impl Publisher for YarpPublisher {
         let next = || self.state.messages.fetch_add(1, Relaxed).wrapping_add(1);
         if let Some(movements) = movements {
             return self.run(movements, next());
+        }
+        if let Some(request) = payload::of_some_joints(payload, spec, &options, dialect)? {
+            next();
+            let bytes = request.encode(dialect).map_or(0, |bytes| bytes.len());
+            return Ok(self.request(request, bytes));
         }
         let mut messages = Vec::new();
         for (readers, files) in [(objects, false), (pictures, true)] {

@@ -97,6 +97,9 @@ impl ServerState {
 
     /// Takes a request in and waits for its answer.
     async fn ask(&self, received: Received, wants_reply: bool) -> Answer {
+        if wants_reply && let Some(usage) = payload::usage(&received.payload.bytes, &self.spec) {
+            return Answer::Object(usage);
+        }
         let dialect = self.clients.dialect(&received);
         let body = received.payload.bytes.clone();
         let format = RequestFormat { dialect, bottle: client_dialects::format(&body) };

@@ -256,7 +256,8 @@ pub(crate) fn encode_mode(pixels: &RawPixels, mode: Option<&str>) -> Result<Byte
         Encoding::F32C1 | Encoding::I32C1 => {
             return tiff_file(&dense).map_err(|error| refuse(&error.to_string()));
         }
-        Encoding::F32C3 | Encoding::Bgr8 | Encoding::Bgra8 => {
+        // A picture file has no mosaics: one of greys would be taken for a grey picture.
+        _ => {
             return Err(refuse("send it as an array"));
         }
     };

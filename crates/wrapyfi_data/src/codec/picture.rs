@@ -131,9 +131,9 @@ pub fn array(raw: RawPixels, color_order: Encoding) -> Result<Tensor, EncodeErro
 /// Element type and shape of the array for a picture.
 pub(super) fn layout(pixels: &RawPixels) -> (Dtype, Vec<usize>) {
     let dtype = match pixels.encoding {
-        Encoding::Mono16 => Dtype::U16,
         Encoding::I32C1 => Dtype::I32,
         Encoding::F32C1 | Encoding::F32C3 => Dtype::F32,
+        encoding if encoding.bytes_per_pixel() == 2 => Dtype::U16,
         _ => Dtype::U8,
     };
     let mut shape = vec![pixels.height as usize, pixels.width as usize];

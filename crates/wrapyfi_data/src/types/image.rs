@@ -264,6 +264,14 @@ named! {
         I32C1 => "32SC1",
         F32C1 => "32FC1",
         F32C3 => "32FC3",
+        BayerRggb8 => "bayer_rggb8",
+        BayerBggr8 => "bayer_bggr8",
+        BayerGbrg8 => "bayer_gbrg8",
+        BayerGrbg8 => "bayer_grbg8",
+        BayerRggb16 => "bayer_rggb16",
+        BayerBggr16 => "bayer_bggr16",
+        BayerGbrg16 => "bayer_gbrg16",
+        BayerGrbg16 => "bayer_grbg16",
     }
     /// Name in `sensor_msgs/msg/Image.encoding`.
     pub fn name;
@@ -282,23 +290,23 @@ impl Encoding {
         }
     }
 
-    /// Order of the colour channels, `rgb8` or `bgr8`; `None` for one channel, and for floats,
-    /// which name no order.
+    /// Order of the colour channels, `rgb8` or `bgr8`; `None` for one channel, as a mosaic has, and for
+    /// floats, which name no order.
     #[must_use]
     pub fn color_order(self) -> Option<Self> {
         match self {
             Self::Rgb8 | Self::Rgba8 => Some(Self::Rgb8),
             Self::Bgr8 | Self::Bgra8 => Some(Self::Bgr8),
-            Self::Mono8 | Self::Mono16 | Self::I32C1 | Self::F32C1 | Self::F32C3 => None,
+            _ => None,
         }
     }
 
     /// Number of channels of a pixel.
     pub fn channels(self) -> usize {
         match self {
-            Self::Mono8 | Self::Mono16 | Self::I32C1 | Self::F32C1 => 1,
             Self::Rgb8 | Self::Bgr8 | Self::F32C3 => 3,
             Self::Rgba8 | Self::Bgra8 => 4,
+            _ => 1,
         }
     }
 
@@ -307,6 +315,8 @@ impl Encoding {
         self.channels()
             * match self {
                 Self::Mono8 | Self::Rgb8 | Self::Bgr8 | Self::Rgba8 | Self::Bgra8 => 1,
+                Self::BayerRggb8 | Self::BayerBggr8 | Self::BayerGbrg8 | Self::BayerGrbg8 => 1,
+                Self::BayerRggb16 | Self::BayerBggr16 | Self::BayerGbrg16 | Self::BayerGrbg16 => 2,
                 Self::Mono16 => 2,
                 Self::I32C1 | Self::F32C1 | Self::F32C3 => 4,
             }

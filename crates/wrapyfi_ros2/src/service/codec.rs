@@ -402,7 +402,7 @@ mod tests {
         };
         let ours = codec(ServiceKind::Image);
         for (json, words) in [
-            ("[1]", "expected a map with args and kwargs, received list"),
+            ("5", "expected a list of arguments, or a map with args and kwargs, received int"),
             ("{\"args\": 1}", "expected a list under args, received int"),
             ("{", "malformed JSON"),
             ("{\"__wrapyfi__\": [\"tensor\", 0]}", "tensor"),

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //!   position          ([poss]) (p p p …)      all joints, on the board's own trajectory
+//!                     [set] [posg] 2 (0 2) (p p)    some joints, to the board's port for requests
 //!   position_direct   ([dpos]) (p p p …)      ([dpog] 2 (0 2)) (p p)     some joints
 //!   velocity          ([vmos]) (v v v …)      ([vmog] 2 (0 2)) (v v)
 //!   torque            ([dtqs]) (t t t …)      ([dtqg] 2 (0 2)) (t t)
@@ -51,7 +52,34 @@ pub(super) fn of_state(
 ) -> EncodeResult<Vec<u8>> {
     let lists = ["position", "velocity", "effort"].map(|name| floats(fields, name));
     let port = destination(spec, rules.options);
-    Movement::of(&texts(fields, "name"), lists, port, rules.options)?.encode(rules.dialect)
+    let movement = Movement::of(&texts(fields, "name"), lists, port, rules.options)?;
+    movement.encode(port, rules.options, rules.dialect)
+}
+
+/// The request that moves some joints of a board on its own trajectory, for which its port for commands has no word;
+/// none where `payload` is anything else. A board of YARP 4 has no such request.
+pub(crate) fn of_some_joints(
+    payload: &Payload,
+    spec: &TopicSpec,
+    options: &YarpOptions,
+    dialect: Dialect,
+) -> EncodeResult<Option<Bottle>> {
+    let Payload::RosMessage(message) = payload else { return Ok(None) };
+    let is_wanted = spec.message_type == MessageType::Ros(message.ros_type);
+    let is_state = message.ros_type.name() == ros::JOINTS && options.bottle.is_none();
+    if dialect != Dialect::V3 || !(is_wanted && is_state && is_for(spec, options)) {
+        return Ok(None);
+    }
+    let fields = ros::fields(message, spec)?;
+    let lists = ["position", "velocity", "effort"].map(|name| floats(&fields, name));
+    let port = destination(spec, options);
+    let Movement { control, joints, values } =
+        Movement::of(&texts(&fields, "name"), lists, port, options)?;
+    let (Control::Position, Some(joints)) = (control, joints) else { return Ok(None) };
+    let values = values.into_iter().map(Element::Float64).collect();
+    let words = [Element::vocab("set"), Element::vocab("posg"), number(joints.len())];
+    let lists = [joints.into_iter().map(number).collect(), values].map(Element::List);
+    Ok(Some(words.into_iter().chain(lists).collect()))
 }
 
 /// The movements that a `JointTrajectory` for a control board asks for, each with its time from now on;
@@ -84,7 +112,7 @@ pub(crate) fn trajectory(
             ));
         }
         let lists = ["positions", "velocities", "effort"].map(|name| floats(point, name));
-        let bytes = Movement::of(&names, lists, port, options)?.encode(dialect)?;
+        let bytes = Movement::of(&names, lists, port, options)?.encode(port, options, dialect)?;
         EncodeError::check_size(bytes.len(), spec.limits.message_bytes)?;
         let sent_at = |begin: Stamp| sig::Stamp {
             count: 0,
@@ -165,7 +193,12 @@ impl Movement {
                 }
             }
         }
-        if let (Control::Position, Some(some)) = (control, &joints) {
+        Ok(Self { control, joints, values })
+    }
+
+    /// Writes it for the port `port` of the board.
+    fn encode(self, port: &str, options: &YarpOptions, dialect: Dialect) -> EncodeResult<Vec<u8>> {
+        if let (Control::Position, Some(some)) = (self.control, &self.joints) {
             let wanted = format!(
                 "positions of all {} joints of {port}, which [poss] moves together, or option \
                  control: position_direct",
@@ -173,17 +206,12 @@ impl Movement {
             );
             return Err(mismatch(wanted, &format!("{} of them", some.len())));
         }
-        Ok(Self { control, joints, values })
-    }
-
-    fn encode(self, dialect: Dialect) -> EncodeResult<Vec<u8>> {
         let (interface, all, some) = match self.control {
             Control::Position => ("ipos", "poss", ""),
             Control::PositionDirect => ("ipod", "dpos", "dpog"),
             Control::Velocity => ("ivel", "vmos", "vmog"),
             Control::Torque => ("itrq", "dtqs", "dtqg"),
         };
-        let number = |place: usize| Element::Int32(i32::try_from(place).unwrap_or(i32::MAX));
         let mut head = match dialect {
             Dialect::V3 => Vec::new(),
             Dialect::V4 => vec![Element::vocab(interface)],
@@ -200,6 +228,11 @@ impl Movement {
         let pair = [Bottle { values: head }, body].map(Element::List);
         native::bytes(&Bottle { values: pair.into() }, dialect)
     }
+}
+
+/// A number of joints, or the place of one.
+fn number(place: usize) -> Element {
+    Element::Int32(i32::try_from(place).unwrap_or(i32::MAX))
 }
 
 /// Number of joints of the control board; 0 where nobody has told.

@@ -5,8 +5,8 @@
 //!   float32, float64  ◀── float ─▶ float64
 //!   [1] [0] [null]    ◀─▶ True, False, None
 //!   string, vocab     ◀─▶ str                    see word.rs
-//!   blob              ◀─▶ bytes
-//!   list              ◀─▶ list, tuple, set, array (uint8 of one dimension: blob)
+//!   blob              ◀─▶ array of uint8 of one dimension (bytes, too)
+//!   list              ◀─▶ list, tuple, set, array
 //!   dict              ◀─▶ dict
 //! ```
 
@@ -15,7 +15,7 @@ use wrapyfi_yarp::{Bottle, Dialect, Value as Element};
 
 use super::{fault, word};
 use wrapyfi_data::Limits;
-use wrapyfi_data::types::{Dtype, Map, Value, nested_list};
+use wrapyfi_data::types::{Dtype, Map, Tensor, Value, nested_list};
 use wrapyfi_endpoint::codec::EncodeResult;
 
 /// Most numbers of an array that become values of a bottle one by one.
@@ -36,7 +36,12 @@ pub(super) fn to_value(element: &Element, dialect: Dialect) -> Value {
         Element::Vocab32(vocab) => word::of_vocab(*vocab).into(),
         Element::Vocab64(vocab) => word::of_vocab64(*vocab).into(),
         Element::String(text) => word::of_string(text, dialect),
-        Element::Blob(bytes) => bytes.clone().into(),
+        Element::Blob(bytes) => {
+            let bytes = bytes.clone();
+            let tensor = Tensor::new(Dtype::U8, vec![bytes.len()], bytes.clone());
+            // One dimension of as many bytes as there are: that cannot fail.
+            tensor.map_or_else(|_| bytes.into(), Value::from)
+        }
         Element::List(list) => to_list(list, dialect),
         Element::Dict(pairs) => {
             let map = to_map(pairs, dialect).filter(|map| map.len() == pairs.len());
@@ -172,7 +177,6 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use wrapyfi_data::types::Tensor;
 
     const V3: Writer<'_> =
         Writer { dialect: Dialect::V3, limits: &Limits { message_bytes: 1 << 20, depth: 8 } };
@@ -189,7 +193,7 @@ mod tests {
             ("1.5", [1.5].into_iter().collect()),
             ("true false [null]", vec![true.into(), false.into(), Value::Null].into()),
             ("[set] \"a b\" x", ["[set]", "a b", "x"].into_iter().collect()),
-            ("{1 255}", vec![Value::Bytes([1, 255].to_vec().into())].into()),
+            ("{1 255}", vec![Tensor::from_elements(&[2], vec![1_u8, 255]).unwrap().into()].into()),
             (
                 "(1 (2)) ()",
                 vec![vec![1.into(), vec![2.into()].into()].into(), Value::List(vec![])].into(),
@@ -219,6 +223,8 @@ mod tests {
 
     #[test]
     fn arrays_are_lists_of_their_numbers() {
+        let bytes = Value::Bytes([1, 255].to_vec().into());
+        assert_eq!(V3.bottle(&Value::List(vec![bytes])).unwrap().to_text(), "{1 255}");
         let array = Tensor::from_elements(&[2, 2], vec![1_u8, 2, 3, 4]).unwrap();
         assert_eq!(V3.bottle(&array.into()).unwrap().to_text(), "(1 2) (3 4)");
         let scalar = Tensor::from_elements(&[], vec![0.5_f32]).unwrap();

@@ -23,7 +23,7 @@ use wrapyfi_endpoint::codec::npy::{self, NpyArray};
 use wrapyfi_endpoint::codec::{DecodeError, DecodeResult, EncodeError, EncodeResult, convert};
 
 /// Pixels of YARP and what ROS calls them.
-const PIXELS: [(PixelCode, Encoding); 9] = [
+const PIXELS: [(PixelCode, Encoding); 17] = [
     (PixelCode::Mono, Encoding::Mono8),
     (PixelCode::Mono16, Encoding::Mono16),
     (PixelCode::Rgb, Encoding::Rgb8),
@@ -33,6 +33,14 @@ const PIXELS: [(PixelCode, Encoding); 9] = [
     (PixelCode::Int, Encoding::I32C1),
     (PixelCode::Float, Encoding::F32C1),
     (PixelCode::RgbFloat, Encoding::F32C3),
+    (PixelCode::BayerRggb8, Encoding::BayerRggb8),
+    (PixelCode::BayerBggr8, Encoding::BayerBggr8),
+    (PixelCode::BayerGbrg8, Encoding::BayerGbrg8),
+    (PixelCode::BayerGrbg8, Encoding::BayerGrbg8),
+    (PixelCode::BayerRggb16, Encoding::BayerRggb16),
+    (PixelCode::BayerBggr16, Encoding::BayerBggr16),
+    (PixelCode::BayerGbrg16, Encoding::BayerGbrg16),
+    (PixelCode::BayerGrbg16, Encoding::BayerGrbg16),
 ];
 /// Rows whose step no header can say are tried at these multiples before they are copied.
 const QUANTA: [u16; 3] = [1, sig::DEFAULT_QUANTUM, 4096];

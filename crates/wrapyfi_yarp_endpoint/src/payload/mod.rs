@@ -50,16 +50,16 @@ use wrapyfi_endpoint::codec::{
     DecodeError, DecodeResult, EncodeError, EncodeResult, fitted, received_as,
 };
 
-pub(super) use command::{COMMAND_PORT, trajectory};
+pub(super) use command::{COMMAND_PORT, of_some_joints, trajectory};
 pub(super) use joints::{EXTENDED_PORT, extended_of, floats, texts};
 pub(super) use laser::is_scan;
 pub use outgoing::Outgoing;
+pub(super) use positional::usage;
 pub use requests::{
     decode_reply, decode_request, encode_error, encode_reply, encode_request, is_json,
 };
-pub(super) use ros::{JOINTS, TRAJECTORY, fields};
+pub(super) use ros::{CLOCK, JOINTS, TRAJECTORY, fields};
 
-pub(super) use ros::CLOCK;
 /// Writes `payload` as a message of the topic.
 ///
 /// # Errors

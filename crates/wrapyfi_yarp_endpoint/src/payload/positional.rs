@@ -3,29 +3,30 @@
 //! ```text
 //!   std_srvs/srv/SetBool   data: true                      ─▶   true
 //!                          success: true, message: ""      ◀─   [ok]
-//!                          success: false, message: why    ◀─   [fail] why
+//!                          success: false, message: why    ◀─   [fail] why, [nack] why, [nak] why
 //!   any other              its fields in order             ─▶   2 10.0
 //! ```
 
+use bytes::Bytes;
 use wrapyfi_interfaces::dynamic::{DynamicMessage, DynamicValue};
 use wrapyfi_yarp::{Bottle, Dialect, Value as Element};
 
 use super::super::options::BottleFormat;
 use super::element::{self, Writer};
 use super::rules::Rules;
-use super::{native, requests, ros};
+use super::{fault, native, requests, ros};
 use wrapyfi_data::plugin::Plugins;
 use wrapyfi_data::types::{
-    Map, RosType, RosValueError, Value, fields_of_call, fields_of_return, value_of,
+    Map, RosType, RosValueError, ServiceKind, Value, fields_of_call, fields_of_return, value_of,
 };
 use wrapyfi_endpoint::codec::{DecodeError, DecodeResult, EncodeError, EncodeResult};
-use wrapyfi_endpoint::{Call, Request};
+use wrapyfi_endpoint::{Call, Request, ServiceSpec};
 
 /// The field that the generator of ROS puts into messages without any.
 const FILLER: &str = "structure_needs_at_least_one_member";
 /// Words by which servers say that it went well, or not.
 const GOOD: [&str; 2] = ["ok", "ack"];
-const BAD: [&str; 2] = [requests::FAIL, "nack"];
+const BAD: [&str; 3] = [requests::FAIL, "nack", "nak"];
 
 /// The fields of a request that a call gives.
 pub(super) fn call(
@@ -65,13 +66,51 @@ pub(super) fn write(fields: &DynamicMessage, writer: Writer<'_>) -> EncodeResult
 pub(super) fn write_reply(fields: &DynamicMessage, writer: Writer<'_>) -> EncodeResult<Bottle> {
     let mut bottle = write(fields, writer)?;
     if let Some((success, message)) = success_and_message(fields) {
-        let [word, _] = if success { GOOD } else { BAD };
+        let ([good, ..], [bad, ..]) = (GOOD, BAD);
+        let word = if success { good } else { bad };
         bottle.values = vec![Element::vocab(word)];
         if !message.is_empty() {
             bottle.push(message);
         }
     }
     Ok(bottle)
+}
+
+/// Answer to the word `help` alone, as YARP's devices give it: what a service of ROS is asked with, and answers.
+/// `None` for any other request, and for a service that is asked with one text: that may be the word.
+pub(in super::super) fn usage(request: &Bytes, spec: &ServiceSpec) -> Option<Bytes> {
+    let ServiceKind::Ros(service) = spec.kind else { return None };
+    let limits = fault::limits(&spec.limits);
+    let asked = Bottle::decode_whole(request, Dialect::V3, &limits).ok()?;
+    let [Element::String(_) | Element::Vocab32(_)] = asked.values.as_slice() else { return None };
+    let is_help = asked.get(0).is_some_and(|word| word.is_word("help"));
+    let defaults = service.request().plan().default_message();
+    let takes_text = matches!(
+        defaults.fields().collect::<Vec<_>>().as_slice(),
+        [(_, DynamicValue::Text(_) | DynamicValue::Texts(_))]
+    );
+    if !is_help || takes_text {
+        return None;
+    }
+    let fields = |of: RosType| {
+        let fields = of.resolved().definition().map(|text| text.fields.as_slice());
+        let fields = fields.unwrap_or_default().iter().filter(|field| field.name != FILLER);
+        let fields: Vec<_> =
+            fields.map(|field| format!("{} ({})", field.name, field.field_type)).collect();
+        if fields.is_empty() { "nothing".to_owned() } else { fields.join(", ") }
+    };
+    let lines = [
+        format!("{} of ROS 2", service.name()),
+        format!("takes, in this order or as pairs (name value): {}", fields(service.request())),
+        match success_and_message(&service.response().plan().default_message()) {
+            Some(_) => "answers [ok], or [fail] and why".to_owned(),
+            None => format!("answers: {}", fields(service.response())),
+        },
+    ];
+    let lines = lines.into_iter().map(Element::string);
+    let answer = std::iter::once(Element::vocab("many")).chain(lines).collect::<Bottle>();
+    // Vocabs of 32 bits and strings are the same in both dialects.
+    native::bytes(&answer, Dialect::V3).ok().map(Bytes::from)
 }
 
 /// Success and message of a reply that has these fields and no others: most services of ROS.
@@ -128,8 +167,8 @@ pub(super) fn read_reply(
 /// Success and message in `[ok] …` and `[fail] …`.
 fn judged(bottle: &Bottle) -> Option<Map> {
     let (first, rest) = bottle.values.split_first()?;
-    let is = |words: [&str; 2]| words.iter().any(|word| first.is_word(word));
-    let success = match (is(GOOD), is(BAD)) {
+    let is = |words: &[&str]| words.iter().any(|word| first.is_word(word));
+    let success = match (is(&GOOD), is(&BAD)) {
         (true, _) => true,
         (_, true) => false,
         _ => return None,

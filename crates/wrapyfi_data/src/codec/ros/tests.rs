@@ -132,7 +132,8 @@ fn an_image_must_fit_its_header() {
     assert_eq!(
         error.to_string(),
         "expected an image encoded as mono8, mono16, rgb8, bgr8, rgba8, bgra8, 32SC1, 32FC1, 32FC3, \
-         received \"yuv422\""
+         bayer_rggb8, bayer_bggr8, bayer_gbrg8, bayer_grbg8, bayer_rggb16, bayer_bggr16, \
+         bayer_gbrg16, bayer_grbg16, received \"yuv422\""
     );
 }
 

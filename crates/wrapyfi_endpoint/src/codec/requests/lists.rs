@@ -23,11 +23,7 @@ pub(super) fn write_image(raw: RawPixels, spec: &ServiceSpec) -> Result<Vec<u8>,
     let (width, channels) = (raw.width as usize, raw.encoding.channels());
     let (encoding, height) = (raw.encoding, raw.height as usize);
     let array = picture::array(raw, spec.color_order)?;
-    let size = match encoding {
-        Encoding::Mono16 => 2,
-        Encoding::I32C1 | Encoding::F32C1 | Encoding::F32C3 => 4,
-        _ => 1,
-    };
+    let size = encoding.bytes_per_pixel() / channels;
     // Three bytes are the shortest number with its comma and its space.
     EncodeError::check_size(
         (array.data().len() / size).saturating_mul(3),

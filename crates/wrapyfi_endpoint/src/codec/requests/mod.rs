@@ -96,7 +96,7 @@ pub fn to_value(Call { args, kwargs }: &Call) -> Value {
     ]))
 }
 
-/// Reads [`to_value`]; both members may be absent.
+/// Reads [`to_value`]; both members may be absent. A list is the arguments alone.
 ///
 /// # Errors
 /// When it is no such map.
@@ -107,7 +107,10 @@ pub fn from_value(value: Value) -> DecodeResult<Request> {
     let call = match value {
         Value::Map(call) => call,
         Value::Null => return Ok(Request::default()),
-        other => return Err(wrong("a map with args and kwargs", &other)),
+        Value::List(args) | Value::Tuple(args) => {
+            return Ok(Call { args, kwargs: Map::new() }.into());
+        }
+        other => return Err(wrong("a list of arguments, or a map with args and kwargs", &other)),
     };
     let mut read = Call::default();
     for (key, part) in call {

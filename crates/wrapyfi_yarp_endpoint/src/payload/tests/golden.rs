@@ -243,7 +243,8 @@ fn images_of_yarp() {
             }
         }
     }
-    for encoding in Encoding::ALL.into_iter().filter(|encoding| *encoding != Encoding::Bgra8) {
+    let is_recorded = |it: &Encoding| *it != Encoding::Bgra8 && !it.name().starts_with("bayer");
+    for encoding in Encoding::ALL.into_iter().filter(is_recorded) {
         assert!(seen.contains(&encoding.name()), "{encoding} not in {seen:?}");
     }
     let stamps: Vec<_> = sent("images_tcp_envelope.json")

@@ -34,22 +34,30 @@ fn every_encoding_has_a_pixel_code() {
         (Encoding::I32C1, b"int\0"),
         (Encoding::F32C1, b"dec\0"),
         (Encoding::F32C3, b"rgb."),
+        (Encoding::BayerRggb8, b"rggb"),
+        (Encoding::BayerBggr8, b"bggr"),
+        (Encoding::BayerGbrg8, b"gbrg"),
+        (Encoding::BayerGrbg8, b"grbg"),
+        (Encoding::BayerRggb16, b"rg16"),
+        (Encoding::BayerBggr16, b"bg16"),
+        (Encoding::BayerGbrg16, b"gb16"),
+        (Encoding::BayerGrbg16, b"gr16"),
     ] {
         let payload = picture(encoding, 7, 3, 0);
         let bytes = bytes_of(&payload, &spec);
         assert_eq!(&bytes[20..24], code);
         assert_eq!(read(bytes, &spec).unwrap(), payload);
     }
-    assert_eq!(Encoding::ALL.len(), 9);
+    assert_eq!(Encoding::ALL.len(), 17);
 }
 
 #[test]
 fn pixels_without_a_name_in_ros_are_named() {
     let spec = topic(MessageType::Image, []);
-    let bayer = sig::Image::from_packed(sig::PixelCode::BayerRggb8, 2, 1, vec![1, 2].into());
+    let hue = sig::Image::from_packed(sig::PixelCode::Hsv, 1, 1, vec![1, 2, 3].into());
     let error =
-        read(bayer.unwrap().encode(sig::Rows::Announced).unwrap(), &spec).unwrap_err().to_string();
-    assert!(error.ends_with("received one of pixels [rggb], which have no name in ROS"), "{error}");
+        read(hue.unwrap().encode(sig::Rows::Announced).unwrap(), &spec).unwrap_err().to_string();
+    assert!(error.ends_with("received one of pixels [hsv], which have no name in ROS"), "{error}");
     let error = read(typed("1 2 3"), &spec).unwrap_err().to_string();
     assert!(error.starts_with("expected an image"), "{error}");
 }

@@ -112,6 +112,22 @@ fn positions_are_moved_to_in_the_units_and_the_order_of_the_board() {
 }
 
 #[test]
+fn positions_of_some_joints_are_a_request() {
+    let (spec, options) = board("sensor_msgs/msg/JointState", &[]);
+    let asked = |payload: &Payload, dialect| {
+        of_some_joints(payload, &spec, &options, dialect).unwrap().map(|asked| asked.to_text())
+    };
+    let eye = state(&["eye"], "position", &[std::f64::consts::PI]);
+    assert_eq!(asked(&eye, Dialect::V3).unwrap(), "[set] [posg] 1 (1) (180.0)");
+    let two = state(&["heave", "neck"], "position", &[0.5, 0.0]);
+    assert_eq!(asked(&two, Dialect::V3).unwrap(), "[set] [posg] 2 (2 0) (0.5 0.0)");
+    assert_eq!(asked(&eye, Dialect::V4), None);
+    for all in [state(&JOINTS, "position", &[0.0; 3]), state(&["eye"], "velocity", &[1.0])] {
+        assert_eq!(asked(&all, Dialect::V3), None);
+    }
+}
+
+#[test]
 fn what_a_board_would_misread_is_refused() {
     let error = |payload: &Payload| commanded(payload, &[]).unwrap_err().to_string();
     for (payload, wanted) in [

@@ -34,6 +34,38 @@ fn answered(text: &str, spec: &ServiceSpec) -> Result<Value, String> {
 }
 
 #[test]
+fn help_tells_how_a_service_is_asked() {
+    let told = |kind: &str, text: &str| {
+        usage(&typed(text).into(), &service(kind, [])).map(|answer| shown(&answer))
+    };
+    assert_eq!(
+        told("std_srvs/srv/SetBool", "help").unwrap(),
+        "[many] \"std_srvs/srv/SetBool of ROS 2\" \"takes, in this order or as pairs (name value): data \
+         (bool)\" \"answers [ok], or [fail] and why\""
+    );
+    assert!(told("std_srvs/srv/Trigger", "[help]").unwrap().contains("nothing"));
+    for (kind, text) in [
+        ("std_srvs/srv/SetBool", "true"),
+        ("std_srvs/srv/SetBool", "help me"),
+        ("NativeObject", "help"),
+        // Texts, which may be that word.
+        ("rcl_interfaces/srv/GetParameters", "help"),
+    ] {
+        assert_eq!(told(kind, text), None, "{kind} {text}");
+    }
+}
+
+#[test]
+fn a_service_that_says_no_has_failed() {
+    let spec = service("std_srvs/srv/SetBool", []);
+    for text in ["[nak] busy", "[nack] busy", "[fail] busy", "nak busy"] {
+        let told = answered(text, &spec).unwrap();
+        assert_eq!(told.get("success"), Some(&false.into()), "{text}");
+        assert_eq!(told.get("message"), Some(&"busy".into()), "{text}");
+    }
+}
+
+#[test]
 fn functions_of_wrapyfi_are_json() {
     let spec = service("NativeObject", []);
     let call = Request::new([5.into()]).with(Map::from([("scale", 0.5)]));
