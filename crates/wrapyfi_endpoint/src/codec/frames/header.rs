@@ -4,6 +4,8 @@
 //! ```text
 //!   {timestamp:1795214428.963405123, encoding:"rgb8", frame_id:"left_camera"}
 //! ```
+//!
+//! Other programs write the header as JSON, or the time alone: `1795214428.9634051`.
 
 use crate::codec::json;
 use wrapyfi_data::types::{Encoding, Stamp};
@@ -12,9 +14,21 @@ const STAMP: &str = "timestamp";
 const ENCODING: &str = "encoding";
 const FRAME_ID: &str = "frame_id";
 
+/// Longest text of a time alone.
+const MAX_TIME_BYTES: usize = 40;
+
 /// True for a frame that is a header.
 pub(super) fn is_one(frame: &[u8]) -> bool {
-    frame.starts_with(b"{timestamp:")
+    let start = frame.get(..frame.len().min(MAX_TIME_BYTES)).unwrap_or_default().trim_ascii();
+    let keyed = start.strip_prefix(b"{").unwrap_or(start).trim_ascii_start();
+    let keyed = keyed.strip_prefix(b"\"").unwrap_or(keyed);
+    keyed.starts_with(STAMP.as_bytes())
+        || (frame.len() <= MAX_TIME_BYTES && str::from_utf8(start).is_ok_and(is_time))
+}
+
+/// True for a time without a key.
+fn is_time(text: &str) -> bool {
+    text.starts_with(|c: char| c.is_ascii_digit()) && text.parse().is_ok_and(f64::is_finite)
 }
 
 /// Time, channel order and frame that a header names.
@@ -39,7 +53,10 @@ impl FrameHeader {
         };
         let order = others.split_once(ENCODING).and_then(|(_, rest)| string(rest));
         Self {
-            stamp: others.split_once(STAMP).and_then(|(_, rest)| stamp(rest)),
+            stamp: match others.split_once(STAMP) {
+                Some((_, rest)) => stamp(rest),
+                None => stamp(text.trim()).filter(|_| is_time(text.trim())),
+            },
             color_order: order
                 .and_then(|name| Encoding::from_name(&name))
                 .and_then(Encoding::color_order),
@@ -111,7 +128,10 @@ mod tests {
             "{timestamp:1795214428.5}",
             "{\"timestamp\": 1795214428.5, \"frame\": 3}",
             "timestamp: 1.7952144285e9",
+            "1795214428.5",
+            " 1795214428.500000000\n",
         ] {
+            assert!(is_one(text.as_bytes()), "{text}");
             let read = FrameHeader::read(text.as_bytes());
             assert_eq!(read, FrameHeader { stamp: Some(wanted), ..FrameHeader::default() });
         }
@@ -123,9 +143,16 @@ mod tests {
 
     #[test]
     fn everything_else_is_no_time() {
-        for text in
-            ["", "{}", "{timestamp:}", "{timestamp:nan}", "{timestamp:-1}", "{timestamp:1e99}"]
-        {
+        for text in [
+            "",
+            "{}",
+            "{timestamp:}",
+            "{timestamp:nan}",
+            "{timestamp:-1}",
+            "{timestamp:1e99}",
+            "nan",
+            "5, 7",
+        ] {
             assert_eq!(FrameHeader::read(text.as_bytes()), FrameHeader::default(), "{text}");
         }
         assert_eq!(FrameHeader::read(b"\xff{timestamp:1}"), FrameHeader::default());

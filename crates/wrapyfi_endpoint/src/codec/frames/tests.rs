@@ -201,7 +201,7 @@ fn integer_sound_goes_out_as_floats() {
 
 #[test]
 fn the_number_of_frames_is_part_of_the_type() {
-    let frame = || Bytes::from("1");
+    let frame = || Bytes::from("{}");
     for (message_type, frames) in [
         (MessageType::NativeObject, vec![]),
         (MessageType::NativeObject, vec![frame(); 3]),
@@ -278,6 +278,12 @@ fn headers_survive() {
 fn objects_without_a_header_have_two_frames_as_wrapyfi_s() {
     let frames = frames_of(&Value::from(5).into(), &spec(MessageType::NativeObject));
     assert_eq!(frames.len(), 2);
+    // A time alone is a header, too.
+    let frames = ["/t", "5", "1795214428.5"].map(Bytes::from);
+    let read = decode(&frames, &spec(MessageType::NativeObject), RECEIVED).unwrap();
+    let Payload::NativeObject(object) = read else { panic!("{read:?}") };
+    assert_eq!((object.stamp.sec, object.stamp.nanosec), (1_795_214_428, 500_000_000));
+    assert_eq!(object.value, Value::from(5));
     // An image is no object with a header.
     let frames = ["/t", "{timestamp:1.5}", "[]"].map(Bytes::from);
     let error = decode(&frames, &spec(MessageType::NativeObject), RECEIVED).unwrap_err();
@@ -295,6 +301,7 @@ fn types_by_their_frames() {
     assert_eq!(looks_like(3, image), Some("Image"));
     assert_eq!(looks_like(3, b"{\"__wrapyfi__\": [\"tuple\", [1"), Some("AudioChunk"));
     assert_eq!(looks_like(3, b"{timestamp:1.5, frame_id"), Some("NativeObject"));
+    assert_eq!(looks_like(3, b"1795214428.9634051"), Some("NativeObject"));
     assert_eq!(looks_like(2, b"\x00\x01"), None);
     assert_eq!(looks_like(5, b"{"), None);
 }
