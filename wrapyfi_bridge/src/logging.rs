@@ -1,25 +1,31 @@
 //! Log lines on stderr, in the form ROS 2 nodes print theirs, and on `/rosout`.
 //!
 //! ```text
-//!   tracing event ─ filter ─ level of its logger ─┬─▶ stderr: [INFO] [1795214428.963405000] [bridge]: text key=value
-//!                                                 ├─▶ the node, once there is one ─▶ /rosout
-//!                                                 └─▶ the log port of YARP, where one is asked for
+//!   tracing event ─ filter ─ level of its logger ─ flood? ─┬─▶ stderr: [INFO] [1795214428.963405000] [bridge]: text key=value
+//!                                                          ├─▶ the node, once there is one ─▶ /rosout
+//!                                                          └─▶ the log port of YARP, where one is asked for
 //! ```
+//!
+//! Lines hold what other programs send, names and texts, and come as often as they send it: length and number are bounded
+//! here, once for all lines.
 //!
 //! The logger of a line is the program's; of a line about a route it is a child of that, called after
 //! the route: `wrapyfi_bridge.camera`.
 
+use std::collections::HashMap;
 use std::fmt;
 use std::io::Write as _;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, OnceLock, PoisonError, RwLock};
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
+use tracing::callsite::Identifier;
 use tracing::{Event, Level, Subscriber, field};
 use tracing_subscriber::filter::LevelFilter;
 use tracing_subscriber::layer::{Context, Layer, SubscriberExt as _};
 use tracing_subscriber::util::SubscriberInitExt as _;
 use tracing_subscriber::{EnvFilter, reload};
+use wrapyfi_endpoint::Mutex;
 use wrapyfi_node::{LogLevel, LogLine, args::LogLevels, logger_services::Loggers};
 use wrapyfi_ros2::NodeHandle;
 use wrapyfi_yarp_endpoint::LogPort;
@@ -31,6 +37,13 @@ use crate::visible::escaped_lines;
 const MAX_LOGGERS: usize = 4096;
 /// Longest name of a logger whose level is set, in bytes.
 const MAX_NAME_BYTES: usize = 1024;
+
+/// Longest text of a line in bytes; a longer one is cut, and says so.
+const MAX_TEXT_BYTES: usize = 4096;
+/// Most lines that one place of the program logs in [`WINDOW`]: a thousand routes that start have room.
+const MAX_OF_A_KIND: u64 = 1000;
+/// Time for which lines of a kind are counted.
+const WINDOW: Duration = Duration::from_secs(5);
 
 /// The node on whose `/rosout` lines go.
 static NODE: RwLock<Option<NodeHandle>> = RwLock::new(None);
@@ -84,8 +97,12 @@ pub fn start_as(logger: &str, level: LevelFilter, levels: &LogLevels, stdout: bo
         }),
     });
     levels.apply();
-    let output =
-        Output { logger: logger.to_owned(), levels: Arc::clone(&levels), is_printed: stdout };
+    let output = Output {
+        logger: logger.to_owned(),
+        levels: Arc::clone(&levels),
+        is_printed: stdout,
+        floods: Mutex::default(),
+    };
     // Fails only where a subscriber is set already: then its owner decides, as it should.
     let set = tracing_subscriber::registry().with(by_target).with(output).try_init();
     if set.is_ok() {
@@ -228,6 +245,47 @@ struct Output {
     logger: String,
     levels: Arc<Levels>,
     is_printed: bool,
+    /// Numbers of lines by the place that logs them.
+    floods: Mutex<HashMap<Identifier, Flood>>,
+}
+
+/// Number of lines that one place of the program has logged since an instant.
+struct Flood {
+    since: Instant,
+    lines: u64,
+}
+
+impl Flood {
+    /// Counts a line: the words behind it, `None` where it is left out.
+    fn pass(&mut self, now: Instant) -> Option<String> {
+        let mut before = 0;
+        if now.saturating_duration_since(self.since) >= WINDOW {
+            before = self.lines.saturating_sub(MAX_OF_A_KIND);
+            *self = Self { since: now, lines: 0 };
+        }
+        self.lines += 1;
+        match self.lines {
+            ..MAX_OF_A_KIND if before > 0 => {
+                Some(format!(" (before it {before} lines like this were left out)"))
+            }
+            ..MAX_OF_A_KIND => Some(String::new()),
+            MAX_OF_A_KIND => {
+                Some(format!(" (more lines like this are left out for {} s)", WINDOW.as_secs()))
+            }
+            _ => None,
+        }
+    }
+}
+
+/// The text, at most [`MAX_TEXT_BYTES`] of it.
+fn cut(mut text: String) -> String {
+    let len = text.len();
+    if len > MAX_TEXT_BYTES {
+        let end = (0..=MAX_TEXT_BYTES).rev().find(|at| text.is_char_boundary(*at));
+        text.truncate(end.unwrap_or(0));
+        text.push_str(&format!(" … ({} more bytes)", len - text.len()));
+    }
+    text
 }
 
 impl<S: Subscriber> Layer<S> for Output {
@@ -239,13 +297,19 @@ impl<S: Subscriber> Layer<S> for Output {
         if !self.levels.permits(&logger, *metadata.level()) {
             return;
         }
+        let now = Instant::now();
+        let mut floods = self.floods.lock();
+        let flood = floods.entry(metadata.callsite()).or_insert(Flood { since: now, lines: 0 });
+        let passed = flood.pass(now);
+        drop(floods);
+        let Some(behind) = passed else { return };
         let (level, of_yarp, of_ros) = match *metadata.level() {
             Level::ERROR => ("ERROR", "ERROR", LogLevel::Error),
             Level::WARN => ("WARN", "WARNING", LogLevel::Warn),
             Level::INFO => ("INFO", "INFO", LogLevel::Info),
             Level::DEBUG | Level::TRACE => ("DEBUG", "DEBUG", LogLevel::Debug),
         };
-        let text = escaped_lines(&(line.message + &line.fields)).into_owned();
+        let text = escaped_lines(&cut(line.message + &line.fields)).into_owned() + &behind;
         if self.is_printed {
             let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
             let (seconds, rest) = (now.as_secs(), now.subsec_nanos());
@@ -358,6 +422,21 @@ mod tests {
         let before = panics();
         std::thread::spawn(|| panic!("on purpose")).join().unwrap_err();
         assert_eq!(panics(), before + 1);
+    }
+
+    #[test]
+    fn what_peers_make_lines_of_is_bounded_in_length_and_in_number() {
+        let long = cut("é".repeat(MAX_TEXT_BYTES));
+        assert!(long.len() < MAX_TEXT_BYTES + 40 && long.ends_with("é … (4096 more bytes)"));
+        assert_eq!(cut("short".to_owned()), "short");
+        let start = Instant::now();
+        let mut flood = Flood { since: start, lines: 0 };
+        let lines: Vec<_> = (0..5000).filter_map(|_| flood.pass(start)).collect();
+        assert_eq!(lines.len() as u64, MAX_OF_A_KIND);
+        assert!(lines.last().unwrap().contains("are left out for 5 s"), "{lines:?}");
+        let next = flood.pass(start + WINDOW).unwrap();
+        assert!(next.contains("4000 lines like this were left out"), "{next}");
+        assert_eq!(flood.pass(start + WINDOW).unwrap(), "");
     }
 
     #[test]

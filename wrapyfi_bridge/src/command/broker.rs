@@ -13,6 +13,11 @@ use crate::exit::{Failure, Result};
 use crate::middlewares::ZeroMqSection;
 use crate::shutdown::Shutdown;
 
+/// Topics that one line of the log names.
+const MOST_TOPICS: usize = 16;
+/// Letters of a topic's name in the log.
+const MOST_OF_NAME: usize = 100;
+
 /// Runs until the process is asked to end.
 ///
 /// # Errors
@@ -87,10 +92,11 @@ pub fn run(args: &BrokerArgs, shutdown: &Shutdown) -> Result<()> {
         if let Some(reason) = services.and_then(|status| status.failure) {
             return Err(anyhow!("the broker of requests stopped: {reason}").into());
         }
-        if let Some(status) = topics.filter(|status| status.subscriptions != known) {
-            known = status.subscriptions;
-            tracing::info!("subscriptions: {known:?}");
+        let subscriptions = topics.map(|status| status.subscriptions).unwrap_or_default();
+        if let Some(changes) = changes(&known, &subscriptions) {
+            tracing::info!("listeners: {changes}");
         }
+        known = subscriptions;
     }
     if let Some(status) = zeromq.broker_status() {
         tracing::info!("forwarded {} messages, {} bytes", status.messages, status.bytes);
@@ -101,6 +107,50 @@ pub fn run(args: &BrokerArgs, shutdown: &Shutdown) -> Result<()> {
     Ok(())
 }
 
+/// Topics whose number of listeners has changed, in words, as far as they fit on a line; `None` where none has.
+fn changes(before: &BTreeMap<String, u64>, now: &BTreeMap<String, u64>) -> Option<String> {
+    let gone = before.keys().filter(|topic| !now.contains_key(*topic)).map(|topic| (topic, &0));
+    let changed = now.iter().chain(gone);
+    let mut changed = changed.filter(|(topic, count)| before.get(*topic).unwrap_or(&0) != *count);
+    let shown: Vec<_> = changed
+        .by_ref()
+        .take(MOST_TOPICS)
+        .map(|(topic, count)| {
+            let name: String = topic.chars().take(MOST_OF_NAME).collect();
+            let more = if name.len() < topic.len() { "…" } else { "" };
+            format!("{name}{more} {count}")
+        })
+        .collect();
+    let others = changed.count();
+    let more = if others > 0 { format!(", and {others} other topics") } else { String::new() };
+    (!shown.is_empty()).then(|| shown.join(", ") + &more)
+}
+
 fn failed(error: ZeroMqError) -> Failure {
     if error.is_hopeless() { Failure::usage(error) } else { anyhow::Error::new(error).into() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_log_has_what_changed_and_no_more_than_a_line_of_it() {
+        let topics = |range: std::ops::Range<usize>, count| -> BTreeMap<String, u64> {
+            range.map(|number| (format!("/{number:04}"), count)).collect()
+        };
+        let few = topics(0..3, 1);
+        assert_eq!(changes(&BTreeMap::new(), &few).unwrap(), "/0000 1, /0001 1, /0002 1");
+        assert_eq!(changes(&few, &few), None);
+        let mut other = few.clone();
+        other.insert("/0001".into(), 2);
+        other.remove("/0002");
+        assert_eq!(changes(&few, &other).unwrap(), "/0001 2, /0002 0");
+        other.insert("/0002".into(), 0);
+        assert_eq!(changes(&few, &other).unwrap(), "/0001 2, /0002 0");
+        let many = changes(&few, &topics(0..4000, 2)).unwrap();
+        assert!(many.ends_with("/0015 2, and 3984 other topics"), "{many}");
+        let long = changes(&BTreeMap::new(), &BTreeMap::from([("é".repeat(60_000), 1)])).unwrap();
+        assert!(long.len() < 300 && long.ends_with("é… 1"), "{long}");
+    }
 }
