@@ -127,6 +127,68 @@ fn the_standard_context_needs_nothing_else() {
     });
 }
 
+struct Ears;
+
+#[communicator]
+impl Ears {
+    #[register(NativeObject, "memory", "/a", timeout_ms = 30000)]
+    #[register(NativeObject, "zeromq", "/b", timeout_ms = 30000)]
+    #[register(NativeObject, "ros", "/c", timeout_ms = 30000)]
+    fn hear(&self) -> (i64, i64, i64) {
+        (1, 2, 3)
+    }
+
+    #[register(NativeObject, "zeromq", "/b", timeout_ms = 2000)]
+    fn alone(&self) -> i64 {
+        1
+    }
+}
+
+#[test]
+fn a_middleware_that_is_missing_is_none_beside_others_and_waited_for_alone() {
+    let (pub_port, sub_port) = free_ports();
+    let memory = Arc::new(wrapyfi_endpoint::memory::Memory::new("memory"));
+    // Two sides: an instance of ZeroMQ does not hear itself.
+    let [mut here, mut there] = [(); 2].map(|()| {
+        let zeromq = ZeroMq::start(&zeromq_common::foreign(pub_port, sub_port)).unwrap();
+        let context = CommunicatorContext::builder().only(Arc::clone(&memory) as _);
+        let context = context.middleware(Arc::new(zeromq));
+        #[cfg(feature = "ros1")]
+        let context = {
+            use wrapyfi_ros1::{Ros1, Ros1Config};
+            // Nobody has this port.
+            let master_uri = "http://127.0.0.1:1".to_owned();
+            let ros1 = Ros1::start(&Ros1Config { master_uri, ..Ros1Config::default() }).unwrap();
+            context.middleware(Arc::new(ros1))
+        };
+        Ears.communicator_in(&context.build())
+    });
+    here.activate(EarsMethod::Hear, Mode::Publish).unwrap();
+    there.activate(EarsMethod::Hear, Mode::Listen).unwrap();
+    std::thread::scope(|scope| {
+        let heard = scope.spawn(|| there.hear().unwrap());
+        assert_eq!(here.hear().unwrap(), (Some(1), Some(2), Some(3)), "its own values");
+        assert_eq!(heard.join().unwrap(), (Some(1), None, None));
+    });
+    here.activate(EarsMethod::Alone, Mode::Publish).unwrap();
+    let error = here.alone().unwrap_err();
+    assert!(matches!(error, MethodError::TimedOut { .. }), "{error}");
+    // The broker comes: the value is one of the channel again.
+    let broker = wrapyfi_zeromq::Broker::start(&ZeroMqConfig {
+        pub_port,
+        sub_port,
+        ..ZeroMqConfig::default()
+    });
+    let _broker = broker.unwrap();
+    zeromq_common::wait_until("both values", || {
+        std::thread::scope(|scope| {
+            let heard = scope.spawn(|| there.hear().unwrap());
+            here.hear().unwrap();
+            heard.join().unwrap() == (Some(1), Some(2), None)
+        })
+    });
+}
+
 #[test]
 fn a_port_that_is_no_brokers_is_named() {
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();

@@ -155,6 +155,7 @@ impl ZeroMq {
             io,
             contexts: contexts::Contexts::default(),
             keys,
+            links: Mutex::default(),
         };
         Ok(Self { shared, supervisor, config, services: Mutex::default() })
     }
@@ -258,6 +259,10 @@ impl Middleware for ZeroMq {
     fn open_server(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Server> {
         let endpoint = self.service_endpoint(Role::Server, spec)?;
         Ok(Box::new(server::ZeroMqServer::open(&self.shared, &endpoint, spec, context)?))
+    }
+
+    fn waiting_for(&self) -> Option<String> {
+        self.shared.waiting_for()
     }
 
     fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {

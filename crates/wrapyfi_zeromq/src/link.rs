@@ -75,6 +75,11 @@ impl BrokerLink {
         self.state.load(Relaxed) == UP
     }
 
+    /// True while the broker is connected, whether or not our key may have the topic.
+    pub(super) fn is_reached(&self) -> bool {
+        matches!(self.state(), UP | DENIED)
+    }
+
     /// The last try to reach the broker failed.
     pub(super) fn has_failed(&self) -> bool {
         !matches!(self.state(), DOWN | UP)

@@ -41,7 +41,7 @@ fn socket_depth(queue: QueueSpec) -> i32 {
 
 impl ZeroMqListener {
     pub(super) fn open(shared: &Shared, spec: &TopicSpec, context: &Context) -> OpenResult<Self> {
-        let link = BrokerLink::new(&shared.pub_endpoint, &spec.topic, shared.keys.as_ref());
+        let link = shared.link(&shared.pub_endpoint, &spec.topic);
         let (socket, watch) = shared
             .contexts
             .open(|context| open_socket(context, shared, spec, &link))

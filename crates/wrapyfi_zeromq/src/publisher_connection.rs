@@ -87,11 +87,7 @@ impl PublisherConnection {
             broker,
             topic: Bytes::copy_from_slice(topic.as_bytes()),
             hwm: Some(usize::from(shared.send_hwm)).filter(|hwm| *hwm > 0),
-            link: BrokerLink::new(
-                &options::endpoint(broker.ip(), broker.port()),
-                topic,
-                shared.keys.as_ref(),
-            ),
+            link: shared.link(&options::endpoint(broker.ip(), broker.port()), topic),
             keys: shared.keys.clone(),
             own,
             context: context.clone(),

@@ -1,13 +1,15 @@
 //! State of an instance that its endpoints share.
 
 use std::net::{IpAddr, SocketAddr};
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 
 use super::contexts::Contexts;
 use super::curve::Keys;
 use super::io::Io;
 use super::ledger::Ledger;
+use super::link::BrokerLink;
 use super::own_messages::OwnMessages;
+use wrapyfi_endpoint::Mutex;
 
 /// State that endpoints need while they are opened.
 pub(super) struct Shared {
@@ -22,4 +24,25 @@ pub(super) struct Shared {
     pub(super) io: Io,
     pub(super) contexts: Contexts,
     pub(super) keys: Option<Arc<Keys>>,
+    /// Connections of topics to the broker.
+    pub(super) links: Mutex<Vec<Weak<BrokerLink>>>,
+}
+
+impl Shared {
+    /// State of a connection to the broker that is made for a topic.
+    pub(super) fn link(&self, broker: &str, topic: &str) -> Arc<BrokerLink> {
+        let link = BrokerLink::new(broker, topic, self.keys.as_ref());
+        let mut links = self.links.lock();
+        links.retain(|link| link.strong_count() > 0);
+        links.push(Arc::downgrade(&link));
+        link
+    }
+
+    /// The broker, where none of the connections for topics has reached it.
+    pub(super) fn waiting_for(&self) -> Option<String> {
+        let links = self.links.lock();
+        let mut links = links.iter().filter_map(Weak::upgrade).peekable();
+        let first = links.peek()?.waiting_for();
+        if links.any(|link| link.is_reached()) { None } else { first }
+    }
 }

@@ -11,6 +11,7 @@ use std::time::Duration;
 use super::context::Live;
 use super::error::MethodError;
 use super::listener::EndOptions;
+use super::missing::Missing;
 use super::notifier::{Look, Notifier};
 use super::rules::Rules;
 use super::session::{GatheredMessages, Session};
@@ -30,6 +31,7 @@ pub(super) struct ClientEnd {
     counters: Arc<Counters>,
     timeout: Duration,
     pub(super) notifier: Notifier,
+    missing: Missing,
     client: Mutex<Box<dyn Client>>,
 }
 
@@ -46,6 +48,7 @@ impl ClientEnd {
             counters,
             timeout: options.timeout.unwrap_or(endpoint::ServiceSpec::TIMEOUT),
             notifier: Notifier::new(client.wake().clone()),
+            missing: options.missing,
             client: Mutex::new(client),
         }
     }
@@ -102,12 +105,21 @@ impl Session {
         let request = self.request(arguments)?;
         let mut gathered = self.nothing();
         for (index, client) in self.clients() {
-            let mut call = self.begin(client, &request)?;
+            let mut call = match self.begin(client, &request) {
+                Err(_) if client.missing.is_given_up(&client.endpoint) => continue,
+                begun => begun?,
+            };
             let mut wait = self.begin_wait(None);
             let waited_for = || client.waited_for();
-            let result =
-                client.notifier.wait(&mut wait, runtime, waited_for, || call.look()).await?;
-            gathered.set(index, Some(self.replied(result)?));
+            let look = || match call.look() {
+                Look::Found(result) => Look::Found(Some(result)),
+                Look::Again(_) if client.missing.is_given_up(&client.endpoint) => Look::Found(None),
+                Look::Again(at) => Look::Again(at),
+            };
+            if let Some(result) = client.notifier.wait(&mut wait, runtime, waited_for, look).await?
+            {
+                gathered.set(index, Some(self.replied(result)?));
+            }
         }
         Ok(gathered)
     }

@@ -10,6 +10,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::error::MethodError;
+use super::missing::Missing;
 use super::notifier::{Look, Notifier};
 use super::rules::Rules;
 use super::runtime::Runtime;
@@ -27,6 +28,7 @@ pub(super) struct ListenerEnd {
     pub(super) should_wait: bool,
     pub(super) timeout: Option<Duration>,
     pub(super) notifier: Notifier,
+    missing: Missing,
     clock: Clock,
     state: Mutex<State>,
 }
@@ -45,6 +47,7 @@ pub(super) struct EndOptions {
     pub(super) should_wait: bool,
     pub(super) timeout: Option<Duration>,
     pub(super) rules: Rules,
+    pub(super) missing: Missing,
 }
 
 impl ListenerEnd {
@@ -61,6 +64,7 @@ impl ListenerEnd {
             should_wait: options.should_wait,
             timeout: options.timeout,
             notifier: Notifier::new(context.wake.clone()),
+            missing: options.missing,
             clock: context.clock.clone(),
             state: Mutex::new(State {
                 listener,
@@ -71,7 +75,8 @@ impl ListenerEnd {
         }
     }
 
-    /// Takes the next message; waits for one if the option `should_wait` is set, as [`Notifier::wait`].
+    /// Takes the next message; waits for one if the option `should_wait` is set, as [`Notifier::wait`], and the
+    /// middleware is not missing.
     pub(super) async fn take(
         &self,
         wait: &mut Wait<'_>,
@@ -81,7 +86,12 @@ impl ListenerEnd {
         if first.is_some() || !self.should_wait {
             return Ok(first);
         }
-        self.notifier.wait(wait, runtime, || self.waited_for(), || self.look()).await.map(Some)
+        let look = || match self.look() {
+            Look::Found(payload) => Look::Found(Some(payload)),
+            Look::Again(_) if self.missing.is_given_up(&self.endpoint) => Look::Found(None),
+            Look::Again(at) => Look::Again(at),
+        };
+        self.notifier.wait(wait, runtime, || self.waited_for(), look).await
     }
 
     /// Gives back a message that was taken for a call that failed.

@@ -75,6 +75,7 @@ mod describe;
 mod error;
 mod instance;
 mod listener;
+mod missing;
 mod mode;
 mod notifier;
 mod oneshot;

@@ -14,6 +14,7 @@ use super::client::ClientEnd;
 use super::context::{CommunicatorContext, Found, Live};
 use super::error::MethodError;
 use super::listener::{EndOptions, ListenerEnd};
+use super::missing::Missing;
 use super::mode::Mode;
 use super::option::{OptionError, Options};
 use super::publisher::PublisherEnd;
@@ -54,11 +55,26 @@ struct End {
     middleware: Arc<dyn Middleware>,
     queue_depth: Option<usize>,
     limits: Limits,
+    /// True where the method has other values, which go on without this one.
+    is_one_of_several: bool,
+}
+
+/// Reason that a value has no endpoints.
+enum Unopened {
+    /// Its middleware is not there; the other values of the method go on.
+    Absent(String),
+    Failed(MethodError),
+}
+
+impl From<MethodError> for Unopened {
+    fn from(error: MethodError) -> Self {
+        Self::Failed(error)
+    }
 }
 
 impl Opening<'_> {
     pub(super) fn open(&self, values: &[Resolved]) -> Result<Session, MethodError> {
-        let channels = values.iter().map(|value| self.channel(value));
+        let channels = values.iter().map(|value| self.channel(value, values.len() > 1));
         Ok(Session {
             channels: channels.collect::<Result<_, _>>()?,
             method: self.method.clone(),
@@ -67,7 +83,7 @@ impl Opening<'_> {
         })
     }
 
-    fn channel(&self, value: &Resolved) -> Result<Channel, MethodError> {
+    fn channel(&self, value: &Resolved, is_one_of_several: bool) -> Result<Channel, MethodError> {
         let Some(name) = &value.middleware else {
             tracing::debug!("{}: no middleware is selected for {}", self.method, value.topic);
             return Ok(Channel::default());
@@ -105,38 +121,47 @@ impl Opening<'_> {
         let (_, options) = value.side(Side::Listener).map_err(|fault| self.option(fault))?;
         match source.absent(&options) {
             Some(why) => absent(why),
-            None => self.open_ends(value, &*source),
+            None => match self.open_ends(value, &*source, is_one_of_several) {
+                Ok(channel) => Ok(channel),
+                Err(Unopened::Absent(why)) => absent(why),
+                Err(Unopened::Failed(error)) => Err(error),
+            },
         }
     }
 
-    fn open_ends(&self, value: &Resolved, source: &dyn Source) -> Result<Channel, MethodError> {
+    fn open_ends(
+        &self,
+        value: &Resolved,
+        source: &dyn Source,
+        is_one_of_several: bool,
+    ) -> Result<Channel, Unopened> {
         let (mode, mut channel) = (self.mode, Channel::default());
         if mode.has_two_ways() {
             let (there, _) = value.side(Side::Publisher).map_err(|fault| self.option(fault))?;
             let (here, _) = value.side(Side::Listener).map_err(|fault| self.option(fault))?;
             if there == here {
-                return Err(MethodError::SameTopic {
+                return Err(Unopened::Failed(MethodError::SameTopic {
                     method: self.method.clone(),
                     mode,
                     middleware: source.name().to_owned(),
                     topic: there,
-                });
+                }));
             }
         }
         if mode.listens() {
-            let end = self.end(value, source, Side::Listener, false)?;
+            let end = self.end(value, source, Side::Listener, false, is_one_of_several)?;
             channel.listener = Some(self.listener(value, &end)?);
         }
         if mode.sends() {
-            let end = self.end(value, source, Side::Publisher, false)?;
+            let end = self.end(value, source, Side::Publisher, false, is_one_of_several)?;
             channel.publisher = Some(self.publisher(value, &end)?);
         }
         if mode == Mode::Request {
-            let end = self.end(value, source, Side::Listener, true)?;
+            let end = self.end(value, source, Side::Listener, true, is_one_of_several)?;
             channel.client = Some(self.client(value.data_type, &end)?);
         }
         if mode == Mode::Reply {
-            let end = self.end(value, source, Side::Publisher, true)?;
+            let end = self.end(value, source, Side::Publisher, true, is_one_of_several)?;
             channel.server = Some(Arc::new(self.server(value.data_type, &end)?));
         }
         Ok(channel)
@@ -148,7 +173,8 @@ impl Opening<'_> {
         source: &dyn Source,
         side: Side,
         is_service: bool,
-    ) -> Result<End, MethodError> {
+        is_one_of_several: bool,
+    ) -> Result<End, Unopened> {
         let (topic, options) = value.side(side).map_err(|fault| self.option(fault))?;
         let limits = self.read(|| limits(&options))?;
         let wanted = EndpointNeeds {
@@ -158,16 +184,20 @@ impl Opening<'_> {
             max_message_bytes: limits.message_bytes,
         };
         let middleware = self.live.middleware(source, &wanted).map_err(|error| match error {
-            StartError::Option(fault) => self.option(fault),
-            other => MethodError::Start {
+            StartError::Option(fault) => Unopened::Failed(self.option(fault)),
+            StartError::Absent(why) | StartError::Failed(why) if is_one_of_several => {
+                Unopened::Absent(why)
+            }
+            other => Unopened::Failed(MethodError::Start {
                 method: self.method.clone(),
                 middleware: source.name().to_owned(),
                 reason: other.to_string(),
-            },
+            }),
         })?;
         self.mention(&options, &*middleware);
         let endpoint = EndpointAddress { middleware: source.name().to_owned(), name: topic };
-        Ok(End { endpoint, options, middleware, queue_depth: source.queue_depth(), limits })
+        let queue_depth = source.queue_depth();
+        Ok(End { endpoint, options, middleware, queue_depth, limits, is_one_of_several })
     }
 
     /// Logs the options that the middleware cannot follow.
@@ -182,16 +212,14 @@ impl Opening<'_> {
     }
 
     fn listener(&self, value: &Resolved, end: &End) -> Result<ListenerEnd, MethodError> {
-        let (spec, options) =
-            (self.read(|| self.topic_spec(value, end))?, self.end_options(&end.options)?);
+        let (spec, options) = (self.read(|| self.topic_spec(value, end))?, self.end_options(end)?);
         let context = endpoint::Context::default();
         let listener = self.opened(end.middleware.open_listener(&spec, &context))?;
         Ok(ListenerEnd::new(end.endpoint.clone(), listener, &context, options))
     }
 
     fn publisher(&self, value: &Resolved, end: &End) -> Result<Arc<PublisherEnd>, MethodError> {
-        let (spec, options) =
-            (self.read(|| self.topic_spec(value, end))?, self.end_options(&end.options)?);
+        let (spec, options) = (self.read(|| self.topic_spec(value, end))?, self.end_options(end)?);
         let wake = self.live.runtime().bell();
         let context = endpoint::Context { wake, ..endpoint::Context::default() };
         let publisher = self.opened(end.middleware.open_publisher(&spec, &context))?;
@@ -203,22 +231,25 @@ impl Opening<'_> {
     }
 
     fn client(&self, data_type: DataType, end: &End) -> Result<ClientEnd, MethodError> {
-        let (spec, options) = (self.service_spec(data_type, end)?, self.end_options(&end.options)?);
+        let (spec, options) = (self.service_spec(data_type, end)?, self.end_options(end)?);
         let context = endpoint::Context::default();
         let client = self.opened(end.middleware.open_client(&spec, &context))?;
         Ok(ClientEnd::new(end.endpoint.clone(), client, context.counters, options))
     }
 
     fn server(&self, data_type: DataType, end: &End) -> Result<ServerEnd, MethodError> {
-        let (spec, options) = (self.service_spec(data_type, end)?, self.end_options(&end.options)?);
+        let (spec, options) = (self.service_spec(data_type, end)?, self.end_options(end)?);
         let context = endpoint::Context::default();
         let server = self.opened(end.middleware.open_server(&spec, &context))?;
         Ok(ServerEnd::new(end.endpoint.clone(), server, &context, options))
     }
 
-    fn end_options(&self, options: &Options) -> Result<EndOptions, MethodError> {
+    fn end_options(&self, end: &End) -> Result<EndOptions, MethodError> {
+        let options = &end.options;
+        let missing = end.is_one_of_several.then(|| Missing::new(&end.middleware));
         self.read(|| {
             Ok(EndOptions {
+                missing: missing.unwrap_or_default(),
                 should_wait: options.switch("should_wait")?.unwrap_or(true),
                 timeout: options.number("timeout_ms")?.map(Duration::from_millis),
                 rules: Rules::from_options(options)?,

@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use super::error::MethodError;
 use super::listener::EndOptions;
+use super::missing::Missing;
 use super::notifier::{Look, Notifier};
 use super::rules::Rules;
 use super::runtime::{Runtime, Watched};
@@ -33,6 +34,7 @@ pub(super) struct PublisherEnd {
     is_established: AtomicBool,
     /// Bell that rings when the link changes.
     pub(super) changed: Notifier,
+    missing: Missing,
     state: Mutex<State>,
 }
 
@@ -59,6 +61,7 @@ impl PublisherEnd {
             is_idle: AtomicBool::new(false),
             is_established: AtomicBool::new(!options.should_wait),
             changed: Notifier::default(),
+            missing: options.missing,
             state: Mutex::new(State { publisher, said: Throttle::default() }),
         };
         end.look(Instant::now());
@@ -125,7 +128,8 @@ impl PublisherEnd {
     }
 
     fn established(&self) -> Look<()> {
-        if self.is_established() { Look::Found(()) } else { Look::Again(None) }
+        let is_waited_for = !self.is_established() && !self.missing.is_given_up(&self.endpoint);
+        if is_waited_for { Look::Again(None) } else { Look::Found(()) }
     }
 
     /// True when a call need not wait for the first listener.
@@ -224,7 +228,8 @@ mod tests {
     fn an_older_look_does_not_undo_a_newer_one() {
         let peers = Arc::new(AtomicUsize::new(0));
         let rules = Rules::from_options(&Options::default()).unwrap();
-        let options = EndOptions { should_wait: false, timeout: None, rules };
+        let options =
+            EndOptions { should_wait: false, timeout: None, rules, missing: Missing::default() };
         let publisher = Box::new(Counting(Arc::clone(&peers)));
         let endpoint = "memory:/x".parse().unwrap();
         let end = Arc::new(PublisherEnd::new(endpoint, publisher, Arc::default(), options, false));

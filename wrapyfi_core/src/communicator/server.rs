@@ -362,7 +362,12 @@ mod tests {
         let flushes = Arc::new(AtomicUsize::new(0));
         let server = HardOfHearing { flushes: Arc::clone(&flushes), sent: Some(sender) };
         let address = EndpointAddress { middleware: "test".to_owned(), name: "/x".to_owned() };
-        let options = EndOptions { should_wait: true, timeout: None, rules: Rules::default() };
+        let options = EndOptions {
+            should_wait: true,
+            timeout: None,
+            rules: Rules::default(),
+            missing: Default::default(),
+        };
         let context = endpoint::Context::default();
         (ServerEnd::new(address, Box::new(server), &context, options), sent, flushes)
     }
