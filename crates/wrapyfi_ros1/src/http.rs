@@ -4,13 +4,15 @@
 //!   call ─▶ connect ─▶ POST ─▶ body ─▶ Reply        each step within one time limit
 //!   Answers: XmlRpcCall ─▶ Reply ◀─ POST ◀─ accept    so many connections at once
 //! ```
+//!
+//! Bodies count in the budget of waiting bytes as they come: many that are begun and held are no way around it.
 
 use std::convert::Infallible;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
-use bytes::Bytes;
+use bytes::{Bytes, BytesMut};
 use http_body_util::{BodyExt as _, Full, Limited};
 use hyper::body::Incoming;
 use hyper::header::{CONNECTION, CONTENT_TYPE, HOST, USER_AGENT};
@@ -25,6 +27,7 @@ use wrapyfi_retry::NewestTasks;
 use super::config::NodeUri;
 use super::tcpros::{self, Port, accepted, accepting};
 use super::xmlrpc::{self, Reply, Value, XmlRpcCall, XmlRpcError};
+use wrapyfi_endpoint::Share;
 
 /// Longest time a call takes, an unreachable host's included.
 pub(super) const CALL: Duration = Duration::from_secs(5);
@@ -88,9 +91,31 @@ async fn post(stream: TcpStream, uri: &NodeUri, body: String) -> Result<Bytes, S
     if response.status() != StatusCode::OK {
         return Err(format!("answered with HTTP status {}", response.status()));
     }
-    let body = Limited::new(response.into_body(), xmlrpc::MAX_BYTES).collect().await;
-    let body = body.map_err(|error| format!("broke off: {error}"))?;
-    Ok(body.to_bytes())
+    let body = collect(response.into_body(), &Share::default()).await;
+    body.map_err(|error| format!("broke off: {error}"))
+}
+
+/// Error of reading a body.
+#[derive(Debug, thiserror::Error)]
+enum BodyError {
+    #[error("too much waits in this process (limits: waiting_mib)")]
+    OverBudget,
+    #[error("{0}")]
+    Broken(String),
+}
+
+/// Reads a body whose bytes `share` holds.
+async fn collect(body: Incoming, share: &Share) -> Result<Bytes, BodyError> {
+    let (mut body, mut whole) = (Limited::new(body, xmlrpc::MAX_BYTES), BytesMut::new());
+    while let Some(frame) = body.frame().await {
+        let frame = frame.map_err(|error| BodyError::Broken(error.to_string()))?;
+        let Ok(data) = frame.into_data() else { continue };
+        whole.extend_from_slice(&data);
+        if !share.hold(whole.capacity()) {
+            return Err(BodyError::OverBudget);
+        }
+    }
+    Ok(whole.freeze())
 }
 
 /// Function that answers calls of a peer on the XML-RPC server, `None` where there is no such method. It must not wait:
@@ -139,10 +164,14 @@ async fn respond(
         tracing::debug!(%peer, "ROS 1: a call from a page in a browser was refused");
         return Ok(status(StatusCode::FORBIDDEN));
     }
-    let body = Limited::new(request.into_body(), xmlrpc::MAX_BYTES).collect();
-    let body = match timeout(REQUEST, body).await {
-        Ok(Ok(body)) => body.to_bytes(),
-        Ok(Err(_)) => return Ok(status(StatusCode::PAYLOAD_TOO_LARGE)),
+    let share = Share::default();
+    let body = match timeout(REQUEST, collect(request.into_body(), &share)).await {
+        Ok(Ok(body)) => body,
+        Ok(Err(refused @ BodyError::OverBudget)) => {
+            tracing::debug!(%peer, "ROS 1: a call was refused: {refused}");
+            return Ok(status(StatusCode::SERVICE_UNAVAILABLE));
+        }
+        Ok(Err(BodyError::Broken(_))) => return Ok(status(StatusCode::PAYLOAD_TOO_LARGE)),
         Err(_) => return Ok(status(StatusCode::REQUEST_TIMEOUT)),
     };
     let text = match xmlrpc::decode_call(&body) {
@@ -176,6 +205,7 @@ fn status(code: StatusCode) -> Response<Full<Bytes>> {
 #[cfg(test)]
 mod tests {
     use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+    use wrapyfi_endpoint::WAITING;
 
     use super::*;
 
@@ -191,6 +221,40 @@ mod tests {
         let uri = NodeUri { host: "127.0.0.1".to_owned(), port: number };
         assert_eq!(call(&uri, "getPid", Vec::new()).await.unwrap().value, Value::Integer(7));
         assert_eq!(idle[0].read(&mut [0; 1]).await.unwrap(), 0, "the oldest one has ended");
+    }
+
+    /// Each test is a process of its own.
+    #[tokio::test]
+    async fn bodies_that_are_begun_and_held_count_in_what_may_wait() {
+        const CALLS: usize = 40;
+        WAITING.set_limit(8 << 20);
+        let (port, number) = Port::bind([127, 0, 0, 1].into(), 256).await.unwrap();
+        let answers: Arc<Answers> = Arc::new(|_, _| Some(Reply::success("", Value::Integer(7))));
+        let server = tokio::spawn(serve(port, answers));
+        let mut held = Vec::new();
+        for _ in 0..CALLS {
+            let mut one = TcpStream::connect(("127.0.0.1", number)).await.unwrap();
+            one.write_all(b"POST / HTTP/1.1\r\nHost: x\r\nContent-Length: 1000001\r\n\r\n")
+                .await
+                .unwrap();
+            // Those that are refused read no more.
+            _ = one.write_all(&[b' '; 1_000_000]).await;
+            held.push(one);
+        }
+        let mut refused = 0;
+        for one in &mut held {
+            let mut said = [0; 12];
+            let wait = Duration::from_millis(if refused == 0 { 5000 } else { 100 });
+            if let Ok(Ok(_)) = timeout(wait, one.read_exact(&mut said)).await {
+                assert_eq!(&said, b"HTTP/1.1 503");
+                refused += 1;
+            }
+        }
+        assert!(refused > CALLS / 2 && WAITING.used() <= 12 << 20, "{refused} {}", WAITING.used());
+        let uri = NodeUri { host: "127.0.0.1".to_owned(), port: number };
+        assert_eq!(call(&uri, "getPid", Vec::new()).await.unwrap().value, Value::Integer(7));
+        drop(held);
+        server.abort();
     }
 
     #[tokio::test]
