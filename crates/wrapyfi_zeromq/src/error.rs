@@ -37,7 +37,7 @@ pub enum BrokerError {
         /// Port asked for.
         port: u16,
         /// Program that has it, where the system tells.
-        owner: Option<String>,
+        owner: Option<Box<str>>,
     },
     /// The address belongs to another machine.
     #[error("{0} is not an address of this machine: run the broker there and only connect here")]
@@ -83,7 +83,7 @@ pub enum ZeroMqError {
         /// Program that answered on the port.
         answer: Answer,
         /// Its process, where the system tells.
-        owner: Option<String>,
+        owner: Option<Box<str>>,
         /// Names of the two ports in the settings.
         settings: [&'static str; 2],
     },
@@ -107,7 +107,7 @@ pub enum ZeroMqError {
 }
 
 /// Program that has a port, behind what is said of the port.
-fn shown(owner: &Option<String>) -> String {
+fn shown(owner: &Option<Box<str>>) -> String {
     owner.as_deref().map(|it| format!(" ({it})")).unwrap_or_default()
 }
 

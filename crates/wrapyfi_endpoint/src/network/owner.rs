@@ -19,7 +19,7 @@ const LISTENS: &str = "0A";
 /// }
 /// # Ok::<(), std::io::Error>(())
 /// ```
-pub fn owner(port: u16) -> Option<String> {
+pub fn owner(port: u16) -> Option<Box<str>> {
     let tables = ["tcp", "tcp6"].map(|name| fs::read_to_string(format!("/proc/self/net/{name}")));
     let sockets: Vec<_> = tables
         .iter()
@@ -42,7 +42,7 @@ pub fn owner(port: u16) -> Option<String> {
                 let line = fs::read(process.path().join("cmdline")).unwrap_or_default();
                 let line = String::from_utf8_lossy(&line).replace(|it: char| it.is_control(), " ");
                 let line: String = line.trim_end().chars().take(SHOWN).collect();
-                format!("process {pid}, `{line}`")
+                format!("process {pid}, `{line}`").into()
             })
     });
     owners.next()
