@@ -81,7 +81,8 @@ pub struct ZeroMqConfig {
     pub monitor: bool,
     /// Process that runs the broker (`WRAPYFI_ZEROMQ_START_PROXY_BROKER`: `False` is foreign).
     pub broker: BrokerMode,
-    /// True where that variable decided [`Self::broker`], so that keys do not.
+    /// True where that variable decided [`Self::broker`], so that keys do not. It is for scripts: a bridge, which has
+    /// `broker: foreign`, does not follow it.
     pub broker_by_variable: bool,
     /// Process that runs the broker of requests and replies; ours starts with the first server.
     pub service_broker: BrokerMode,

@@ -132,7 +132,7 @@ impl ZeroMq {
             false => None,
         };
         if let Some(why) = why {
-            tracing::info!(%ip, "no ZeroMQ broker is started here, one has to run there: {why}");
+            tracing::warn!(%ip, "no ZeroMQ broker is started here, one has to run there: {why}");
         }
         let ledger = Arc::<ledger::Ledger>::default();
         let supervisor =

@@ -102,8 +102,15 @@ fn present<'de, D: Deserializer<'de>>(
 
 /// Settings that the environment makes.
 fn of_environment() -> Result<ZeroMqConfig, Problem> {
-    let config = ZeroMqConfig::from_env();
+    let config = ZeroMqConfig::from_env().map(running_broker);
     config.map_err(|wrong| Problem { position: None, message: wrong.to_string() })
+}
+
+/// The settings of a bridge, which runs the broker where the variable keeps scripts from it: who exports it in a shell, as
+/// their guide has it, would have no broker at all.
+fn running_broker(config: ZeroMqConfig) -> ZeroMqConfig {
+    let broker = BrokerMode::Embedded;
+    ZeroMqConfig { broker, service_broker: broker, broker_by_variable: false, ..config }
 }
 
 impl ZeroMqSection {
@@ -255,6 +262,9 @@ impl ZeroMqSection {
         };
         let mut config = config.map_err(Failure::usage)?;
         config.hosts = hosts.clone();
+        if role.is_none() {
+            config = running_broker(config);
+        }
         self.say(&mut config);
         if let Some(topic) = &self.monitor_topic {
             config.monitor_topic.clone_from(topic);
