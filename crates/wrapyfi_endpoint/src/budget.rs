@@ -34,6 +34,8 @@ pub struct Budget {
     used: AtomicUsize,
     /// Number of shares that hold any bytes.
     holders: AtomicUsize,
+    /// Budget of which this one is a part, and how many such parts it has.
+    whole: Option<(&'static Self, usize)>,
 }
 
 /// The budget of this process.
@@ -46,7 +48,38 @@ impl Budget {
             limit: AtomicUsize::new(limit),
             used: AtomicUsize::new(0),
             holders: AtomicUsize::new(0),
+            whole: None,
         }
+    }
+
+    /// A budget of one of so many `parts` of another, where its bytes count too: what peers have kept here as long as
+    /// they like leaves room for what waits.
+    pub const fn part_of(whole: &'static Self, parts: usize) -> Self {
+        let whole = Some((whole, parts));
+        Self { whole, ..Self::new(0) }
+    }
+
+    /// The limit in bytes.
+    fn limit(&self) -> usize {
+        match self.whole {
+            Some((whole, parts)) => whole.limit() / parts.max(1),
+            None => self.limit.load(Relaxed),
+        }
+    }
+
+    /// Adds bytes; their number after that.
+    fn add(&self, bytes: usize) -> usize {
+        if let Some((whole, _)) = self.whole {
+            whole.add(bytes);
+        }
+        self.used.fetch_add(bytes, Relaxed).saturating_add(bytes)
+    }
+
+    fn remove(&self, bytes: usize) {
+        if let Some((whole, _)) = self.whole {
+            whole.remove(bytes);
+        }
+        self.used.fetch_sub(bytes, Relaxed);
     }
 
     /// Sets the limit in bytes, from now on.
@@ -107,13 +140,13 @@ impl Share {
         }
         let budget = self.budget;
         let mine = self.used.fetch_add(bytes, Relaxed);
-        let all = budget.used.fetch_add(bytes, Relaxed).saturating_add(bytes);
+        let all = budget.add(bytes);
         if mine == 0 {
             budget.holders.fetch_add(1, Relaxed);
             return true;
         }
         let mine = mine.saturating_add(bytes);
-        let limit = budget.limit.load(Relaxed);
+        let limit = budget.limit();
         let average = limit / budget.holders.load(Relaxed).max(1);
         if mine > limit / 4 || (all > limit && mine > average) {
             self.give(bytes);
@@ -133,7 +166,7 @@ impl Share {
     /// Gives room back.
     pub fn give(&self, bytes: usize) {
         let before = self.used.fetch_sub(bytes, Relaxed);
-        self.budget.used.fetch_sub(bytes, Relaxed);
+        self.budget.remove(bytes);
         if before == bytes && bytes > 0 {
             self.budget.holders.fetch_sub(1, Relaxed);
         }
@@ -168,6 +201,20 @@ mod tests {
         assert_eq!(BUDGET.used(), 50);
         drop(one);
         assert_eq!((BUDGET.used(), BUDGET.holders.load(Relaxed)), (25, 1));
+    }
+
+    #[test]
+    fn a_part_has_a_limit_of_its_own_and_counts_in_the_whole() {
+        static WHOLE: Budget = Budget::new(1600);
+        static PART: Budget = Budget::part_of(&WHOLE, 16);
+        let (kept, waiting) = (Share::of(&PART), Share::of(&WHOLE));
+        assert!(kept.take(20) && kept.take(5) && waiting.take(300));
+        assert!(!kept.take(1), "a quarter of the part is held");
+        assert_eq!((PART.used(), WHOLE.used()), (25, 325));
+        WHOLE.set_limit(3200);
+        assert!(kept.take(1), "it follows the whole");
+        drop(kept);
+        assert_eq!((PART.used(), WHOLE.used()), (0, 300));
     }
 
     #[test]

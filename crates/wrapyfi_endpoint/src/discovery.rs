@@ -172,6 +172,8 @@ pub struct Traffic {
     pub messages: u64,
     /// Size of the messages in bytes, all frames.
     pub bytes: u64,
+    /// Number of messages that the broker did not take, because they were too large or it had no room.
+    pub not_taken: u64,
 }
 
 /// Quality of service as another program announces it. Times are `None` where they are infinite.

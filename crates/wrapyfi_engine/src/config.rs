@@ -119,7 +119,7 @@ pub struct Defaults {
     pub queue_depth: Option<Spanned<usize>>,
     /// Policy of a full queue (default `drop_oldest`).
     pub overflow: OverflowConfig,
-    /// Largest message in MiB (default 64).
+    /// Largest message in MiB (default 64, or a quarter of `waiting_mib` where that is less).
     pub max_message_mib: Option<Spanned<usize>>,
     /// Devices that received tensors are labelled with (default: they keep theirs).
     pub devices: Option<Spanned<DevicesConfig>>,

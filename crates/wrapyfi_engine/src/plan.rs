@@ -100,7 +100,7 @@ impl Plan {
         middlewares: &[Available<'_>],
         types: &mut TypeStore,
     ) -> (Self, Vec<Problem>) {
-        let mut reader = Reader::new(&config.defaults, middlewares, types);
+        let mut reader = Reader::new(config, middlewares, types);
         let mut routes: Vec<Route> = Vec::with_capacity(config.routes.len());
         let mut seen: BTreeMap<RouteKey, u64> = BTreeMap::new();
         let mut into: BTreeMap<(Role, EndpointAddress), (u64, bool)> = BTreeMap::new();

@@ -5,7 +5,7 @@ use std::time::Duration;
 use serde_saphyr::Location;
 use wrapyfi_interfaces::store::TypeStore;
 
-use super::config::{Defaults, OverflowConfig, RouteConfig, Spanned};
+use super::config::{Config, Defaults, OverflowConfig, RouteConfig, Spanned};
 use super::config_devices::DevicesConfig;
 use super::config_error::Problem;
 use super::plan_address::{Available, address, middleware_of};
@@ -30,6 +30,8 @@ pub(super) struct Reader<'r> {
     defaults: &'r Defaults,
     /// Depth of a queue, and MiB of the largest message, of routes that do not set their own.
     default_sizes: [usize; 2],
+    /// Bytes that may wait in the process, of which one message may take a quarter.
+    waiting_bytes: usize,
     default_devices: DeviceMaps,
     middlewares: &'r [Available<'r>],
     types: &'r mut TypeStore,
@@ -39,14 +41,18 @@ pub(super) struct Reader<'r> {
 type Entry = Spanned<RouteConfig>;
 
 impl<'r> Reader<'r> {
-    pub(super) fn new(
-        defaults: &'r Defaults,
+    pub(super) fn new<E>(
+        config: &'r Config<E>,
         middlewares: &'r [Available<'r>],
         types: &'r mut TypeStore,
     ) -> Self {
+        let defaults = &config.defaults;
+        let waiting = config.limits.waiting_mib.as_ref().map(|mib| mib.value);
         let mut reader = Self {
             defaults,
             default_sizes: [10, 64],
+            waiting_bytes: waiting
+                .map_or(Limits::WAITING_BYTES, |mib| mib.saturating_mul(Limits::MIB)),
             default_devices: DeviceMaps::default(),
             middlewares,
             types,
@@ -68,6 +74,18 @@ impl<'r> Reader<'r> {
                 let text = format!("{key} is {size}, it must lie between 1 and {most}");
                 self.complain(written.referenced, text);
             }
+        }
+        let [_, mib] = sizes;
+        if let [_, Some(written)] = written
+            && mib.saturating_mul(4 * Limits::MIB) > self.waiting_bytes
+        {
+            let (waiting, needed) = (self.waiting_bytes / Limits::MIB, mib.saturating_mul(4));
+            let text = format!(
+                "max_message_mib is {mib}, and one message may take a quarter of what waits in the process, which \
+                 is {waiting} MiB: write `limits: {{ waiting_mib: {needed} }}`, or max_message_mib: {} at most",
+                (waiting / 4).max(1)
+            );
+            self.complain(written.referenced, text);
         }
         sizes
     }
@@ -358,7 +376,10 @@ impl<'r> Reader<'r> {
             color_order,
             frame_id: config.frame_id.as_ref().map(|frame_id| frame_id.value.clone()),
             stamp: config.stamp.as_ref().map(|stamp| stamp.value),
-            limits: Limits { message_bytes: mib.saturating_mul(Limits::MIB), ..default.limits },
+            limits: Limits {
+                message_bytes: mib.saturating_mul(Limits::MIB).min(self.waiting_bytes / 4),
+                ..default.limits
+            },
             plugins: default.plugins.with_devices(devices.or_from(&self.default_devices)),
             options: options.unwrap_or_default(),
             merge: config.merge,

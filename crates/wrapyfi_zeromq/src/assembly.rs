@@ -2,7 +2,9 @@
 //!
 //! ```text
 //!   header ── begin ──▶ frame that lacks bytes ── fill, straight from the connection ──▶ frames ── last ──▶ message
-//!                          │ more than the limit, all frames together: the connection ends
+//!                          │ more than the limit, all frames together:
+//!                          └─▶ passed over, and counted by its topic; beyond [`PASSED_OVER`] times that, or where
+//!                              nothing names whose it is, the connection ends
 //! ```
 //!
 //! libzmq bounds one frame but not their number: a message whose frames never end would be kept whole, outside of
@@ -13,6 +15,7 @@ use std::io::{ErrorKind, Read};
 use bytes::Bytes;
 
 use super::zmtp::Header;
+use wrapyfi_endpoint::DropReason;
 
 /// Frames of one message.
 const MAX_FRAMES: usize = 4096;
@@ -20,6 +23,19 @@ const MAX_FRAMES: usize = 4096;
 const FRAME_BYTES: usize = size_of::<Bytes>();
 /// Bytes that are made room for at once: a length that is announced is no reason to take memory.
 const STEP: usize = 1 << 20;
+
+/// Bytes of a message that are passed over before its connection ends, as a multiple of the limit: its publisher need
+/// not connect again, and what it publishes then is not missed.
+const PASSED_OVER: usize = 16;
+/// Bytes that are passed over at once.
+const SKIP: usize = 64 * 1024;
+
+/// Message that is not taken: the first frame, as far as it came, and the reason.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct NotTaken {
+    pub(super) topic: Bytes,
+    pub(super) reason: DropReason,
+}
 
 /// Bounds that a message does not keep to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -37,6 +53,14 @@ pub(super) struct Assembly {
     open: Option<Open>,
     /// Bytes of the frames, with those that the open one announces.
     bytes: usize,
+    /// Number of the frames, with the open one.
+    count: usize,
+    /// True where a message that is not taken is passed over.
+    passes_over: bool,
+    /// True within a message that is passed over.
+    is_passed_over: bool,
+    /// Message that was last found not to be taken.
+    not_taken: Option<NotTaken>,
 }
 
 struct Open {
@@ -48,18 +72,35 @@ struct Open {
 
 impl Assembly {
     pub(super) fn new(limit: usize) -> Self {
-        Self { limit, frames: Vec::new(), open: None, bytes: 0 }
+        Self {
+            limit,
+            frames: Vec::new(),
+            open: None,
+            bytes: 0,
+            count: 0,
+            passes_over: false,
+            is_passed_over: false,
+            not_taken: None,
+        }
+    }
+
+    /// The same, which passes over a message that is not taken.
+    pub(super) fn passing_over(self) -> Self {
+        Self { passes_over: true, ..self }
     }
 
     /// Bytes of memory that the message takes so far.
     pub(super) fn held(&self) -> usize {
+        if self.is_passed_over {
+            return 0;
+        }
         let open = self.open.as_ref().map_or(0, |open| open.missing);
         self.bytes - open + self.frames.len() * FRAME_BYTES
     }
 
     /// True within a message.
     pub(super) fn has_begun(&self) -> bool {
-        self.open.is_some() || !self.frames.is_empty()
+        self.open.is_some() || self.count > 0
     }
 
     /// True where the next bytes belong to a frame that has begun.
@@ -77,12 +118,16 @@ impl Assembly {
         header: &Header,
         body: &[u8],
     ) -> Result<(Option<Vec<Bytes>>, usize), TooLarge> {
-        self.admit(header.length)?;
+        let is_taken = self.admit(header.length)?;
         if let Some(whole) = body.get(..header.length) {
-            return Ok((self.end(Bytes::copy_from_slice(whole), header.more), whole.len()));
+            let frame = if is_taken { Bytes::copy_from_slice(whole) } else { Bytes::new() };
+            return Ok((self.end(frame, header.more), whole.len()));
         }
-        let mut begun = Vec::with_capacity(header.length.min(STEP.max(body.len())));
-        begun.extend_from_slice(body);
+        let mut begun = Vec::new();
+        if is_taken {
+            begun.reserve_exact(header.length.min(STEP.max(body.len())));
+            begun.extend_from_slice(body);
+        }
         let missing = header.length - body.len();
         self.open = Some(Open { body: begun, missing, more: header.more });
         Ok((None, body.len()))
@@ -97,19 +142,56 @@ impl Assembly {
         Ok(self.end(frame, more))
     }
 
-    /// Counts a frame that begins.
-    fn admit(&mut self, length: usize) -> Result<(), TooLarge> {
-        let bytes = self.bytes.checked_add(length).filter(|bytes| *bytes <= self.limit);
-        self.bytes = bytes.ok_or(TooLarge { limit: self.limit })?;
-        if self.frames.len() >= MAX_FRAMES {
-            return Err(TooLarge { limit: self.limit });
+    /// Counts a frame that begins; false where it is passed over.
+    fn admit(&mut self, length: usize) -> Result<bool, TooLarge> {
+        self.bytes = self.bytes.saturating_add(length);
+        self.count += 1;
+        let is_within = |bytes| self.bytes <= bytes && self.count <= MAX_FRAMES;
+        let (is_taken, is_passed_over) =
+            (is_within(self.limit), is_within(self.limit.saturating_mul(PASSED_OVER)));
+        if !is_taken && !self.is_passed_over {
+            self.pass_over(DropReason::Oversize);
         }
-        Ok(())
+        if is_taken || (is_passed_over && self.passes_over) {
+            return Ok(!self.is_passed_over);
+        }
+        Err(TooLarge { limit: self.limit })
+    }
+
+    /// Gives up the message that has begun; false where its connection has to end, because none is passed over.
+    pub(super) fn pass_over(&mut self, reason: DropReason) -> bool {
+        let topic = std::mem::take(&mut self.frames).into_iter().next().unwrap_or_default();
+        self.not_taken = Some(NotTaken { topic, reason });
+        self.is_passed_over = true;
+        if let Some(open) = &mut self.open {
+            open.body = Vec::new();
+        }
+        self.passes_over
+    }
+
+    /// Message that was found not to be taken, told once.
+    pub(super) fn not_taken(&mut self) -> Option<NotTaken> {
+        self.not_taken.take()
     }
 
     /// Reads bytes of the open frame; their number, and the message where they were its last.
-    pub(super) fn fill(&mut self, from: impl Read) -> std::io::Result<(usize, Option<Vec<Bytes>>)> {
+    pub(super) fn fill(
+        &mut self,
+        mut from: impl Read,
+    ) -> std::io::Result<(usize, Option<Vec<Bytes>>)> {
         let Some(open) = &mut self.open else { return Ok((0, None)) };
+        if self.is_passed_over {
+            let mut scratch = [0; SKIP];
+            let room = open.missing.min(SKIP);
+            let count = from.read(scratch.get_mut(..room).unwrap_or_default())?;
+            open.missing -= count;
+            if open.missing == 0
+                && let Some(open) = self.open.take()
+            {
+                self.end(Bytes::new(), open.more);
+            }
+            return Ok((count, None));
+        }
         let before = open.body.len();
         if open.body.capacity() == before {
             // Twice as much each time: the system moves large blocks without a copy.
@@ -133,12 +215,15 @@ impl Assembly {
 
     /// Adds a frame that is complete; the message where it was its last.
     fn end(&mut self, frame: Bytes, more: bool) -> Option<Vec<Bytes>> {
-        self.frames.push(frame);
+        if !self.is_passed_over {
+            self.frames.push(frame);
+        }
         if more {
             return None;
         }
-        self.bytes = 0;
-        Some(std::mem::take(&mut self.frames))
+        (self.bytes, self.count) = (0, 0);
+        let is_whole = !std::mem::take(&mut self.is_passed_over);
+        is_whole.then(|| std::mem::take(&mut self.frames))
     }
 }
 
@@ -180,6 +265,32 @@ mod tests {
                 count => Ok(count),
             }
         }
+    }
+
+    #[test]
+    fn a_message_over_the_limit_is_passed_over_and_known_by_its_topic() {
+        let mut assembly = Assembly::new(100).passing_over();
+        for first in [60, 150] {
+            assert_eq!(assembly.begin(&header(2, true), b"/a+"), Ok((None, 2)));
+            assert_eq!(assembly.begin(&header(first, true), &[0; 200]), Ok((None, first)));
+            assert_eq!(assembly.begin(&header(500, false), &[0; 20]), Ok((None, 20)));
+            let told = NotTaken { topic: "/a".into(), reason: DropReason::Oversize };
+            assert_eq!((assembly.not_taken(), assembly.not_taken()), (Some(told), None));
+            assert!(assembly.is_open() && assembly.has_begun() && assembly.held() == 0);
+            assert_eq!(assembly.fill(&[0; 480][..]).unwrap(), (480, None));
+            assert!(!assembly.has_begun());
+        }
+        let next = assembly.begin(&header(2, false), b"/b").unwrap();
+        assert_eq!(next, (Some(vec!["/b".into()]), 2));
+        assert!(assembly.begin(&header(2, true), b"/a").is_ok());
+        assert!(assembly.begin(&header(PASSED_OVER * 100, false), &[]).is_err());
+        assert_eq!(assembly.not_taken().unwrap().topic, "/a", "it is known all the same");
+        let mut assembly = Assembly::new(100).passing_over();
+        assert!(assembly.begin(&header(2, true), b"/a").is_ok());
+        assert!(assembly.begin(&header(80, false), &[0; 30]).is_ok());
+        assert!(assembly.pass_over(DropReason::OverBudget));
+        assert_eq!((assembly.held(), assembly.fill(&[0; 50][..]).unwrap()), (0, (50, None)));
+        assert!(!assembly.has_begun());
     }
 
     #[test]

@@ -151,6 +151,8 @@ impl Supervised for Broker {
             status: Arc::clone(&status),
             slow: Throttle::default(),
             repeat_at: Instant::now(),
+            is_untold: false,
+            tell_at: Instant::now(),
         };
         Self::run("zeromq-broker", bound, status, proxy)
     }

@@ -171,7 +171,11 @@ impl Discovery for ZeroMqDiscovery {
         self.read().and_then(|()| self.widen(now)).map_err(|error| transport(&error))?;
         let publishers = self.topics.iter().map(|(name, seen)| Discovered {
             type_name: seen.type_name.clone(),
-            traffic: Some(Traffic { messages: seen.messages, bytes: seen.bytes }),
+            traffic: Some(Traffic {
+                messages: seen.messages,
+                bytes: seen.bytes,
+                not_taken: seen.not_taken,
+            }),
             ..Discovered::new(name, Role::Publisher)
         });
         let listeners = self.listeners.iter().flatten().map(|(name, count)| Discovered {

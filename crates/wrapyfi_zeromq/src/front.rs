@@ -14,7 +14,8 @@
 //! in messages, not in bytes. Here each listener has a queue that is bounded by both, and everything that it does not
 //! get is counted by its cause. Its other sockets keep a message whole whose frames never end, and any number of
 //! connections.
-//! Here a connection ends with the message that is too large, and those beyond the limit are refused; both are counted.
+//! Here a message that is too large is passed over, or ends its connection, and connections beyond the limit are refused;
+//! all are counted.
 //! Nothing here blocks, and a message that waits for several listeners exists once.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -29,12 +30,13 @@ use bytes::Bytes;
 use mio::unix::SourceFd;
 use mio::{Events, Interest, Poll, Token};
 
+use super::assembly::NotTaken;
 use super::curve::{Curve, Keys};
 use super::heard::Heard;
 use super::ledger::Refusal;
 use super::message::{Loss, Message};
 use super::options;
-use super::peer::Peer;
+use super::peer::{Peer, TURN};
 use super::traffic::REFUSED;
 use super::zmtp::Kind;
 use wrapyfi_endpoint::{DropReason, Throttles};
@@ -73,9 +75,11 @@ pub(super) struct Front {
     next_id: usize,
     bounds: Bounds,
     /// Topics that publishers were told of, each with how often it is wanted.
-    wanted: BTreeMap<Vec<u8>, usize>,
+    wanted: BTreeMap<Bytes, usize>,
     /// Messages that came, each with the number of its connection.
     pub(super) messages: Vec<(usize, Vec<Bytes>)>,
+    /// Messages of publishers that were passed over.
+    pub(super) not_taken: Vec<NotTaken>,
     /// Connection that was last given a message in turn.
     last: usize,
     /// Connections that were refused or ended, by reason.
@@ -89,7 +93,7 @@ pub(super) struct Front {
     /// Peers that were refused.
     pub(super) refusals: Vec<Refusal>,
     /// Listeners by what they are subscribed to, and how many subscriptions have which length.
-    index: HashMap<Vec<u8>, BTreeSet<usize>>,
+    index: HashMap<Bytes, BTreeSet<usize>>,
     lengths: BTreeMap<usize, usize>,
     /// Messages that may wait for one listener; none: any number.
     hwm: Option<usize>,
@@ -97,6 +101,8 @@ pub(super) struct Front {
     dirty: BTreeSet<usize>,
     /// Listeners and the port that have more to be read than was read.
     unread: BTreeSet<usize>,
+    /// Peer that was read last: those behind it have their turn before it.
+    read_last: usize,
     /// Connections wait at the port, because the process had no files left.
     has_waiting: bool,
     /// Subscriptions that came.
@@ -126,6 +132,7 @@ impl Front {
             bounds,
             wanted: BTreeMap::new(),
             messages: Vec::new(),
+            not_taken: Vec::new(),
             last: 0,
             cuts: BTreeMap::new(),
             keys,
@@ -140,6 +147,7 @@ impl Front {
             hwm: Some(usize::from(bounds.hwm)).filter(|hwm| *hwm > 0),
             dirty: BTreeSet::new(),
             unread: BTreeSet::new(),
+            read_last: 0,
             has_waiting: false,
             heard: Vec::new(),
             losses: Vec::new(),
@@ -181,7 +189,14 @@ impl Front {
                 *readable.entry(id).or_default() |= has_ended;
             }
         }
-        for (id, to_the_end) in readable {
+        let behind = readable.split_off(&self.read_last.saturating_add(1));
+        for (place, (id, to_the_end)) in behind.into_iter().chain(readable).enumerate() {
+            // However many have much to say: the other side of the broker has its turn, too.
+            if place > 0 && now.elapsed() >= TURN {
+                self.unread.insert(id);
+                continue;
+            }
+            self.read_last = id;
             if Token(id) == PORT {
                 self.accept(now);
             } else {
@@ -202,7 +217,7 @@ impl Front {
             let Some(peer) = self.peers.get_mut(&id) else { continue };
             if peer.is_alive(now) {
                 self.dirty.insert(id);
-            } else {
+            } else if now.elapsed() < TURN {
                 self.leave(id, &"it does not answer");
             }
         }
@@ -251,9 +266,10 @@ impl Front {
         self.peers.values().filter(|peer| peer.is_open()).count()
     }
 
-    /// Tells publishers that somebody wants a topic, or no more; as often as it was wanted before it is not.
-    pub(super) fn want(&mut self, topic: &[u8], is_wanted: bool) {
-        let times = self.wanted.entry(topic.to_vec()).or_default();
+    /// Tells publishers that somebody wants a topic, or no more; as often as it was wanted before it is not. It goes out
+    /// with [`Self::flush`].
+    pub(super) fn want(&mut self, topic: &Bytes, is_wanted: bool) {
+        let times = self.wanted.entry(topic.clone()).or_default();
         *times = if is_wanted { *times + 1 } else { times.saturating_sub(1) };
         match (is_wanted, *times) {
             (true, 1) => {}
@@ -265,7 +281,6 @@ impl Front {
         for id in open.collect::<Vec<_>>() {
             self.tell(id, &message, topic);
         }
-        self.flush();
     }
 
     /// Tells one publisher what is wanted, and before it that its key may not publish it. One that misses any of it
@@ -344,6 +359,40 @@ impl Front {
         let who = format!("{}: its CURVE key {key} may not {may_not} {name:?}", peer.address);
         let key = key.to_owned();
         self.refuse(who, key, Some(topic.to_vec()));
+    }
+
+    /// Says that a subscription is ignored, but not each time for one host.
+    fn crowd(&mut self, peer: SocketAddr, topic: &[u8]) {
+        if let Some(unlogged_before) = self.faults.pass(&("crowd", peer.ip()), Instant::now()) {
+            let topic = String::from_utf8_lossy(topic.get(..MOST_OF_TOPIC).unwrap_or(topic));
+            tracing::warn!(
+                %peer, %topic, unlogged_before,
+                "the ZeroMQ broker ignores a subscription: this listener has as many as may be, or all together take \
+                 what they may of limits: waiting_mib"
+            );
+        }
+    }
+
+    /// Notes a message that is passed over, and says so, but not each time for one topic.
+    fn pass_over(&mut self, peer: SocketAddr, message: NotTaken) {
+        // Requests and replies have no topic: the end of their connection is counted.
+        if self.kind != Kind::Xsub {
+            return;
+        }
+        let NotTaken { topic, reason } = &message;
+        let topic = String::from_utf8_lossy(topic.get(..MOST_OF_TOPIC).unwrap_or(topic));
+        if let Some(unlogged_before) = self.faults.pass(&(*reason, &topic), Instant::now()) {
+            let why = match reason {
+                DropReason::OverBudget => "too much waits in this process (limits: waiting_mib)",
+                _ => "it is larger than the broker takes (max_message_mib)",
+            };
+            let limit_bytes = self.bounds.message_bytes;
+            tracing::warn!(
+                %peer, %topic, limit_bytes, unlogged_before,
+                "the ZeroMQ broker does not pass on a message: {why}"
+            );
+        }
+        self.not_taken.push(message);
     }
 
     /// Notes a peer that is refused.
@@ -454,6 +503,10 @@ impl Front {
                     self.deny(id, &topic);
                     continue;
                 }
+                Heard::NotTaken(message) => {
+                    self.pass_over(address, message);
+                    continue;
+                }
                 Heard::Subscribed(ref topic) => {
                     let ids = self.index.entry(topic.clone()).or_default();
                     if ids.insert(id) && ids.len() == 1 {
@@ -463,6 +516,7 @@ impl Front {
                 Heard::Unsubscribed(ref topic) => {
                     unlist(&mut self.index, &mut self.lengths, topic, id);
                 }
+                Heard::NoRoom(ref topic) => self.crowd(address, topic),
                 Heard::Ignored => {}
             }
             self.heard.push(one);
@@ -537,7 +591,7 @@ fn first_id() -> usize {
 
 /// Takes a listener off the index.
 fn unlist(
-    index: &mut HashMap<Vec<u8>, BTreeSet<usize>>,
+    index: &mut HashMap<Bytes, BTreeSet<usize>>,
     lengths: &mut BTreeMap<usize, usize>,
     topic: &[u8],
     id: usize,

@@ -2,7 +2,7 @@
 
 use bytes::Bytes;
 
-use super::assembly::TooLarge;
+use super::assembly::{NotTaken, TooLarge};
 use super::curve;
 use super::zmtp::Breach;
 use wrapyfi_endpoint::DropReason;
@@ -57,12 +57,16 @@ impl End {
 /// Something that a peer said.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Heard {
-    Subscribed(Vec<u8>),
-    Unsubscribed(Vec<u8>),
+    Subscribed(Bytes),
+    Unsubscribed(Bytes),
     /// Something that is no subscription.
     Ignored,
+    /// Subscription for which there is no room.
+    NoRoom(Bytes),
     /// Subscription or message of a topic that the peer's key may not have.
     Denied(Vec<u8>),
     /// Frames of a message.
     Message(Vec<Bytes>),
+    /// Message that is passed over.
+    NotTaken(NotTaken),
 }

@@ -32,7 +32,7 @@ type Key = (Kind, Vec<u8>);
 /// Looked at only where something is lost.
 #[derive(Debug, Default)]
 pub(super) struct Ledger {
-    entries: Mutex<BTreeMap<Key, Weak<Counters>>>,
+    entries: Mutex<BTreeMap<Key, Vec<Weak<Counters>>>>,
     /// Number of servers at the broker of requests and replies, where it is this process that runs it.
     pub(super) servers: Mutex<Option<usize>>,
 }
@@ -41,22 +41,40 @@ impl Ledger {
     /// Enters an endpoint.
     pub(super) fn enter(&self, peers_at: Kind, name: &str, counters: &Arc<Counters>) {
         let mut entries = self.entries.lock();
-        entries.retain(|_, counters| counters.strong_count() > 0);
-        entries.insert((peers_at, name.as_bytes().to_vec()), Arc::downgrade(counters));
+        entries.retain(|_, each| {
+            each.retain(|counters| counters.strong_count() > 0);
+            !each.is_empty()
+        });
+        let each = entries.entry((peers_at, name.as_bytes().to_vec())).or_default();
+        each.push(Arc::downgrade(counters));
     }
 
     /// Counts a message, `bytes` long, that not everybody got who was to have it.
     pub(super) fn undelivered(&self, topic: &[u8], reason: DropReason, bytes: usize) {
         let entries = self.entries.lock();
-        let publisher = entries.get(&(Kind::Xpub, topic.to_vec()));
-        if let Some(counters) = publisher.and_then(Weak::upgrade) {
+        let publishers = entries.get(&(Kind::Xpub, topic.to_vec()));
+        // Of several publishers nobody knows whose it was.
+        if let Some(counters) = publishers.into_iter().flatten().rev().find_map(Weak::upgrade) {
             counters.undelivered(reason, bytes);
+        }
+    }
+
+    /// Counts a message that a broker does not pass on, at every listener that was to have it.
+    pub(super) fn not_taken(&self, topic: &[u8], reason: DropReason) {
+        let entries = self.entries.lock();
+        let listeners = entries.get(&(Kind::Xsub, topic.to_vec()));
+        for counters in listeners.into_iter().flatten().filter_map(Weak::upgrade) {
+            counters.received(0);
+            counters.dropped(reason);
         }
     }
 
     /// Counts a peer that was refused at every endpoint that it may have been for.
     pub(super) fn refused(&self, refusal: &Refusal) {
-        for ((side, name), counters) in &*self.entries.lock() {
+        let entries = self.entries.lock();
+        for ((side, name), counters) in
+            entries.iter().flat_map(|(key, each)| each.iter().map(move |counters| (key, counters)))
+        {
             let is_meant = refusal.topic.as_ref().is_none_or(|topic| match side {
                 // A subscription is the beginning of a topic.
                 Kind::Xpub => name.starts_with(topic),

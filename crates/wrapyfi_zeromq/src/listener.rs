@@ -75,7 +75,9 @@ fn open_socket(
     let socket = context.socket(zmq::SUB)?;
     options::set_common(&socket, shared.ip)?;
     socket.set_rcvhwm(socket_depth(spec.queue))?;
-    options::set_message_limit(&socket, spec.limits.message_bytes)?;
+    // What a broker of ours passes on never cuts the connection, however small the limit of this topic: messages are
+    // lost uncounted until it is made anew.
+    options::set_message_limit(&socket, spec.limits.message_bytes.max(shared.max_frame_bytes))?;
     socket.set_subscribe(spec.topic.as_bytes())?;
     if shared.keys.is_some() {
         socket.set_subscribe(format!("{DENIED}{}", spec.topic).as_bytes())?;

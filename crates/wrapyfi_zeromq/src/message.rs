@@ -29,6 +29,8 @@ pub(super) struct Message {
     pub(super) of: Option<(Bytes, usize)>,
     /// Fingerprint by which it is known again when it comes back, where somebody here listens.
     pub(super) print: Option<Fingerprint>,
+    /// True where its bytes count as waiting: all but commands, which are few and short.
+    pub(super) is_counted: bool,
     /// A listener missed it already: it is counted once.
     missed: AtomicBool,
 }
@@ -54,12 +56,12 @@ impl Message {
             true => Content::Plain { is_command: false, frames },
             false => Content::Encoded(zmtp::encode(frames)),
         };
-        Self::of_content(content, of, print)
+        Self::of_content(content, of, print, true)
     }
 
     /// Bytes of the handshake, which go as they are.
     pub(super) fn clear(bytes: Vec<u8>) -> Arc<Self> {
-        Self::of_content(Content::Encoded(vec![bytes.into()]), None, None)
+        Self::of_content(Content::Encoded(vec![bytes.into()]), None, None, false)
     }
 
     /// A command on a connection that is open.
@@ -67,7 +69,7 @@ impl Message {
         match is_sealed {
             true => {
                 let content = Content::Plain { is_command: true, frames: vec![body.into()] };
-                Self::of_content(content, None, None)
+                Self::of_content(content, None, None, false)
             }
             false => Self::clear(zmtp::command(&body)),
         }
@@ -77,10 +79,11 @@ impl Message {
         content: Content,
         of: Option<(Bytes, usize)>,
         print: Option<Fingerprint>,
+        is_counted: bool,
     ) -> Arc<Self> {
         let (Content::Encoded(parts) | Content::Plain { frames: parts, .. }) = &content;
         let bytes = parts.iter().map(Bytes::len).sum();
-        Arc::new(Self { content, bytes, of, print, missed: AtomicBool::new(false) })
+        Arc::new(Self { content, bytes, of, print, is_counted, missed: AtomicBool::new(false) })
     }
 
     /// The loss of this message at one listener.

@@ -18,6 +18,10 @@ use std::time::{Duration, Instant};
 
 /// Topics listed at most. Beyond, subscriptions work but are not told.
 const MAX_TOPICS: usize = 4096;
+/// Bytes of the names of all that are listed: each listener of the counts gets them at every change.
+const MAX_BYTES: usize = 1 << 20;
+/// Longest name that is listed.
+const MAX_NAME_BYTES: usize = 1024;
 /// Time for which a topic stays listed with count 0, so that every publisher hears of it although
 /// single repeats may be lost.
 const KEEP_ZERO: Duration = Duration::from_secs(10);
@@ -28,6 +32,8 @@ pub(super) struct Monitor {
     /// First part of a message with counts.
     pub(super) own_topic: Option<Vec<u8>>,
     topics: BTreeMap<Vec<u8>, Count>,
+    /// Bytes of their names.
+    bytes: usize,
     changed: bool,
 }
 
@@ -42,7 +48,7 @@ impl Monitor {
     /// counted itself.
     pub(super) fn new(own_topic: Option<&str>) -> Self {
         let own_topic = own_topic.map(|topic| topic.as_bytes().to_vec());
-        Self { own_topic, topics: BTreeMap::new(), changed: false }
+        Self { own_topic, topics: BTreeMap::new(), bytes: 0, changed: false }
     }
 
     /// True for a first frame that listeners of the counts would take for counts.
@@ -64,7 +70,9 @@ impl Monitor {
             *count = Count { subscriptions: count.subscriptions + 1, changed_at: now };
             return first;
         }
-        if self.topics.len() < MAX_TOPICS {
+        let bytes = self.bytes + topic.len();
+        if self.topics.len() < MAX_TOPICS && bytes <= MAX_BYTES && topic.len() <= MAX_NAME_BYTES {
+            self.bytes = bytes;
             self.topics.insert(topic.to_vec(), Count { subscriptions: 1, changed_at: now });
         }
         true
@@ -90,8 +98,11 @@ impl Monitor {
     /// The second frame of the counts, in Python's spelling of JSON; `None` when there is nothing
     /// to tell.
     pub(super) fn message(&mut self, now: Instant) -> Option<String> {
-        self.topics.retain(|_, count| {
-            count.subscriptions > 0 || now.saturating_duration_since(count.changed_at) < KEEP_ZERO
+        self.topics.retain(|topic, count| {
+            let is_kept = count.subscriptions > 0
+                || now.saturating_duration_since(count.changed_at) < KEEP_ZERO;
+            self.bytes -= if is_kept { 0 } else { topic.len() };
+            is_kept
         });
         self.own_topic.as_ref()?;
         let mut json = String::from("{");
@@ -159,6 +170,23 @@ mod tests {
         assert_eq!(monitor.message(now), None);
         assert!(monitor.is_forged(b"ZEROMQ/CONNECTIONS2"));
         assert!(!monitor.is_forged(b"/a"));
+    }
+
+    #[test]
+    fn what_is_told_has_an_end_and_room_comes_back() {
+        let now = Instant::now();
+        let mut monitor = Monitor::new(Some(OWN));
+        assert!(monitor.subscribed(&[b'x'; MAX_NAME_BYTES + 1], now), "it works, untold");
+        let names: Vec<_> = (0..4000).map(|number| format!("{number:0>1000}")).collect();
+        for name in &names {
+            assert!(monitor.subscribed(name.as_bytes(), now));
+        }
+        assert_eq!(monitor.listed().count(), MAX_BYTES / 1000);
+        for name in &names {
+            monitor.unsubscribed(name.as_bytes(), now);
+        }
+        assert_eq!(monitor.message(now + KEEP_ZERO), None);
+        assert_eq!(monitor.bytes, 0);
     }
 
     #[test]

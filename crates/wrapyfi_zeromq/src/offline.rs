@@ -68,9 +68,11 @@ pub fn converse(kind: usize, limit: usize, bytes: &[u8], piece: usize) -> Conver
     for one in heard {
         match one {
             Heard::Message(frames) => found.messages.push(frames),
-            Heard::Subscribed(topic) => found.subscriptions.push((true, topic)),
-            Heard::Unsubscribed(topic) => found.subscriptions.push((false, topic)),
-            Heard::Ignored | Heard::Denied(_) => found.ignored += 1,
+            Heard::Subscribed(topic) => found.subscriptions.push((true, topic.to_vec())),
+            Heard::Unsubscribed(topic) => found.subscriptions.push((false, topic.to_vec())),
+            Heard::Ignored | Heard::NoRoom(_) | Heard::Denied(_) | Heard::NotTaken(_) => {
+                found.ignored += 1;
+            }
         }
     }
     found

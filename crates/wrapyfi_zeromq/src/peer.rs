@@ -22,17 +22,23 @@ use super::message::{Content, Message};
 use super::options;
 use super::traffic::{DENIED, REFUSED};
 use super::zmtp::{self, Breach, Kind, Step};
-use wrapyfi_endpoint::{DropReason, PROGRESS, Share};
+use wrapyfi_endpoint::{Budget, DropReason, PROGRESS, Share, WAITING};
 
 /// Subscriptions of one listener. Those beyond are ignored.
 const MAX_SUBSCRIPTIONS: usize = 4096;
+/// Bytes of all subscriptions: a sixteenth of what may wait in the process, a quarter of that for one listener. A
+/// publisher that comes is told all of them, which must not be more than may wait for it.
+static SUBSCRIPTIONS: Budget = Budget::part_of(&WAITING, 16);
+/// Bytes of memory that a subscription takes beside its topic: in the listener, the index, the counts, and what
+/// publishers are told.
+const SUBSCRIPTION_BYTES: usize = 512;
 /// Subscriptions are topic names: nothing longer is read.
 const MAX_FRAME_BYTES: usize = 64 * 1024 + OVERHEAD;
 /// Reads from one connection before the others have their turn.
 const READS: usize = 16;
 /// Time since the turn began after which one peer is read no further: large messages under CURVE take their time, and
 /// others would not get through their handshakes.
-const TURN: Duration = Duration::from_millis(5);
+pub(super) const TURN: Duration = Duration::from_millis(5);
 /// Question whether a peer lives: the command, and no time to live.
 const PING: &[u8] = b"\x04PING\0\0";
 /// Pieces given to one write.
@@ -57,7 +63,9 @@ pub(super) struct Peer<S = TcpStream> {
     assembly: Option<Assembly>,
     /// Within a message of several frames, which is no subscription.
     inside: bool,
-    pub(super) topics: BTreeSet<Vec<u8>>,
+    pub(super) topics: BTreeSet<Bytes>,
+    /// Share of the topics in what subscriptions may take.
+    subscribed: Share,
     /// Topic that is published; other subscriptions are ignored. None where all topics are.
     only: Option<Bytes>,
     /// True where the other side has said that our key may not publish that topic.
@@ -93,6 +101,7 @@ impl<S: Read + Write> Peer<S> {
             assembly: None,
             inside: false,
             topics: BTreeSet::new(),
+            subscribed: Share::of(&SUBSCRIPTIONS),
             only: None,
             is_refused: false,
             outbox: VecDeque::from([Message::clear(Mechanism::Null.greeting().0)]),
@@ -116,7 +125,10 @@ impl<S: Read + Write> Peer<S> {
 
     /// The same, of a connection from which we hear messages of at most `limit` bytes.
     pub(super) fn of_messages(self, kind: Kind, limit: usize) -> Self {
-        Self { kind, assembly: Some(Assembly::new(limit)), ..self }
+        let assembly = Assembly::new(limit);
+        // A request or a reply that is passed over would be waited for: who sends it learns of it by the connection.
+        let assembly = if kind == Kind::Xsub { assembly.passing_over() } else { assembly };
+        Self { kind, assembly: Some(assembly), ..self }
     }
 
     /// The same, with CURVE; `hello` is our first command, where we begin.
@@ -171,7 +183,7 @@ impl<S: Read + Write> Peer<S> {
                 return Err(DropReason::OverBudget);
             }
             self.waiting += 1;
-        } else if self.outbox.len() > self.waiting + 4 {
+        } else if self.outbox.len() > self.waiting + 4 || !self.share.take(message.bytes) {
             // The broker repeats its counts: an old message need not wait beside a newer one.
             return Ok(());
         }
@@ -212,8 +224,10 @@ impl<S: Read + Write> Peer<S> {
                 if let Mechanism::Curve(secured) = &mut self.mechanism {
                     secured.written();
                 }
-                if first.of.is_some() {
+                if first.is_counted {
                     self.share.give(first.bytes);
+                }
+                if first.of.is_some() {
                     self.waiting -= 1;
                 }
                 self.outbox.pop_front();
@@ -277,9 +291,12 @@ impl<S: Read + Write> Peer<S> {
                             self.understand(heard)?;
                         }
                     }
-                    let begun: usize = self.assemblies().map(Assembly::held).sum();
-                    if !self.begun.hold(self.inbox.len() + begun) {
-                        return Err(End::OverBudget);
+                    if !self.hold_begun() {
+                        let is_passed_over = self.give_up_begun(DropReason::OverBudget);
+                        self.tell_not_taken(heard);
+                        if !is_passed_over || !self.hold_begun() {
+                            return Err(End::OverBudget);
+                        }
                     }
                     if !is_within && count < scratch.len() && !to_the_end {
                         return Ok(false);
@@ -294,6 +311,34 @@ impl<S: Read + Write> Peer<S> {
             }
         }
         Ok(true)
+    }
+
+    /// Counts what has begun; false when there is no room for it.
+    fn hold_begun(&self) -> bool {
+        let begun: usize = self.assemblies().map(Assembly::held).sum();
+        self.begun.hold(self.inbox.len() + begun)
+    }
+
+    /// Gives up the message that has begun; false where the connection has to end: with CURVE only a frame that was
+    /// read tells whether another follows.
+    fn give_up_begun(&mut self, reason: DropReason) -> bool {
+        let plain = self.plain_assembly();
+        let is_passed_over = plain.is_some_and(|plain| plain.pass_over(reason));
+        is_passed_over && self.mechanism.secured().is_none()
+    }
+
+    /// The assembly of messages as they are once they are opened.
+    fn plain_assembly(&mut self) -> Option<&mut Assembly> {
+        match &mut self.mechanism {
+            Mechanism::Null => self.assembly.as_mut(),
+            Mechanism::Curve(secured) => secured.plain.as_mut(),
+        }
+    }
+
+    /// Tells of a message that is passed over.
+    fn tell_not_taken(&mut self, heard: &mut Vec<Heard>) {
+        let told = self.plain_assembly().and_then(Assembly::not_taken);
+        heard.extend(told.map(Heard::NotTaken));
     }
 
     /// Takes what has come as far as it is complete.
@@ -324,7 +369,12 @@ impl<S: Read + Write> Peer<S> {
                 && let Some(header) = zmtp::header(rest).filter(|header| !header.is_command)
             {
                 let body = rest.get(header.size..).unwrap_or_default();
-                let (message, taken) = assembly.begin(&header, body)?;
+                let begun = assembly.begin(&header, body);
+                if begun.is_err() && self.mechanism.secured().is_some() {
+                    self.give_up_begun(DropReason::Oversize);
+                }
+                self.tell_not_taken(heard);
+                let (message, taken) = begun?;
                 rest = body.get(taken..).unwrap_or_default();
                 if let Some(frames) = message {
                     self.arrived(frames, heard)?;
@@ -397,9 +447,9 @@ impl<S: Read + Write> Peer<S> {
             self.hear(opened.is_command, opened.more, body, heard);
             return Ok(());
         };
-        let Some(message) = plain.add(Bytes::from(sealed).slice(OVERHEAD..), opened.more)? else {
-            return Ok(());
-        };
+        let added = plain.add(Bytes::from(sealed).slice(OVERHEAD..), opened.more);
+        self.tell_not_taken(heard);
+        let Some(message) = added? else { return Ok(()) };
         let topic = message.first().cloned().unwrap_or_default();
         // Requests and replies have no topic; who may send them is decided by the handshake.
         let is_denied = self.kind == Kind::Xsub
@@ -448,32 +498,39 @@ impl<S: Read + Write> Peer<S> {
 
     fn subscribe(&mut self, word: &[u8], heard: &mut Vec<Heard>) {
         let (topic, on) = match word.split_first() {
-            Some((1, topic)) if self.topics.len() < MAX_SUBSCRIPTIONS => (topic.to_vec(), true),
-            Some((0, topic)) => (topic.to_vec(), false),
+            Some((on @ (0 | 1), topic)) => (Bytes::copy_from_slice(topic), *on == 1),
             _ => return heard.push(Heard::Ignored),
         };
         if self.kind != Kind::Xpub {
             return heard.push(Heard::Ignored);
         }
         if let Some(only) = self.only.as_ref().filter(|only| !only.starts_with(&topic)) {
-            self.is_refused |= topic.strip_prefix(REFUSED.as_bytes()) == Some(only);
+            self.is_refused |= topic.strip_prefix(REFUSED.as_bytes()) == Some(&**only);
             return;
         }
         if let Some(asked) = topic.strip_prefix(DENIED.as_bytes()) {
             if on && !self.may_hear(asked) {
                 let is_sealed = self.mechanism.secured().is_some();
                 // Bounded: the queue takes few such answers while none is read.
-                _ = self.queue(&Message::new(vec![topic.into()], is_sealed, None, None), None);
+                _ = self.queue(&Message::new(vec![topic], is_sealed, None, None), None);
             }
             return;
         }
         if on && !self.may_hear(&topic) {
-            return heard.push(Heard::Denied(topic));
+            return heard.push(Heard::Denied(topic.into()));
         }
-        let changed =
-            if on { self.topics.insert(topic.clone()) } else { self.topics.remove(&topic) };
-        if changed {
-            heard.push(if on { Heard::Subscribed(topic) } else { Heard::Unsubscribed(topic) });
+        let bytes = topic.len() + SUBSCRIPTION_BYTES;
+        if !on {
+            if self.topics.remove(&topic) {
+                self.subscribed.give(bytes);
+                heard.push(Heard::Unsubscribed(topic));
+            }
+        } else if !self.topics.contains(&topic) {
+            if self.topics.len() >= MAX_SUBSCRIPTIONS || !self.subscribed.take(bytes) {
+                return heard.push(Heard::NoRoom(topic));
+            }
+            self.topics.insert(topic.clone());
+            heard.push(Heard::Subscribed(topic));
         }
     }
 

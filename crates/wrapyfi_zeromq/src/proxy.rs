@@ -18,6 +18,7 @@ use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 
+use super::assembly::NotTaken;
 use super::broker_ports::BrokerPorts;
 use super::heard::Heard;
 use super::message::Loss;
@@ -31,6 +32,9 @@ use wrapyfi_endpoint::{Mutex, Throttle};
 
 /// Time between repeats of the counts, for publishers that connect later than the listener.
 const REPEAT: Duration = Duration::from_millis(500);
+/// Time between two tellings, as a multiple of what the last one took: subscriptions that come and go without end leave
+/// the broker to its messages.
+const REST: u32 = 10;
 
 pub(super) struct Proxy {
     pub(super) ports: BrokerPorts,
@@ -41,6 +45,10 @@ pub(super) struct Proxy {
     pub(super) slow: Throttle,
     /// Time at which the counts are sent again.
     pub(super) repeat_at: Instant,
+    /// True where something has changed that nobody was told.
+    pub(super) is_untold: bool,
+    /// Time from which on changes are told.
+    pub(super) tell_at: Instant,
 }
 
 impl Proxy {
@@ -48,13 +56,17 @@ impl Proxy {
         let is_traffic = |topic: &[u8]| topic == TRAFFIC_TOPIC.as_bytes();
         for heard in std::mem::take(&mut self.ports.front.heard) {
             let pass_on = match &heard {
-                Heard::Ignored | Heard::Message(_) | Heard::Denied(_) => {
+                Heard::Ignored
+                | Heard::NoRoom(_)
+                | Heard::Message(_)
+                | Heard::Denied(_)
+                | Heard::NotTaken(_) => {
                     self.status.lock().ignored += 1;
                     None
                 }
                 Heard::Subscribed(topic) if is_traffic(topic) => {
                     self.traffic.watchers += 1;
-                    self.tell_traffic();
+                    self.is_untold = true;
                     None
                 }
                 Heard::Unsubscribed(topic) if is_traffic(topic) => {
@@ -72,6 +84,8 @@ impl Proxy {
                 self.ports.back.want(topic, is_wanted);
             }
         }
+        self.is_untold |= self.monitor.take_changed();
+        self.ports.back.flush();
     }
 
     /// Reads and passes on what has come, as far as each publisher has a turn; false when nothing had.
@@ -98,6 +112,11 @@ impl Proxy {
             self.ports.front.publish(frames, Some(bytes));
             status.messages += 1;
             status.bytes += bytes as u64;
+        }
+        for NotTaken { topic, reason } in std::mem::take(&mut self.ports.back.not_taken) {
+            *status.missed.entry(reason.as_str()).or_default() += 1;
+            self.traffic.not_taken(&topic);
+            self.ports.ledger.not_taken(&topic, reason);
         }
         self.ports.front.flush();
         status.ignored += self.ports.back.heard.drain(..).len() as u64;
@@ -151,7 +170,9 @@ impl Turns for Proxy {
 
     /// Waits for one event or for the time of the next counts.
     fn turn(&mut self) -> zmq::Result<bool> {
-        let wait = options::poll_ms(self.repeat_at.saturating_duration_since(Instant::now()));
+        let tell_at =
+            if self.is_untold { self.tell_at.min(self.repeat_at) } else { self.repeat_at };
+        let wait = options::poll_ms(tell_at.saturating_duration_since(Instant::now()));
         let Some([front, back]) = self.ports.wait(wait)? else {
             return Ok(false);
         };
@@ -163,16 +184,19 @@ impl Turns for Proxy {
             self.pass_subscriptions(now);
         }
         if back {
-            self.pass_messages(now);
+            // A turn of its own, whatever the listeners took.
+            self.pass_messages(Instant::now());
             now = Instant::now();
         }
         if now >= self.repeat_at {
             self.ports.tick(now);
             self.pass_subscriptions(now);
         }
-        if self.monitor.take_changed() || now >= self.repeat_at {
+        if (self.is_untold && now >= self.tell_at) || now >= self.repeat_at {
             self.tell(now);
+            self.is_untold = false;
             self.repeat_at = now + REPEAT;
+            self.tell_at = Instant::now() + now.elapsed() * REST;
         }
         self.settle();
         Ok(true)

@@ -6,9 +6,9 @@
 //!             ▼              ▼          ▼    counted, dropped
 //! ```
 //!
-//! A message with a frame of more than twice the limit never gets here: libzmq cuts the connection
-//! at its announcement. It is counted as oversize too, once per connection cut, and the connection
-//! is made anew; messages in between are lost at the broker.
+//! A message with a frame of more than twice what a broker of ours takes, which another broker passes on, never gets here:
+//! libzmq cuts the connection at its announcement. It is counted as oversize too, once per connection cut, and the
+//! connection is made anew; messages in between are lost at the broker.
 //!
 //! Every listener has a socket of its own, so a slow route fills its own queue only. Under policy
 //! `block` a message that finds no room is held here and the socket is left alone; libzmq's queue

@@ -17,9 +17,10 @@ pub struct BrokerStatus {
     pub bytes: u64,
     /// Messages dropped because they pretended to be the broker's counts.
     pub forged: u64,
-    /// Frames from listeners dropped because they were no subscription.
+    /// Frames from listeners dropped because they were no subscription, or one too many.
     pub ignored: u64,
-    /// Messages that listeners missed, by reason: one that two listeners miss counts twice.
+    /// Messages that listeners missed, by reason: one that two listeners miss counts twice, one that the broker did not
+    /// take (`oversize`, `over_budget`) once.
     pub missed: BTreeMap<&'static str, u64>,
     /// Subscriptions and messages refused because the CURVE keys of their clients may not have the topic.
     pub denied: u64,

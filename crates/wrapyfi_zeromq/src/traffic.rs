@@ -43,6 +43,9 @@ pub struct TopicTraffic {
     /// Type that the last message looked like, by Wrapyfi's frames.
     #[serde(rename = "type")]
     pub type_name: Option<String>,
+    /// Messages that the broker did not take: larger than it passes on, or than it had room for.
+    #[serde(default)]
+    pub not_taken: u64,
 }
 
 /// The table as it is table.
@@ -53,10 +56,19 @@ pub(super) struct TrafficTable {
     pub(super) unlisted: u64,
 }
 
+/// Counts of one topic.
+#[derive(Debug, Default)]
+struct Seen {
+    messages: u64,
+    bytes: u64,
+    not_taken: u64,
+    look: Option<&'static str>,
+}
+
 /// Counts of one broker.
 #[derive(Debug, Default)]
 pub(super) struct Traffic {
-    topics: BTreeMap<Vec<u8>, (u64, u64, Option<&'static str>)>,
+    topics: BTreeMap<Vec<u8>, Seen>,
     unlisted: u64,
     /// Number of those who are subscribed to the table.
     pub(super) watchers: u64,
@@ -65,14 +77,29 @@ pub(super) struct Traffic {
 impl Traffic {
     /// Takes note of a message.
     pub(super) fn count(&mut self, topic: &[u8], bytes: usize, look: Option<&'static str>) {
-        let bytes = bytes as u64;
-        if let Some(known) = self.topics.get_mut(topic) {
-            *known = (known.0 + 1, known.1.saturating_add(bytes), look);
-        } else if self.topics.len() < MAX_TOPICS && topic.len() <= MAX_TOPIC_BYTES {
-            self.topics.insert(topic.to_vec(), (1, bytes, look));
-        } else {
-            self.unlisted += 1;
+        let Some(seen) = self.seen(topic) else { return };
+        seen.messages += 1;
+        seen.bytes = seen.bytes.saturating_add(bytes as u64);
+        seen.look = look;
+    }
+
+    /// Takes note of a message that was not taken.
+    pub(super) fn not_taken(&mut self, topic: &[u8]) {
+        if let Some(seen) = self.seen(topic) {
+            seen.not_taken += 1;
         }
+    }
+
+    /// Counts of a topic; `None` where it finds no room.
+    fn seen(&mut self, topic: &[u8]) -> Option<&mut Seen> {
+        if !self.topics.contains_key(topic) {
+            if self.topics.len() >= MAX_TOPICS || topic.len() > MAX_TOPIC_BYTES {
+                self.unlisted += 1;
+                return None;
+            }
+            self.topics.insert(topic.to_vec(), Seen::default());
+        }
+        self.topics.get_mut(topic)
     }
 
     /// The second frame of the table; `None` while nobody is subscribed to it.
@@ -86,11 +113,11 @@ impl Traffic {
     /// The table.
     pub(super) fn table(&self) -> TrafficTable {
         let mut table = TrafficTable { unlisted: self.unlisted, ..TrafficTable::default() };
-        for (topic, &(messages, bytes, look)) in &self.topics {
+        for (topic, &Seen { messages, bytes, not_taken, look }) in &self.topics {
             match std::str::from_utf8(topic) {
                 Ok(name) if !name.is_empty() => {
                     let type_name = look.map(str::to_owned);
-                    let topic = TopicTraffic { messages, bytes, type_name };
+                    let topic = TopicTraffic { messages, bytes, type_name, not_taken };
                     table.topics.insert(name.to_owned(), topic);
                 }
                 _ => table.unlisted += messages,
@@ -110,12 +137,16 @@ mod tests {
         traffic.count(b"/a", 10, Some("NativeObject"));
         traffic.count(b"/a", 5, Some("NativeObject"));
         traffic.count(&[0xff], 5, None);
+        traffic.not_taken(b"/a");
         assert_eq!(traffic.message(), None, "nobody asks");
         traffic.watchers = 1;
         let text = traffic.message().unwrap();
         let table: TrafficTable = serde_json::from_slice(&text).unwrap();
         let type_name = Some("NativeObject".to_owned());
-        assert_eq!(table.topics["/a"], TopicTraffic { messages: 2, bytes: 15, type_name });
+        assert_eq!(
+            table.topics["/a"],
+            TopicTraffic { messages: 2, bytes: 15, type_name, not_taken: 1 }
+        );
         assert_eq!((table.topics.len(), table.unlisted), (1, 1));
         traffic.watchers = 0;
         assert_eq!(traffic.message(), None);

@@ -192,7 +192,7 @@ mod tests {
             qos: None,
             node: None,
             count: 1,
-            traffic: Some(Traffic { messages: 3, bytes: 1_500_000 }),
+            traffic: Some(Traffic { messages: 3, bytes: 1_500_000, not_taken: 0 }),
             mark: None,
         };
         let listener = Discovered {

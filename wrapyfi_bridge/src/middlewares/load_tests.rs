@@ -206,7 +206,21 @@ fn what_may_wait_is_bounded_by_the_file() {
         let route = "{ from: 'zeromq:/a', to: 'ros2:/a', type: Text }";
         format!("limits: {{ waiting_mib: {mib} }}\nroutes: [{route}]\n")
     };
-    assert_eq!(load_text(&text(1), "bridge.yaml").unwrap().waiting_bytes, Limits::MIB);
+    let loaded = load_text(&text(1), "bridge.yaml").unwrap();
+    assert_eq!(loaded.waiting_bytes, Limits::MIB);
+    let largest = |loaded: &Loaded| loaded.plan.routes[0].policy.limits.message_bytes;
+    assert_eq!(largest(&loaded), Limits::MIB / 4, "what one message may take of it");
+    let with = |mib, most| {
+        let text = text(mib);
+        load_text(&format!("{text}defaults: {{ max_message_mib: {most} }}\n"), "bridge.yaml")
+    };
+    assert_eq!(largest(&with(64, 16).unwrap()), 16 * Limits::MIB);
+    let error = with(64, 20).unwrap_err().to_string();
+    assert!(
+        error.contains("bridge.yaml:3:") && error.contains("`limits: { waiting_mib: 80 }`"),
+        "{error}"
+    );
+    assert!(error.contains("max_message_mib: 16 at most"), "{error}");
     let error = load_text(&text(0), "bridge.yaml").unwrap_err().to_string();
     assert!(error.contains("waiting_mib is 0, it must be at least 1"), "{error}");
 }

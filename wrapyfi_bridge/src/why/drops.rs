@@ -56,7 +56,9 @@ pub(super) fn mends(reason: DropReason) -> &'static str {
         R::ServiceMapping => {
             "export RMW_IMPLEMENTATION where the bridge starts as its clients have it, or the other way round"
         }
-        R::Oversize => "`max_message_mib: 64` on the route, or as many MiB as they have",
+        R::Oversize => {
+            "a greater `max_message_mib` on the route, which is 64 where none is written: as many MiB as they have"
+        }
         R::OverBudget => "`limits: { waiting_mib: 2048 }`, or shorter queues",
         R::LostUpstream => {
             "sysctl -w net.core.rmem_max=4194304, or a greater depth of the publisher"

@@ -561,6 +561,18 @@ impl Walk<'_> {
             return Err(Finding::new(Cause::Middleware, what, who, remedy));
         }
         let publisher = source.of(Role::Publisher).next();
+        let not_taken = publisher.and_then(|it| it.traffic).map_or(0, |traffic| traffic.not_taken);
+        if not_taken > 0 {
+            let what = format!(
+                "the broker did not take {not_taken} messages on {}, which are larger than it passes on or than it has \
+                 room for, and no other came within {} ms",
+                source.address,
+                time.as_millis()
+            );
+            let remedy = "a greater `max_message_mib` on a route of the bridge that runs the broker, as many MiB as they \
+                          have (`wrapyfi broker` takes 64), or smaller messages";
+            return Err(Finding::new(Cause::Drops, what, "the broker, or the publisher", remedy));
+        }
         // A broker tells what came on a topic, not whether who sent it is there still.
         let idle = match source.address.middleware.as_str() {
             "zeromq" => "its publisher is idle, or has ended: a broker does not tell which",

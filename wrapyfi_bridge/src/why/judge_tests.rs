@@ -1,6 +1,6 @@
 use std::time::Duration;
 
-use wrapyfi_endpoint::{EndpointAddress, Qos, QosPreset, Reliability};
+use wrapyfi_endpoint::{EndpointAddress, Qos, QosPreset, Reliability, Traffic};
 use wrapyfi_ros2::graph::ServiceMapping;
 
 use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
@@ -428,6 +428,17 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
             Cause::NobodyListens,
             "nobody listens to ros:/out",
             "wrapyfi echo ros:/out --type std_msgs/msg/String",
+        ),
+        (
+            of_source(|it| {
+                it.heard = 0;
+                for one in &mut it.found {
+                    one.traffic = Some(Traffic { messages: 0, bytes: 0, not_taken: 8 });
+                }
+            }),
+            Cause::Drops,
+            "the broker did not take 8 messages on ros2:/in",
+            "max_message_mib",
         ),
         (
             of_source(|it| it.heard = 0),
