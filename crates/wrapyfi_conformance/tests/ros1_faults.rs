@@ -1,13 +1,15 @@
 //! ROS 1 against peers that misbehave, and a master that goes and comes back.
 
 use std::io::{Read as _, Write as _};
-use std::net::TcpStream;
+use std::net::{TcpListener, TcpStream};
+use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
+use std::time::Duration;
 
 use crate::ros1_common::{Master, RawPublisher, call, framed, greet, read_framed};
-use wrapyfi_conformance::{ServerEnd, Sink, Source, wait_until};
+use wrapyfi_conformance::{ClientEnd, ServerEnd, Sink, Source, wait_until};
 use wrapyfi_data::Limits;
 use wrapyfi_data::types::{MessageType, Payload, ServiceKind, Value as Object};
-use wrapyfi_endpoint::{DropReason, QosPreset, ServiceSpec, TopicSpec, WAITING, Wake};
+use wrapyfi_endpoint::{CallError, DropReason, QosPreset, ServiceSpec, TopicSpec, WAITING, Wake};
 use wrapyfi_ros1::header::Header;
 use wrapyfi_ros1::xmlrpc::{Value, text};
 use wrapyfi_ros1::{Ros1, Ros1Config};
@@ -363,4 +365,71 @@ fn replies_that_nobody_reads_are_bounded_in_bytes() {
     let counted = server.counters();
     assert_eq!((counted.received, counted.sent, counted.dropped()), (7, 0, 7), "{counted:?}");
     assert_eq!(WAITING.used(), 0);
+}
+
+/// Connections that a raw server has not welcomed yet: now, and at most so far.
+static UNWELCOMED: AtomicUsize = AtomicUsize::new(0);
+static MOST_UNWELCOMED: AtomicUsize = AtomicUsize::new(0);
+
+/// A server of `/ask` that answers `true`; after as many connections as `welcomes` the others are not welcomed.
+fn raw_server(master: &Master, welcomes: usize) {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let uri = format!("rosrpc://127.0.0.1:{}", listener.local_addr().unwrap().port());
+    let own = Header::new().with("type", "a/B").with("md5sum", "*").encode().unwrap();
+    std::thread::spawn(move || {
+        for (number, mut stream) in listener.incoming().map_while(Result::ok).enumerate() {
+            MOST_UNWELCOMED.fetch_max(UNWELCOMED.fetch_add(1, SeqCst) + 1, SeqCst);
+            let own = own.clone();
+            std::thread::spawn(move || {
+                read_framed(&mut stream)?;
+                if number >= welcomes {
+                    _ = stream.read(&mut [0]);
+                    return Ok(());
+                }
+                // All the others have come meanwhile, if nothing holds them back.
+                std::thread::sleep(Duration::from_millis(20));
+                UNWELCOMED.fetch_sub(1, SeqCst);
+                stream.write_all(&own)?;
+                while read_framed(&mut stream).is_ok() {
+                    stream.write_all(&[&[1][..], &message("true")].concat())?;
+                }
+                Ok::<_, std::io::Error>(())
+            });
+        }
+    });
+    let params = ["/raw", "/ask", uri.as_str(), "http://127.0.0.1:9/"].map(text);
+    master.ask("registerService", params.to_vec());
+}
+
+#[test]
+fn calls_at_once_wait_for_the_five_connections_that_a_server_holds() {
+    let master = Master::start();
+    let near = node(&master, "near");
+    raw_server(&master, usize::MAX);
+    let mut client = ClientEnd::open(&near, &ServiceSpec::new("/ask", ServiceKind::NativeObject));
+    client.ready();
+    let tickets: Vec<_> = (0..60).map(|n| client.ask([Object::from(n)])).collect();
+    for ticket in tickets {
+        let answer = client.await_with(ticket, || ());
+        assert_eq!(answer, Ok(Object::from(true).into()));
+    }
+    let most = MOST_UNWELCOMED.load(SeqCst);
+    assert!(most <= 5, "{most} connections at once");
+}
+
+#[test]
+fn a_call_that_no_connection_has_come_for_says_so() {
+    let master = Master::start();
+    let near = node(&master, "near");
+    // The question for its type is answered.
+    raw_server(&master, 1);
+    let mut client = ClientEnd::open(&near, &ServiceSpec::new("/ask", ServiceKind::NativeObject));
+    client.ready();
+    let tickets = [(); 8].map(|()| client.ask_within([], Duration::from_millis(200)));
+    for ticket in tickets {
+        let Err(CallError::TimedOut { why, .. }) = client.await_with(ticket, || ()) else {
+            panic!("it was answered")
+        };
+        assert!(why.contains("5 connections to its server at 127.0.0.1:"), "{why}");
+    }
 }

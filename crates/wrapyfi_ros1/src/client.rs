@@ -6,7 +6,8 @@
 //! ```
 //!
 //! TCPROS answers the requests of one connection one after the other, so calls that are under way at
-//! once take several. A connection that has answered is kept for the next call.
+//! once take several. A connection that has answered is kept for the next call. Where as many are being opened as a server
+//! holds, a call waits, in turn, until it may open one or another call has ended.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Weak};
@@ -15,7 +16,7 @@ use std::time::{Duration, Instant};
 use bytes::Bytes;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;
-use tokio::sync::{Notify, watch};
+use tokio::sync::{Notify, Semaphore, watch};
 use tokio::task::AbortHandle;
 use tokio::time::{timeout, timeout_at};
 use wrapyfi_retry::NewestTasks;
@@ -26,8 +27,9 @@ use super::header::Header;
 use super::node::Node;
 use super::peer_types::{forget_service, greeted, probe_header};
 use super::services::{MAX_ERROR_BYTES, ServiceCodec, ServiceType};
+use super::splitter;
+use super::tcpros::{self, OPENING_AT_ONCE};
 use super::xmlrpc::shortened;
-use super::{splitter, tcpros};
 use wrapyfi_data::types::Payload;
 use wrapyfi_data::{DecodeError, EncodeResult};
 use wrapyfi_endpoint::backoff::Backoff;
@@ -78,6 +80,8 @@ struct ClientShared {
     context: Context,
     ended: Mutex<VecDeque<Ended>>,
     idle: Mutex<Vec<TcpStream>>,
+    /// Places of the connections that are being opened.
+    openings: Semaphore,
     /// Address of the server's node; `None` while no server is known.
     place: watch::Sender<Option<NodeUri>>,
     /// Reason why no server is known, in words; `None` while one is.
@@ -113,6 +117,7 @@ impl Ros1Client {
             context: context.clone(),
             ended: Mutex::default(),
             idle: Mutex::default(),
+            openings: Semaphore::new(OPENING_AT_ONCE),
             place: watch::channel(None).0,
             why: Mutex::default(),
             seek: Notify::new(),
@@ -223,44 +228,49 @@ impl ClientShared {
         }
     }
 
-    /// A connection to the server, or the words with which it refuses.
-    async fn connect(&self) -> Result<TcpStream, String> {
+    /// Connections that are being opened, in words; `None` where none is.
+    fn opening(&self) -> Option<String> {
+        let count = OPENING_AT_ONCE.saturating_sub(self.openings.available_permits());
+        let NodeUri { host, port } = self.place.borrow().clone()?;
+        (count > 0).then(|| {
+            format!(
+                "{count} connections to its server at {host}:{port} are being opened, at most {OPENING_AT_ONCE} at once"
+            )
+        })
+    }
+
+    /// A connection to the server, or the words with which it refuses; `None` where none comes before `deadline`.
+    async fn connect(&self, deadline: Instant) -> Option<Result<TcpStream, String>> {
         if let Some(stream) = self.kept() {
-            return Ok(stream);
+            return Some(Ok(stream));
         }
+        let opening = self.openings.acquire();
+        let _opening = timeout_at(deadline.into(), opening).await.ok()?.ok()?;
         let mut places = self.place.subscribe();
         loop {
-            let place = match places.wait_for(Option::is_some).await {
-                Ok(place) => place.clone(),
-                Err(_) => return Err("the client has ended".to_owned()),
-            };
-            let Some(place) = place else { continue };
-            let Some(node) = self.node.upgrade() else {
-                return Err("the node has ended".to_owned());
-            };
-            let own = node
+            // Another call may have ended meanwhile.
+            if let Some(stream) = self.kept() {
+                return Some(Ok(stream));
+            }
+            let known = places.wait_for(Option::is_some);
+            let place = timeout_at(deadline.into(), known).await.ok()?.ok()?.clone()?;
+            let own = self
+                .node
+                .upgrade()?
                 .header()
                 .with("service", &self.service)
                 .with("tcp_nodelay", "1")
                 .with("type", &self.wire_type.name)
                 .with("md5sum", &self.wire_type.md5)
                 .with("persistent", "1");
-            drop(node);
-            let mut stream = match tcpros::connect(&place.host, place.port).await {
-                Ok(stream) => stream,
-                Err(why) => {
-                    self.lost(&place, &why);
-                    continue;
+            match tcpros::greeted(&place.host, place.port, &own).await {
+                Ok((stream, header)) => {
+                    let refusal = header.get("error");
+                    let refusal =
+                        refusal.map(|it| requests::beginning(it, MAX_ERROR_BYTES).to_owned());
+                    return Some(refusal.map_or(Ok(stream), Err));
                 }
-            };
-            match tcpros::greet(&mut stream, &own).await {
-                Ok(header) => match header.get("error") {
-                    Some(error) => {
-                        return Err(requests::beginning(error, MAX_ERROR_BYTES).to_owned());
-                    }
-                    None => return Ok(stream),
-                },
-                Err(error) => self.lost(&place, &error.to_string()),
+                Err(why) => self.lost(&place, &why),
             }
         }
     }
@@ -268,19 +278,19 @@ impl ClientShared {
 
 /// One call, from its connection to its reply.
 async fn call(shared: Arc<ClientShared>, sequence: i64, Outgoing { frame, deadline }: Outgoing) {
-    let deadline = tokio::time::Instant::from_std(deadline);
-    let mut stream = match timeout_at(deadline, shared.connect()).await {
+    let mut stream = match shared.connect(deadline).await {
+        None => return,
+        Some(Err(refusal)) => return shared.end(sequence, Outcome::Refused(refusal), 0),
         // The caller has given up: no request goes out.
-        Err(_elapsed) => return,
-        Ok(Err(refusal)) => return shared.end(sequence, Outcome::Refused(refusal), 0),
-        Ok(Ok(stream)) => stream,
+        Some(Ok(stream)) if deadline <= Instant::now() => return shared.keep(stream),
+        Some(Ok(stream)) => stream,
     };
     if let Err(error) = stream.write_all(&frame).await {
         let text = format!("the connection broke while it asked: {error}");
         return shared.end(sequence, Outcome::Failed(text), 0);
     }
     let late = deadline.checked_add(LATE).unwrap_or(deadline);
-    match timeout_at(late, hear(&mut stream, shared.limit_bytes)).await {
+    match timeout_at(late.into(), hear(&mut stream, shared.limit_bytes)).await {
         // Nobody counts on it any more.
         Err(_elapsed) => {}
         Ok(Err(ended)) => {
@@ -399,7 +409,10 @@ impl ClientWire for Ros1Client {
     fn missing(&self, stage: Stage) -> String {
         match stage {
             Stage::Waiting => format!("still waiting for {}", self.shared.missing()),
-            Stage::Sent => "its server has not answered".to_owned(),
+            Stage::Sent => match self.shared.opening() {
+                Some(opening) => format!("its server has not answered; {opening}"),
+                None => "its server has not answered".to_owned(),
+            },
         }
     }
 

@@ -21,7 +21,7 @@ use wrapyfi_endpoint::network::Hosts;
 pub(super) const CONNECT: Duration = Duration::from_secs(5);
 /// Most connections to one address that are being opened. Sockets of rospy hold five that wait to be accepted: the system
 /// drops one more, and tries it again after 1, 3 and 7 s.
-const OPENING_AT_ONCE: usize = 5;
+pub(super) const OPENING_AT_ONCE: usize = 5;
 /// Longest time until the other side has told its header.
 const GREETING: Duration = Duration::from_secs(10);
 /// Silence after which the system asks whether the other side is still there.
@@ -74,38 +74,27 @@ pub(super) async fn place_to_open(host: &str, port: u16) -> Option<OwnedSemaphor
     places.acquire_owned().await.ok()
 }
 
-/// A connection to a node.
-pub(super) async fn connect(host: &str, port: u16) -> Result<TcpStream, String> {
-    open(host, port).await.map(|(stream, _)| stream)
-}
-
 /// A connection to a node that has told its header in answer to ours.
 pub(super) async fn greeted(
     host: &str,
     port: u16,
     own: &Header,
 ) -> Result<(TcpStream, Header), String> {
+    let failed = |error: io::Error| format!("{host}:{port} does not answer: {error}");
     // rospy accepts the next one when it has heard this one's header.
-    let (mut stream, _place) = open(host, port).await?;
+    let Ok(_place) = timeout(CONNECT, place_to_open(host, port)).await else {
+        return Err(format!(
+            "{host}:{port} has {OPENING_AT_ONCE} connections to answer first, which have taken {} s",
+            CONNECT.as_secs()
+        ));
+    };
+    let Ok(reached) = timeout(CONNECT, reach(host, port)).await else {
+        return Err(format!("{host}:{port} did not answer within {} s", CONNECT.as_secs()));
+    };
+    let mut stream = reached.map_err(failed)?;
+    prepare(&stream).map_err(failed)?;
     let header = greet(&mut stream, own).await.map_err(|error| error.to_string())?;
     Ok((stream, header))
-}
-
-/// A connection, and its place among those that are being opened.
-async fn open(host: &str, port: u16) -> Result<(TcpStream, Option<OwnedSemaphorePermit>), String> {
-    let failed = |error: io::Error| format!("{host}:{port} does not answer: {error}");
-    let opened = timeout(CONNECT, async {
-        let place = place_to_open(host, port).await;
-        reach(host, port).await.map(|stream| (stream, place))
-    });
-    match opened.await {
-        Ok(Ok(opened)) => {
-            prepare(&opened.0).map_err(failed)?;
-            Ok(opened)
-        }
-        Ok(Err(error)) => Err(failed(error)),
-        Err(_) => Err(format!("{host}:{port} did not answer within {} s", CONNECT.as_secs())),
-    }
 }
 
 /// A socket to a machine; an error says where it is the name that leads nowhere.
@@ -119,7 +108,7 @@ pub(super) async fn reach(host: &str, port: u16) -> io::Result<TcpStream> {
 }
 
 /// Tells the other side our header and hears its.
-pub(super) async fn greet(stream: &mut TcpStream, own: &Header) -> Result<Header, GreetingError> {
+async fn greet(stream: &mut TcpStream, own: &Header) -> Result<Header, GreetingError> {
     stream.write_all(&own.encode()?).await?;
     hear(stream).await
 }
