@@ -61,6 +61,9 @@ impl HeaderError {
     }
 }
 
+/// Begin of the field whose text may be in another encoding.
+const DEFINITION: &[u8] = b"message_definition=";
+
 impl Header {
     /// Header without fields.
     pub fn new() -> Self {
@@ -124,9 +127,13 @@ impl Header {
                 return Err(HeaderError::truncated(at, needed.into(), behind.len()));
             };
             rest = behind;
-            let text = std::str::from_utf8(field).ok();
+            let text = match field.strip_prefix(DEFINITION) {
+                // Comments of old definitions are in Latin-1, and nobody reads them.
+                Some(_) => String::from_utf8_lossy(field),
+                None => std::str::from_utf8(field).unwrap_or_default().into(),
+            };
             // Values may hold the sign, names cannot.
-            let Some((name, value)) = text.and_then(|text| text.split_once('=')) else {
+            let Some((name, value)) = text.split_once('=') else {
                 return Err(HeaderError::field(at, "is no name=value in UTF-8"));
             };
             if fields.len() >= MAX_FIELDS {
@@ -198,6 +205,9 @@ mod tests {
 
     #[test]
     fn values_may_hold_the_sign() {
+        let header = Header::decode(b"\x1f\0\0\0message_definition=# 45\xb0\nint8 a").unwrap();
+        assert_eq!(header.get("message_definition"), Some("# 45\u{fffd}\nint8 a"));
+        assert!(Header::decode(b"\x0b\0\0\0callerid=/\xb0").is_err());
         let header = Header::new().with("message_definition", "int32 A=1\nint32 B=2");
         assert_eq!(decode(&header.encode().unwrap()), Ok(header));
     }

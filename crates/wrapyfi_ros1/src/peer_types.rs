@@ -30,6 +30,9 @@ const MAX_ANSWERS: usize = 20_000;
 /// Most questions under way at once.
 const MAX_ASKED: usize = 64;
 
+/// Checksum of a type without fields.
+const OF_NO_FIELDS: &str = "d41d8cd98f00b204e9800998ecf8427e";
+
 /// Key of a question: role, topic or service, and the node that is asked.
 pub(super) type Whom = (Role, String, String);
 
@@ -124,8 +127,9 @@ async fn topic(core: &Core, name: &str, node: &str) -> Result<TypeInfo, String> 
     let header = greeted(&place, &own).await?;
     let type_name = type_in(&header)?;
     let text = header.get("message_definition").unwrap_or_default();
-    if !text.is_empty() {
-        let md5sum = header.get("md5sum").unwrap_or("*");
+    let md5sum = header.get("md5sum").unwrap_or("*");
+    // A type without fields has an empty text, too.
+    if !text.is_empty() || md5sum == OF_NO_FIELDS {
         let shown = core.types().show(&type_name, md5sum, text);
         shown.map_err(|error| error.to_string())?;
     }
