@@ -74,7 +74,7 @@ struct RuleError {
     /// ROS 1 package of the rule.
     package: String,
     /// Fault and remedy.
-    reason: &'static str,
+    reason: String,
 }
 
 impl TryFrom<Vec<Rule>> for Rules {
@@ -168,7 +168,49 @@ fn unique(names: impl Iterator<Item = TypeName>) -> Vec<TypeName> {
 }
 
 impl Rule {
-    fn check(&self) -> Result<(), &'static str> {
+    fn check(&self) -> Result<(), String> {
+        self.check_keys()?;
+        let named = |key: &str, name: Option<&str>, is_name: &dyn Fn(&str) -> bool| match name {
+            Some(name) if !is_name(name) => Err(format!(
+                "{key} is {name:?}, which no type can have: the rule would have no effect"
+            )),
+            _ => Ok(()),
+        };
+        for (dialect, package_key, package, types) in [
+            (
+                Dialect::Ros1,
+                "ros1_package_name",
+                &self.ros1_package_name,
+                [
+                    ("ros1_message_name", &self.ros1_message_name),
+                    ("ros1_service_name", &self.ros1_service_name),
+                ],
+            ),
+            (
+                Dialect::Ros2,
+                "ros2_package_name",
+                &self.ros2_package_name,
+                [
+                    ("ros2_message_name", &self.ros2_message_name),
+                    ("ros2_service_name", &self.ros2_service_name),
+                ],
+            ),
+        ] {
+            let is_name = |package: &str, name: &str| {
+                let is_plain = !package.contains('/') && !name.contains('/');
+                let kind = if dialect == Dialect::Ros2 { "/msg" } else { "" };
+                is_plain && TypeName::parse(dialect, &format!("{package}{kind}/{name}")).is_ok()
+            };
+            named(package_key, Some(package), &|package| is_name(package, "Name"))?;
+            for (key, name) in types {
+                named(key, name.as_deref(), &|name| is_name("package", name))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks that the keys belong together.
+    fn check_keys(&self) -> Result<(), &'static str> {
         let names = |one: &Option<String>, two: &Option<String>| one.is_some() == two.is_some();
         if !names(&self.ros1_message_name, &self.ros2_message_name) {
             return Err("ros1_message_name and ros2_message_name go together; give both");
@@ -230,5 +272,40 @@ impl Rule {
         };
         let pairs = fields.as_ref()?.iter().map(|(one, two)| (one.clone(), two.clone()));
         Some(FieldRule { pairs: pairs.collect(), others: self.match_other_fields })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rule_that_can_have_no_effect_is_refused_with_its_key() {
+        let read = |one: &str, two: &str, names: &str| {
+            let rule = format!(
+                r#"[{{"ros1_package_name": "{one}", "ros2_package_name": "{two}"{names}}}]"#
+            );
+            serde_json::from_str::<Rules>(&rule).map_err(|error| error.to_string())
+        };
+        let names = |one: &str, two: &str| {
+            format!(r#", "ros1_message_name": "{one}", "ros2_message_name": "{two}""#)
+        };
+        for (one, two, names, key) in [
+            (
+                "old_msgs/Thing",
+                "new_msgs",
+                String::new(),
+                "ros1_package_name is \"old_msgs/Thing\"",
+            ),
+            ("old_msgs", "new-msgs", String::new(), "ros2_package_name is \"new-msgs\""),
+            ("old_msgs", "", String::new(), "ros2_package_name is \"\""),
+            ("old_msgs", "new_msgs", names("old_msgs/A", "B"), "ros1_message_name is"),
+            ("old_msgs", "new_msgs", names("A", "msg/B"), "ros2_message_name is"),
+            ("old_msgs", "new_msgs", names("A", ""), "ros2_message_name is"),
+        ] {
+            let fault = read(one, two, &names).unwrap_err();
+            assert!(fault.contains(key) && fault.contains("no effect"), "{fault}");
+        }
+        assert!(read("old_msgs", "new_msgs", &names("tfMessage", "TFMessage")).is_ok());
     }
 }
