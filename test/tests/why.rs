@@ -5,8 +5,9 @@ use wrapyfi_e2e::{
     Need, Process, Result, Route, TIMEOUT, TestEnv, ros1, ros2, run, until_route, yarp, zeromq,
 };
 
-/// Longest time that an answer may take.
-const MOST_MS: u64 = 2000;
+/// Longest time that an answer may take on a machine with much else to do. The two seconds that are promised are those for
+/// which it looks, with some to spare: `look.rs` adds them up.
+const MOST_MS: u64 = 10_000;
 
 const NEEDS: &[Need] = &[Need::Program, Need::Python, Need::Hosts];
 const WITH_ROS: &[Need] = &[Need::Program, Need::Python, Need::Hosts, Need::Ros1];

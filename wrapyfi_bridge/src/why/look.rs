@@ -39,7 +39,7 @@ pub(super) const LOOK: Duration = Duration::from_millis(20);
 const HERE_AT_FIRST: Duration = Duration::from_millis(200);
 /// Time for which the names of nodes, and clients, are waited for: some tell theirs a second after their endpoints. What
 /// is left of two seconds is for listening.
-const NAMED_WITHIN: Duration = Duration::from_millis(1300);
+const NAMED_WITHIN: Duration = Duration::from_millis(1150);
 /// Time for which it goes on, after [`TIMEOUT`], where endpoints still come: nodes tell of themselves slowly on a busy
 /// machine.
 const NEWS: Duration = Duration::from_millis(1000);
@@ -50,7 +50,11 @@ const BROKER_TELLS_WITHIN: Duration = Duration::from_secs(1);
 /// Time for which messages are listened for, at least.
 const LISTEN: Duration = Duration::from_millis(600);
 /// Time that a look takes at most, with its listening: what is left of two seconds is for the rest of the command.
-const MOST: Duration = Duration::from_millis(1900);
+const MOST: Duration = Duration::from_millis(1750);
+const _: () = {
+    let named_and_heard = NAMED_WITHIN.as_millis() + LISTEN.as_millis();
+    assert!(named_and_heard <= MOST.as_millis() && MOST.as_millis() + 250 <= 2000);
+};
 /// Most addresses of one name that are connected to.
 const MAX_CONNECTED: usize = 8;
 
