@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 use wrapyfi_e2e::{
-    Books, Need, Output, Process, Result, TIMEOUT, TestEnv, ros1, ros2, run, until_route,
+    Books, Need, Output, Process, Result, Route, TIMEOUT, TestEnv, ros1, ros2, run, until_route,
 };
 
 const NEEDS: &[Need] = &[Need::Program, Need::Ros1, Need::Executable("ros1_bridge")];
@@ -379,5 +379,44 @@ fn services_that_fail_or_are_named_as_those_of_nodes_are_carried() -> Result {
             lines.any(|line| line.contains("division by zero")).then_some(())
         })?;
         Ok(())
+    })
+}
+
+/// Names that ROS 2 lacks are as they are on the side of ROS 1, and replaced by patterns.
+#[test]
+fn names_that_ros_2_lacks_are_carried() -> Result {
+    run("names_that_ros_2_lacks_are_carried", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let base = env.topic("names");
+        let [topic, service] = ["robot-1/1st", "2nd-lamp"].map(|name| format!("{base}/{name}"));
+        let by_pattern = [format!("{base}/robot_1/_1st"), format!("{base}/_2nd_lamp")];
+        let _talker = env
+            .rospy(&format!("publish --topic {topic} --node talker"), Some(r#"{"data": "hi"}"#))?;
+        let _lamp = env.rospy(&format!("serve --topic {service} --node lamp"), None)?;
+        let heard = |endpoint: &str| -> Result {
+            let mut echo = echo(env, endpoint, &["--type", "Text", "--count", "1"])?;
+            assert_eq!(echo.objects(1)?[0]["value"], "hi");
+            echo.exits_with(0)
+        };
+        let called = |endpoint: &str| -> Result {
+            let args = ["call", endpoint, "--args", "[true]", "--json", "--timeout", "100"];
+            let mut call = env.wrapyfi(args)?;
+            assert_eq!(call.objects(1)?[0]["message"], "so be it", "{}", call.tail());
+            call.exits_with(0)
+        };
+        heard(&ros1(&topic))?;
+        called(&ros1(&service))?;
+        let bridge = bridge(env, &[])?;
+        let context = |error: anyhow::Error| error.context(bridge.tail());
+        heard(&ros2(&by_pattern[0])).map_err(context)?;
+        called(&ros2(&by_pattern[1])).map_err(context)?;
+        let mut why = env.wrapyfi(["why", &ros1(&topic)])?;
+        why.exit_code()?;
+        assert!(why.stdout().contains(&ros2(&by_pattern[0])), "{}", why.tail());
+        drop(bridge);
+        let by_hand = env.topic("by_hand");
+        let route = Route::new(&ros1(&topic), &ros2(&by_hand), "Text");
+        let bridge = env.bridge(&env.foreign().route(route))?;
+        heard(&ros2(&by_hand)).map_err(|error| error.context(bridge.tail()))
     })
 }

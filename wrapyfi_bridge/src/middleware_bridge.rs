@@ -151,7 +151,7 @@ impl MiddlewareBridge {
                     let kind = format!("{UNKNOWN}{calls}");
                     add(into("yarp:/([^:]*)", "$1"), is_service, false, &kind);
                     // Names of ROS have no colon: /head/state:o is /head/state/o there.
-                    add(into("yarp:/([^:]*):([A-Za-z]\\w*)", "${1}/$2"), is_service, false, &kind);
+                    add(into("yarp:/([^:]*):(.*)", "${1}/$2"), is_service, false, &kind);
                     // An input port whose name is meant is written to: /head/command/i to
                     // /head/command:i.
                     add(back("yarp:/$1"), is_service, true, calls);
@@ -192,6 +192,17 @@ mod tests {
         assert_eq!(ros1, ["ros2:/chatter", "ros:/chatter", "ros2:/chatter", "ros:/chatter"]);
         let yarp = targets(MiddlewareBridge::Yarp, &all, "/icub/head/state:o");
         assert_eq!(yarp.first().map(String::as_str), Some("ros2:/icub/head/state/o"));
+        for (name, wanted) in [
+            ("/skin/0/out", "ros2:/skin/_0/out"),
+            ("/x/1:o", "ros2:/x/_1/o"),
+            ("/my-module/out", "ros2:/my_module/out"),
+            ("/rs.d435/info", "ros2:/rs_d435/info"),
+        ] {
+            let made = targets(MiddlewareBridge::Yarp, &all, name);
+            assert_eq!(made.first().map(String::as_str), Some(wanted));
+        }
+        let first = targets(MiddlewareBridge::Ros1, &all, "/robot-1/1st");
+        assert_eq!(first.first().map(String::as_str), Some("ros2:/robot_1/_1st"));
         assert_eq!(targets(MiddlewareBridge::ZeroMq, &all, "/x"), ["ros2:/x", "zeromq:/x"]);
         assert!(targets(MiddlewareBridge::Ros1, &all, "/a/_hidden").is_empty());
     }

@@ -39,6 +39,8 @@ pub struct Conventions {
     /// True where a text has a message type of its own, so that it crosses to another such
     /// middleware as it is and not as JSON, which would put it in quotes.
     pub has_text_type: bool,
+    /// True where topics and services take names of ROS only, so that a pattern makes such ones.
+    pub has_ros_names: bool,
     /// Prefix, without the first slash, of the topics that every program has about itself.
     pub program_topics: Option<&'static str>,
     /// Last parts of the names of services that every node offers about itself.
@@ -47,6 +49,10 @@ pub struct Conventions {
 
 impl Conventions {
     /// Conventions of a middleware that has none of its own.
-    pub const NONE: Self =
-        Self { has_text_type: false, program_topics: None, node_services: &NODE_SERVICES };
+    pub const NONE: Self = Self {
+        has_text_type: false,
+        has_ros_names: false,
+        program_topics: None,
+        node_services: &NODE_SERVICES,
+    };
 }

@@ -43,6 +43,7 @@ mod qos_match;
 mod qos_pinned;
 mod registry;
 pub mod requests;
+mod ros_name;
 mod service;
 mod service_error;
 mod throttle;

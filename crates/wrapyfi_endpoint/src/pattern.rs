@@ -12,6 +12,8 @@ use std::borrow::Cow;
 
 use regex::{Regex, RegexBuilder};
 
+pub use super::ros_name::{ros_name, with_leading_digits};
+
 /// Memory that one compiled pattern may take, in bytes.
 const MAX_COMPILED: usize = 1 << 20;
 /// Longest pattern, in bytes.

@@ -114,7 +114,9 @@ impl Reconciler {
         if !spec.policy.merge
             && let Some(other) = self.taken(role, to)
         {
-            return Some(format!("the name {to}, to which {other} goes"));
+            return Some(format!(
+                "the name {to}, to which {other} goes; write a route with another"
+            ));
         }
         self.is_on_both_sides(role, from, to).then(|| {
             format!(
@@ -135,7 +137,10 @@ impl Reconciler {
             if let Some(target) = self.middleware(&candidate.to) {
                 target.doubt(&candidate.to.name);
             }
-            return Err(waiting(why));
+            // Of two sources with one name only a user can tell which is meant.
+            let is_taken = self.taken(spec.role(), &candidate.to).is_some();
+            let again = if spec.is_many() && is_taken { RETRY } else { Duration::ZERO };
+            return Err((RouteState::Waiting(why), again));
         }
         let kind = self.kind(spec, candidate)?;
         let Candidate { from, to, .. } = &*candidate;

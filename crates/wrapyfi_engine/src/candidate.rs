@@ -89,6 +89,11 @@ impl Candidate {
         self.last_seen = Some(now);
     }
 
+    /// Counts as gone since `long_ago`: a source that is there has its destination.
+    pub(super) fn give_way(&mut self, long_ago: Option<Instant>) {
+        self.last_seen = long_ago;
+    }
+
     /// Notes that the source was there until `now` if it was seen at `then`: nothing has changed
     /// between.
     pub(super) fn stayed(&mut self, then: Instant, now: Instant) {

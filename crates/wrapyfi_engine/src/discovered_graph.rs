@@ -126,7 +126,7 @@ fn meant(middleware: &str, patterns: &[Arc<Route>]) -> Meant {
     let targets: Vec<_> = targets.map(|spec| (Arc::clone(spec), spec.inverse())).collect();
     Arc::new(move |name| {
         let is_target = |(spec, inverse): &(Arc<Route>, Option<Inverse>)| match inverse {
-            Some(inverse) => inverse.source(name).is_some_and(|it| spec.target(&it).is_some()),
+            Some(inverse) => spec.may_go_to(inverse, name),
             // The names that the pattern makes cannot be told, so all are looked at.
             None => spec.is_many() || spec.to.name == name,
         };

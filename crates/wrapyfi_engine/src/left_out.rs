@@ -42,7 +42,11 @@ impl Route {
     /// As [`Route::left_out`], for a name at the destination: with the name at the source that leads there.
     #[doc(hidden)]
     pub fn left_out_to(&self, name: &str) -> Option<(String, LeftOut)> {
-        let source = self.inverse()?.source(name)?;
+        let inverse = self.inverse()?;
+        if self.source(&inverse, name).is_some() {
+            return None;
+        }
+        let source = inverse.source(name)?;
         let why = self.left_out(&source)?;
         Some((format!("{}:{source}", self.from.middleware), why))
     }

@@ -284,7 +284,8 @@ impl<'r> Reader<'r> {
         let max_routes = max_routes.map_or(MAX_PATTERN_ROUTES, |own| own.value);
         let default_deny = config.default_deny.as_ref().is_none_or(|on| on.value);
         let default_deny = default_deny.then(|| self.conventions(source));
-        let names = Names { pattern: pattern?, allow, deny, default_deny, max_routes };
+        let ros_names = target.is_some_and(|(target, _)| self.conventions(target).has_ros_names);
+        let names = Names { pattern: pattern?, allow, deny, default_deny, max_routes, ros_names };
         (self.problems.len() == before).then_some(names)
     }
 

@@ -283,7 +283,16 @@ impl Reconciler {
             let from = EndpointAddress { middleware: middleware.clone(), name: name.clone() };
             let key = (index, name);
             let is_known = self.candidates.contains_key(&key);
-            if self.is_not_for_patterns(spec, &from, &to) || (!is_known && of_pattern >= max_routes)
+            // The name is a guess, where a source that is there goes to this destination.
+            let is_guess = found.iter().any(|(_, _, place)| *place == to);
+            if let Some(candidate) =
+                self.candidates.get_mut(&key).filter(|it| it.is_ahead && is_guess)
+            {
+                candidate.give_way(now.checked_sub(GONE_AFTER));
+            }
+            if is_guess
+                || self.is_not_for_patterns(spec, &from, &to)
+                || (!is_known && of_pattern >= max_routes)
             {
                 continue;
             }
@@ -365,7 +374,7 @@ impl Reconciler {
                 && target.endpoints(Role::Publisher, name).is_empty()
         };
         let sources = target.names(Role::Listener).filter(waits);
-        let sources = sources.filter_map(|name| inverse.source(name));
+        let sources = sources.filter_map(|name| spec.source(inverse, name));
         let sources = sources.filter(|name| {
             let to = spec.target(name);
             middleware.ahead_options(name).is_some()

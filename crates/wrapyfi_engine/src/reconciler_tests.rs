@@ -156,7 +156,7 @@ fn two_sources_of_one_name_get_one_route() {
     );
     assert_eq!(
         bench.state("a:/x/joints -> b:/joints").unwrap(),
-        "waiting for the name b:/joints, to which a:/y/joints goes"
+        "waiting for the name b:/joints, to which a:/y/joints goes; write a route with another"
     );
     assert_eq!(bench.counts().routes, 1);
 }
@@ -453,7 +453,10 @@ fn a_destination_belongs_to_one_source() {
     bench.run(4 * SECOND);
     assert_eq!(bench.state("a:/x/t -> b:/t").unwrap(), "waiting for a listener on b:/t");
     let state = bench.state("a:/y/t -> b:/t").unwrap();
-    assert_eq!(state, "waiting for the name b:/t, to which a:/x/t goes");
+    assert_eq!(
+        state,
+        "waiting for the name b:/t, to which a:/x/t goes; write a route with another"
+    );
 }
 
 #[test]

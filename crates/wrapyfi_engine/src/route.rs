@@ -17,7 +17,9 @@ use super::stamping::StampSource;
 use wrapyfi_data::Limits;
 use wrapyfi_data::plugin::Plugins;
 use wrapyfi_data::types::{Encoding, Map, MessageType, ServiceKind};
-use wrapyfi_endpoint::pattern::{Inverse, NamePattern};
+use wrapyfi_endpoint::pattern::{
+    Inverse, NamePattern, bare, fits_template, ros_name, with_leading_digits,
+};
 use wrapyfi_endpoint::{
     BridgeMark, Conventions, EndpointAddress, Overflow, QueueSpec, Role, ServiceSpec, TopicSpec,
 };
@@ -140,6 +142,7 @@ pub enum Typing {
 ///     deny: vec![NamePattern::new(".*/depth")?],
 ///     default_deny: None,
 ///     max_routes: 8,
+///     ros_names: false,
 /// });
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -156,6 +159,8 @@ pub struct Names {
     pub default_deny: Option<Conventions>,
     /// Largest number of routes.
     pub max_routes: usize,
+    /// True where the destination has names of ROS, so that others are replaced.
+    pub ros_names: bool,
 }
 
 /// Settings of a route.
@@ -304,13 +309,14 @@ impl Route {
 
     /// Destination of the source called `name`; `None` where the route leaves it out.
     pub fn target(&self, name: &str) -> Option<EndpointAddress> {
-        let Some(Names { pattern, .. }) = &self.names else {
+        let Some(Names { pattern, ros_names, .. }) = &self.names else {
             return (self.from.name == name).then(|| self.to.clone());
         };
         if !name.starts_with('/') || self.left_out(name).is_some() {
             return None;
         }
         let name = pattern.expand(name, &self.to.name)?;
+        let name = if *ros_names { ros_name(&name) } else { name };
         Some(EndpointAddress { middleware: self.to.middleware.clone(), name })
     }
 
@@ -323,9 +329,30 @@ impl Route {
 
     /// Route that the pattern makes into a destination; `None` also where the source cannot be told from it.
     pub fn made_to(&self, to: &EndpointAddress) -> Option<Self> {
-        let name = self.inverse()?.source(&to.name)?;
+        let name = self.source(&self.inverse()?, &to.name)?;
         let from = EndpointAddress { middleware: self.from.middleware.clone(), name };
         self.made_from(&from).filter(|made| made.to.middleware == to.middleware)
+    }
+
+    /// Source that becomes `name` at the destination, as far as it can be told: a digit that an underscore stands
+    /// before may have begun the part, another character that an underscore replaced is lost.
+    pub(super) fn source(&self, inverse: &Inverse, name: &str) -> Option<String> {
+        let has_ros_names = self.names.as_ref().is_some_and(|names| names.ros_names);
+        let digits = has_ros_names.then(|| with_leading_digits(name));
+        [Some(name), digits.as_deref()].into_iter().flatten().find_map(|made| {
+            let source = inverse.source(made)?;
+            let target = self.target(&source)?;
+            (bare(&target.name) == bare(name)).then_some(source)
+        })
+    }
+
+    /// True where the pattern may go to `name`. Groups and filters of a source that can be told from the destination
+    /// decide.
+    pub(super) fn may_go_to(&self, inverse: &Inverse, name: &str) -> bool {
+        let has_ros_names = self.names.as_ref().is_some_and(|names| names.ros_names);
+        let may_be_replaced = has_ros_names && name.contains('_');
+        (may_be_replaced && fits_template(&self.to.name, name))
+            || self.source(inverse, name).is_some()
     }
 
     /// Way from a name at the destination of a pattern back to the source; `None` where no name

@@ -100,6 +100,7 @@ pub const OPTIONS: &[&str] = &[Peers::FROM, Peers::TO];
 pub const CONVENTIONS: Conventions = Conventions {
     has_text_type: true,
     program_topics: None,
+    has_ros_names: true,
     node_services: &["get_loggers", "set_logger_level"],
 };
 

@@ -15,27 +15,27 @@ use std::collections::BTreeMap;
 /// Longest name in bytes; it is sent with every connection.
 const MAX_NAME_BYTES: usize = 1024;
 
-/// Checks a graph resource name as it may be written: global, relative or private.
+/// Checks the name of a topic, a service or a parameter as it may be written: global, relative or private. Whatever the
+/// master of ROS 1 takes is valid: rospy only warns of `/robot-1/x`, and roscpp has `/camera/1st`.
 ///
 /// # Errors
 /// The rule that the name breaks, and the remedy.
 pub fn check_name(name: &str) -> Result<(), String> {
-    if name.is_empty() {
-        return Err("it is empty; give it a name".to_owned());
-    }
-    if name.len() > MAX_NAME_BYTES {
-        return Err(format!("it is {} bytes long, the limit is {MAX_NAME_BYTES}", name.len()));
-    }
-    let bare = name.strip_prefix(['/', '~']).unwrap_or(name);
-    let bare = bare.strip_prefix('/').filter(|_| name.starts_with("~/")).unwrap_or(bare);
-    for part in bare.split('/') {
+    let is_odd =
+        |letter: char| ":~".contains(letter) || letter.is_whitespace() || letter.is_control();
+    parts(name)?
+        .find_map(|part| Some((part, part.chars().find(|it| is_odd(*it))?)))
+        .map_or(Ok(()), |(part, odd)| {
+            Err(format!("{part:?} contains {odd:?}, which names of ROS 1 cannot have"))
+        })
+}
+
+/// Checks the name of a node or of a namespace, for which rospy and roscpp have rules of their own.
+fn check_node_name(name: &str) -> Result<(), String> {
+    for part in parts(name)? {
         let mut letters = part.chars();
-        match letters.next() {
-            None => return Err("a part between slashes is empty; remove a slash".to_owned()),
-            Some(first) if !first.is_ascii_alphabetic() && first != '_' => {
-                return Err(format!("{part:?} begins with {first:?}; begin it with a letter"));
-            }
-            Some(_) => {}
+        if let Some(first) = letters.next().filter(|it| !it.is_ascii_alphabetic() && *it != '_') {
+            return Err(format!("{part:?} begins with {first:?}; begin it with a letter"));
         }
         let odd = letters.find(|letter| !letter.is_ascii_alphanumeric() && *letter != '_');
         if let Some(odd) = odd {
@@ -45,6 +45,22 @@ pub fn check_name(name: &str) -> Result<(), String> {
         }
     }
     Ok(())
+}
+
+/// Parts of a name between slashes, none of which is empty.
+fn parts(name: &str) -> Result<impl Iterator<Item = &str>, String> {
+    if name.is_empty() {
+        return Err("it is empty; give it a name".to_owned());
+    }
+    if name.len() > MAX_NAME_BYTES {
+        return Err(format!("it is {} bytes long, the limit is {MAX_NAME_BYTES}", name.len()));
+    }
+    let bare = name.strip_prefix(['/', '~']).unwrap_or(name);
+    let bare = bare.strip_prefix('/').filter(|_| name.starts_with("~/")).unwrap_or(bare);
+    if bare.split('/').any(str::is_empty) {
+        return Err("a part between slashes is empty; remove a slash".to_owned());
+    }
+    Ok(bare.split('/'))
 }
 
 /// Name of a node, and the rules by which it resolves other names.
@@ -73,8 +89,8 @@ pub struct Ros1NameError {
     pub reason: String,
 }
 
-fn valid(name: &str) -> Result<(), Ros1NameError> {
-    check_name(name).map_err(|reason| Ros1NameError { name: name.to_owned(), reason })
+fn valid(name: &str, check: impl FnOnce(&str) -> Result<(), String>) -> Result<(), Ros1NameError> {
+    check(name).map_err(|reason| Ros1NameError { name: name.to_owned(), reason })
 }
 
 impl NodeName {
@@ -83,10 +99,10 @@ impl NodeName {
     /// # Errors
     /// When one of them is not valid.
     pub fn new(node: &str, namespace: &str) -> Result<Self, Ros1NameError> {
-        valid(node)?;
+        valid(node, check_node_name)?;
         let inner = namespace.trim_matches('/');
         if !inner.is_empty() {
-            valid(inner)?;
+            valid(inner, check_node_name)?;
         }
         let within = if inner.is_empty() { "/".to_owned() } else { format!("/{inner}/") };
         let full = match node.strip_prefix('~') {
@@ -127,7 +143,7 @@ impl NodeName {
     }
 
     fn absolute(&self, name: &str) -> Result<String, Ros1NameError> {
-        valid(name)?;
+        valid(name, check_name)?;
         Ok(match name.strip_prefix('~') {
             Some(private) => format!("{}/{}", self.full, private.trim_start_matches('/')),
             None if name.starts_with('/') => name.to_owned(),
@@ -176,20 +192,31 @@ mod tests {
             ("/", "slash"),
             ("/a//b", "slash"),
             ("a/", "slash"),
-            ("/1a", "begins with"),
             ("/a b", "contains ' '"),
             ("/a~b", "contains '~'"),
-            ("/ä", "begins with"),
+            ("/a:b", "contains ':'"),
+            ("/a\u{1b}b", "contains '\\u{1b}'"),
             ("~", "slash"),
         ] {
             let reason = check_name(name).unwrap_err();
             assert!(reason.contains(why), "{name:?}: {reason}");
         }
         assert!(check_name(&"x".repeat(1025)).unwrap_err().contains("1024"));
-        for name in ["a", "/a", "~a", "~/a", "/a/b_1", "_private", "/_hidden/x"] {
+        for name in [
+            "a",
+            "/a",
+            "~a",
+            "~/a",
+            "/a/b_1",
+            "_private",
+            "/_hidden/x",
+            "/camera/1st",
+            "/robot-1/x.y",
+            "/ä",
+        ] {
             assert_eq!(check_name(name), Ok(()), "{name:?}");
         }
         assert!(NodeName::new("~x", "/").is_err());
-        assert!(NodeName::new("x", "/1").is_err());
+        assert!(NodeName::new("x", "/1").is_err() && NodeName::new("left-eye", "/").is_err());
     }
 }

@@ -19,7 +19,7 @@ pub(super) const AVAILABLE: Available<'static> = Available {
     check_option: &|_, _| Ok(()),
     source_options: &[],
     destination_options: &[],
-    conventions: Conventions { has_text_type: true, ..Conventions::NONE },
+    conventions: Conventions { has_text_type: true, has_ros_names: true, ..Conventions::NONE },
 };
 
 /// The rules do not depend on the node: any will do.
