@@ -107,6 +107,20 @@ pub enum PairError {
         /// Field in ROS 2.
         ros2: Box<TypedField>,
     },
+    /// Two fields of ROS 1 have one name in ROS 2, which has room for one of them.
+    #[error(
+        "{} and {} of {} of ROS 1 are both {spelled} in ROS 2, which would lose one of them: rename one, or define \
+         the ROS 2 type with a field for each and name the counterparts in a mapping rule",
+        fields[0], fields[1], ros1_name(name)
+    )]
+    Alike {
+        /// The ROS 1 type.
+        name: TypeName,
+        /// The two fields.
+        fields: [String; 2],
+        /// Their name in ROS 2.
+        spelled: String,
+    },
     /// Both have fields, and none of one has a counterpart in the other.
     #[error(
         "{ros1} of ROS 1 and {ros2} of ROS 2 have no field in common; name the counterparts in a \

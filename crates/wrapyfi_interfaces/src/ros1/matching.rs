@@ -82,8 +82,33 @@ pub(super) fn match_fields<'d>(
                 }
             }
         }
+        refuse_alike(ros1.0, &one, &links, &linked)?;
     }
     Ok(Match { ros1: one, ros2: two, links })
+}
+
+/// Refuses fields of ROS 1 that ROS 2 spells like another one which is carried: one of the two values would be lost.
+fn refuse_alike(
+    name: &TypeName,
+    all: &[Entry<'_>],
+    links: &[(usize, usize)],
+    linked: &BTreeSet<usize>,
+) -> Result<(), PairError> {
+    let carried = links.iter().filter_map(|(first, _)| all.get(*first));
+    let carried: BTreeMap<String, &str> =
+        carried.map(|entry| (spelled_as_in_ros2(&entry.path), entry.path.as_str())).collect();
+    for (first, entry) in all.iter().enumerate() {
+        let spelled = spelled_as_in_ros2(&entry.path);
+        let other = carried.get(&spelled).filter(|_| !linked.contains(&first));
+        if let Some(other) = other {
+            return Err(PairError::Alike {
+                name: name.clone(),
+                fields: [(*other).to_owned(), entry.path.clone()],
+                spelled,
+            });
+        }
+    }
+    Ok(())
 }
 
 fn spelled_as_in_ros2(path: &str) -> String {
