@@ -13,7 +13,7 @@ use super::names::{allowed_in_ros2, snake_case};
 use super::rules::Rules;
 use crate::parser::{
     Constant, Container, Dialect, Element, Field, InterfaceKind, Literal, MessageDefinition,
-    TypeName, parse_message,
+    Primitive, TypeName, parse_message,
 };
 use crate::store::{Looked, ResolveError, ResolvedType, ros1_builtin};
 
@@ -159,15 +159,38 @@ fn message_to_ros1(
     let fields = fields.collect();
     let constants = ros2.constants.iter().map(|constant| Constant {
         element: element(&constant.element, rename),
-        // ROS 1 takes all behind `=`, quotes too.
-        written: match &constant.value {
-            Literal::Text(text) => text.lines().next().unwrap_or_default().trim().to_owned(),
-            _ => constant.written.clone(),
-        },
+        written: written_for_ros1(constant),
         ..constant.clone()
     });
     let constants = constants.collect();
     MessageDefinition { constants, ..MessageDefinition::new(name.clone(), fields) }
+}
+
+/// Value of a constant as ROS 1 reads it, and as its checksum has it: the same text where Python's `int`, `float` and
+/// `literal_eval` understand that, by which genpy reads constants.
+fn written_for_ros1(constant: &Constant) -> String {
+    let Constant { element, value, written, .. } = constant;
+    match value {
+        // ROS 1 takes all behind `=`, quotes too.
+        Literal::Text(text) => text.lines().next().unwrap_or_default().trim().to_owned(),
+        Literal::Bool(_) if ["True", "False", "1", "0"].contains(&written.as_str()) => {
+            written.clone()
+        }
+        Literal::Bool(true) => "True".to_owned(),
+        Literal::Bool(false) => "False".to_owned(),
+        // The byte of ROS 1 is signed.
+        Literal::Integer(value @ 128..=255) if *element == Element::Primitive(Primitive::Byte) => {
+            (value - 256).to_string()
+        }
+        Literal::Integer(value) => {
+            let digits = written.strip_prefix(['-', '+']).unwrap_or(written);
+            match digits.bytes().all(|digit| digit.is_ascii_digit()) {
+                true => written.clone(),
+                false => value.to_string(),
+            }
+        }
+        Literal::Float(_) => written.clone(),
+    }
 }
 
 /// The name under which a ROS 1 type goes in ROS 2 where no rule has another.

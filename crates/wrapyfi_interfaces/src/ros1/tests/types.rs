@@ -391,3 +391,105 @@ fn the_plan_of_an_image_is_one_copy() {
     let cloud = types.definition("sensor_msgs/PoseArray").unwrap_err();
     assert!(matches!(cloud, DefinitionError::Unknown { .. }));
 }
+
+/// Value of a constant as genpy reads it (`convert_constant_value` of genmsg); `None` where it refuses.
+fn read_by_genpy(element: &str, text: &str) -> Option<i128> {
+    let python_int = |text: &str| {
+        let digits = text.strip_prefix(['-', '+']).unwrap_or(text);
+        let is_int = !digits.is_empty() && digits.bytes().all(|digit| digit.is_ascii_digit());
+        is_int.then(|| text.parse::<i128>().ok()).flatten()
+    };
+    if element == "bool" {
+        return match text {
+            "True" => Some(1),
+            "False" => Some(0),
+            _ => python_int(text).map(|value| i128::from(value != 0)),
+        };
+    }
+    let bits = match element {
+        "byte" | "char" => 8,
+        _ => element.trim_start_matches("uint").trim_start_matches("int").parse::<u32>().unwrap(),
+    };
+    let range = match element.starts_with('u') || element == "char" {
+        true => 0..=(1_i128 << bits) - 1,
+        false => -(1_i128 << (bits - 1))..=(1_i128 << (bits - 1)) - 1,
+    };
+    python_int(text).filter(|value| range.contains(value))
+}
+
+/// Definition that ROS 1 nodes are shown of a ROS 2 type with one constant.
+fn shown_with(constant: &str) -> Definition {
+    let mut types = Types::new(Rules::built_in(), TypeStore::empty());
+    types.add_ros2(&resolve(Dialect::Ros2, "lab_msgs/msg/Kept", &format!("{constant}\nint8 x\n")));
+    types.definition("lab_msgs/Kept").unwrap()
+}
+
+/// A node of ROS 1 refused `0x1F` and `true`, and no definition of its own could have their checksum.
+#[test]
+fn constants_are_written_as_ros_1_writes_them() {
+    for (ros2, ros1) in [
+        ("uint8 X=0x1F", "31"),
+        ("uint8 X=0o17", "15"),
+        ("uint8 X=0b1", "1"),
+        ("int8 X=-0x1", "-1"),
+        ("uint8 X=31", "31"),
+        ("byte X=0xFF", "-1"),
+        ("char X=0x41", "65"),
+        ("bool X=true", "True"),
+        ("bool X=FALSE", "False"),
+        ("bool X=1", "1"),
+        ("float32 X=1e3", "1e3"),
+        ("string X='a # b'", "a # b"),
+    ] {
+        let shown = shown_with(ros2);
+        let (element, _) = ros2.split_once(' ').unwrap();
+        let text = format!("{element} X={ros1}\nint8 x\n");
+        assert_eq!(shown.text, text, "{ros2}");
+        let of_node = Definition::from_header("lab_msgs/Kept", &text).unwrap();
+        assert_eq!(shown.md5sum, of_node.md5sum, "{ros2}");
+    }
+}
+
+proptest::proptest! {
+    /// Every form of a constant that ROS 2 takes is read by genpy with the same value.
+    #[test]
+    fn every_constant_is_read_by_genpy(
+        element in proptest::sample::select(vec![
+            "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "byte", "char", "bool",
+        ]),
+        value in proptest::num::i64::ANY,
+        form in 0_usize..6,
+        sign in proptest::sample::select(vec!["", "+"]),
+    ) {
+        let value = i128::from(value);
+        let value = match element {
+            "bool" => value & 1,
+            "int8" => value % 128,
+            "uint8" | "byte" | "char" => value.rem_euclid(256),
+            "int16" => value % 32_768,
+            "uint16" => value.rem_euclid(65_536),
+            "int32" => value % (1 << 31),
+            "uint32" => value.rem_euclid(1 << 32),
+            "uint64" => value.rem_euclid(1 << 64),
+            _ => value,
+        };
+        let (minus, size) = (if value < 0 { "-" } else { sign }, value.unsigned_abs());
+        let text = match (element, form) {
+            ("bool", form) => {
+                let forms = [["0", "false", "False"], ["1", "true", "TRUE"]];
+                forms[usize::from(value == 1)][form % 3].to_owned()
+            }
+            (_, 0) => format!("{minus}0x{size:x}"),
+            (_, 1) => format!("{minus}0X{size:X}"),
+            (_, 2) => format!("{minus}0o{size:o}"),
+            (_, 3) => format!("{minus}0b{size:b}"),
+            (_, 4) => format!("{minus}00{size}"),
+            _ => format!("{minus}{size}"),
+        };
+        let shown = shown_with(&format!("{element} X={text}"));
+        let line = shown.text.lines().next().unwrap();
+        let written = line.split_once('=').unwrap().1;
+        let same = if element == "byte" && value > 127 { value - 256 } else { value };
+        proptest::prop_assert_eq!(read_by_genpy(element, written), Some(same), "{} {}", text, written);
+    }
+}
