@@ -49,6 +49,14 @@ fn log(bridge: &Process) -> String {
     bridge.stderr() + &bridge.stdout()
 }
 
+/// A folder of its own with one definition.
+fn folder_with(env: &TestEnv, folder: &str, file: &str, text: &str) -> Result<String> {
+    let path = env.path(folder).join(file);
+    path.parent().map_or(Ok(()), std::fs::create_dir_all)?;
+    std::fs::write(path, text)?;
+    Ok(env.path(folder).display().to_string())
+}
+
 /// The text of a definition with all inside, as a publisher shows it.
 fn shown(env: &TestEnv, file: &str, text: &str) -> Result<String> {
     let line = "=".repeat(80);
@@ -418,5 +426,38 @@ fn names_that_ros_2_lacks_are_carried() -> Result {
         let route = Route::new(&ros1(&topic), &ros2(&by_hand), "Text");
         let bridge = env.bridge(&env.foreign().route(route))?;
         heard(&ros2(&by_hand)).map_err(|error| error.context(bridge.tail()))
+    })
+}
+
+/// A publisher that is started again with another definition of its type: the new field was dropped.
+#[test]
+fn the_learned_type_follows_its_publisher() -> Result {
+    run("the_learned_type_follows_its_publisher", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let topic = env.topic("grown");
+        let talk = |file: &str, text: &str, value: &str| {
+            let file = env.write(file, text)?.display().to_string();
+            let args = format!(
+                "publish --topic {topic} --type wrapyfi_lab/Grown --definition {file} --node grown"
+            );
+            env.rospy(&args, Some(value))
+        };
+        let mut before = talk("before.txt", "int32 a\n", r#"{"a": 1}"#)?;
+        let _bridge = bridge(env, &[])?;
+        let types =
+            |folder: &str, text: &str| folder_with(env, folder, "wrapyfi_lab/msg/Grown.msg", text);
+        let old = types("old", "int32 a\n")?;
+        let new = types("new", "int64 a\nstring b\n")?;
+        let hears = |folder: &str, wanted: Value| -> Result {
+            let more = ["--type", "wrapyfi_lab/msg/Grown", "--definitions", folder, "--count", "1"];
+            let mut echo = echo(env, &ros2(&topic), &more)?;
+            assert_eq!(echo.objects(1)?[0]["value"], wanted);
+            echo.exits_with(0)
+        };
+        hears(&old, json!({"a": 1}))?;
+        before.terminate()?;
+        before.exit_code()?;
+        let _after = talk("after.txt", "int64 a\nstring b\n", r#"{"a": 5000000000, "b": "x"}"#)?;
+        hears(&new, json!({"a": 5_000_000_000_i64, "b": "x"}))
     })
 }

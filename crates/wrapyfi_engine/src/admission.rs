@@ -236,13 +236,13 @@ impl Reconciler {
             let told = learned.message_type(between_ros);
             let told = middleware.received_as(told, &spec.policy.options);
             other = Some(told);
-            if told.label() == carried.label() {
+            if is_same(told, carried) {
                 break;
             }
         }
         let told = other?;
         let before = candidate.announced_type.replace(told.label());
-        if told.label() == carried.label() {
+        if is_same(told, carried) {
             return None;
         }
         if untyped && may_be_read_as(told.data_type(), carried.data_type()) {
@@ -253,6 +253,9 @@ impl Reconciler {
         }
         candidate.wished = None;
         let (told, carried) = (told.label(), carried.label());
+        if told == carried {
+            return Some(format!("its publishers have another definition of {told} now"));
+        }
         Some(format!("its publishers have the type {told} now, not {carried}"))
     }
 
@@ -419,6 +422,12 @@ pub(super) struct Misfits {
 pub fn may_be_read_as(looks: DataType, wanted: DataType) -> bool {
     let fields = [DataType::NativeObject, DataType::RosMessage];
     looks == wanted || (fields.contains(&looks) && fields.contains(&wanted))
+}
+
+/// True where messages of one type are those of the other. Two types of ROS with one name may be two definitions.
+fn is_same(one: MessageType, other: MessageType) -> bool {
+    let are_ros = matches!((one, other), (MessageType::Ros(_), MessageType::Ros(_)));
+    one == other || (!are_ros && one.label() == other.label())
 }
 
 fn refused(error: &LearnError) -> Refusal {

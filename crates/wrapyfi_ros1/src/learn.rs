@@ -51,8 +51,12 @@ pub(super) fn topic(
     let announced = found.type_name.clone().filter(|name| name != "*");
     // A subscriber cannot be asked.
     let told = (found.role == Role::Publisher).then(|| type_info(core, found));
+    let mut shown = None;
     let (type_name, silent) = match (told, announced) {
-        (Some(Ok(told)), _) => (told.type_name, None),
+        (Some(Ok(told)), _) => {
+            shown = told.definition;
+            (told.type_name, None)
+        }
         (Some(Err(error @ LearnError::Asked(_))), _) | (Some(Err(error)), None) => {
             return Err(error);
         }
@@ -60,9 +64,13 @@ pub(super) fn topic(
         (silent, Some(name)) => (name, silent.and_then(Result::err)),
     };
     let mut types = core.types();
-    let definition = types
-        .definition(&type_name)
-        .map_err(|error| silent.unwrap_or_else(|| undefined(&type_name, &error)))?;
+    let definition = match shown {
+        Some(shown) => shown,
+        None => types
+            .definition(&type_name)
+            .map(Arc::new)
+            .map_err(|error| silent.unwrap_or_else(|| undefined(&type_name, &error)))?,
+    };
     let names = types.rules().ros2_names(definition.name());
     let resolved = match names.iter().find_map(|name| store.resolve_defined(name).ok()) {
         Some(resolved) => resolved,

@@ -24,7 +24,7 @@ use wrapyfi_interfaces::ros1::PairPlan;
 use super::config::NodeUri;
 use super::core::Core;
 use super::header::{Header, MARK};
-use super::peer_types::request_topic;
+use super::peer_types::{self, request_topic};
 use super::splitter::{self, Piece, Splitter};
 use super::subscriber::BusLink;
 use super::xmlrpc::shortened;
@@ -432,6 +432,7 @@ impl Connection {
             return Err(unlike(&format!("it sends {} [{}]", shortened(name), shortened(md5))));
         }
         self.plan =
+        peer_types::compare(&core, &self.connections.topic, &header);
             conversion::publisher_plan(&core, &header, self.connections.wanted.message_type)
                 .map_err(|error| shortened(&error))?;
         self.latched = header.is_set("latching");

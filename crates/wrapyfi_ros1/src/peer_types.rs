@@ -13,6 +13,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use tokio::time::timeout;
+use wrapyfi_interfaces::ros1::Definition;
 
 use super::config::NodeUri;
 use super::core::Core;
@@ -40,7 +41,7 @@ pub(super) type Whom = (Role, String, String);
 pub(super) type PeerTypes = Mutex<BTreeMap<Whom, Answer>>;
 
 /// State of a question.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) enum Answer {
     /// Question that was asked and has no answer yet.
     Asked,
@@ -50,10 +51,12 @@ pub(super) enum Answer {
 }
 
 /// Type that a publisher or a server has told of its topic or service.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct TypeInfo {
     /// ROS 1 name of the type.
     pub(super) type_name: String,
+    /// Definition that a publisher has shown, which another one of the same type may have in another version.
+    pub(super) definition: Option<Arc<Definition>>,
     /// A publisher sends its last message to whoever comes.
     pub(super) latches: bool,
     /// Address that gave the answer.
@@ -112,6 +115,22 @@ pub(super) fn forget_service(core: &Core, service: &str) {
     keep_only(core, |role, name, _| (role, name) != (Role::Server, service));
 }
 
+/// Compares what publishers of a topic have told with the header that one of them greets a listener with. One that
+/// came back with another type or definition is asked again, and so are all where one refuses and does not say who.
+pub(super) fn compare(core: &Core, topic: &str, header: &Header) {
+    let caller = header.get("callerid");
+    core.peer_types.lock().retain(|(role, name, node), answer| {
+        let Answer::Known(told) = answer else { return true };
+        let is_meant = *role == Role::Publisher && name == topic;
+        if !is_meant || caller.is_some_and(|caller| caller != node) {
+            return true;
+        }
+        let shown = told.definition.as_ref().map(|definition| definition.md5sum.as_str());
+        let is_same = |shown: &str| header.get("md5sum").is_some_and(|now| now == shown);
+        header.get("type") == Some(told.type_name.as_str()) && shown.is_none_or(is_same)
+    });
+}
+
 async fn topic(core: &Core, name: &str, node: &str) -> Result<TypeInfo, String> {
     let uri = core.master.lookup_node(node).await.map_err(|error| error.to_string())?;
     let uri = uri.ok_or_else(|| format!("the master knows no node {node}"))?;
@@ -129,11 +148,10 @@ async fn topic(core: &Core, name: &str, node: &str) -> Result<TypeInfo, String> 
     let text = header.get("message_definition").unwrap_or_default();
     let md5sum = header.get("md5sum").unwrap_or("*");
     // A type without fields has an empty text, too.
-    if !text.is_empty() || md5sum == OF_NO_FIELDS {
-        let shown = core.types().show(&type_name, md5sum, text);
-        shown.map_err(|error| error.to_string())?;
-    }
-    Ok(TypeInfo { type_name, latches: header.is_set("latching"), place })
+    let is_shown = !text.is_empty() || md5sum == OF_NO_FIELDS;
+    let shown = is_shown.then(|| core.types().show(&type_name, md5sum, text));
+    let definition = shown.transpose().map_err(|error| error.to_string())?.map(Arc::new);
+    Ok(TypeInfo { type_name, definition, latches: header.is_set("latching"), place })
 }
 
 /// Asks the node at `uri` for the host and port at which it sends `topic` by TCPROS.
@@ -167,7 +185,7 @@ async fn service(core: &Core, name: &str) -> Result<TypeInfo, String> {
     let place = core.master.lookup_service(name).await.map_err(|error| error.to_string())?;
     let place = place.ok_or("the master knows it no more")?;
     let header = greeted(&place, &probe_header(core, name)).await?;
-    Ok(TypeInfo { type_name: type_in(&header)?, latches: false, place })
+    Ok(TypeInfo { type_name: type_in(&header)?, definition: None, latches: false, place })
 }
 
 /// True when a server that has told its type still answers for the service at the same address.

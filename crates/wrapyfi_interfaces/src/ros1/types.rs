@@ -110,8 +110,11 @@ impl Types {
         let fits = |definition: &Definition| md5sum == "*" || definition.md5sum == md5sum;
         let error = match Definition::from_header(type_name, text) {
             Ok(definition) if fits(&definition) => {
-                if self.announced.len() < MAX_ANNOUNCED || self.announced.contains_key(&name) {
-                    self.announced.insert(name, definition.clone());
+                if self.announced.get(&name) != Some(&definition)
+                    && (self.announced.len() < MAX_ANNOUNCED || self.announced.contains_key(&name))
+                {
+                    let before = self.announced.insert(name, definition.clone());
+                    self.forget_made(before.iter().chain([&definition]));
                 }
                 return Ok(definition);
             }
@@ -127,6 +130,13 @@ impl Types {
             .map(|store| Definition::from_store(store, &name).ok());
         let exact = stored.into_iter().flatten().find(|definition| definition.md5sum == md5sum);
         exact.ok_or(error)
+    }
+
+    /// Forgets the types of ROS 2 that may have been made of these definitions: what their publisher shows has changed.
+    fn forget_made<'d>(&mut self, shown: impl Iterator<Item = &'d Definition>) {
+        for name in shown.flat_map(|definition| definition.resolved.definitions().keys()) {
+            self.rules.ros2_names(name).iter().for_each(|ros2| self.ros2.forget(ros2));
+        }
     }
 
     /// The ROS 1 definition of a message, by its ROS 1 name `package/Type`.

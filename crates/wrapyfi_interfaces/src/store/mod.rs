@@ -184,6 +184,11 @@ impl TypeStore {
         }
     }
 
+    /// Forgets a type that was found elsewhere; one that a file defines is read again.
+    pub(crate) fn forget(&mut self, name: &TypeName) {
+        self.known.remove(name);
+    }
+
     /// Finds a type by its name as text, for instance `sensor_msgs/msg/Image`.
     ///
     /// # Errors

@@ -493,3 +493,22 @@ proptest::proptest! {
         proptest::prop_assert_eq!(read_by_genpy(element, written), Some(same), "{} {}", text, written);
     }
 }
+
+/// A publisher that was started again with another definition had its new field dropped.
+#[test]
+fn the_type_that_is_made_follows_its_publisher() {
+    let mut types = Types::new(Rules::built_in(), TypeStore::empty());
+    let mut made = |text: &str| {
+        let shown = types.show("demo/A", "*", text).unwrap();
+        let made = types.ros2_type(&shown.resolved).unwrap();
+        types.add_ros2(&made);
+        let definitions = made.definitions().values();
+        let fields = definitions.flat_map(|one| one.fields.iter());
+        fields.map(|field| format!("{} {}", field.field_type, field.name)).collect::<Vec<_>>()
+    };
+    let part = "\n================\nMSG: demo/B\n";
+    assert_eq!(made(&format!("B b\n{part}int32 x\n")), ["demo/B b", "int32 x"]);
+    let wider = format!("B b\nint32 more\n{part}int64 x\n");
+    assert_eq!(made(&wider), ["demo/B b", "int32 more", "int64 x"]);
+    assert_eq!(made("int8 x\n"), ["int8 x"]);
+}
