@@ -461,3 +461,42 @@ fn the_learned_type_follows_its_publisher() -> Result {
         hears(&new, json!({"a": 5_000_000_000_i64, "b": "x"}))
     })
 }
+
+/// Fields that one of the two definitions lacks are named: in the log once, by `why` and `check` always.
+#[test]
+fn fields_that_are_lost_are_named() -> Result {
+    run("fields_that_are_lost_are_named", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let topic = env.topic("differs");
+        let folder =
+            env.definitions(&[("wrapyfi_lab/msg/Differs.msg", "int32 a\nint32 only2\n")])?;
+        let file = env.write("differs.txt", "int32 a\nint32 only1\n")?.display().to_string();
+        let args = format!(
+            "publish --topic {topic} --type wrapyfi_lab/Differs --definition {file} --node d"
+        );
+        let _talker = env.rospy(&args, Some(r#"{"a": 1, "only1": 2}"#))?;
+        let kind = "wrapyfi_lab/msg/Differs";
+        let route = Route::new(&ros1(&topic), &ros2(&topic), kind);
+        let config = env.foreign().with("definitions", "[interfaces]").route(route);
+        let file = env.write("differs.yaml", config.yaml())?.display().to_string();
+        let bridge = env.bridge_named("differs.yaml", &config)?;
+        let more = ["--type", kind, "--definitions", &folder, "--count", "3"];
+        let mut echo = echo(env, &ros2(&topic), &more)?;
+        let heard = echo.objects(3).map_err(|error| error.context(bridge.tail()))?;
+        assert_eq!(heard[0]["value"], json!({"a": 1, "only2": 0}));
+        echo.exits_with(0)?;
+        for lost in ["only1 is in ROS 1 only", "only2 is in ROS 2 only"] {
+            assert_eq!(log(&bridge).matches(lost).count(), 1, "{}", bridge.tail());
+            let mut why = env.wrapyfi(["why", &ros1(&topic), "--config", &file])?;
+            why.exit_code()?;
+            assert!(why.stdout().contains(lost), "{}", why.tail());
+        }
+        let text = "int32 a\nint32 only1\n";
+        let own = folder_with(env, "own", "wrapyfi_lab/msg/Differs.msg", text)?;
+        env.set_variable("ROS_PACKAGE_PATH", own);
+        let mut check = env.wrapyfi(["check", &file])?;
+        check.exits_with(0)?;
+        assert!(check.stderr().contains("only1 is in ROS 1 only"), "{}", check.tail());
+        Ok(())
+    })
+}

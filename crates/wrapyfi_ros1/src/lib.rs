@@ -35,6 +35,7 @@ mod client;
 mod config;
 mod conversion;
 mod core;
+pub mod differences;
 mod discovery;
 pub mod header;
 mod http;
@@ -72,7 +73,7 @@ use std::time::Duration;
 use tokio::runtime::{Builder, Runtime};
 use tokio::time::timeout;
 use wrapyfi_interfaces::parser::TypeName;
-use wrapyfi_interfaces::ros1::PairError;
+use wrapyfi_interfaces::ros1::{PairError, Types};
 use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
 
 pub use config::{MASTER_PORT, NAME, Ros1Config, Ros1ConfigError};
@@ -99,8 +100,8 @@ pub const OPTIONS: &[&str] = &[Peers::FROM, Peers::TO];
 /// Conventions of ROS 1, where `set_parameters` and its like are dynamic_reconfigure's.
 pub const CONVENTIONS: Conventions = Conventions {
     has_text_type: true,
-    program_topics: None,
     has_ros_names: true,
+    program_topics: None,
     node_services: &["get_loggers", "set_logger_level"],
 };
 
@@ -276,6 +277,12 @@ impl Ros1 {
     #[doc(hidden)]
     pub fn type_named(&self, name: &TypeName) -> Result<ResolvedType, PairError> {
         self.node.types().ros2_type_named(name)
+    }
+
+    /// Definitions that this node knows, with those that publishers have shown it.
+    #[doc(hidden)]
+    pub fn with_types<T>(&self, ask: impl FnOnce(&mut Types) -> T) -> T {
+        ask(&mut self.node.types())
     }
 
     fn resolve(&self, name: &str) -> OpenResult<String> {

@@ -6,6 +6,7 @@
 //! ```
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use super::config::NAME;
 use super::conversion;
@@ -14,7 +15,7 @@ use super::node::Node;
 use wrapyfi_endpoint::codec::ros1::Ros1Type;
 use wrapyfi_endpoint::{
     Context, DropReason, ForwardingListener, Latched, Link, Listener, OpenResult, Peers, Receiver,
-    Sample, SampleOrigin, SourceDurability, TakeError, TopicSpec, inbox,
+    Review, Sample, SampleOrigin, SourceDurability, TakeError, TopicSpec, inbox,
 };
 
 /// Receives one topic.
@@ -75,6 +76,10 @@ impl Listener for Ros1Listener {
 
     fn forwarding(&mut self) -> Option<&mut dyn ForwardingListener> {
         Some(self)
+    }
+
+    fn review(&mut self, _now: Instant) -> Review {
+        Review { warnings: self.connections.untold_differences(), ..Review::default() }
     }
 
     fn link(&self) -> Link {

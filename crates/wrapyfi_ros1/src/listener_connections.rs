@@ -23,6 +23,7 @@ use wrapyfi_interfaces::ros1::PairPlan;
 
 use super::config::NodeUri;
 use super::core::Core;
+use super::differences;
 use super::header::{Header, MARK};
 use super::peer_types::{self, request_topic};
 use super::splitter::{self, Piece, Splitter};
@@ -40,6 +41,8 @@ use wrapyfi_endpoint::{
 
 /// Middle of a reason to wait: a publisher, and then the cause for which it refuses the connection.
 pub const REFUSES: &str = "it refuses: ";
+/// Most differences of definitions that are told of one topic.
+const MAX_DIFFERENCES: usize = 64;
 /// Most publishers of one topic.
 const MAX_PUBLISHERS: usize = 256;
 /// Longest time that the latched message of a publisher waits for room, whatever the queue's
@@ -93,6 +96,8 @@ struct Peers {
     /// Publishers that latched, are gone, and were not told of.
     ended_publishers: Vec<u64>,
     closed: bool,
+    /// Differences of the definitions of publishers, and the number of those that were told already.
+    differences: (Vec<String>, usize),
 }
 
 /// One publisher.
@@ -169,6 +174,29 @@ impl ListenerConnections {
 
     pub(super) fn counters(&self) -> &Counters {
         self.inbox.counters()
+    }
+
+    /// Notes what the plan of a publisher loses.
+    fn note_differences(&self, plan: Option<&PairPlan>) {
+        let (Some(plan), MessageType::Ros(ros_type)) = (plan, self.wanted.message_type) else {
+            return;
+        };
+        let mut peers = self.peers.lock();
+        let (known, _) = &mut peers.differences;
+        for difference in differences::of_plan(plan, ros_type) {
+            if known.len() < MAX_DIFFERENCES && !known.contains(&difference) {
+                known.push(difference);
+            }
+        }
+    }
+
+    /// Differences that were not told yet.
+    pub(super) fn untold_differences(&self) -> Vec<String> {
+        let mut peers = self.peers.lock();
+        let (known, told) = &mut peers.differences;
+        let untold = known.get(*told..).unwrap_or_default().to_vec();
+        *told = known.len();
+        untold
     }
 
     pub(super) fn type_name(&self) -> &str {
@@ -404,6 +432,7 @@ impl Connection {
         let wire_type = &self.connections.wanted.wire_type;
         let own = self.connections.own_header(&core);
         let (stream, header) = tcpros::greeted(&host, port, &own).await?;
+        peer_types::compare(&core, &self.connections.topic, &header);
         let unlike =
             |there: &str| Closed::Fault(tcpros::unlike(there, &wire_type.name, &wire_type.md5));
         if let Some(error) = header.get("error") {
@@ -432,10 +461,10 @@ impl Connection {
             return Err(unlike(&format!("it sends {} [{}]", shortened(name), shortened(md5))));
         }
         self.plan =
-        peer_types::compare(&core, &self.connections.topic, &header);
             conversion::publisher_plan(&core, &header, self.connections.wanted.message_type)
                 .map_err(|error| shortened(&error))?;
         self.latched = header.is_set("latching");
+        self.connections.note_differences(self.plan.as_ref());
         Ok(stream)
     }
 

@@ -1,20 +1,21 @@
 //! Publishes a topic: encodes, and hands to the publication.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use wrapyfi_interfaces::ros1::PairPlan;
 
 use super::config::NAME;
-use super::conversion;
 use super::node::{Mark, Node};
 use super::publication::{Entry, KEEP_ALL, Keep, Publication};
 use super::subscriber::Frame;
-use wrapyfi_data::types::Payload;
+use super::{conversion, differences};
+use wrapyfi_data::types::{MessageType, Payload};
 use wrapyfi_data::{EncodeError, EncodeResult};
 use wrapyfi_endpoint::codec::ros1::Ros1Type;
 use wrapyfi_endpoint::{
     Context, Durability, ForwardingPublisher, History, Latched, Link, OpenResult, Peers,
-    PublishError, Published, Publisher, Role, SampleOrigin, SourceDurability, TopicSpec,
+    PublishError, Published, Publisher, Review, Role, SampleOrigin, SourceDurability, TopicSpec,
 };
 
 /// Sends to one topic.
@@ -24,6 +25,8 @@ pub(super) struct Ros1Publisher {
     publication: Arc<Publication>,
     spec: TopicSpec,
     plan: Option<PairPlan>,
+    /// Differences of the two definitions that were not told yet.
+    untold: Vec<String>,
     sequence: u32,
     /// True when the publisher was opened as one that latches, whatever it publishes.
     latches: bool,
@@ -64,6 +67,10 @@ impl Ros1Publisher {
             |publication| publication.add(id, entry),
         );
         let mark = node.mark(Role::Publisher, topic, &spec.mark);
+        let untold = match (&plan, spec.message_type) {
+            (Some(plan), MessageType::Ros(ros_type)) => differences::of_plan(plan, ros_type),
+            _ => Vec::new(),
+        };
         let (node, spec, sequence) = (Arc::clone(node), spec.clone(), 0);
         Ok(Self {
             id,
@@ -71,6 +78,7 @@ impl Ros1Publisher {
             publication,
             spec,
             plan,
+            untold,
             sequence,
             latches,
             source_latches: false,
@@ -113,6 +121,10 @@ impl Publisher for Ros1Publisher {
 
     fn forwarding(&mut self) -> Option<&mut dyn ForwardingPublisher> {
         Some(self)
+    }
+
+    fn review(&mut self, _now: Instant) -> Review {
+        Review { warnings: std::mem::take(&mut self.untold), ..Review::default() }
     }
 
     fn link(&self) -> Link {

@@ -16,6 +16,7 @@ use wrapyfi_interfaces::ros1::PairPlan;
 use super::config::NAME;
 use super::conversion::{fitted, from_ros1, to_ros1};
 use super::core::Core;
+use super::differences;
 use wrapyfi_data::types::{DataType, MessageType, Payload, RosService, ServiceKind, Stamp};
 use wrapyfi_data::{DecodeError, EncodeError};
 use wrapyfi_endpoint::codec::{requests, ros1};
@@ -74,6 +75,12 @@ impl ServiceCodec {
                 format!("{service} cannot be used on ROS 1: {error}"),
             )
         })?;
+        for (plan, part) in [(&any.request, service.request()), (&any.response, service.response())]
+        {
+            for difference in differences::of_plan(plan, part) {
+                tracing::warn!(service = spec.service, "{difference}");
+            }
+        }
         let wire_type = ServiceType {
             name: definition.ros1_name(),
             md5: definition.md5sum.clone(),

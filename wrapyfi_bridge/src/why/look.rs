@@ -15,6 +15,7 @@ use wrapyfi_endpoint::{
     AnnouncedDurability, Context, Discovered, EndpointAddress, LearnError, Learned, Middleware,
     QosPreset, Registry, Role, TopicSpec, Wake,
 };
+use wrapyfi_engine::Kind;
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_ros1::Ros1;
 use wrapyfi_ros2::Ros2;
@@ -69,6 +70,8 @@ pub(super) struct Wanted {
     pub(super) is_learned: bool,
     /// True where messages are to be listened for.
     pub(super) listens: bool,
+    /// Messages or requests that a route has there by its configuration.
+    pub(super) given: Option<Kind>,
     /// True where the name may as well be that of a service.
     pub(super) is_open: bool,
 }
@@ -77,7 +80,8 @@ impl Wanted {
     /// A question about who publishes or offers.
     pub(super) fn new(address: EndpointAddress, is_service: bool) -> Self {
         let role = if is_service { Role::Server } else { Role::Publisher };
-        Self { address, role, is_service, is_learned: false, listens: false, is_open: false }
+        let (is_learned, listens, given, is_open) = (false, false, None, false);
+        Self { address, role, is_service, is_learned, listens, given, is_open }
     }
 
     /// True where somebody has the name in the role.
@@ -254,6 +258,9 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
     // The master of ROS 1 does not tell the types of services: their servers do.
     if wanted.is_learned || (wanted.is_service && end.address.middleware == "ros") {
         learn(&mut end, observer.as_ref(), wanted, types);
+    }
+    if let Some(ros1) = ros1 {
+        end.differences = differences(&end, &ros1, wanted, types);
     }
     if wanted.listens && end.of(Role::Publisher).next().is_some() {
         listen(&mut end, observer.as_ref(), types, looked_since + MOST);
@@ -487,6 +494,32 @@ fn learn(end: &mut End, middleware: &dyn Middleware, wanted: &Wanted, types: &mu
     };
     for one in end.found.iter_mut().filter(|one| wanted.is_met(one)) {
         one.type_name = one.type_name.take().or_else(|| shown.clone());
+    }
+}
+
+/// Fields that a route loses there because the definitions of ROS 1 and ROS 2 differ.
+fn differences(end: &End, ros1: &Ros1, wanted: &Wanted, types: &mut TypeStore) -> Vec<String> {
+    // A publisher shows its definition when it is asked for its type.
+    let shown = end.of(wanted.role).next().and_then(|one| match wanted.is_service {
+        true => ros1.learn_service(one, types).ok().map(Kind::Service),
+        false => {
+            let begin = Instant::now();
+            let mut told = ros1.learn_topic(one, types);
+            while matches!(told, Err(LearnError::Asked(_))) && begin.elapsed() < LISTEN {
+                std::thread::sleep(LOOK);
+                told = ros1.learn_topic(one, types);
+            }
+            Some(Kind::Topic(told.ok()?.message_type(true).into()))
+        }
+    });
+    match wanted.given.or(shown) {
+        Some(Kind::Topic(carried)) => {
+            ros1.with_types(|types| wrapyfi_ros1::differences::of_topic(types, carried.to))
+        }
+        Some(Kind::Service(kind)) => {
+            ros1.with_types(|types| wrapyfi_ros1::differences::of_service(types, kind))
+        }
+        None => Vec::new(),
     }
 }
 

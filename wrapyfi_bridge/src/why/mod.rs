@@ -150,6 +150,8 @@ pub struct End {
     pub type_name: Option<String>,
     /// Type that the source of a route without a type of its own announces, or shows by its messages.
     pub learned: Option<MessageType>,
+    /// Fields that a route loses because the definitions of ROS 1 and ROS 2 differ, a sentence each.
+    pub differences: Vec<String>,
     /// Quality of service that the route lays down; `None` where it follows its peers.
     pub qos: Option<Qos>,
     /// Servers that have to answer first, and whether they did.

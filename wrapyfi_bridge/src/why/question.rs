@@ -244,7 +244,7 @@ impl Configured<'_> {
             node.resolve(written) != **there && !route.is_many()
         };
         let renamed = [&route.from, &route.to].into_iter().zip(&ends).filter(is_renamed);
-        let known: Vec<_> = renamed
+        let mut known: Vec<_> = renamed
             .map(|(written, there)| {
                 format!("the bridge has {there} for {written}, by its namespace or a remap rule")
             })
@@ -253,6 +253,7 @@ impl Configured<'_> {
         let (provider, taker) = roles(is_service);
         let is_learned = route.typing == Typing::Learned && !route.is_many();
         let [mut source, mut destination] = looked;
+        known.extend([&source, &destination].into_iter().flat_map(|end| end.differences.clone()));
         if self.status.is_none() {
             let [from, to] = ends;
             let wanted = |role, end| Wanted { role, ..Wanted::new(end, is_service) };
@@ -336,7 +337,9 @@ impl Configured<'_> {
     ) -> [End; 2] {
         let is_service = matches!(route.kind, Kind::Service(_));
         let (provider, taker) = roles(is_service);
+        let given = (route.typing == Typing::Given).then_some(route.kind);
         let at_source = Wanted {
+            given,
             is_learned: route.typing == Typing::Learned && !route.is_many(),
             listens: provider == Role::Publisher
                 && !route.is_many()
@@ -344,7 +347,7 @@ impl Configured<'_> {
                 && listens_on(&from.middleware),
             ..Wanted::new(from.clone(), is_service)
         };
-        let at_destination = Wanted { role: taker, ..Wanted::new(to.clone(), is_service) };
+        let at_destination = Wanted { role: taker, given, ..Wanted::new(to.clone(), is_service) };
         // Nothing is learned at the destination.
         let mut none = TypeStore::empty();
         std::thread::scope(|scope| {

@@ -79,6 +79,18 @@ pub enum Note {
     },
 }
 
+impl Note {
+    /// True where the value of a field is lost in one direction. The `seq` of headers is not: ROS 2 has none, and towards
+    /// ROS 1 it is counted.
+    pub fn is_loss(&self) -> bool {
+        match self {
+            Self::OnlyRos1(path) => path != "header.seq" && !path.ends_with(".header.seq"),
+            Self::OnlyRos2(_) => true,
+            Self::Renamed { .. } => false,
+        }
+    }
+}
+
 impl fmt::Display for Note {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
