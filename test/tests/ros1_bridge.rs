@@ -462,6 +462,42 @@ fn the_learned_type_follows_its_publisher() -> Result {
     })
 }
 
+/// A service of a package whose messages only a publisher shows appears, and is called by the type that the bridge has
+/// learned.
+#[test]
+fn a_learned_service_is_called_by_the_type_that_the_bridge_knows() -> Result {
+    run("a_learned_service_is_called_by_the_type_that_the_bridge_knows", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let (topic, service) = (env.topic("part"), env.topic("s2"));
+        let folder = env.definitions(&[
+            ("wrapyfi_n/srv/S2.srv", "wrapyfi_m/Bb b\n---\nwrapyfi_m/Bb b\n"),
+            ("wrapyfi_m/msg/Bb.msg", "A a\nint32 n\n"),
+            ("wrapyfi_m/msg/A.msg", "string text\n"),
+        ])?;
+        let text = "wrapyfi_m/Bb b\n---\nwrapyfi_m/Bb b\n";
+        let own = folder_with(env, "own", "wrapyfi_n/srv/S2.srv", text)?;
+        let args =
+            format!("serve --topic {service} --type wrapyfi_n/S2 --node s2 --definitions {folder}");
+        let _server = env.rospy(&args, Some(r#"{"b": "=request.b"}"#))?;
+        let args =
+            format!("publish --topic {topic} --type wrapyfi_m/Bb --node bb --definitions {folder}");
+        let _talker = env.rospy(&args, Some(r#"{"n": 3}"#))?;
+        env.set_variable("ROS_PACKAGE_PATH", own);
+        let bridge = bridge(env, &[])?;
+        let route = format!("ros2:{service} -> ros:{service}");
+        until_route(&bridge, &route, |route| {
+            route.is_some_and(|route| route["type"] == "wrapyfi_n/srv/S2")
+        })?;
+        env.set_variable("ROS_PACKAGE_PATH", "");
+        let kwargs = r#"{"b": {"a": {"text": "hi"}, "n": 7}}"#;
+        let args = ["call", &ros2(&service), "--kwargs", kwargs, "--json", "--timeout", "100"];
+        let mut call = env.wrapyfi(args)?;
+        call.exits_with(0).map_err(|error| error.context(bridge.tail()))?;
+        assert_eq!(call.objects(1)?[0]["b"], json!({"a": {"text": "hi"}, "n": 7}));
+        Ok(())
+    })
+}
+
 /// Fields that one of the two definitions lacks are named: in the log once, by `why` and `check` always.
 #[test]
 fn fields_that_are_lost_are_named() -> Result {

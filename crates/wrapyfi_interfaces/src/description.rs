@@ -195,6 +195,17 @@ fn describe_field(field: &Field) -> FieldDescription {
     }
 }
 
+/// Distance of the numbers of an element alone, in an array, and in the two kinds of sequences.
+pub(crate) const CONTAINER_STEP: u8 = 48;
+
+/// The primitive with this number; `char` is `uint8` there.
+pub(crate) fn primitive_of_id(id: u8) -> Option<Primitive> {
+    Primitive::ALL
+        .into_iter()
+        .filter(|one| *one != Primitive::Char)
+        .find(|one| primitive_id(*one) == id)
+}
+
 fn primitive_id(primitive: Primitive) -> u8 {
     match primitive {
         Primitive::Int8 => 2,

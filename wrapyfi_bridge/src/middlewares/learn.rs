@@ -5,13 +5,19 @@
 //!   wrapyfi echo ros:/pose               ┴─▶ discovery ─▶ Middleware::learn_topic, until it knows
 //! ```
 
+use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
-use wrapyfi_data::types::MessageType;
-use wrapyfi_endpoint::{DiscoverError, LearnError, Learned, Middleware, Role};
+use wrapyfi_data::types::{Map, MessageType, Payload, ServiceKind, Value};
+use wrapyfi_endpoint::{
+    Context, DiscoverError, Discovered, LearnError, Learned, Middleware, Request, Role, ServiceSpec,
+};
 use wrapyfi_engine::Config;
+use wrapyfi_interfaces::Message as _;
 use wrapyfi_interfaces::parser::{Dialect, TypeName};
-use wrapyfi_interfaces::store::TypeStore;
+use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
+use wrapyfi_interfaces::type_description_interfaces::srv::GetTypeDescription_Response;
+use wrapyfi_node::type_description::TypeDescriptions;
 use wrapyfi_ros1 as ros1;
 
 use super::load::Endpoints;
@@ -84,6 +90,11 @@ pub(super) fn from_publishers(config: &Config<Endpoints>, types: &mut TypeStore)
     Ok(())
 }
 
+/// Most bytes of the description of a type.
+const MAX_DESCRIPTION_BYTES: usize = 4 << 20;
+/// Time that a node has to describe a type.
+const DESCRIBED_WITHIN: Duration = Duration::from_secs(2);
+
 /// Error of learning the type of a topic.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum LearnTopicError {
@@ -116,7 +127,7 @@ pub(crate) fn of_topic<T>(
 ) -> Result<T, LearnTopicError> {
     let name = format!("/{}", topic.trim_start_matches('/'));
     let mut discovery = middleware.discover_closely(Some(&name))?;
-    let mut last = false;
+    let (mut last, mut asked) = (false, BTreeSet::new());
     loop {
         let mut why =
             discovery.waiting_for().map_or(LearnTopicError::Nobody, LearnTopicError::Away);
@@ -126,6 +137,11 @@ pub(crate) fn of_topic<T>(
         found.sort_by_key(|one| one.role);
         let mut errors = Vec::new();
         for one in &found {
+            if let Err(LearnError::Undefined { .. }) = middleware.learn_topic(one, types)
+                && asked.insert(one.node.clone())
+            {
+                described(middleware, one, types);
+            }
             match middleware.learn_topic(one, types).and_then(&accept) {
                 Ok(learned) => return Ok(learned),
                 Err(error) => errors.push((one.role, error)),
@@ -141,6 +157,36 @@ pub(crate) fn of_topic<T>(
         // It looks once more when the time is over.
         last = is_over(&why);
         std::thread::sleep(if last { Duration::ZERO } else { LOOK });
+    }
+}
+
+/// Adds the type of an endpoint to `types` as its node describes it: a bridge knows types that it has learned elsewhere.
+/// Blocks for as long as that takes; nothing where the node does not say.
+pub(crate) fn described(middleware: &dyn Middleware, one: &Discovered, types: &mut TypeStore) {
+    let (Some(node), Some(name), Some(hash)) = (&one.node, &one.type_name, &one.type_hash) else {
+        return;
+    };
+    let told = || -> anyhow::Result<ResolvedType> {
+        let kind = GetTypeDescription_Response::ROS_TYPE.trim_end_matches("_Response");
+        let kind = ServiceKind::resolve(kind, &mut TypeStore::generated())?;
+        let service = format!("{node}/{}", TypeDescriptions::SERVICE);
+        let spec = ServiceSpec::new(&service, kind);
+        let mut client = middleware.open_client(&spec, &Context::default())?;
+        let fields = Map::from([
+            ("type_name", Value::from(name.as_str())),
+            ("type_hash", Value::from(hash.as_str())),
+            ("include_type_sources", Value::from(false)),
+        ]);
+        let reply = client.call(&Request::default().with(fields), DESCRIBED_WITHIN)?;
+        let Payload::RosMessage(message) = &reply.payload else {
+            anyhow::bail!("{service} answered otherwise");
+        };
+        let reply = GetTypeDescription_Response::decode(&message.cdr, MAX_DESCRIPTION_BYTES)?;
+        Ok(ResolvedType::from_description(&reply.type_description)?)
+    };
+    match told() {
+        Ok(described) => types.add_resolved(&described),
+        Err(error) => tracing::debug!(node, "{name} is not described: {error:#}"),
     }
 }
 

@@ -44,7 +44,7 @@ use wrapyfi_ros2::{NodeEndpoints, NodeHandle, graph::Graph};
 pub use self::available::{check_topic, is_ros, names, option_names};
 pub(crate) use self::available::{unknown, waits};
 pub use self::demo::DemoMiddlewares;
-pub(crate) use self::learn::{LearnTopicError, of_topic};
+pub(crate) use self::learn::{LearnTopicError, described, of_topic};
 pub use self::load::{Endpoints, Loaded, Undefined, load, load_and_learn, load_noting, load_text};
 pub use self::observe::{
     Observer, Reach, Server, ServerAddress, observer, ros2_elsewhere, server_addresses,

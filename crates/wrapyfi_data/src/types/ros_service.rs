@@ -1,7 +1,7 @@
 //! A ROS 2 service type known at run time, as small as a name.
 
 use std::collections::BTreeMap;
-use std::sync::Mutex;
+use std::sync::{Mutex, PoisonError};
 
 use wrapyfi_interfaces::store::ResolvedType;
 
@@ -29,14 +29,25 @@ struct Known {
     response: RosType,
 }
 
+static SERVICES: Interned<Known> = Mutex::new(BTreeMap::new());
+
 impl RosService {
+    /// The service of this name, where the process knows it already. The hash is that of the service or of its request:
+    /// DDS shows the latter.
+    pub fn known(name: &str, hash: &str) -> Option<Self> {
+        let services = SERVICES.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_meant = |((one, own), known): &(&(String, String), &&'static Known)| {
+            one == name && [own.as_str(), known.request.type_hash()].contains(&hash)
+        };
+        services.iter().find(is_meant).map(|(_, known)| Self(known))
+    }
+
     /// Enters the service of a definition; the same definition gives the same service.
     ///
     /// # Errors
     /// When the definition is no service, its parts cannot be compiled, or [`super::MAX_ROS_TYPES`]
     /// are known.
     pub fn new(resolved: &ResolvedType) -> Result<Self, RosTypeError> {
-        static SERVICES: Interned<Known> = Mutex::new(BTreeMap::new());
         let known = intern(&SERVICES, resolved, |name| {
             let part = |suffix: &str| match resolved.part(suffix) {
                 Some(part) => RosType::new(&part),
@@ -88,6 +99,10 @@ mod tests {
         let trigger = store.resolve_name("std_srvs/srv/Trigger").unwrap();
         let (a, b) = (RosService::new(&trigger).unwrap(), RosService::new(&trigger).unwrap());
         assert_eq!(a, b);
+        for hash in [trigger.type_hash().as_str(), a.request().type_hash()] {
+            assert_eq!(RosService::known("std_srvs/srv/Trigger", hash), Some(a));
+        }
+        assert_eq!(RosService::known("std_srvs/srv/Trigger", a.response().type_hash()), None);
         assert_eq!(a.response().plan().type_name(), "std_srvs/srv/Trigger_Response");
     }
 }

@@ -86,13 +86,20 @@ pub(super) fn intern<T>(
     Ok(known)
 }
 
+static TYPES: Interned<Known> = Mutex::new(BTreeMap::new());
+
 impl RosType {
+    /// The type of this name and hash, where the process knows it already.
+    pub fn known(name: &str, hash: &str) -> Option<Self> {
+        let types = TYPES.lock().unwrap_or_else(PoisonError::into_inner);
+        types.get(&(name.to_owned(), hash.to_owned())).map(|known| Self(known))
+    }
+
     /// Enters the type of a definition; the same definition gives the same type.
     ///
     /// # Errors
     /// When the definition is no message or cannot be compiled, or [`MAX_ROS_TYPES`] are known.
     pub fn new(resolved: &ResolvedType) -> Result<Self, RosTypeError> {
-        static TYPES: Interned<Known> = Mutex::new(BTreeMap::new());
         // Parts of services and actions are messages: requests, goals, events.
         let (kind, file) = (resolved.name().kind(), resolved.name().file_stem());
         if kind != InterfaceKind::Message && file == resolved.name().name() {

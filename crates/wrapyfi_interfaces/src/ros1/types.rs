@@ -136,6 +136,7 @@ impl Types {
     fn forget_made<'d>(&mut self, shown: impl Iterator<Item = &'d Definition>) {
         for name in shown.flat_map(|definition| definition.resolved.definitions().keys()) {
             self.rules.ros2_names(name).iter().for_each(|ros2| self.ros2.forget(ros2));
+            self.ros1.forget(name);
         }
     }
 
@@ -149,8 +150,8 @@ impl Types {
     }
 
     fn definition_of(&mut self, name: &TypeName) -> Result<Definition, DefinitionError> {
-        if let Some(announced) = self.announced.get(name) {
-            return Ok(announced.clone());
+        if let Some(shown) = self.shown(name) {
+            return Ok(shown);
         }
         match self.found_for_ros1(name, Definition::from_store) {
             Err(DefinitionError::Resolve(error)) if is_missing(&error, name) => {
@@ -158,6 +159,17 @@ impl Types {
             }
             found => found,
         }
+    }
+
+    /// Definition that a publisher has shown, of its own type or of one inside.
+    fn shown(&self, name: &TypeName) -> Option<Definition> {
+        if let Some(announced) = self.announced.get(name) {
+            return Some(announced.clone());
+        }
+        let has_it = |one: &&Definition| one.resolved.definitions().contains_key(name);
+        let inside = self.announced.values().find(has_it)?.resolved.definitions();
+        let part = ResolvedType::among(Dialect::Ros1, name, inside, &Looked::default()).ok()?;
+        Definition::new(part, &BTreeMap::new()).ok()
     }
 
     /// Asks the store of ROS 1, and again once a type inside is made that only ROS 2 has.
@@ -173,13 +185,19 @@ impl Types {
             else {
                 return found;
             };
-            let made = if missing == name { None } else { self.made_for_ros1(missing).ok() };
+            let made = if missing == name { None } else { self.found_elsewhere(missing) };
             match made {
                 Some(made) => self.ros1.add_resolved(&made),
                 // The missing type is named in the error.
                 None => return found,
             }
         }
+    }
+
+    /// A ROS 1 type that no folder has: shown by a publisher, else made from ROS 2.
+    fn found_elsewhere(&mut self, name: &TypeName) -> Option<ResolvedType> {
+        let shown = self.shown(name).map(|shown| shown.resolved);
+        shown.or_else(|| self.made_for_ros1(name).ok())
     }
 
     /// The ROS 1 definition of a service, by its ROS 1 name `package/Type`.
@@ -208,8 +226,10 @@ impl Types {
                 Ok(ros2) => {
                     let Self { rules, announced, ros1, .. } = self;
                     let find = |wanted: &TypeName| {
-                        let announced = announced.get(wanted).map(|one| one.resolved.clone());
-                        announced.or_else(|| ros1.resolve(wanted).ok())?.definition().cloned()
+                        let mut shown = announced.values().map(|one| one.resolved.definitions());
+                        let own = announced.get(wanted).and_then(|one| one.resolved.definition());
+                        let shown = own.or_else(|| shown.find_map(|inside| inside.get(wanted)));
+                        shown.cloned().or_else(|| ros1.resolve(wanted).ok()?.definition().cloned())
                     };
                     return Ok(derive::to_ros1(&ros2, name, rules, find)?);
                 }

@@ -15,16 +15,20 @@ use wrapyfi_interfaces::cdr::{CdrError, CdrParts};
 use wrapyfi_interfaces::rcl_interfaces::msg::{Log, ParameterEvent};
 use wrapyfi_interfaces::rosgraph_msgs::msg::Clock;
 use wrapyfi_interfaces::store::TypeStore;
-use wrapyfi_interfaces::type_description_interfaces::srv::GetTypeDescription;
+use wrapyfi_interfaces::type_description_interfaces::srv::{
+    GetTypeDescription, GetTypeDescription_Request, GetTypeDescription_Response,
+};
 use wrapyfi_interfaces::{Message as _, Service as _};
 
 use super::{MAX_BYTES, topic_of_clock};
 use crate::graph::{CdrReader, CdrServer, CdrWriter, Graph, GraphError, ringing};
 use crate::node_handle::{Shared, in_node_thread};
 use crate::service::replies::{Replies, Reply};
+use wrapyfi_data::types::{RosService, RosType};
 use wrapyfi_endpoint::Throttle;
 use wrapyfi_node::logger_services::{LoggerService, Loggers};
 use wrapyfi_node::parameters::{ParameterService, ParameterWatch};
+use wrapyfi_node::type_description::TypeDescriptions;
 use wrapyfi_node::{ParameterValue, RosTime};
 
 /// Longest time that a client may take to become able to hear its reply.
@@ -275,10 +279,31 @@ impl Answers {
     fn answer(&self, shared: &Shared, request: &Bytes) -> Result<CdrParts, CdrError> {
         match self {
             Self::Parameters(service) => shared.store().answer(*service, request, MAX_BYTES),
-            Self::Types => shared.types().answer_cdr(request, MAX_BYTES),
+            Self::Types => {
+                let request = GetTypeDescription_Request::decode(request, MAX_BYTES)?;
+                Ok(described(&mut shared.types(), &request).encode())
+            }
             Self::Loggers(service, loggers) => service.answer(loggers.as_ref(), request, MAX_BYTES),
         }
     }
+}
+
+/// Description of a type that the node has, or that its program has learned of programs elsewhere.
+fn described(
+    types: &mut TypeDescriptions,
+    request: &GetTypeDescription_Request,
+) -> GetTypeDescription_Response {
+    let answer = types.answer(request);
+    // DDS shows the hash of a service's request.
+    let (name, hash) = (request.type_name.as_str(), request.type_hash.as_str());
+    if answer.successful {
+        return answer;
+    }
+    let message = || RosType::known(name, hash).map(RosType::resolved);
+    let service = || RosService::known(name, hash).map(RosService::resolved);
+    let Some(resolved) = message().or_else(service) else { return answer };
+    let type_hash = types.add(resolved, Vec::new());
+    types.answer(&GetTypeDescription_Request { type_hash, ..request.clone() })
 }
 
 fn send(writer: &mut dyn CdrWriter, message: &CdrParts) {

@@ -1,6 +1,6 @@
 //! `wrapyfi call`.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
@@ -17,7 +17,8 @@ use crate::cli::CallArgs;
 use crate::command::definitions;
 use crate::describe::{describe, summary};
 use crate::exit::{Failure, Result};
-use crate::middlewares::{Role, for_service, is_ros};
+use crate::middlewares::{Role, described, for_service, is_ros};
+use crate::output;
 use crate::shutdown::Shutdown;
 use crate::why::question::inactive_at;
 use crate::words::words;
@@ -166,6 +167,7 @@ fn announced(
     let mut types = definitions::of_command(&args.definitions)?;
     let mut discovery = middleware.discover().with_context(|| side.clone())?;
     let deadline = Instant::now() + args.timeout;
+    let mut asked = BTreeSet::new();
     while !shutdown.requested() {
         let found = discovery.endpoints().with_context(|| side.clone())?;
         let servers = found.into_iter().filter(|one| one.role == EndpointRole::Server);
@@ -173,6 +175,13 @@ fn announced(
         for server in servers.filter(|one| one.name == name) {
             match middleware.learn_service(&server, &mut types) {
                 Ok(kind) => _ = kinds.insert(kind.to_string(), kind),
+                Err(LearnError::Undefined { .. }) if asked.insert(server.node.clone()) => {
+                    // Now, or never.
+                    described(middleware, &server, &mut types);
+                    if let Ok(kind) = middleware.learn_service(&server, &mut types) {
+                        kinds.insert(kind.to_string(), kind);
+                    }
+                }
                 Err(LearnError::Undefined { reason, .. }) => {
                     return Err(Failure::Usage(format!("{reason} (--definitions DIR)")));
                 }

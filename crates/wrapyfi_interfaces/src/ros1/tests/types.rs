@@ -494,6 +494,53 @@ proptest::proptest! {
     }
 }
 
+/// Writes definitions into a folder.
+fn folder_of(files: &[(&str, &str)]) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for (path, text) in files {
+        let path = folder.path().join(path);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, text).unwrap();
+    }
+    folder
+}
+
+/// Types inside one that a publisher has shown serve services, too: they were defined nowhere.
+#[test]
+fn a_service_shares_a_type_with_a_topic() {
+    let service = "n_msgs/Bb b\n---\nn_msgs/Bb b\nn_msgs/A[] more\n";
+    let only_service = folder_of(&[("n/srv/S2.srv", service)]);
+    let with_messages = folder_of(&[
+        ("n/srv/S2.srv", service),
+        ("n_msgs/msg/Bb.msg", "A a\nint32 n\n"),
+        ("n_msgs/msg/A.msg", "string text\n"),
+    ]);
+    let shown = "A a\nint32 n\n\n================\nMSG: n_msgs/A\nstring text\n";
+    let ros2_name = TypeName::parse(Dialect::Ros2, "n/srv/S2").unwrap();
+    for (ros1, ros2) in [
+        (Some(&with_messages), None),
+        (Some(&only_service), None),
+        (None, Some(&with_messages)),
+        (Some(&only_service), Some(&only_service)),
+    ] {
+        let mut store = TypeStore::empty();
+        ros2.into_iter().for_each(|folder| store.add_folder(folder.path()));
+        let mut types = Types::new(Rules::built_in(), store);
+        ros1.into_iter().for_each(|folder| types.add_ros1_path(folder.path().as_os_str()));
+        for _again in 0..2 {
+            let definition = types.show("n_msgs/Bb", "*", shown).unwrap();
+            let made = types.ros2_type(&definition.resolved).unwrap();
+            types.add_ros2(&made);
+            let made =
+                types.ros2_service("n/S2").unwrap_or_else(|e| panic!("{ros1:?} {ros2:?}: {e}"));
+            types.add_ros2(&made);
+            let plan = types.service_towards_ros1(&ros2_name);
+            let plan = plan.unwrap_or_else(|e| panic!("{ros1:?} {ros2:?}: {e}"));
+            assert_eq!((notes(&plan.request), notes(&plan.response)), (Vec::new(), Vec::new()));
+        }
+    }
+}
+
 /// A publisher that was started again with another definition had its new field dropped.
 #[test]
 fn the_type_that_is_made_follows_its_publisher() {
