@@ -32,7 +32,7 @@ use mio::{Events, Interest, Poll, Token};
 
 use super::assembly::NotTaken;
 use super::curve::{Curve, Keys};
-use super::heard::Heard;
+use super::heard::{End, Heard};
 use super::ledger::Refusal;
 use super::message::{Loss, Message};
 use super::options;
@@ -398,7 +398,7 @@ impl Front {
     /// Notes a peer that is refused.
     fn refuse(&mut self, who: String, key: String, topic: Option<Vec<u8>>) {
         let entry = self.keys.as_ref().and_then(|keys| keys.entry(&key)).cloned();
-        self.refusals.push(Refusal { side: self.kind, who, key, entry, topic });
+        self.refusals.push(Refusal { key, entry, topic, ..Refusal::of(self.kind, who) });
     }
 
     /// Writes what waits, as far as there is room.
@@ -531,6 +531,11 @@ impl Front {
                     self.cut(reason, subject, address, &why);
                     if let Some(key) = key {
                         self.refuse(format!("{address}: {why}"), key.to_owned(), None);
+                    }
+                    if let End::OtherPort { ours, .. } = &why {
+                        let (side, who) = (ours.other(), format!("{address}: {why}"));
+                        self.refusals
+                            .push(Refusal { is_elsewhere: true, ..Refusal::of(side, who) });
                     }
                 }
                 // One that only asks who is here, as a socket that does not fit, is told.

@@ -4,7 +4,7 @@ use bytes::Bytes;
 
 use super::assembly::{NotTaken, TooLarge};
 use super::curve;
-use super::zmtp::Breach;
+use super::zmtp::{Breach, Kind};
 use wrapyfi_endpoint::DropReason;
 
 /// Cause of the end of a connection.
@@ -16,6 +16,8 @@ pub(super) enum End {
     Breach(#[from] Breach),
     #[error("it offers {theirs} where this side speaks {ours} (endpoints: zeromq: curve)")]
     Mechanism { theirs: String, ours: &'static str },
+    #[error("it is a {theirs} socket at {}, and has to connect to {}", .ours.port(), .ours.other().port())]
+    OtherPort { theirs: String, ours: Kind },
     #[error(transparent)]
     Curve(#[from] curve::Breach),
     #[error("it sends {0}")]
@@ -33,6 +35,7 @@ impl End {
             Self::TooLarge(_) => Some(DropReason::Oversize.as_str()),
             Self::OverBudget => Some(DropReason::OverBudget.as_str()),
             Self::Mechanism { .. } => Some("mechanism"),
+            Self::OtherPort { .. } => Some("other_port"),
             Self::Curve(breach) => Some(breach.reason()),
             Self::Left | Self::Breach(_) | Self::Io(_) => None,
         }

@@ -11,7 +11,7 @@ use super::curve_config::CurveClient;
 use super::zmtp::Kind;
 use wrapyfi_endpoint::{Counters, DropReason, Mutex, Refused};
 
-/// Peer that a broker refuses for its key.
+/// Peer that a broker refuses, for its key or its port.
 pub(super) struct Refusal {
     /// Side of the broker at which it is refused.
     pub(super) side: Kind,
@@ -23,6 +23,8 @@ pub(super) struct Refusal {
     pub(super) entry: Option<CurveClient>,
     /// Topic that it may not have; `None` where it may have none at all.
     pub(super) topic: Option<Vec<u8>>,
+    /// True for one that has connected to the other port of the broker.
+    pub(super) is_elsewhere: bool,
 }
 
 /// Side of the broker at which an endpoint's peers are, and the name of the endpoint.
@@ -92,10 +94,18 @@ impl Ledger {
 }
 
 impl Refusal {
+    /// A peer without a key.
+    pub(super) fn of(side: Kind, who: String) -> Self {
+        Self { side, who, key: String::new(), entry: None, topic: None, is_elsewhere: false }
+    }
+
     /// Line of the configuration that lets the peer do what an endpoint called `name` is there for.
     fn allow(&self, name: &str) -> String {
         const CLIENTS: &str = "endpoints: zeromq: curve: clients:";
         let Self { side, key, entry, .. } = self;
+        if self.is_elsewhere {
+            return format!("connect that program to {} of the broker", side.port());
+        }
         let and = |topics: fn(&CurveClient) -> &Vec<String>| {
             let listed = entry.iter().flat_map(topics).map(String::as_str);
             listed.chain([name]).collect::<Vec<_>>()
@@ -133,7 +143,7 @@ mod tests {
         let refuse = |side, topic: Option<&str>| {
             let topic = topic.map(|topic| topic.as_bytes().to_vec());
             let (who, key, entry) = ("x".to_owned(), "K".to_owned(), None);
-            ledger.refused(&Refusal { side, who, key, entry, topic });
+            ledger.refused(&Refusal { key, entry, topic, ..Refusal::of(side, who) });
         };
         let counts = || [&camera, &depth, &command].map(|it| it.snapshot().dropped());
         refuse(Kind::Xpub, Some("/cam"));
@@ -154,7 +164,7 @@ mod tests {
         let entry = CurveClient { key: "keys/robot.key".to_owned(), publish, ..Default::default() };
         let refusal = |side, key: &str, entry: Option<&CurveClient>| {
             let (who, key, entry) = (String::new(), key.to_owned(), entry.cloned());
-            Refusal { side, who, key, entry, topic: None }.allow("/words")
+            Refusal { key, entry, ..Refusal::of(side, who) }.allow("/words")
         };
         for (side, line) in [
             (Kind::Xsub, "publish: [\"/camera\", \"/depth/(.*)\", \"/words\"]"),
@@ -165,6 +175,8 @@ mod tests {
             let wanted = format!("clients: write {line} in the entry with key: \"keys/robot.key\"");
             assert!(told.ends_with(&wanted), "{told}");
         }
+        let elsewhere = Refusal { is_elsewhere: true, ..Refusal::of(Kind::Xsub, String::new()) };
+        assert_eq!(elsewhere.allow("/words"), "connect that program to sub_port of the broker");
         let without = refusal(Kind::Dealer, "", None);
         assert!(without.contains("needs the public key") && without.contains("serve: true"));
     }

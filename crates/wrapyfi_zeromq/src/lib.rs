@@ -91,6 +91,14 @@ use wrapyfi_endpoint::{
     Opened, Publisher, Role, Server, ServiceSpec, TopicSpec,
 };
 
+/// Finds out what has a port, within a second.
+#[doc(hidden)]
+#[must_use]
+pub fn what_has(address: SocketAddr) -> Answer {
+    // A socket that fits nowhere: no broker takes it for one at the wrong port.
+    port_check::ask_port(address, "PAIR", zmtp::NULL)
+}
+
 /// Longest topic name: it is sent with every message.
 const MAX_TOPIC_BYTES: usize = 1024;
 

@@ -414,8 +414,13 @@ impl<S: Read + Write> Peer<S> {
                 return Err(end);
             }
         };
-        if !zmtp::socket_type(&theirs).is_some_and(|it| self.kind.takes(it)) {
-            return Err(Breach.into());
+        let (theirs, ours) = (zmtp::socket_type(&theirs).ok_or(Breach)?, self.kind);
+        if !ours.takes(theirs) {
+            let theirs = String::from_utf8_lossy(theirs).into_owned();
+            return Err(match ours.other().takes(theirs.as_bytes()) {
+                true => End::OtherPort { theirs, ours },
+                false => Breach.into(),
+            });
         }
         self.stage = Stage::Open;
         if self.only.is_some() {
@@ -584,6 +589,22 @@ mod tests {
         peer.understand(&mut Vec::new()).unwrap();
         peer.outbox.clear();
         peer
+    }
+
+    #[test]
+    fn a_socket_at_the_other_port_is_told_from_one_that_fits_nowhere() {
+        for (theirs, wanted) in [
+            ("PUB", Some("it is a PUB socket at pub_port, and has to connect to sub_port")),
+            ("PAIR", None),
+        ] {
+            let port = TcpListener::bind("127.0.0.1:0").unwrap();
+            let stream = TcpStream::connect(port.local_addr().unwrap()).unwrap();
+            let address = stream.peer_addr().unwrap();
+            let mut peer = Peer::new(stream, address, Instant::now());
+            peer.inbox = [zmtp::greeting(zmtp::NULL, false), zmtp::ready(theirs)].concat();
+            let end = peer.understand(&mut Vec::new()).unwrap_err();
+            assert_eq!(end.reason().map(|_| end.to_string()).as_deref(), wanted);
+        }
     }
 
     #[test]

@@ -68,6 +68,26 @@ impl Kind {
         }
     }
 
+    /// Setting of the port of the broker that has a socket of this type.
+    pub(super) fn port(self) -> &'static str {
+        match self {
+            Self::Xpub => "pub_port",
+            Self::Xsub => "sub_port",
+            Self::Router => "rep_port",
+            Self::Dealer => "req_port",
+        }
+    }
+
+    /// Type at the broker's other port, for those whom this one does not take.
+    pub(super) fn other(self) -> Self {
+        match self {
+            Self::Xpub => Self::Xsub,
+            Self::Xsub => Self::Xpub,
+            Self::Router => Self::Dealer,
+            Self::Dealer => Self::Router,
+        }
+    }
+
     /// True where a socket of ours of this type may have that peer.
     pub(super) fn takes(self, theirs: &[u8]) -> bool {
         match self {

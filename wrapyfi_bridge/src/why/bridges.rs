@@ -2,13 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use wrapyfi_endpoint::pattern::{NamePattern, is_pattern};
+use wrapyfi_endpoint::pattern::{Inverse, NamePattern, is_pattern};
 use wrapyfi_endpoint::{EndpointAddress, Role};
 use wrapyfi_engine::TO_BE_ACTIVATED;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
 use wrapyfi_ros2::graph::ServiceMapping;
 
-use super::server_check::Answer;
+use super::server_check::{Answer, ServerCheck};
 use super::state::Passed;
 use super::{Cause, End, Finding, OTHER_NODE, RouteFacts, Step, Way, roles, same_node};
 use crate::lifecycle::State;
@@ -45,6 +45,70 @@ pub(super) fn matched_without_route(way: &Way, end: &End) -> Option<Finding> {
         format!("the pattern {pattern} of {node} matches {address}, and makes no route of it");
     let remedy = format!("`wrapyfi why {address} --node {node}` tells the reason");
     Some(Finding::new(Cause::LeftOut, what, "that bridge", remedy))
+}
+
+/// The finding that nobody has a name at the destination of a bridge's pattern, with the source that is to be looked at.
+pub(super) fn brought_by_pattern(way: &Way, nobody: Finding) -> Finding {
+    let Some((node, pattern, source)) = &way.brought_by_pattern else { return nobody };
+    let what = format!("{}, and the pattern {pattern} of {node} makes no route to it", nobody.what);
+    let remedy =
+        format!("`wrapyfi why {source} --node {node}` tells the reason; {}", nobody.remedy);
+    Finding { what, remedy, ..nobody }
+}
+
+/// Bridge and its pattern that would bring to a name, and the source that it would take.
+pub(super) fn pattern_to(
+    address: &EndpointAddress,
+    all: &BTreeMap<String, BridgeStatus>,
+) -> Option<(String, String, EndpointAddress)> {
+    let source = |one: &RouteInfo| {
+        let [to, from] = match one.kind == "service" {
+            true => [&one.source, &one.destination],
+            false => [&one.destination, &one.source],
+        };
+        let (to, from) =
+            (to.parse::<EndpointAddress>().ok()?, from.parse::<EndpointAddress>().ok()?);
+        let is_meant = to.middleware == address.middleware && is_pattern(&from.name);
+        let pattern = is_meant.then(|| NamePattern::new(&from.name).ok())??;
+        let name = Inverse::new(&pattern, &to.name)?.source(&address.name)?;
+        Some(EndpointAddress { name, ..from })
+    };
+    all.iter().find_map(|(node, status)| {
+        let mut routes = status.routes.iter();
+        let (pattern, from) = routes.find_map(|one| Some((one.key.clone(), source(one)?)))?;
+        Some((node.clone(), pattern, from))
+    })
+}
+
+/// The finding that the bridge is registered at another master of ROS 1: that of this shell would have the subscription
+/// or the publication of its active route.
+pub(super) fn other_master(way: &Way, end: &End) -> Step {
+    let is_own = way.route.as_ref().is_some_and(|route| route.is_own);
+    let is_asked = end.address.middleware == "ros" && !is_own && end.is_open();
+    let running = way.running.as_ref().filter(|it| it.state == "active" && it.kind != "service");
+    let Some(running) = running.filter(|_| is_asked) else { return Ok(()) };
+    let address = end.address.to_string();
+    let (role, has) = if running.resolved_source == address {
+        (Role::Listener, "subscription")
+    } else if running.resolved_destination == address {
+        (Role::Publisher, "publication")
+    } else {
+        return Ok(());
+    };
+    if end.of(role).next().is_some() {
+        return Ok(());
+    }
+    let Way { node, .. } = way;
+    let master = end.servers.first().map(ServerCheck::words).unwrap_or_default();
+    let what = format!(
+        "the route {} of {node} is active, and the {master} of this shell has no {has} of {address}: that bridge has another \
+         ROS_MASTER_URI",
+        running.key
+    );
+    let remedy = format!(
+        "set ROS_MASTER_URI in this shell as where {node} starts, or the other way round; the log of {node} names its master"
+    );
+    Err(Finding::new(Cause::OtherMaster, what, "this shell, or whoever starts the bridge", remedy))
 }
 
 /// Bridge and its pattern that matches a name, where none has a route of it.

@@ -59,6 +59,13 @@ pub(super) fn by_parameters(finding: Finding, way: &Way) -> Finding {
         }
         Cause::State if broken(way).is_err() => "take the name into `deny` of its parameters",
         Cause::Limit => "take fewer names by `allow` of its parameters",
+        Cause::Type | Cause::Qos | Cause::Drops | Cause::RateLimit => {
+            let remedy = format!(
+                "{}; the routes of {} are made by its parameters: one of its own needs a file (-p config_file:=FILE)",
+                finding.remedy, way.node
+            );
+            return Finding { remedy, ..finding };
+        }
         _ => return finding,
     };
     let remedy = format!(

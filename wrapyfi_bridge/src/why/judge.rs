@@ -12,11 +12,13 @@ use wrapyfi_yarp_endpoint as yarp;
 
 use crate::middlewares::Server;
 
-use super::bridges::{elsewhere, inactive, lacking, matched_without_route, several};
+use super::bridges::{
+    brought_by_pattern, elsewhere, inactive, lacking, matched_without_route, other_master, several,
+};
 use super::configured::{by_parameters, defined, limit, of_file};
 use super::ends::is_told;
 use super::reach::{opened, reachable};
-use super::server_check::Answer;
+use super::server_check::{Answer, ServerCheck};
 use super::state::{
     broken, brought, counted, flows, hears_others, is_carried, is_met, is_provider, is_used,
     other_mapping, rate, refused, refused_alone, runs, state, unopened,
@@ -83,6 +85,7 @@ impl Walk<'_> {
             state(way)?;
         }
         self.somebody(source, provider)?;
+        other_master(way, source)?;
         // Of a name that nobody has, the limit is no reason.
         way.route.as_ref().map_or(Ok(()), limit)?;
         self.reached(source, provider)?;
@@ -126,6 +129,7 @@ impl Walk<'_> {
                 self.side(destination)?;
                 self.callers(destination)?;
                 if !way.is_service {
+                    other_master(way, destination)?;
                     self.somebody(destination, taker)?;
                     self.reached(destination, taker)?;
                     self.types(destination, taker)?;
@@ -154,7 +158,9 @@ impl Walk<'_> {
     /// The servers of a side, and the side itself.
     fn side(&mut self, end: &End) -> Step {
         let does = if end.away.is_some() { "accepts a connection" } else { "answers" };
-        for check in &end.servers {
+        // Where another program has a port, no broker can be started.
+        let is_taken = |it: &&ServerCheck| matches!(it.answer, Answer::Foreign(_));
+        for check in end.servers.iter().filter(is_taken).chain(&end.servers) {
             match opened(check, &end.address, self.way) {
                 Ok(()) => self.pass(format!("{} {does}", check.words())),
                 // A connection needs neither a master nor a name server.
@@ -290,8 +296,10 @@ impl Walk<'_> {
         // On ROS 2 who looks sees as much as the bridge, which may not have missed yet who left.
         let is_believed = match is_bare {
             true => address.middleware != "ros2" || flows(self.way),
-            // A broker of others does not tell who listens, but to who publishes.
-            false if address.middleware == "zeromq" => true,
+            // A broker of others does not tell who listens, but to who publishes; who publishes, only messages tell.
+            false if address.middleware == "zeromq" => {
+                role != Role::Publisher || hears_others(self.way)
+            }
             false => registry(end).is_some() || (is_provider(role) && flows(self.way)),
         };
         if is_believed && is_met(self.way, address, role) {
@@ -350,6 +358,10 @@ impl Walk<'_> {
             remedy = format!("{remedy}, and beside it: wrapyfi echo {address}");
         }
         let nobody = Finding::new(cause_of_nobody(role), nobody, provider(end, role), remedy);
+        let nobody = match is_provider(role) {
+            true => brought_by_pattern(self.way, nobody),
+            false => nobody,
+        };
         Err(refused_alone(self.way, role, nobody))
     }
 

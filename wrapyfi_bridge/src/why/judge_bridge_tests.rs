@@ -391,6 +391,10 @@ fn routes_of_parameters_are_mended_by_parameters() {
     let denied = Way { route: Some(denied), ..Way::default() };
     let unknown = Way { destination: None, without_route: Some("x".to_owned()), ..whole() };
     let broken = Way { running: running("error", "no name of ROS 2", 0, 0), ..whole() };
+    let other_type = of_source(|it| it.type_name = Some("std_msgs/msg/Int32".to_owned()));
+    let other_type = judge(&Way { is_of_parameters: true, ..other_type }).finding.unwrap();
+    assert_eq!(other_type.cause, Cause::Type);
+    assert!(other_type.remedy.contains("needs a file (-p config_file:=FILE)"), "{other_type:?}");
     for (way, parameter) in [(denied, "`deny`"), (unknown, "`prefix`"), (broken, "`deny`")] {
         let of = |is_of_parameters| {
             let way = Way { node: node.clone(), is_of_parameters, ..way.clone() };
@@ -505,4 +509,92 @@ fn a_publisher_of_ros_1_from_which_nothing_came_is_idle() {
     assert_eq!(rests.finding, None);
     assert!(rests.passed.iter().any(|it| it.ends_with("in the last second")), "{rests:?}");
     assert!(!of(40, 9.0).passed.iter().any(|it| it.ends_with("in the last second")));
+}
+
+#[test]
+fn a_bridge_on_another_master_is_told_where_the_master_of_the_shell_lacks_it() {
+    let of = |state: &str, resolved_destination: &str, found: Vec<Discovered>| {
+        let mut way = of_destination(|it| it.found = found);
+        let running = running(state, "", 40, 40).unwrap();
+        let resolved_destination = resolved_destination.to_owned();
+        way.running = Some(RouteInfo { resolved_destination, ..running });
+        way.node = "/eye".to_owned();
+        judge(&way).finding
+    };
+    let found = of("active", "ros:/out", vec![listener("/out")]).unwrap();
+    assert_eq!(found.cause, Cause::OtherMaster, "{found:?}");
+    for words in ["has no publication of ros:/out", "the route lamp of /eye is active"] {
+        assert!(found.what.contains(words), "{found:?}");
+    }
+    assert!(found.remedy.contains("set ROS_MASTER_URI in this shell"), "{found:?}");
+    let both = || vec![publisher("/out"), listener("/out")];
+    assert_eq!(of("active", "ros:/out", both()), None);
+    assert_eq!(of("active", "ros:/other", vec![listener("/out")]), None);
+}
+
+#[test]
+fn a_pattern_that_would_bring_a_name_is_named_with_its_source() {
+    let pattern = |key: &str, source: &str, destination: &str| {
+        let [key, source, destination] = [key, source, destination].map(str::to_owned);
+        RouteInfo { key, source, destination, kind: "topic".to_owned(), ..RouteInfo::default() }
+    };
+    let routes = vec![
+        pattern("there", "ros2:/(.*)", "ros:/$1"),
+        pattern("back", "ros:/(.*)", "ros2:/robot/$1"),
+    ];
+    let status = BridgeStatus { routes, ..BridgeStatus::default() };
+    let all = [("/eye".to_owned(), status)].into();
+    let to = |text: &str| super::super::super::bridges::pattern_to(&address(text), &all);
+    assert_eq!(to("ros2:/raw"), None);
+    let found = to("ros2:/robot/raw").unwrap();
+    assert_eq!(found, ("/eye".to_owned(), "back".to_owned(), address("ros:/raw")));
+    let mut way = of_source(|it| it.found.clear());
+    (way.route, way.destination, way.brought_by_pattern) = (None, None, Some(found));
+    let found = judge(&way).finding.unwrap();
+    assert_eq!(found.cause, Cause::NobodyPublishes);
+    assert!(found.what.contains("the pattern back of /eye makes no route to it"), "{found:?}");
+    assert!(found.remedy.starts_with("`wrapyfi why ros:/raw --node /eye`"), "{found:?}");
+}
+
+#[test]
+fn on_zeromq_a_route_that_runs_tells_nothing_of_a_publisher() {
+    let of = |received: u64, others: &[&str]| {
+        let mut way = of_source(|it| {
+            it.address = address("zeromq:/in");
+            (it.graph, it.silent, it.heard) = (None, None, 0);
+            let named = |name: &&str| Discovered::new(*name, Role::Publisher);
+            it.found = others.iter().map(named).collect();
+        });
+        let running = running("active", "", received, received).unwrap();
+        let resolved_source = "zeromq:/in".to_owned();
+        way.running = Some(RouteInfo { resolved_source, ..running });
+        judge(&way).finding
+    };
+    let nobody = of(0, &[]).unwrap();
+    assert_eq!(nobody.cause, Cause::NobodyPublishes, "{nobody:?}");
+    assert!(nobody.what.contains("nobody publishes it, or is silent"), "{nobody:?}");
+    let slash = of(0, &["in"]).unwrap();
+    assert_eq!(slash.cause, Cause::OtherName, "{slash:?}");
+    assert!(slash.what.contains("zeromq:in has 1 publisher: the name differs by a slash"));
+    assert_eq!(of(5, &[]), None, "a publisher that has ended, or is silent");
+}
+
+#[test]
+fn another_program_at_one_port_of_a_broker_is_named_before_the_port_that_nobody_has() {
+    let rep = || Answer::Foreign("a ZeroMQ socket of type REP".to_owned());
+    let checks = [Answer::Refused, rep()];
+    let checks = checks.map(|it| server_check(Server::Broker, "127.0.0.1", it, true, true));
+    let found = judge(&of_source(|it| it.servers = checks.to_vec())).finding.unwrap();
+    assert!(found.what.contains("a ZeroMQ socket of type REP has port 5555"), "{found:?}");
+    assert!(found.remedy.contains("end that program"), "{found:?}");
+}
+
+#[test]
+fn a_mere_name_whose_route_waits_is_not_called_idle() {
+    let way = of_source(|it| (it.silent, it.heard) = (None, 0));
+    let running = running("waiting", "a listener on ros:/out", 9, 0).unwrap();
+    let running = RouteInfo { has_source: true, resolved_source: "ros2:/in".to_owned(), ..running };
+    let way = Way { route: None, destination: None, running: Some(running), ..way };
+    let found = judge(&way).finding.unwrap();
+    assert!(found.what.contains("waits for a listener on ros:/out"), "{found:?}");
 }

@@ -69,6 +69,11 @@ fn a_route_that_is_not_well_lacks_something_whatever_is_there() {
             ["acknowledges nothing: it has ended", "end /eye or start it again"],
         ),
         (
+            of("degraded", "", &[("oversize", 108)]),
+            Cause::Drops,
+            ["are dropped: 108, and 100 came (108 oversize)", "`max_message_mib: 64`"],
+        ),
+        (
             of("active", "", &[("mismatch", 95)]),
             Cause::Drops,
             ["95 of 100", "`type` or `encoding`"],

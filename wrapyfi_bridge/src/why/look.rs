@@ -11,6 +11,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
+use wrapyfi_data::types::MessageType;
 use wrapyfi_endpoint::{
     AnnouncedDurability, Context, Discovered, EndpointAddress, LearnError, Learned, Middleware,
     QosPreset, Registry, Role, TopicSpec, Wake,
@@ -159,6 +160,10 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
         }
         Err(fault) => end.away = Some(fault.to_string()),
     }
+    // A port of a broker is no use without the other: what has it may be none.
+    if !end.is_open() {
+        end.servers.iter_mut().for_each(ServerCheck::ask_kind);
+    }
     // Services of ZeroMQ have no names to be found.
     if !end.is_open() || (middleware == "zeromq" && wanted.is_service) {
         let is_own = !end.is_open() && end.servers.iter().any(|check| check.address.is_own);
@@ -262,8 +267,12 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
     if let Some(ros1) = ros1 {
         end.differences = differences(&end, &ros1, wanted, types);
     }
-    if wanted.listens && end.of(Role::Publisher).next().is_some() {
-        listen(&mut end, observer.as_ref(), types, looked_since + MOST);
+    if wanted.listens {
+        if end.of(Role::Publisher).next().is_some() {
+            listen(&mut end, observer.as_ref(), types, looked_since + MOST);
+        } else if middleware == "zeromq" {
+            listen_beside(&mut end, observer.as_ref());
+        }
     }
     if wanted.is_there(&end) {
         end.elsewhere.clear();
@@ -520,6 +529,24 @@ fn differences(end: &End, ros1: &Ros1, wanted: &Wanted, types: &mut TypeStore) -
             ros1.with_types(|types| wrapyfi_ros1::differences::of_service(types, kind))
         }
         None => Vec::new(),
+    }
+}
+
+/// Listens for a while to the name with a slash more or less: a publisher of ZeroMQ sends, and shows, only what somebody is
+/// subscribed to.
+fn listen_beside(end: &mut End, middleware: &dyn Middleware) {
+    let name = &end.address.name;
+    let beside = name.strip_prefix('/').map_or_else(|| format!("/{name}"), str::to_owned);
+    let spec = TopicSpec::new(beside, MessageType::NativeObject);
+    let context = Context::default();
+    let Ok(mut listener) = middleware.open_listener(&spec, &context) else { return };
+    let until = Instant::now() + LISTEN;
+    while Instant::now() < until {
+        if listener.discard() {
+            end.found.push(Discovered::new(&spec.topic, Role::Publisher));
+            return;
+        }
+        context.wake.wait(LOOK);
     }
 }
 

@@ -86,6 +86,8 @@ pub struct Way {
     pub stopped_programs: Vec<(u32, String)>,
     /// Bridge and its pattern that matches a mere name which somebody has, and makes no route of it.
     pub matched_without_route: Option<(String, String)>,
+    /// Bridge and its pattern that would bring to a mere name which nobody has, and the source that it would take.
+    pub brought_by_pattern: Option<(String, String, EndpointAddress)>,
     /// Domain of ROS 2 in which a bridge has the route, and its node, where there is no bridge in the own.
     pub other_domain: Option<(u32, String)>,
     /// True where the parameters of the bridge's node made its routes, which stand in no file.
@@ -327,6 +329,7 @@ pub enum Cause {
     NobodyOffers,
     OtherName,
     OtherDomain,
+    OtherMaster,
     DiscoveryRange,
     OwnPublication,
     Cycle,

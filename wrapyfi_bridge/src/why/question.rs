@@ -525,10 +525,14 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, types: &mut TypeStore
         let begins = heard.others.iter().find_map(bridges::unconfigured);
         known.extend(begins.map(|it| format!("{}; {}", it.what, it.remedy)));
     }
-    let others = heard.others.as_ref().filter(|_| !is_missing && running.is_none());
-    let matched_without_route = others.and_then(|all| bridges::pattern_of(address, all));
+    let others = heard.others.as_ref().filter(|_| running.is_none());
+    let matched_without_route =
+        others.filter(|_| !is_missing).and_then(|all| bridges::pattern_of(address, all));
+    let brought_by_pattern =
+        others.filter(|_| is_missing).and_then(|all| bridges::pattern_to(address, all));
     let (source, foreign) = (Some(end), heard.foreign);
-    let (title, rest) = (text, Way { matched_without_route, ..Way::default() });
+    let rest = Way { matched_without_route, brought_by_pattern, ..Way::default() };
+    let title = text;
     Way { title, is_service, node, running, also, source, foreign, stopped, known, ..rest }
 }
 

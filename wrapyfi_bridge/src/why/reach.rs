@@ -52,6 +52,12 @@ pub(super) fn opened(check: &ServerCheck, address: &EndpointAddress, way: &Way) 
                 Server::Master => format!("on {host}: ROS_IP={host} {start}"),
             },
         ),
+        Answer::Foreign(what) => (
+            Cause::ServerAway,
+            format!("{words} does not answer: {what} has port {port}"),
+            "that program, or the settings of zeromq".to_owned(),
+            format!("end that program, or choose another port (`endpoints: zeromq`); then {start}"),
+        ),
         Answer::AcceptsOnly => (
             Cause::ServerAway,
             format!("{words} does not answer: what listens on port {port} hangs or is stopped"),
@@ -86,7 +92,8 @@ pub(super) fn reachable(end: &End, one: &Registered) -> Step {
             format!("{registered}, an address of its own machine alone"),
             format!("export {variable}=ADDRESS where {who} runs, and start it again"),
         ),
-        Answer::Open => return Ok(()),
+        // Only ports of brokers are asked what has them.
+        Answer::Open | Answer::Foreign(_) => return Ok(()),
         Answer::Unresolved(reason) => (
             Cause::UnresolvedHost,
             format!("{registered}: {reason}"),

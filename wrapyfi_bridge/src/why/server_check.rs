@@ -28,6 +28,8 @@ pub enum Answer {
     Silent,
     /// Somebody accepted the connection, and did not answer on it.
     AcceptsOnly,
+    /// Another program has the port of a broker, in words.
+    Foreign(String),
     /// No way leads there, in the system's words.
     NoWay(String),
 }
@@ -64,6 +66,23 @@ impl ServerCheck {
         let mut begun = [0; SIGNATURE.2];
         let count = self.greeting.as_ref().and_then(|it| it.peek(&mut begun).ok());
         count == Some(length) && begun.first() == Some(&first) && begun.last() == Some(&last)
+    }
+
+    /// Asks what has the port of a broker of topics, where somebody accepts connections.
+    pub fn ask_kind(&mut self) {
+        let is_broker = self.address.server == Server::Broker && self.answer == Answer::Open;
+        let stream = self.greeting.as_ref().filter(|_| is_broker);
+        let Some(at) = stream.and_then(|it| it.peer_addr().ok()) else { return };
+        let answer = wrapyfi_zeromq::what_has(at);
+        let is_foreign = match &answer {
+            wrapyfi_zeromq::Answer::Socket(kind) => {
+                !matches!(kind.as_str(), "XPUB" | "PUB" | "XSUB" | "SUB")
+            }
+            answer => *answer == wrapyfi_zeromq::Answer::NotZeroMq,
+        };
+        if is_foreign {
+            self.answer = Answer::Foreign(answer.to_string());
+        }
     }
 
     /// Server in words, with its address.

@@ -112,7 +112,12 @@ pub(super) fn broken(way: &Way) -> Step {
         return Ok(());
     };
     let what = format!("{} is in state error: {}", called(way, running), running.reason);
-    let remedy = "change what the reason names; the bridge turns to the changed file";
+    let remedy = match &way.route {
+        Some(_) => "change what the reason names; the bridge turns to the changed file".to_owned(),
+        None => {
+            format!("change what the reason names, in the file or the parameters of {}", way.node)
+        }
+    };
     Err(Finding::new(Cause::State, what, "the configuration", remedy))
 }
 
@@ -227,12 +232,17 @@ pub(super) fn state(way: &Way) -> Passed {
     };
     let count: u64 = lost.iter().map(|(_, count, _)| count).sum();
     let all: Vec<_> = lost.iter().map(|(reason, count, _)| format!("{count} {reason}")).collect();
+    let came = came(running);
+    // What is lost before the bridge has it is no part of what came.
+    let share = match count <= came {
+        true => format!("{count} of {came} that came"),
+        false => format!("{count}, and {came} came"),
+    };
     let what = format!(
-        "messages of {route} are dropped: {count} of {} that came ({}); mostly because {meaning}",
-        came(running),
+        "messages of {route} are dropped: {share} ({}); mostly because {meaning}",
         all.join(", ")
     );
-    if !is_degraded && (count as f64) < MOST * came(running) as f64 {
+    if !is_degraded && (count as f64) < MOST * came as f64 {
         return Ok(Some(what));
     }
     let what = if reason.is_empty() { what } else { format!("{what}; the last: {reason}") };
@@ -259,6 +269,10 @@ pub(super) fn counted(way: &Way, source: &End) -> Passed {
     let address = &source.address;
     if running.messages_per_s > 0.0 || address.to_string() != running.resolved_source {
         return Ok(None);
+    }
+    // Its source may be closed meanwhile.
+    if running.state == "waiting" {
+        return state(way);
     }
     if came(running) > 0 {
         return Ok(Some(format!("nothing came on {address} in the last second")));
