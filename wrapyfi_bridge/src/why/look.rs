@@ -271,7 +271,7 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
         if end.of(Role::Publisher).next().is_some() {
             listen(&mut end, observer.as_ref(), types, looked_since + MOST);
         } else if middleware == "zeromq" {
-            listen_beside(&mut end, observer.as_ref());
+            listen_beside(&mut end, observer.as_ref(), looked_since + MOST);
         }
     }
     if wanted.is_there(&end) {
@@ -532,15 +532,15 @@ fn differences(end: &End, ros1: &Ros1, wanted: &Wanted, types: &mut TypeStore) -
     }
 }
 
-/// Listens for a while to the name with a slash more or less: a publisher of ZeroMQ sends, and shows, only what somebody is
-/// subscribed to.
-fn listen_beside(end: &mut End, middleware: &dyn Middleware) {
+/// Listens until `until`, for a while at most, to the name with a slash more or less: a publisher of ZeroMQ sends, and
+/// shows, only what somebody is subscribed to.
+fn listen_beside(end: &mut End, middleware: &dyn Middleware, until: Instant) {
     let name = &end.address.name;
     let beside = name.strip_prefix('/').map_or_else(|| format!("/{name}"), str::to_owned);
     let spec = TopicSpec::new(beside, MessageType::NativeObject);
     let context = Context::default();
     let Ok(mut listener) = middleware.open_listener(&spec, &context) else { return };
-    let until = Instant::now() + LISTEN;
+    let until = until.min(Instant::now() + LISTEN);
     while Instant::now() < until {
         if listener.discard() {
             end.found.push(Discovered::new(&spec.topic, Role::Publisher));
