@@ -34,18 +34,16 @@ fn services_need_no_choice() -> Result {
     on_kilted("services_need_no_choice", |env, ros| {
         env.set_variable("RMW_IMPLEMENTATION", "");
         let service = env.topic("light");
-        // It waits for the server, and asks in the moment in which it finds one.
-        let client = format!("call --topic {service} --type std_srvs/srv/SetBool");
-        let client = ros.rclpy(&client, Some(r#"{"data": true}"#))?;
-        client.event("ready")?;
         let serve = ["serve", &ros2(&service), "--type", "std_srvs/srv/SetBool", "--value"];
         let server = env.wrapyfi([&serve[..], &[r#"{"message": "so be it"}"#]].concat())?;
-        let reply = client.event("reply").map_err(|error| error.context(server.tail()))?;
-        assert_eq!(reply["value"]["message"], "so be it");
         for rmw in ["rmw_cyclonedds_cpp", "rmw_fastrtps_cpp"] {
             let call = ["call", &ros2(&service), "--timeout", "60", "--value", r#"{"data": true}"#];
             env.wrapyfi_as(rmw, call)?.exits_with(0)?;
         }
+        let client = format!("call --topic {service} --type std_srvs/srv/SetBool");
+        let client = ros.rclpy(&client, Some(r#"{"data": true}"#))?;
+        let reply = client.event("reply").map_err(|error| error.context(server.tail()))?;
+        assert_eq!(reply["value"]["message"], "so be it");
         real_ros2::services_of_rclpy_are_called(env, ros)
     })
 }

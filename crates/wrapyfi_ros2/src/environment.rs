@@ -142,7 +142,7 @@ pub struct Environment {
     pub discovery: DiscoverySettings,
     /// `CYCLONEDDS_URI`, where set: sources that override our configuration.
     pub cyclonedds_uri: Option<String>,
-    /// The only form in which services are mapped to DDS, where `RMW_IMPLEMENTATION` names a vendor: topics of all
+    /// The only form in which services are mapped to DDS, where `RMW_IMPLEMENTATION` or a sourced ROS 2 names a vendor: topics of all
     /// vendors understand each other, services do not. `None`: both forms.
     pub services: Option<ServiceMapping>,
     /// True where a program that has the rmw of an installed ROS 2 is to speak through it: another vendor than
@@ -224,7 +224,7 @@ pub fn read(lookup: impl Fn(&str) -> Option<String>) -> Result<Environment, Envi
     let mut warnings = Vec::new();
     let rmw = set("RMW_IMPLEMENTATION");
     let distro = set("ROS_DISTRO");
-    let services = services(rmw.as_deref())?;
+    let services = services(rmw.as_deref(), distro.is_some())?;
     let graph = set("WRAPYFI_ROS2_GRAPH")
         .map(|word| Adapter::from_word(&word).ok_or(EnvironmentError::UnknownGraph(word)));
     Ok(Environment {
@@ -361,9 +361,13 @@ fn stack_reason(rmw: Option<&str>, distro: Option<&str>) -> String {
 }
 
 /// The only service mapping of this environment, where it names one.
-fn services(rmw: Option<&str>) -> Result<Option<ServiceMapping>, EnvironmentError> {
+fn services(
+    rmw: Option<&str>,
+    is_sourced: bool,
+) -> Result<Option<ServiceMapping>, EnvironmentError> {
     match rmw {
-        None => Ok(None),
+        // The default of ROS 2.
+        None => Ok(is_sourced.then_some(ServiceMapping::FastDds)),
         Some("rmw_cyclonedds_cpp") => Ok(Some(ServiceMapping::Cyclone)),
         // A library that is missing says so when it is loaded.
         Some(_) if cfg!(feature = "rmw") => Ok(Some(ServiceMapping::FastDds)),
@@ -500,7 +504,7 @@ mod tests {
             assert_eq!(read.means_rmw, rmw == "rmw_fastrtps_cpp", "{rmw}");
         }
         let jazzy = with(&[("ROS_DISTRO", "jazzy")]).unwrap();
-        assert_eq!((jazzy.services, jazzy.means_rmw), (None, true));
+        assert_eq!((jazzy.services, jazzy.means_rmw), (Some(ServiceMapping::FastDds), true));
         assert!(jazzy.stack_reason.contains("jazzy"));
         let both = [("ROS_DISTRO", "jazzy"), ("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp")];
         let both = with(&both).unwrap();
