@@ -18,7 +18,6 @@ use crate::command::definitions;
 use crate::describe::{describe, summary};
 use crate::exit::{Failure, Result};
 use crate::middlewares::{Role, described, for_service, is_ros};
-use crate::output;
 use crate::shutdown::Shutdown;
 use crate::why::question::inactive_at;
 use crate::words::words;
