@@ -202,6 +202,7 @@ fn a_listener_is_told_that_its_key_may_not_subscribe() -> Result {
         drop(bridge);
         let told = why()?;
         assert!(told.contains("WRAPYFI_ZEROMQ_CURVE_SERVER_KEY: "), "{told}");
+        env.set_variable("WRAPYFI_ZEROMQ_CURVE_SERVER_KEY", env.path("keys/broker.key"));
         env.set_variable("WRAPYFI_ZEROMQ_CURVE_SECRET_KEY_FILE", env.path("keys/none.key"));
         for command in ["broker", "demo"] {
             let mut command = env.wrapyfi([command])?;

@@ -278,6 +278,7 @@ fn yarp() -> Result {
             "ros2 service call",
             "it takes ROS 2 with wrapyfi_msgs: `real_ros2` has it",
         )?;
+        guide.pass_over("yarp rpc /arm/rpc:i", "it takes YARP: `yarp_served_board` has it")?;
         env.peer("make_files.py", &env.path("").display().to_string())?.exits_with(0)?;
         std::fs::rename(env.path("colour.png"), env.path("frame.png"))?;
         let [server, camera, head, list, bridge, echo, call] = guide.lines("wrapyfi yarpserver")?;
@@ -300,6 +301,8 @@ fn yarp() -> Result {
         }
         env.write("some.yaml", guide.block("yaml", "carrier: fast_tcp")?)?;
         env.shell("wrapyfi check some.yaml")?.exits_with(0)?;
+        env.write("board.yaml", guide.block("yaml", "board: yarp:/arm")?)?;
+        env.shell("wrapyfi check board.yaml")?.exits_with(0)?;
         guide.is_done()
     })
 }

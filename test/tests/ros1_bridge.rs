@@ -409,7 +409,7 @@ fn names_that_ros_2_lacks_are_carried() -> Result {
         let called = |endpoint: &str| -> Result {
             let args = ["call", endpoint, "--args", "[true]", "--json", "--timeout", "100"];
             let mut call = env.wrapyfi(args)?;
-            assert_eq!(call.objects(1)?[0]["message"], "so be it", "{}", call.tail());
+            assert_eq!(call.objects(1)?[0]["value"]["message"], "so be it", "{}", call.tail());
             call.exits_with(0)
         };
         heard(&ros1(&topic))?;
@@ -493,7 +493,7 @@ fn a_learned_service_is_called_by_the_type_that_the_bridge_knows() -> Result {
         let args = ["call", &ros2(&service), "--kwargs", kwargs, "--json", "--timeout", "100"];
         let mut call = env.wrapyfi(args)?;
         call.exits_with(0).map_err(|error| error.context(bridge.tail()))?;
-        assert_eq!(call.objects(1)?[0]["b"], json!({"a": {"text": "hi"}, "n": 7}));
+        assert_eq!(call.objects(1)?[0]["value"]["b"], json!({"a": {"text": "hi"}, "n": 7}));
         Ok(())
     })
 }

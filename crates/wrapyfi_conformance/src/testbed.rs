@@ -101,6 +101,8 @@ pub struct Capabilities {
     pub float_sound: bool,
     /// Images and sound keep their coordinate frame.
     pub frame_id: bool,
+    /// Images keep the name of their encoding; elsewhere what has one number a pixel, as a Bayer pattern has, is grey.
+    pub names_encodings: bool,
     /// Some names can belong to no topic.
     pub refuses_names: bool,
     /// Treatment of messages of another type.
@@ -140,6 +142,7 @@ impl Capabilities {
         integer_sound: true,
         float_sound: true,
         frame_id: true,
+        names_encodings: true,
         refuses_names: true,
         types: TypeCheck::Match,
         services: true,

@@ -84,8 +84,12 @@ impl Testbed for Roscore {
         let content = match spec.message_type {
             // Any text is a text: what is broken is the message around it.
             MessageType::Text => body.to_vec(),
-            // So is one that is no JSON.
-            MessageType::NativeObject | MessageType::StringJson if body == b"{" => body.to_vec(),
+            // So is one that is no JSON, also where its bytes are no UTF-8.
+            MessageType::NativeObject | MessageType::StringJson
+                if body == b"{" || std::str::from_utf8(body).is_err() =>
+            {
+                body.to_vec()
+            }
             other if other.data_type() == DataType::NativeObject => framed(body),
             _ => body.to_vec(),
         };

@@ -43,6 +43,7 @@ impl Testbed for Brokered {
         keeps_last: false,
         integer_sound: false,
         frame_id: false,
+        names_encodings: false,
         types: TypeCheck::Arrival,
         ..Capabilities::FULL
     };

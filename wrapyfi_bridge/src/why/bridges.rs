@@ -81,12 +81,13 @@ pub(super) fn pattern_to(
 }
 
 /// The finding that the bridge is registered at another master of ROS 1: that of this shell would have the subscription
-/// or the publication of its active route.
+/// or the publication of its active route. Not while messages pass: a master that was restarted knows nobody either.
 pub(super) fn other_master(way: &Way, end: &End) -> Step {
     let is_own = way.route.as_ref().is_some_and(|route| route.is_own);
     let is_asked = end.address.middleware == "ros" && !is_own && end.is_open();
     let running = way.running.as_ref().filter(|it| it.state == "active" && it.kind != "service");
-    let Some(running) = running.filter(|_| is_asked) else { return Ok(()) };
+    let running = running.filter(|it| is_asked && it.messages_per_s <= 0.0);
+    let Some(running) = running else { return Ok(()) };
     let address = end.address.to_string();
     let (role, has) = if running.resolved_source == address {
         (Role::Listener, "subscription")

@@ -71,7 +71,7 @@ fn a_route_that_is_not_well_lacks_something_whatever_is_there() {
         (
             of("degraded", "", &[("oversize", 108)]),
             Cause::Drops,
-            ["are dropped: 108, and 100 came (108 oversize)", "`max_message_mib: 64`"],
+            ["are dropped: 108, and 100 came (108 oversize)", "a greater `max_message_mib`"],
         ),
         (
             of("active", "", &[("mismatch", 95)]),

@@ -52,16 +52,18 @@ pub fn text_objects_arrive_unchanged<R: Testbed>() {
 
 /// `sensor_msgs/msg/Image` in every encoding, and one of a camera's size.
 pub fn raw_images_arrive_unchanged<R: Testbed>() {
-    let small = Encoding::ALL.map(|encoding| (17, 5, encoding));
-    let payloads =
-        small.into_iter().chain([(1280, 720, Encoding::Bgr8)]).map(|(w, h, encoding)| {
-            // A wire without channel order has both sides told of it.
-            let order = match encoding {
-                Encoding::Rgb8 | Encoding::Rgba8 => Encoding::Rgb8,
-                _ => Encoding::Bgr8,
-            };
-            (frame(w, h, encoding), order)
-        });
+    let is_kept = |encoding: &Encoding| {
+        R::CAPABILITIES.names_encodings || !encoding.name().starts_with("bayer_")
+    };
+    let small = Encoding::ALL.into_iter().filter(is_kept).map(|encoding| (17, 5, encoding));
+    let payloads = small.chain([(1280, 720, Encoding::Bgr8)]).map(|(w, h, encoding)| {
+        // A wire without channel order has both sides told of it.
+        let order = match encoding {
+            Encoding::Rgb8 | Encoding::Rgba8 => Encoding::Rgb8,
+            _ => Encoding::Bgr8,
+        };
+        (frame(w, h, encoding), order)
+    });
     arrive_unchanged::<R>(MessageType::Image, payloads);
 }
 

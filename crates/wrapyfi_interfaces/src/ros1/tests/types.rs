@@ -37,10 +37,11 @@ fn fields_that_ros_2_spells_alike_are_refused_by_name() {
     let error = error.to_string();
     assert!(error.starts_with("d and D of demo/A of ROS 1 are both d in ROS 2"), "{error}");
     let mut types = Types::new(Rules::built_in(), TypeStore::empty());
+    let inner = format!("B b\n{SEPARATOR}MSG: demo/B\nint8 K\nint8 k\n");
     for (text, fields) in [
         ("string frame_id\nstring frameId\n", ["frame_id", "frameId"]),
         ("string frameId\nstring frame_Id\n", ["frame_Id", "frameId"]),
-        ("B b\n\n====\nMSG: demo/B\nint8 K\nint8 k\n", ["k", "K"]),
+        (&inner, ["k", "K"]),
     ] {
         let shown = types.show("demo/A", "*", text).unwrap();
         match types.plan(&shown) {
