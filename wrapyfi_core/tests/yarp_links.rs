@@ -392,7 +392,8 @@ fn who_sends_tells_whether_a_string_is_json() {
         assert_eq!(heard("/ours", Map::default(), &yarp), number(7));
         publishing.store(false, Relaxed);
     });
-    (other.abort(), wrapyfi.abort());
+    other.abort();
+    wrapyfi.abort();
 }
 
 #[test]

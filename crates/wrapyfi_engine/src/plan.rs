@@ -109,7 +109,7 @@ impl Plan {
             let message = "no routes: nothing to do".to_owned();
             reader.problems.push(Problem { position: None, message });
         }
-        let entries = config.routes.iter().flat_map(|entry| board_routes(entry));
+        let entries = config.routes.iter().flat_map(board_routes);
         for entry in entries {
             let entry = &*entry;
             let Some(route) = reader.read(entry) else { continue };

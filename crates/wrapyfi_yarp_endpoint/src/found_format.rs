@@ -116,6 +116,10 @@ impl SenderFormats {
         {
             return Some(format);
         }
+        if shared.directory.waiting_for().is_some() {
+            // Nobody can be asked now: the next message asks again.
+            return None;
+        }
         let is_json = name.starts_with('/') && is_of_wrapyfi(shared, name).await;
         let format = if is_json { BottleFormat::Json } else { BottleFormat::Plain };
         let mut known = self.known.lock();
