@@ -7,7 +7,7 @@
 //!
 //! All numbers inside are in YARP's units: degrees for axes that turn, metres for those that slide.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use super::super::joint_limits::Range;
 use super::super::options::YarpOptions;
@@ -18,6 +18,8 @@ const ARRIVED: [f64; 2] = [0.5, 0.005];
 const SPEED: [f64; 2] = [10.0, 0.1];
 /// Acceleration that is told until a client sets another; nothing here accelerates.
 const ACCELERATION: f64 = 100.0;
+/// Age of the last state from which on movements are refused: the robot does not say where it is any more.
+const STALE: Duration = Duration::from_secs(2);
 /// Range of an axis that turns, where option `limits` has none: sliders of a user interface need ends.
 const TURN: Range = (-180.0, 180.0);
 /// The same of an axis that slides, in metres.
@@ -107,10 +109,9 @@ pub(super) struct Movement {
     pub(super) joints: Vec<usize>,
     /// A number for each of these.
     pub(super) values: Vec<f64>,
-    /// Targets of all axes, those that do not move included.
-    pub(super) targets: Vec<f64>,
-    /// Time that the movement takes; zero where it is to be at once.
-    pub(super) time: Duration,
+    /// Places of all axes from now on, each at its time: one point for each time at which an axis arrives, the other
+    /// axes on their way at their own speeds.
+    pub(super) points: Vec<(Duration, Vec<f64>)>,
 }
 
 /// Numbers of all joints in a `JointState`, in its order and the units of ROS.
@@ -127,8 +128,8 @@ pub(super) struct Joints<'a> {
 pub(super) struct Axes {
     all: Vec<Axis>,
     in_degrees: bool,
-    /// True once a state has told where the axes are.
-    is_placed: bool,
+    /// Time of the last state, which has told where the axes are.
+    placed: Option<Instant>,
 }
 
 impl Axes {
@@ -172,7 +173,7 @@ impl Axes {
 
     /// True once names and places of the axes are known.
     pub(super) fn is_known(&self) -> bool {
-        self.is_placed && !self.all.is_empty()
+        self.placed.is_some() && !self.all.is_empty()
     }
 
     /// Takes a state of the robot. Joints that are not of this board are passed over: one `/joint_states` has those of
@@ -190,7 +191,7 @@ impl Axes {
         }
         let place = |axis: &Axis| names.iter().position(|name| *name == axis.name);
         let places: Vec<Option<usize>> = self.all.iter().map(place).collect();
-        if !self.is_placed
+        if self.placed.is_none()
             && let Some(missing) = self.all.iter().zip(&places).find(|(_, place)| place.is_none())
         {
             return Err(format!(
@@ -199,7 +200,7 @@ impl Axes {
                 names.join(", ")
             ));
         }
-        let was_placed = std::mem::replace(&mut self.is_placed, true);
+        let was_placed = self.placed.replace(Instant::now()).is_some();
         for joint in 0..self.all.len() {
             let Some(at) = places.get(joint).copied().flatten() else { continue };
             let number = |list: &[f64]| list.get(at).copied().filter(|it| it.is_finite());
@@ -226,19 +227,14 @@ impl Axes {
         at_once: bool,
     ) -> Option<Movement> {
         self.check(joints, targets)?;
-        let mut time_s: f64 = 0.0;
         for (&joint, &target) in joints.iter().zip(targets) {
             let axis = self.all.get_mut(joint)?;
             let (least, most) = axis.range;
             axis.target = if axis.is_bounded { target.clamp(least, most) } else { target };
-            if !at_once && axis.speed > 0.0 {
-                time_s = time_s.max((axis.target - axis.position).abs() / axis.speed);
-            }
         }
-        let time = Duration::try_from_secs_f64(time_s).ok()?;
         let values = joints.iter().filter_map(|&joint| self.all.get(joint).map(|axis| axis.target));
         let values = values.collect();
-        Some(self.movement(Quantity::Position, joints, values, time))
+        Some(self.movement(Quantity::Position, joints, values, at_once))
     }
 
     /// Stops axes where they are.
@@ -261,12 +257,13 @@ impl Axes {
                 self.all.get_mut(joint)?.wanted_velocity = value;
             }
         }
-        Some(self.movement(quantity, joints, values.to_vec(), Duration::ZERO))
+        Some(self.movement(quantity, joints, values.to_vec(), true))
     }
 
     fn check(&self, joints: &[usize], values: &[f64]) -> Option<()> {
         let moves = |&joint: &usize| self.all.get(joint).is_some_and(|it| it.mode != Mode::Idle);
-        let fits = joints.len() == values.len() && !joints.is_empty();
+        let is_there = self.placed.is_some_and(|at| at.elapsed() < STALE);
+        let fits = is_there && joints.len() == values.len() && !joints.is_empty();
         (fits && joints.iter().all(moves) && values.iter().all(|it| it.is_finite())).then_some(())
     }
 
@@ -275,16 +272,36 @@ impl Axes {
         quantity: Quantity,
         joints: &[usize],
         mut values: Vec<f64>,
-        time: Duration,
+        at_once: bool,
     ) -> Movement {
         if quantity != Quantity::Effort {
             for (value, &joint) in values.iter_mut().zip(joints) {
                 *value = self.to_ros(joint, *value);
             }
         }
-        let target = |(joint, axis): (usize, &Axis)| self.to_ros(joint, axis.target);
-        let targets = self.all.iter().enumerate().map(target).collect();
-        Movement { quantity, joints: joints.to_vec(), values, targets, time }
+        // Seconds that each axis has to its target; those that this movement does not name go on.
+        let times: Vec<f64> = self
+            .all
+            .iter()
+            .enumerate()
+            .map(|(joint, axis)| {
+                let is_there = at_once && joints.contains(&joint);
+                if is_there { 0.0 } else { (axis.target - axis.position).abs() / axis.speed }
+            })
+            .collect();
+        let mut arrivals = times.clone();
+        arrivals.sort_by(f64::total_cmp);
+        arrivals.dedup();
+        let at = |time_s: f64| {
+            let all = self.all.iter().zip(&times).enumerate();
+            let place = |(joint, (axis, &arrival)): (usize, (&Axis, &f64))| {
+                let part = if arrival > time_s { time_s / arrival } else { 1.0 };
+                self.to_ros(joint, axis.position + (axis.target - axis.position) * part)
+            };
+            Some((Duration::try_from_secs_f64(time_s).ok()?, all.map(place).collect()))
+        };
+        let points = arrivals.into_iter().filter_map(at).collect();
+        Movement { quantity, joints: joints.to_vec(), values, points }
     }
 
     fn turns(&self, joint: usize) -> bool {

@@ -231,7 +231,8 @@ fn set(axes: &mut Axes, what: &Value, rest: &[Value], carries: Carries) -> Answe
         "sto" if rest.is_empty() => axes.stop(&joints),
         "vel" | "acc" => {
             let values = values().filter(|it| it.len() == joints.len())?;
-            if values.iter().any(|it| !it.is_finite() || *it < 0.0) {
+            // An axis without speed would arrive at once, or never.
+            if values.iter().any(|it| !it.is_finite() || *it <= 0.0) {
                 return None;
             }
             for (joint, value) in joints.into_iter().zip(values) {

@@ -80,8 +80,21 @@ fn a_position_is_gone_to_at_the_speed_that_was_set_and_within_the_limits() {
     let movement = movement.unwrap();
     assert_eq!((said.as_str(), movement.quantity), ("[ok]", Quantity::Position));
     assert_eq!((movement.joints, movement.values), (vec![0], vec![-FRAC_PI_2]));
-    assert_eq!(movement.targets, [-FRAC_PI_2, 0.25], "the other joint stays");
-    assert_eq!(movement.time, Duration::from_millis(4500), "135 degrees at 30 a second");
+    let (time, places) = movement.points.last().unwrap();
+    assert_eq!(*places, [-FRAC_PI_2, 0.25], "the other joint stays");
+    assert_eq!(*time, Duration::from_millis(4500), "135 degrees at 30 a second");
+    // The first joint goes on at its own speed while the second one is commanded, and while that one is stopped.
+    let (_, other) = asked(&mut axes, "[set] [pos] 1 0.35", Carries::Positions);
+    let points = other.unwrap().points;
+    let [(soon, between), (late, there)] = &points[..] else { panic!("{points:?}") };
+    assert_eq!((there[0], *late), (-FRAC_PI_2, Duration::from_millis(4500)));
+    assert_eq!((soon.as_millis(), between[1], there[1]), (1000, 0.35, 0.35));
+    assert!((between[0] - 15_f64.to_radians()).abs() < 1e-9, "30 degrees in a second: {between:?}");
+    let (_, stopped) = asked(&mut axes, "[set] [sto] 1", Carries::Positions);
+    let points = stopped.unwrap().points;
+    assert_eq!((points[0].1[0], points[0].1[1]), (PI / 4.0, 0.25));
+    assert_eq!(points.last().unwrap().0, Duration::from_millis(4500));
+    assert_eq!(asked(&mut axes, "[set] [vel] 0 0.0", Carries::Positions).0, "[fail]");
     assert_eq!(
         asked(&mut axes, "[get] [don] 0", Carries::All).0,
         "[is] [don] 0 [tsta] 7 12.5 [ok]"
@@ -90,7 +103,7 @@ fn a_position_is_gone_to_at_the_speed_that_was_set_and_within_the_limits() {
     assert_eq!(relative.unwrap().values, [0.75, 0.0]);
     let (_, stopped) = asked(&mut axes, "[set] [stos]", Carries::All);
     let stopped = stopped.unwrap();
-    assert_eq!((stopped.targets, stopped.time), (vec![PI / 4.0, 0.25], Duration::ZERO));
+    assert_eq!(stopped.points, [(Duration::ZERO, vec![PI / 4.0, 0.25])]);
 }
 
 #[test]
@@ -114,11 +127,11 @@ fn commands_are_those_that_remote_controlboard_streams() {
     let mut axes = axes();
     let mut taken = |text: &str, carries| command(&mut axes, &bottle(text), carries);
     let direct = taken("([dpo] 0) (90.0)", Carries::Positions).unwrap();
-    assert_eq!((direct.values, direct.time), (vec![FRAC_PI_2], Duration::ZERO));
+    assert_eq!((direct.values, direct.points[0].0), (vec![FRAC_PI_2], Duration::ZERO));
     let some = taken("([dpog] 2 (1 0)) (0.5 0.0)", Carries::Positions).unwrap();
     assert_eq!((some.joints, some.values), (vec![1, 0], vec![0.5, 0.0]));
     let all = taken("([poss]) (0.0 0.5)", Carries::Positions).unwrap();
-    assert_eq!(all.time, Duration::from_millis(4500));
+    assert_eq!(all.points.last().unwrap().0, Duration::from_millis(4500));
     let turned = taken("([vmos]) (180.0 0.1)", Carries::All).unwrap();
     assert_eq!((turned.quantity, turned.values), (Quantity::Velocity, vec![PI, 0.1]));
     let pushed = taken("([dtq] 1) (3.5)", Carries::All).unwrap();
@@ -175,7 +188,7 @@ proptest! {
         let moved = movement.or(command(&mut axes, &message, Carries::All).ok());
         if let Some(movement) = moved {
             prop_assert_eq!(movement.joints.len(), movement.values.len());
-            prop_assert_eq!(movement.targets.len(), 2);
+            prop_assert!(movement.points.iter().all(|(_, places)| places.len() == 2));
         }
     }
 }

@@ -3,9 +3,11 @@
 //! ```text
 //!   Axes ─▶ state:o      p p p …
 //!        ─▶ stateExt:o   (p …) [ok] (v …) [ok] … (torque …) [ok] … (mode …) [ok] (interaction …) [ok]
-//!   Movement ─▶ trajectory_msgs/msg/JointTrajectory     one point: all axes, when they shall be there
+//!   Movement ─▶ trajectory_msgs/msg/JointTrajectory     all axes, each at its time
 //!            ─▶ sensor_msgs/msg/JointState              the axes that move, and position, velocity or effort
 //! ```
+
+use std::time::Duration;
 
 use wrapyfi_yarp::bottle::{EncodeError as BottleEncodeError, Vocab};
 use wrapyfi_yarp::{Bottle, Dialect, Value as Element};
@@ -68,19 +70,20 @@ pub(super) fn message(
     let texts = |names: &[&String]| names.iter().map(|name| name.as_str()).collect::<Value>();
     let fields = match carries(ros_type) {
         Some(Carries::Positions) => {
-            let time = movement.time;
-            let time = Map::from([
-                ("sec", Value::from(i64::try_from(time.as_secs()).unwrap_or(i64::MAX))),
-                ("nanosec", i64::from(time.subsec_nanos()).into()),
-            ]);
-            let point = Map::from([
-                ("positions", floats(&movement.targets)?),
-                ("time_from_start", time.into()),
-            ]);
+            let point = |(time, places): &(Duration, Vec<f64>)| {
+                let time = Map::from([
+                    ("sec", Value::from(i64::try_from(time.as_secs()).unwrap_or(i64::MAX))),
+                    ("nanosec", i64::from(time.subsec_nanos()).into()),
+                ]);
+                let point =
+                    Map::from([("positions", floats(places)?), ("time_from_start", time.into())]);
+                Ok(Value::from(point))
+            };
+            let points = movement.points.iter().map(point).collect::<DecodeResult<Vec<Value>>>()?;
             let all: Vec<&String> = names.iter().collect();
             Map::from([
                 ("joint_names", texts(&all)),
-                ("points", Value::List(vec![point.into()])),
+                ("points", Value::List(points)),
                 // At once, whatever the clock of the robot says.
                 (
                     "header",
@@ -111,7 +114,6 @@ pub(super) fn message(
 mod tests {
     use super::super::super::options::YarpOptions;
     use super::*;
-    use std::time::Duration;
     use wrapyfi_data::types::MessageType;
     use wrapyfi_interfaces::store::TypeStore;
 
@@ -160,8 +162,7 @@ mod tests {
             quantity: Quantity::Position,
             joints: vec![1],
             values: vec![0.5],
-            targets: vec![1.0, 0.5],
-            time: Duration::from_millis(2500),
+            points: vec![(Duration::from_millis(2500), vec![1.0, 0.5])],
         };
         let names = ["pan".to_owned(), "lift".to_owned()];
         let made = |name: &str| {
