@@ -273,7 +273,7 @@ impl Middleware for Yarp {
             )?;
             return Ok(Box::new(end));
         }
-        Ok(Box::new(listener::YarpListener::open(&self.shared, spec, context)?))
+        Ok(Box::new(listener::YarpListener::open(&self.shared, spec, options, context)?))
     }
 
     fn open_publisher(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Publisher> {
@@ -289,7 +289,7 @@ impl Middleware for Yarp {
             )?;
             return Ok(Box::new(end));
         }
-        Ok(Box::new(publisher::YarpPublisher::open(&self.shared, spec, context)?))
+        Ok(Box::new(publisher::YarpPublisher::open(&self.shared, spec, options, context)?))
     }
 
     fn open_client(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Client> {

@@ -104,9 +104,9 @@ impl YarpListener {
     pub(super) fn open(
         shared: &Arc<Shared>,
         spec: &TopicSpec,
+        options: YarpOptions,
         context: &Context,
     ) -> OpenResult<Self> {
-        let options = YarpOptions::of_topic(spec)?;
         check_name(&spec.topic)?;
         if let Some(port) = &options.port {
             check_name(port)?;
@@ -127,21 +127,15 @@ impl YarpListener {
             losses: Losses::default(),
         });
         let (stop, stopped) = shared.tasks.stop();
-        let wanted = options.clone();
+        let dialect = shared.network(&options).dialect();
         let pictures = spec.message_type.data_type() == DataType::Image;
         let (kept, told) = ((Arc::clone(shared), Arc::clone(&state)), Arc::clone(&state));
         shared.tasks.spawn(
             &topic.clone(),
             move |what| told.link_state.waiting(what),
-            move || keep(kept.clone(), topic.clone(), wanted.clone(), pictures, stopped.clone()),
+            move || keep(kept.clone(), topic.clone(), options.clone(), pictures, stopped.clone()),
         );
-        Ok(Self {
-            spec: spec.clone(),
-            dialect: shared.network(&options).dialect(),
-            inbox: receiver,
-            state,
-            _stop: stop,
-        })
+        Ok(Self { spec: spec.clone(), dialect, inbox: receiver, state, _stop: stop })
     }
 }
 

@@ -115,9 +115,9 @@ impl YarpPublisher {
     pub(super) fn open(
         shared: &Arc<Shared>,
         spec: &TopicSpec,
+        options: YarpOptions,
         context: &Context,
     ) -> OpenResult<Self> {
-        let options = YarpOptions::of_topic(spec)?;
         let name = options.port.clone().unwrap_or_else(|| spec.topic.clone());
         check_name(&name)?;
         let given = name;

@@ -15,7 +15,7 @@ use super::super::options::YarpOptions;
 use super::super::payload;
 use super::super::shared::Shared;
 use super::requests::Carries;
-use super::{Core, Moved, PORTS, ServedBoard, ServedBoards, state};
+use super::{Moved, PORTS, ServedBoard, ServedBoards, state};
 
 /// Takes states of the robot for the clients of the board.
 pub(in super::super) struct BoardPublisher {
@@ -94,12 +94,6 @@ fn check(spec: &TopicSpec, takes: impl Fn(Carries) -> bool, wanted: &str) -> Ope
     })
 }
 
-impl Core {
-    fn link(&self) -> Link {
-        self.link_state.link()
-    }
-}
-
 impl Publisher for BoardPublisher {
     /// A state is taken also while no client reads it: the next request is answered by it.
     fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
@@ -128,7 +122,7 @@ impl Publisher for BoardPublisher {
 
     fn link(&self) -> Link {
         // One reader at least, the board itself, so that states come before the first client.
-        let link = self.board.core.link();
+        let link = self.board.core.link_state.link();
         Link { peers: Some(link.peers.unwrap_or(0).max(1)), ..link }
     }
 }
@@ -151,6 +145,6 @@ impl Listener for BoardListener {
     }
 
     fn link(&self) -> Link {
-        self.board.core.link()
+        self.board.core.link_state.link()
     }
 }
