@@ -1,17 +1,19 @@
-//! The suite against ZeroMQ: the near side runs the broker, the far side only connects.
+//! The suite against ZeroMQ: the near side runs the broker, the far side only connects. Once more behind the stand-in
+//! for a middleware that starts late, which has to hand on all that the middleware does.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
-use wrapyfi_conformance::{Capabilities, Testbed, TypeCheck, WireEnd, conformance_tests};
+use wrapyfi_conformance::{Capabilities, Testbed, TypeCheck, WireEnd, conformance_tests, wait_for};
 use wrapyfi_data::types::DataType;
-use wrapyfi_endpoint::{Middleware, ServiceSpec, TopicSpec};
+use wrapyfi_endpoint::{DeferredMiddleware, Middleware, ServiceSpec, StartFault, TopicSpec, Wake};
 use wrapyfi_zeromq::{BrokerMode, ZeroMq, ZeroMqConfig};
 
-struct Brokered {
+struct Brokered<const LATE: bool> {
     // Endpoints and injectors end before the broker does.
     raw: BTreeMap<String, zmq::Socket>,
-    far: Option<ZeroMq>,
-    near: Option<ZeroMq>,
+    far: Option<Box<dyn Middleware>>,
+    near: Option<Box<dyn Middleware>>,
     /// Publishers', listeners', clients', servers'.
     ports: [u16; 4],
     asking: Vec<zmq::Socket>,
@@ -35,7 +37,22 @@ fn far(ports: [u16; 4]) -> ZeroMq {
     side(ports, BrokerMode::Foreign)
 }
 
-impl Testbed for Brokered {
+/// The middleware itself, or behind the stand-in once that has started it.
+fn behind<const LATE: bool>(middleware: ZeroMq) -> Box<dyn Middleware> {
+    if !LATE {
+        return Box::new(middleware);
+    }
+    let mut middleware = Some(middleware);
+    let late = DeferredMiddleware::new("zeromq", "it comes later".to_owned(), move || {
+        let gone = || StartFault::Hopeless("it was started before".to_owned());
+        Ok(Arc::new(middleware.take().ok_or_else(gone)?))
+    });
+    let late = late.unwrap();
+    wait_for(Wake::new(), "the start", || late.inner().map(drop));
+    Box::new(late)
+}
+
+impl<const LATE: bool> Testbed for Brokered<LATE> {
     const CAPABILITIES: Capabilities = Capabilities {
         listener_knows_peers: false,
         publisher_counts_listeners: false,
@@ -53,13 +70,14 @@ impl Testbed for Brokered {
         let (rep_port, req_port) = first.start_services().unwrap();
         let ports = [first.pub_port(), first.sub_port(), rep_port, req_port];
         let (raw, asking) = (BTreeMap::new(), Vec::new());
-        Self { raw, near: Some(first), far: Some(far(ports)), ports, asking }
+        let (near, far) = (Some(behind::<LATE>(first)), Some(behind::<LATE>(far(ports))));
+        Self { raw, near, far, ports, asking }
     }
 
     fn side(&self, side: WireEnd) -> &dyn Middleware {
         match side {
-            WireEnd::Near => self.near.as_ref().unwrap(),
-            WireEnd::Far => self.far.as_ref().unwrap(),
+            WireEnd::Near => self.near.as_deref().unwrap(),
+            WireEnd::Far => self.far.as_deref().unwrap(),
         }
     }
 
@@ -67,11 +85,11 @@ impl Testbed for Brokered {
         match side {
             WireEnd::Near => {
                 self.near = None;
-                self.near = Some(near(self.ports));
+                self.near = Some(behind::<LATE>(near(self.ports)));
             }
             WireEnd::Far => {
                 self.far = None;
-                self.far = Some(far(self.ports));
+                self.far = Some(behind::<LATE>(far(self.ports)));
             }
         }
     }
@@ -114,9 +132,21 @@ impl Testbed for Brokered {
 }
 
 conformance_tests! {
-    Brokered,
+    Brokered<false>,
     lacks {
         keeps_last: "a ZeroMQ broker keeps no message for later subscribers",
         listener_knows_peers: "a ZeroMQ broker tells subscribers nothing of publishers",
     },
+}
+
+mod late {
+    use super::*;
+
+    conformance_tests! {
+        Brokered<true>,
+        lacks {
+            keeps_last: "a ZeroMQ broker keeps no message for later subscribers",
+            listener_knows_peers: "a ZeroMQ broker tells subscribers nothing of publishers",
+        },
+    }
 }

@@ -8,16 +8,12 @@
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, OnceLock};
 
-use wrapyfi_interfaces::store::TypeStore;
-
 use super::{
-    Client, Context, DiscoverError, Discovered, Discovery, LearnResult, Learned, Listener,
-    Middleware, OpenError, OpenResult, Opened, Publisher, Server, ServiceSpec, TopicSpec, Traits,
-    Wake,
+    Client, Context, DiscoverError, Discovery, Listener, Middleware, OpenError, OpenResult, Opened,
+    Publisher, Server, ServiceSpec, TopicSpec, Wake,
 };
 use crate::Mutex;
 use crate::backoff::Backoff;
-use wrapyfi_data::types::{Map, MessageType, ServiceKind};
 use wrapyfi_retry::contained;
 
 /// Fault of a try to start a middleware.
@@ -150,10 +146,8 @@ impl Middleware for DeferredMiddleware {
         self.name
     }
 
-    fn follow_conventions(&self, spec: &mut TopicSpec, at_source: bool) {
-        if let Ok(started) = self.started() {
-            started.follow_conventions(spec, at_source);
-        }
+    fn inner(&self) -> Option<&dyn Middleware> {
+        self.started().ok()
     }
 
     fn open_listener(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Listener> {
@@ -180,46 +174,6 @@ impl Middleware for DeferredMiddleware {
         self.started().map_err(|fault| not_listed(self.name, fault))?.discover_closely(topic)
     }
 
-    fn traits(&self) -> Traits {
-        self.started().map(<dyn Middleware>::traits).unwrap_or_default()
-    }
-
-    fn received_as(&self, learned: MessageType, options: &Map) -> MessageType {
-        self.started().map_or(learned, |started| started.received_as(learned, options))
-    }
-
-    fn ahead_options(&self, name: &str) -> Option<Map> {
-        self.started().ok().and_then(|started| started.ahead_options(name))
-    }
-
-    fn doubt(&self, name: &str) {
-        if let Ok(started) = self.started() {
-            started.doubt(name);
-        }
-    }
-
-    fn learn_topic(&self, found: &Discovered, types: &mut TypeStore) -> LearnResult<Learned> {
-        match self.started() {
-            Ok(started) => started.learn_topic(found, types),
-            Err(_) => super::topic_of_name(self.name, found, types),
-        }
-    }
-
-    fn learn_service(&self, found: &Discovered, types: &mut TypeStore) -> LearnResult<ServiceKind> {
-        match self.started() {
-            Ok(started) => started.learn_service(found, types),
-            Err(_) => super::service_of_name(self.name, found, types),
-        }
-    }
-
-    fn ended(&self) -> Option<String> {
-        self.started().ok().and_then(<dyn Middleware>::ended)
-    }
-
-    fn keeps_last(&self, found: &Discovered) -> Option<bool> {
-        self.started().ok().and_then(|started| started.keeps_last(found))
-    }
-
     fn waiting_for(&self) -> Option<String> {
         match self.started() {
             Ok(started) => started.waiting_for(),
@@ -241,6 +195,8 @@ fn not_listed(middleware: &str, fault: StartFault) -> DiscoverError {
 #[cfg(test)]
 mod tests {
     use std::time::Duration;
+
+    use wrapyfi_data::types::MessageType;
 
     use super::*;
     use crate::memory::Memory;
@@ -269,6 +225,20 @@ mod tests {
             std::thread::sleep(Duration::from_millis(5));
         }
         assert_eq!(late.waiting_for(), None);
+    }
+
+    /// A default that asks nobody would hide what a wrapper leaves out.
+    #[test]
+    fn each_default_of_a_middleware_asks_the_one_inside() {
+        let source = include_str!("lib.rs");
+        let (_, methods) = source.split_once("pub trait Middleware").unwrap();
+        let (methods, _) = methods.split_once("\n}\n").unwrap();
+        for method in methods.split("\n    fn ").skip(1) {
+            let (head, body) = method.split_once(" {\n").unwrap_or((method, ""));
+            let name = head.split('(').next().unwrap();
+            let is_own = head.contains(';') || ["inner", "no_services"].contains(&name);
+            assert!(is_own || body.contains("self.inner()"), "{name}");
+        }
     }
 
     #[test]

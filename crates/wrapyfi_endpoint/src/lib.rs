@@ -129,6 +129,12 @@ pub trait Middleware: Send + Sync {
     /// Name in addresses, for instance `zeromq` in `zeromq:/camera`.
     fn name(&self) -> &str;
 
+    /// The middleware that does all that a wrapper leaves out; `None` for a transport itself. What a method does by
+    /// default is asked of it, so that a wrapper can forget none.
+    fn inner(&self) -> Option<&dyn Middleware> {
+        None
+    }
+
     /// Starts receiving a topic. Returns at once: a peer that is not there yet is waited for.
     ///
     /// # Errors
@@ -144,7 +150,9 @@ pub trait Middleware: Send + Sync {
     /// Gives an endpoint that a route opens, a listener where it is `at_source`, what is usual for its topic here.
     /// Not called for a route that says it itself.
     fn follow_conventions(&self, spec: &mut TopicSpec, at_source: bool) {
-        _ = (spec, at_source);
+        if let Some(inner) = self.inner() {
+            inner.follow_conventions(spec, at_source);
+        }
     }
 
     /// Prepares calling a service. Returns at once: a server that is not there yet is waited for.
@@ -152,8 +160,8 @@ pub trait Middleware: Send + Sync {
     /// # Errors
     /// When the service can never be called as asked, or the middleware has no services.
     fn open_client(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Client> {
-        _ = context;
-        Err(self.no_services(spec))
+        self.inner()
+            .map_or_else(|| Err(self.no_services(spec)), |inner| inner.open_client(spec, context))
     }
 
     /// Starts offering a service. Returns at once.
@@ -161,8 +169,8 @@ pub trait Middleware: Send + Sync {
     /// # Errors
     /// When the service can never be offered as asked, or the middleware has no services.
     fn open_server(&self, spec: &ServiceSpec, context: &Context) -> Opened<dyn Server> {
-        _ = context;
-        Err(self.no_services(spec))
+        self.inner()
+            .map_or_else(|| Err(self.no_services(spec)), |inner| inner.open_server(spec, context))
     }
 
     /// Error of a middleware that has no services when one is to be opened.
@@ -175,7 +183,10 @@ pub trait Middleware: Send + Sync {
     /// # Errors
     /// When the middleware has no way to list endpoints, or the transport refuses.
     fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
-        Err(DiscoverError::Unsupported(self.name().to_owned()))
+        self.inner().map_or_else(
+            || Err(DiscoverError::Unsupported(self.name().to_owned())),
+            <dyn Middleware>::discover,
+        )
     }
 
     /// As [`Middleware::discover`], and also finds endpoints that show only to a program that
@@ -185,13 +196,12 @@ pub trait Middleware: Send + Sync {
     /// # Errors
     /// As [`Middleware::discover`].
     fn discover_closely(&self, topic: Option<&str>) -> Result<Box<dyn Discovery>, DiscoverError> {
-        _ = topic;
-        self.discover()
+        self.inner().map_or_else(|| self.discover(), |inner| inner.discover_closely(topic))
     }
 
     /// Properties of this middleware on which routes by pattern depend.
     fn traits(&self) -> Traits {
-        Traits::default()
+        self.inner().map(<dyn Middleware>::traits).unwrap_or_default()
     }
 
     /// Learns the type of a topic from the announcement of one of its endpoints. Returns at once:
@@ -202,20 +212,24 @@ pub trait Middleware: Send + Sync {
     /// When the type is not known, or not yet.
     #[doc(hidden)]
     fn learn_topic(&self, found: &Discovered, types: &mut TypeStore) -> LearnResult<Learned> {
-        topic_of_name(self.name(), found, types)
+        match self.inner() {
+            Some(inner) => inner.learn_topic(found, types),
+            None => topic_of_name(self.name(), found, types),
+        }
     }
 
     /// Type that a listener with these options receives where the topic has the type `learned`.
     fn received_as(&self, learned: MessageType, options: &Map) -> MessageType {
-        _ = options;
-        learned
+        self.inner().map_or(learned, |inner| inner.received_as(learned, options))
     }
 
     /// Options with which a listener of the source `name` is opened ahead of its publishers, for listeners at the
     /// destination of a route ([`Traits::subscribes_first`]); `None` where it is not opened ahead.
     fn ahead_options(&self, name: &str) -> Option<Map> {
-        _ = name;
-        self.traits().subscribes_first.then(Map::default)
+        match self.inner() {
+            Some(inner) => inner.ahead_options(name),
+            None => self.traits().subscribes_first.then(Map::default),
+        }
     }
 
     /// Learns the type of a service from its server's announcement, as [`Middleware::learn_topic`].
@@ -224,32 +238,39 @@ pub trait Middleware: Send + Sync {
     /// As [`Middleware::learn_topic`].
     #[doc(hidden)]
     fn learn_service(&self, found: &Discovered, types: &mut TypeStore) -> LearnResult<ServiceKind> {
-        service_of_name(self.name(), found, types)
+        match self.inner() {
+            Some(inner) => inner.learn_service(found, types),
+            None => service_of_name(self.name(), found, types),
+        }
     }
 
     /// Reason that this middleware has ended for good, for instance an order to end; `None` while
     /// it works, or may work again by itself.
     fn ended(&self) -> Option<String> {
-        None
+        self.inner()?.ended()
     }
 
     /// True when a discovered publisher keeps its last message for listeners that come later.
     /// Returns at once: `None` while the publisher has not answered, and a later call has the
     /// answer.
     fn keeps_last(&self, found: &Discovered) -> Option<bool> {
-        Some(found.qos.is_some_and(|qos| qos.durability != AnnouncedDurability::Volatile))
+        let keeps = |qos: AnnouncedQos| qos.durability != AnnouncedDurability::Volatile;
+        self.inner()
+            .map_or_else(|| Some(found.qos.is_some_and(keeps)), |inner| inner.keeps_last(found))
     }
 
     /// Makes sure that whoever is found under this name is there: it is in the way of a route. Returns at once; who is
     /// gone is not found any more.
     fn doubt(&self, name: &str) {
-        _ = name;
+        if let Some(inner) = self.inner() {
+            inner.doubt(name);
+        }
     }
 
     /// Reason that nothing of this middleware can work at the moment, for instance a master that
     /// does not answer; `None` where no fault is known.
     fn waiting_for(&self) -> Option<String> {
-        None
+        self.inner()?.waiting_for()
     }
 }
 

@@ -14,6 +14,7 @@ pub(super) struct End<T: ?Sized> {
     /// The endpoint. It is dropped before the middleware, which may start anew then.
     pub(super) open: Option<Box<T>>,
     pub(super) middleware: Option<Arc<dyn Middleware>>,
+    /// Properties of the middleware, asked each time that the endpoint opens: one that has not started has none yet.
     pub(super) traits: Traits,
     pub(super) retry_at: Option<Instant>,
     /// Reason that the end is not open.
@@ -28,14 +29,7 @@ impl<T: ?Sized> End<T> {
             Ok(middleware) => (Some(Arc::clone(middleware)), None),
             Err(unknown) => (None, Some(RouteState::Error(unknown.to_string()))),
         };
-        let asked = contained(|| middleware.as_ref().map(|it| it.traits()));
-        let (traits, trouble) = match asked {
-            Ok(traits) => (traits.unwrap_or_default(), trouble),
-            Err(panic) => {
-                let text = format!("{name} panicked when it was asked for its traits: {panic}");
-                (Traits::default(), Some(RouteState::Error(text)))
-            }
-        };
+        let traits = Traits::default();
         Self { middleware, traits, open: None, retry_at: None, trouble, qos: None }
     }
 
@@ -89,15 +83,69 @@ impl<T: ?Sized> End<T> {
         }
         self.retry_at = None;
         match open(middleware.as_ref()) {
-            Ok(opened) => {
-                self.open = Some(opened);
-                self.trouble = None;
-            }
+            Ok(opened) => match contained(|| middleware.traits()) {
+                Ok(traits) => {
+                    (self.open, self.traits) = (Some(opened), traits);
+                    self.trouble = None;
+                }
+                Err(panic) => {
+                    let name = middleware.name();
+                    let text = format!("{name} panicked when it was asked for its traits: {panic}");
+                    self.trouble = Some(RouteState::Error(text));
+                }
+            },
             Err(error) if error.is_transient() => {
                 self.retry_at = Some(now + backoff.wait());
                 self.trouble = Some(RouteState::Waiting(error.to_string()));
             }
             Err(error) => self.trouble = Some(RouteState::Error(error.to_string())),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::OnceLock;
+
+    use super::*;
+    use wrapyfi_data::types::MessageType;
+    use wrapyfi_endpoint::memory::Memory;
+    use wrapyfi_endpoint::{Context, Listener, Opened, Publisher, TopicSpec};
+
+    /// A middleware of ROS that starts later.
+    struct Late {
+        bus: Memory,
+        started: OnceLock<()>,
+    }
+
+    impl Middleware for Late {
+        fn name(&self) -> &str {
+            "late"
+        }
+
+        fn open_listener(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Listener> {
+            self.bus.open_listener(spec, context)
+        }
+
+        fn open_publisher(&self, spec: &TopicSpec, context: &Context) -> Opened<dyn Publisher> {
+            self.bus.open_publisher(spec, context)
+        }
+
+        fn traits(&self) -> Traits {
+            Traits { ros_time: self.started.get().is_some(), ..Traits::default() }
+        }
+    }
+
+    #[test]
+    fn properties_are_those_of_a_middleware_that_has_started() {
+        let late = Arc::new(Late { bus: Memory::new("late"), started: OnceLock::new() });
+        let mut registry = Registry::default();
+        registry.register(Arc::clone(&late) as _);
+        let mut end = End::<dyn Publisher>::new(&registry, "late");
+        late.started.set(()).unwrap();
+        end.open_with(Instant::now(), &mut Backoff::new(1), |late| {
+            late.open_publisher(&TopicSpec::new("/x", MessageType::Text), &Context::default())
+        });
+        assert!(end.open.is_some() && end.traits.ros_time);
     }
 }

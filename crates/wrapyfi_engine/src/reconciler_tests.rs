@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use super::super::{Available, Config, Engine, PatternCounts, Plan, RouteStatus};
 use super::*;
-use wrapyfi_data::types::{MessageType, Payload, RosType, ServiceKind, Value};
+use wrapyfi_data::types::{Map, MessageType, Payload, RosType, ServiceKind, Value};
 use wrapyfi_endpoint::memory::Memory;
 use wrapyfi_endpoint::{
-    Context, DiscoverError, Discovered, Discovery, LearnError, LearnResult, Learned, Listener,
-    Middleware, Opened, Publisher, ServiceSpec, TopicSpec, Traits, topic_of_name,
+    Context, Discovered, LearnError, LearnResult, Learned, Listener, Middleware, Opened, Publisher,
+    ServiceSpec, TopicSpec, Traits, topic_of_name,
 };
 use wrapyfi_interfaces::parser::{Dialect, TypeName};
 
@@ -294,12 +294,16 @@ impl Middleware for Ahead {
         self.0.open_publisher(spec, context)
     }
 
-    fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
-        self.0.discover()
+    fn inner(&self) -> Option<&dyn Middleware> {
+        Some(&*self.0)
     }
 
     fn traits(&self) -> Traits {
         Traits { subscribes_first: true, tells_own: true, ..self.0.traits() }
+    }
+
+    fn ahead_options(&self, _: &str) -> Option<Map> {
+        Some(Map::default())
     }
 }
 
@@ -382,8 +386,8 @@ impl Middleware for Asked {
         self.bus.open_publisher(spec, context)
     }
 
-    fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
-        self.bus.discover()
+    fn inner(&self) -> Option<&dyn Middleware> {
+        Some(&*self.bus)
     }
 
     fn traits(&self) -> Traits {

@@ -175,11 +175,11 @@ impl Relay {
     }
 
     fn propagate(&mut self, now: Instant) -> usize {
+        let ends = [self.source.traits, self.sink.traits];
         let (Some(listener), Some(publisher)) = (&mut self.source.open, &mut self.sink.open) else {
             return 0;
         };
         self.tripwire.poll(now, &self.context.counters);
-        let ends = [self.source.traits, self.sink.traits];
         let link = publisher.link();
         let unwanted = link.peers == Some(0) && !link.keeps_last;
         let mut moved = 0;
