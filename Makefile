@@ -1,5 +1,5 @@
 # make demo    the main job on a bare machine: ZeroMQ in, ROS 2 out, a live table
-# make build   all programs with all that they can, in target/release
+# make build   the program with all that it can, and its links, in target/release
 # make check   for daily work: format, lints, tests without real peers
 # make test    everything: format, lints, tests against real peers, documentation, colcon
 # make nightly what takes hours: fuzz targets, more seeds, every feature alone, the release build, the oldest Rust,
@@ -39,6 +39,7 @@ demo: setup-build
 
 build: setup-build
 	cargo build --release --locked --package wrapyfi_bridge
+	@for node in bridge ros1_bridge yarp_bridge zeromq_bridge; do ln -sf wrapyfi "$${CARGO_TARGET_DIR:-target}/release/$$node"; done
 
 # The same selection of the workspace as everywhere, so that nothing is compiled twice.
 check: test-fmt lint

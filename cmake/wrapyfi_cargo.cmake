@@ -5,7 +5,6 @@
 # once. With BUILD_TESTING it builds the whole workspace and the tests.
 #
 #   wrapyfi_cargo_build()                    builds as part of `all`
-#   wrapyfi_cargo_install_programs(NAME...)  to lib/<package>, where `ros2 run` looks
 #   wrapyfi_cargo_install_crates(NAME...)    normalised sources to share/NAME/rust, and their index marker
 #   wrapyfi_cargo_test(NAME [TIMEOUT s] [DOC_TESTS])  one CTest entry that runs the tests of crate NAME,
 #                                            and with DOC_TESTS the doc tests of all crates
@@ -121,12 +120,6 @@ function(wrapyfi_cargo_build)
     COMMENT "cargo build --profile ${WRAPYFI_CARGO_PROFILE}: some minutes without a word"
     USES_TERMINAL
     VERBATIM)
-endfunction()
-
-function(wrapyfi_cargo_install_programs)
-  foreach(_program ${ARGN})
-    install(PROGRAMS "${WRAPYFI_PROGRAMS_DIR}/${_program}" DESTINATION "lib/${PROJECT_NAME}")
-  endforeach()
 endfunction()
 
 function(wrapyfi_cargo_install_crates)

@@ -8,7 +8,6 @@
 //! | environment | meaning |
 //! | --- | --- |
 //! | `WRAPYFI_BIN` | the `wrapyfi` program; default: beside the test's own build folder |
-//! | `WRAPYFI_BRIDGE_BIN` | the node executable `bridge`; default: beside `wrapyfi` |
 //! | `WRAPYFI_POSE_MIRROR_BIN` | the example `pose_mirror`; default: beside `wrapyfi` |
 //! | `WRAPYFI_<NAME>_BIN` | a program of `examples/communicator`, for instance `WRAPYFI_FORWARDING_BIN`; default: beside `wrapyfi` |
 //! | `WRAPYFI_PYTHON` | interpreter with the Python peers; default: `.venv/bin/python` in the repository |

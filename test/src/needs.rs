@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 use anyhow::{Context as _, bail};
 
 use crate::installation::{self, Installation};
-use crate::programs::{SYSTEM_PYTHON, chromium, executable, node, program, python};
+use crate::programs::{SYSTEM_PYTHON, chromium, executable, program, python};
 use crate::{Result, TestEnv, cpp, hosts};
 
 /// Something a test cannot do without.
@@ -15,10 +15,6 @@ use crate::{Result, TestEnv, cpp, hosts};
 pub enum Need {
     /// The `wrapyfi` program.
     Program,
-    /// The node executable `bridge`.
-    Node,
-    /// A node executable that bridges all of a middleware, by its name.
-    Executable(&'static str),
     /// The example program `pose_mirror`.
     PoseMirror,
     /// This program of `examples/communicator`.
@@ -95,9 +91,8 @@ pub fn run(test: &str, needs: &[Need], body: impl FnOnce(&TestEnv) -> Result) ->
 fn check(need: Need) -> Result {
     match need {
         Need::Program => program().map(drop),
-        Need::Node => node().map(drop),
         Need::PoseMirror => executable("pose_mirror").map(drop),
-        Need::Executable(name) | Need::Example(name) => executable(name).map(drop),
+        Need::Example(name) => executable(name).map(drop),
         Need::Python => python().map(drop),
         Need::Package(name) => package(name),
         Need::Ros1 => ros1(),

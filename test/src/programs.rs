@@ -1,6 +1,7 @@
 //! Programs that the tests start: ours, the examples, and interpreters that have the peers.
 
-use std::path::PathBuf;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
@@ -17,12 +18,18 @@ pub(crate) fn program() -> Result<PathBuf> {
     built("wrapyfi", "WRAPYFI_BIN")
 }
 
-/// The node executable.
-pub(crate) fn node() -> Result<PathBuf> {
-    built("bridge", "WRAPYFI_BRIDGE_BIN")
+/// A node executable in this folder, a link to the program as it is installed.
+pub(crate) fn node_in(folder: &Path, name: &str) -> Result<PathBuf> {
+    let link = folder.join(name);
+    match std::os::unix::fs::symlink(program()?, &link) {
+        Err(error) if error.kind() != ErrorKind::AlreadyExists => {
+            Err(error).with_context(|| format!("making {}", link.display()))
+        }
+        _ => Ok(link),
+    }
 }
 
-/// A node executable that bridges all of a middleware, or a program of the examples.
+/// A program of the examples.
 pub(crate) fn executable(name: &str) -> Result<PathBuf> {
     built(name, &format!("WRAPYFI_{}_BIN", name.to_uppercase()))
 }

@@ -165,9 +165,8 @@ fn overlay(env: &TestEnv) -> Result {
     let programs = prefix.join("lib/wrapyfi_bridge");
     std::fs::create_dir_all(&programs)?;
     std::os::unix::fs::symlink(programs::program()?, programs.join("wrapyfi"))?;
-    std::os::unix::fs::symlink(programs::node()?, programs.join("bridge"))?;
-    for name in ["ros1_bridge", "yarp_bridge", "zeromq_bridge"] {
-        std::os::unix::fs::symlink(programs::executable(name)?, programs.join(name))?;
+    for name in ["bridge", "ros1_bridge", "yarp_bridge", "zeromq_bridge"] {
+        programs::node_in(&programs, name)?;
     }
     Ok(())
 }

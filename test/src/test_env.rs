@@ -181,13 +181,17 @@ impl TestEnv {
 
     /// Starts the node executable with these arguments.
     pub fn node(&self, args: impl Args) -> Result<Process> {
-        Ok(self.start("bridge", self.command(&programs::node()?, args))?.pillar())
+        Ok(self.start("bridge", self.command(&self.node_program("bridge")?, args))?.pillar())
+    }
+
+    fn node_program(&self, name: &str) -> Result<PathBuf> {
+        programs::node_in(self.folder.path(), name)
     }
 
     /// Starts a node executable that bridges all of a middleware, by its name, with these ROS arguments.
     pub fn executable(&self, name: &str, ros_args: &[&str]) -> Result<Process> {
         let args = ["--ros-args"].iter().chain(ros_args);
-        let command = self.command(&programs::executable(name)?, args);
+        let command = self.command(&self.node_program(name)?, args);
         Ok(self.start(name, command)?.pillar())
     }
 
@@ -203,7 +207,7 @@ impl TestEnv {
 
     /// Starts the node executable with these arguments and another `RMW_IMPLEMENTATION`.
     pub fn node_as(&self, rmw: &str, args: impl Args) -> Result<Process> {
-        let mut command = self.command(&programs::node()?, args);
+        let mut command = self.command(&self.node_program("bridge")?, args);
         command.env("RMW_IMPLEMENTATION", rmw);
         Ok(self.start("bridge", command)?.pillar())
     }

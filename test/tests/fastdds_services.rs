@@ -178,8 +178,7 @@ fn a_bridge_that_was_called_in_the_other_mapping_says_what_to_set() -> Result {
 
 #[test]
 fn a_client_on_fast_dds_reads_the_parameters_of_the_node() -> Result {
-    let needs = [NEEDS, &[Need::Node]].concat();
-    run("a_client_on_fast_dds_reads_the_parameters_of_the_node", &needs, |env| {
+    run("a_client_on_fast_dds_reads_the_parameters_of_the_node", NEEDS, |env| {
         let namespace = env.topic("lab");
         let route = Route::new("zeromq:/a", "ros2:cam", "Image");
         let file = env.write("bridge.yaml", env.embedded().route(route).yaml())?;

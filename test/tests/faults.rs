@@ -353,7 +353,7 @@ fn sockets_of_zeromq_come_and_go_under_traffic() -> Result {
 
 #[test]
 fn a_clock_that_stops_stops_no_route() -> Result {
-    run("a_clock_that_stops_stops_no_route", &[Need::Program, Need::Python, Need::Node], |env| {
+    run("a_clock_that_stops_stops_no_route", &[Need::Program, Need::Python], |env| {
         let (from, to) = (env.topic("from"), env.topic("to"));
         let route = Route::new(&ros2(&from), &zeromq(&to), "Text");
         let _bridge = env.node_with(vec![route], &["-p", "use_sim_time:=true"])?;

@@ -135,7 +135,7 @@ fn python_scripts() -> Result {
 
 #[test]
 fn ros2() -> Result {
-    run("ros2", &[Need::Program, Need::Node], |env| {
+    run("ros2", &[Need::Program], |env| {
         let guide = Guide::read("docs/ros2.md")?;
         guide.pass_over("colcon build", BUILT)?;
         guide.pass_over("sysctl", "it is for root, and for all of the machine")?;
@@ -176,7 +176,7 @@ fn ros2() -> Result {
 
 #[test]
 fn commands_of_ros2() -> Result {
-    let needs = [Need::Program, Need::Node, Need::Executable("ros1_bridge"), Need::Ros2];
+    let needs = [Need::Program, Need::Ros2];
     run("commands_of_ros2", &[&needs[..], &[Need::Ros2Package("launch_ros")]].concat(), |env| {
         let guide = Guide::read("docs/ros2.md")?;
         env.write("bridge.yaml", guide.block("yaml", "routes:")?)?;
@@ -196,7 +196,7 @@ fn commands_of_ros2() -> Result {
 
 #[test]
 fn ros1() -> Result {
-    let needs = [Need::Program, Need::Executable("ros1_bridge"), Need::Ros1];
+    let needs = [Need::Program, Need::Ros1];
     run("ros1", &needs, |env| {
         let _roscore = env.roscore()?;
         let scan = r#"{"ranges": [0.5, 2.5]}"#;
@@ -268,7 +268,7 @@ fn until(env: &TestEnv, line: &Line, words: &[&str]) -> Result {
 
 #[test]
 fn yarp() -> Result {
-    let needs = [Need::Program, Need::Executable("yarp_bridge"), Need::Python];
+    let needs = [Need::Program, Need::Python];
     run("yarp", &needs, |env| {
         let guide = Guide::read("docs/yarp.md")?;
         for mark in ["robot$", "laptop$  mkdir", "laptop$  export", "laptop$  ros2 topic hz"] {

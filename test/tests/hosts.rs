@@ -572,7 +572,7 @@ fn a_node_of_ros_2_behind_a_dead_link_is_missed_and_heard_again() -> Result {
 
 #[test]
 fn a_middleware_that_is_not_there_makes_its_own_routes_wait() -> Result {
-    let needs = &[Need::Program, Need::Node];
+    let needs = &[Need::Program];
     run("a_middleware_that_is_not_there_makes_its_own_routes_wait", needs, |env| {
         // There is no yarp.conf.
         let (from, there) = (env.topic("from"), env.topic("there"));
@@ -602,7 +602,7 @@ fn a_middleware_that_is_not_there_makes_its_own_routes_wait() -> Result {
 
 #[test]
 fn the_example_runs_where_nothing_else_does() -> Result {
-    run("the_example_runs_where_nothing_else_does", &[Need::Node], |env| {
+    run("the_example_runs_where_nothing_else_does", &[Need::Program], |env| {
         let example = wrapyfi_e2e::repository().join("config/example.yaml").display().to_string();
         let args =
             ["--config", &example, "--ros-args", "-p", "seconds:=2", "-p", "status_json:=true"];

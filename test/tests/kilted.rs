@@ -4,8 +4,7 @@ use wrapyfi_e2e::{Need, RealRos2, Result, TestEnv, ros2, run};
 
 use crate::real_ros2;
 
-const NEEDS: &[Need] =
-    &[Need::Program, Need::Node, Need::Executable("ros1_bridge"), Need::Python, Need::Kilted];
+const NEEDS: &[Need] = &[Need::Program, Need::Python, Need::Kilted];
 
 fn on_kilted(test: &str, body: impl FnOnce(&TestEnv, &RealRos2<'_>) -> Result) -> Result {
     run(test, NEEDS, |env| body(env, &RealRos2::kilted(env)?))

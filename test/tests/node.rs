@@ -3,8 +3,8 @@
 use serde_json::Value;
 use wrapyfi_e2e::{Need, Output, Result, Route, TestEnv, ros2, run, texts};
 
-const NEEDS: &[Need] = &[Need::Node, Need::Python];
-const NEEDS_ALL: &[Need] = &[Need::Node, Need::Program, Need::Python];
+const NEEDS: &[Need] = &[Need::Program, Need::Python];
+const NEEDS_ALL: &[Need] = &[Need::Program, Need::Python];
 
 fn node_named(output: &Output, name: &str) -> Option<Value> {
     let samples = output.events("nodes");
@@ -72,7 +72,7 @@ fn asked(env: &TestEnv, service: &str, kind: &str, request: &str) -> Result<Valu
 
 #[test]
 fn parameters_types_and_log_are_on_the_graph() -> Result {
-    run("parameters_types_and_log_are_on_the_graph", &[Need::Node, Need::Program], |env| {
+    run("parameters_types_and_log_are_on_the_graph", &[Need::Program], |env| {
         let namespace = env.topic("lab");
         let route = Route::new("zeromq:/a", "ros2:cam", "Image");
         let ns = format!("__ns:={namespace}");
@@ -112,7 +112,7 @@ fn parameters_types_and_log_are_on_the_graph() -> Result {
 
 #[test]
 fn only_what_a_node_has_is_among_its_parameters() -> Result {
-    run("only_what_a_node_has_is_among_its_parameters", &[Need::Node, Need::Program], |env| {
+    run("only_what_a_node_has_is_among_its_parameters", &[Need::Program], |env| {
         let routes = (0..4).map(|n| Route::new("zeromq:/a", &format!("ros2:/cam{n}"), "Image"));
         let depth = "qos_overrides./cam2.publisher.depth:=3";
         let _node = env.node_with(routes.collect(), &["-p", depth])?;
@@ -241,7 +241,7 @@ fn node_executables_know_help_and_config() -> Result {
 
 #[test]
 fn bad_ros_arguments_are_refused() -> Result {
-    run("bad_ros_arguments_are_refused", &[Need::Node], |env| {
+    run("bad_ros_arguments_are_refused", &[Need::Program], |env| {
         for args in [
             &["--ros-args", "-r", "nonsense"][..],
             &["--ros-args", "-p", "config_file:=no_such_file.yaml"],

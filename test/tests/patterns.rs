@@ -7,9 +7,8 @@ use wrapyfi_e2e::{
     Need, Output, Process, Result, Route, TIMEOUT, TestEnv, ros2, run, until_route, zeromq,
 };
 
-const ROS1: &[Need] = &[Need::Program, Need::Ros1, Need::Executable("ros1_bridge")];
-const ROS1_AND_DDS: &[Need] =
-    &[Need::Program, Need::Ros1, Need::Executable("ros1_bridge"), Need::Python];
+const ROS1: &[Need] = &[Need::Program, Need::Ros1];
+const ROS1_AND_DDS: &[Need] = &[Need::Program, Need::Ros1, Need::Python];
 
 fn bridge(env: &TestEnv, more: &[&str]) -> Result<Process> {
     let args = [&["-p", "status_json:=true"], more].concat();
@@ -324,7 +323,7 @@ fn a_topic_of_both_sides_goes_both_ways() -> Result {
 
 #[test]
 fn ports_of_yarp_are_topics_of_ros_2() -> Result {
-    let needs = &[Need::Program, Need::Executable("yarp_bridge")];
+    let needs = &[Need::Program];
     run("ports_of_yarp_are_topics_of_ros_2", needs, |env| {
         env.yarp_conf()?;
         let port = env.yarp_port().to_string();
@@ -362,7 +361,7 @@ fn ports_of_yarp_are_topics_of_ros_2() -> Result {
 
 #[test]
 fn topics_of_zeromq_are_topics_of_ros_2() -> Result {
-    let needs = &[Need::Program, Need::Executable("zeromq_bridge")];
+    let needs = &[Need::Program];
     run("topics_of_zeromq_are_topics_of_ros_2", needs, |env| {
         let _broker = env.broker()?;
         let (there, here) = (env.topic("object"), env.topic("chatter"));

@@ -144,7 +144,7 @@ fn a_node_with_another_definition_or_distribution_is_named() -> Result {
 
 #[test]
 fn parameters_lay_down_what_peers_do_not_change() -> Result {
-    let needs = &[Need::Node, Need::Program, Need::Python];
+    let needs = &[Need::Program, Need::Python];
     run("parameters_lay_down_what_peers_do_not_change", needs, |env| {
         let (from, cam, front) = (env.topic("from"), env.topic("cam"), env.topic("front"));
         let graph = env.graph()?;
@@ -191,7 +191,7 @@ fn parameters_lay_down_what_peers_do_not_change() -> Result {
 
 #[test]
 fn a_policy_that_there_is_not_ends_the_start() -> Result {
-    run("a_policy_that_there_is_not_ends_the_start", &[Need::Node], |env| {
+    run("a_policy_that_there_is_not_ends_the_start", &[Need::Program], |env| {
         let topic = env.topic("to");
         for (policy, value, said) in [
             ("reliabilty", "best_effort", "no policy \"reliabilty\" to override; it has"),

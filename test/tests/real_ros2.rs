@@ -6,8 +6,7 @@ use wrapyfi_e2e::{
     Config, Need, Process, RealRos2, Result, Route, TestEnv, ros2, run, sha256, texts, zeromq,
 };
 
-const NEEDS: &[Need] =
-    &[Need::Program, Need::Node, Need::Executable("ros1_bridge"), Need::Python, Need::Ros2];
+const NEEDS: &[Need] = &[Need::Program, Need::Python, Need::Ros2];
 
 /// Runs a test under one middleware, with more needs.
 fn under(

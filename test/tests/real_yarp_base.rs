@@ -10,7 +10,7 @@ macro_rules! needs {
         &[
             Need::Program,
             Need::Yarp,
-            Need::Executable("yarp_bridge"),
+            Need::Program,
             Need::YarpDevice("deviceBundler"),
             Need::YarpDevice($wrapper),
             Need::YarpDevice($device),

@@ -3,7 +3,7 @@
 
 use wrapyfi_e2e::{Need, Process, RealRos2, Result, TestEnv, ros2, run};
 
-const NEEDS: &[Need] = &[Need::Program, Need::Node, Need::Ros2, Need::Rmw];
+const NEEDS: &[Need] = &[Need::Program, Need::Ros2, Need::Rmw];
 
 /// A command that needs the graph, and ends with 2 and this in its words.
 fn refused(env: &TestEnv, variables: &[(&str, &str)], words: &[&str]) -> Result {

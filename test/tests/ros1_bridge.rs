@@ -8,9 +8,8 @@ use wrapyfi_e2e::{
     Books, Need, Output, Process, Result, Route, TIMEOUT, TestEnv, ros1, ros2, run, until_route,
 };
 
-const NEEDS: &[Need] = &[Need::Program, Need::Ros1, Need::Executable("ros1_bridge")];
-const WITH_DDS: &[Need] =
-    &[Need::Program, Need::Ros1, Need::Executable("ros1_bridge"), Need::Python];
+const NEEDS: &[Need] = &[Need::Program, Need::Ros1];
+const WITH_DDS: &[Need] = &[Need::Program, Need::Ros1, Need::Python];
 const NODE: &str = "/ros1_bridge";
 
 fn bridge(env: &TestEnv, more: &[&str]) -> Result<Process> {

@@ -4,7 +4,7 @@
 use serde_json::{Value, json};
 use wrapyfi_e2e::{Need, Output, Process, Result, Route, TestEnv, ros2, run, yarp};
 
-const NEEDS: &[Need] = &[Need::Program, Need::Executable("yarp_bridge")];
+const NEEDS: &[Need] = &[Need::Program];
 
 /// An input port of this name that prints what it is told.
 fn input_port(env: &TestEnv, port: &str) -> Result<Process> {

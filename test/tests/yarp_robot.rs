@@ -3,8 +3,8 @@
 use serde_json::Value;
 use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros2, run, until_route, yarp};
 
-const NEEDS: &[Need] = &[Need::Program, Need::Python, Need::Executable("yarp_bridge")];
-const REAL: &[Need] = &[Need::Program, Need::Python, Need::Yarp, Need::Executable("yarp_bridge")];
+const NEEDS: &[Need] = &[Need::Program, Need::Python];
+const REAL: &[Need] = &[Need::Program, Need::Python, Need::Yarp];
 
 fn bridge(env: &TestEnv) -> Result<Process> {
     env.executable("yarp_bridge", &["-p", "status_json:=true"])

@@ -1,4 +1,5 @@
-//! The `wrapyfi` command.
+//! The `wrapyfi` command, and under the name of a node executable that node:
+//! `ros2 run wrapyfi_bridge ros1_bridge` starts a link to it.
 
 use std::ffi::OsString;
 use std::process::ExitCode;
@@ -13,6 +14,9 @@ use wrapyfi_bridge::{command, logging, node_main};
 fn main() -> ExitCode {
     wrapyfi_bridge::files::raise_limit();
     wrapyfi_bridge::aborted::catch();
+    if let Some(executable) = node_main::executable(std::env::args_os().next()) {
+        return finish(node_main::run_executable(executable));
+    }
     let (words, ros) = node_main::split(std::env::args_os());
     finish(run(&Cli::parse_from(words), ros))
 }

@@ -44,6 +44,9 @@ pub struct Selection {
 }
 
 impl MiddlewareBridge {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Ros1, Self::Yarp, Self::ZeroMq];
+
     /// Executable, name in addresses, and name in words.
     const fn names(self) -> [&'static str; 3] {
         match self {

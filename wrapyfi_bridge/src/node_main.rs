@@ -8,7 +8,7 @@
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
-use std::process::ExitCode;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -21,7 +21,7 @@ use wrapyfi_node::{NodeOptions, ParameterType, ParameterValue, read_params_file}
 
 use crate::cli::{BridgeArgs, NodeCli};
 use crate::command::bridge;
-use crate::exit::{Failure, Result, finish};
+use crate::exit::{Failure, Result};
 use crate::in_force::{Options, change_endpoints};
 use crate::logging;
 use crate::middleware_bridge::{MiddlewareBridge, Selection};
@@ -30,21 +30,21 @@ use crate::own_address::OwnAddress;
 use crate::reload::Source;
 use crate::shutdown::Shutdown;
 
-/// Runs the node executable `bridge`: reads the process's arguments, returns its exit code.
-#[must_use]
-pub fn main() -> ExitCode {
-    finish(run_executable(None))
+/// Node executable whose name the program was started by: a bridge of all of a middleware, or none of them for
+/// `bridge`. No node for any other name.
+pub fn executable(program: Option<OsString>) -> Option<Option<MiddlewareBridge>> {
+    let name = Path::new(&program?).file_name()?.to_str()?.to_owned();
+    match name.as_str() {
+        "bridge" => Some(None),
+        name => Some(Some(MiddlewareBridge::ALL.into_iter().find(|it| it.node() == name)?)),
+    }
 }
 
-/// As [`main`], for an executable that bridges all of a middleware.
-#[must_use]
-pub fn main_of(bridge: MiddlewareBridge) -> ExitCode {
-    finish(run_executable(Some(bridge)))
-}
-
-fn run_executable(bridge: Option<MiddlewareBridge>) -> Result<()> {
-    crate::files::raise_limit();
-    crate::aborted::catch();
+/// Runs a node executable with the process's arguments.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_executable(bridge: Option<MiddlewareBridge>) -> Result<()> {
     let ros = parse(std::env::args_os().skip(1))?;
     let (name, about) = match bridge {
         None => ("bridge", "Runs the routes of a configuration file, as a ROS 2 node.".to_owned()),

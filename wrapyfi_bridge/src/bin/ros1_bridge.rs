@@ -1,9 +1,0 @@
-//! All of ROS 1 into ROS 2 and back: `ros2 run wrapyfi_bridge ros1_bridge`.
-
-use std::process::ExitCode;
-
-use wrapyfi_bridge::middleware_bridge::MiddlewareBridge;
-
-fn main() -> ExitCode {
-    wrapyfi_bridge::node_main::main_of(MiddlewareBridge::Ros1)
-}
