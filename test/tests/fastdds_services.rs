@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, Output, Process, Result, Route, TestEnv, ros2, run, texts, zeromq};
+use wrapyfi_e2e::{Output, Process, Result, Route, TestEnv, ros2, run, texts, zeromq};
 
 use crate::fastdds::{CYCLONE, Cdr, DEFINITIONS, FAST, NEEDS, told_until, unhex};
 

@@ -18,6 +18,7 @@ use wrapyfi_endpoint::EndpointAddress;
 use wrapyfi_engine::{Kind, Plan, Route};
 
 use crate::node::Node;
+use crate::on_graph::circles;
 
 /// Kind of names, and what is allowed with them, in the words of a policy.
 type Rule = (&'static str, &'static str);
@@ -39,6 +40,8 @@ pub fn policy(node: &Node, plan: &Plan) -> String {
         // Marks of bridges, where the middleware of a ROS 2 carries them.
         (PUBLISH, "/_wrapyfi_marks"),
         (SUBSCRIBE, "/_wrapyfi_marks"),
+        (PUBLISH, circles::TOPIC),
+        (SUBSCRIBE, circles::TOPIC),
         (SUBSCRIBE, "/clock"),
         (REPLY, &own),
     ] {

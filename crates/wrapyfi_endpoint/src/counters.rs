@@ -73,8 +73,6 @@ named! {
         LostUpstream => "lost_upstream",
         /// The message exceeded the route's `max_rate_hz`.
         RateLimit => "rate_limit",
-        /// Messages of the route come back through other programs, and its breaker is open.
-        Loop => "loop",
         /// The message was delivered before, and came again because the listener was opened with
         /// another quality of service.
         Duplicate => "duplicate",

@@ -129,6 +129,12 @@ pub trait Middleware: Send + Sync {
     /// Name in addresses, for instance `zeromq` in `zeromq:/camera`.
     fn name(&self) -> &str;
 
+    /// Network on which its names have their meaning: a name is the same topic for all who return the same text, in
+    /// other programs too. `None` where it is not known yet, or no other program can be on it.
+    fn network(&self) -> Option<String> {
+        self.inner()?.network()
+    }
+
     /// The middleware that does all that a wrapper leaves out; `None` for a transport itself. What a method does by
     /// default is asked of it, so that a wrapper can forget none.
     fn inner(&self) -> Option<&dyn Middleware> {

@@ -182,7 +182,7 @@ pub struct RouteConfig {
     pub overflow: Option<OverflowConfig>,
     /// Highest rate passed on, in messages per second; others are dropped and counted.
     pub max_rate_hz: Option<Spanned<f64>>,
-    /// True where the route is stopped while its messages come back through other programs (default: true).
+    /// True where the route stays closed that would close a circle over other bridges (default: true).
     pub loop_guard: Option<bool>,
     /// Largest message in MiB.
     pub max_message_mib: Option<Spanned<usize>>,

@@ -12,13 +12,14 @@ use std::time::{Duration, Instant};
 
 use wrapyfi_interfaces::store::TypeStore;
 
-use super::lanes::Lanes;
+use super::bridge_circle::CarryingRoute;
 use super::member::Member;
 use super::plan::Plan;
 use super::plan_diff::PlanDiff;
 use super::pool::Pool;
 use super::reconciler::{Change, Reconciler};
 use super::replacement::{INACTIVE, REMOVED};
+use super::route::RouteKey;
 use super::route_status::{RouteState, RouteStatus};
 use super::tap::Tap;
 use wrapyfi_endpoint::{EndpointAddress, Mutex, Registry, UnknownMiddleware, Wake};
@@ -53,8 +54,6 @@ pub struct Driver {
     pub(super) pool: Arc<Pool>,
     members: Mutex<Members>,
     reconciler: Mutex<Reconciler>,
-    /// Busy routes, for the tripwires.
-    lanes: Arc<Lanes>,
     /// Statuses of the patterns.
     found: Mutex<Vec<RouteStatus>>,
     latest: Mutex<Latest>,
@@ -90,7 +89,6 @@ impl Driver {
             number: reconciler.number,
             pool: Pool::new(registry.clock().clone()),
             members: Mutex::default(),
-            lanes: Arc::default(),
             found: Mutex::new(reconciler.status()),
             reconciler: Mutex::new(reconciler),
             latest: Mutex::new(Latest {
@@ -221,8 +219,7 @@ impl Driver {
                         |it: &&Arc<Member>| it.key.role == key.role && it.key.to == key.to;
                     let after = members.closing.iter().rev().find(same_end).cloned();
                     let pool = Arc::downgrade(&self.pool);
-                    let shared = (pool, &self.lanes);
-                    let member = Member::new(id, *route, counters, registry, after, shared);
+                    let member = Member::new(id, *route, counters, registry, after, pool);
                     members.running.insert(id, Arc::clone(&member));
                     drop(members);
                     self.pool.ring(member);
@@ -282,6 +279,19 @@ impl Driver {
     /// Middlewares of the latest plan.
     pub fn registry(&self) -> Registry {
         self.latest.lock().registry.clone()
+    }
+
+    /// Routes that carry a topic, but for those of parameters, which are not set again where they are the same.
+    pub fn carrying(&self) -> Vec<CarryingRoute> {
+        self.members.lock().running.values().filter_map(|member| member.carrying()).collect()
+    }
+
+    /// Closes the ends of the routes that would close a circle over other bridges, each with the reason, and opens
+    /// those of all others again.
+    pub fn keep_closed(&self, circles: &BTreeMap<RouteKey, String>) {
+        for member in self.members.lock().running.values() {
+            member.keep_closed(circles.get(&member.key));
+        }
     }
 
     /// Looks at the rates of the routes, and logs of those whose step takes too long.

@@ -41,6 +41,7 @@
 //! ```
 
 mod admission;
+mod bridge_circle;
 mod candidate;
 mod circle;
 mod config;
@@ -53,7 +54,6 @@ mod discovered_graph;
 mod driver;
 mod end;
 mod engine;
-mod lanes;
 mod left_out;
 mod member;
 mod news;
@@ -76,11 +76,11 @@ mod running;
 mod service_relay;
 mod stamping;
 mod tap;
-mod tripwire;
 mod unheard;
 mod work;
 
 pub use admission::may_be_read_as;
+pub use bridge_circle::{BridgeRoutes, CarriedTopic, CarryingRoute, NetworkAddress};
 pub use circle::Circle;
 pub use config::{
     Config, Defaults, OverflowConfig, PageConfig, ProcessLimits, RouteConfig, Spanned,

@@ -11,11 +11,12 @@ use std::sync::{Arc, Weak};
 use std::task::Waker;
 use std::time::{Duration, Instant};
 
-use super::lanes::Lanes;
+use super::bridge_circle::CarryingRoute;
 use super::pool::{Place, Pool};
 use super::rate::RateMeter;
 use super::relay::Relay;
 use super::route::{Kind, Route, RouteKey};
+use super::route_index::has_parameters;
 use super::route_status::{RouteState, RouteStatus};
 use super::service_relay::ServiceRelay;
 use super::tap::Tap;
@@ -38,6 +39,10 @@ pub(super) struct Member {
     /// Name, ends and type; the rest of the status is filled in when it is asked for.
     identity: RouteStatus,
     is_one_of_many: bool,
+    /// True where it stays closed if it would close a circle over other bridges; `None` where it can close none.
+    guarded: Option<bool>,
+    /// Circle for which the route was told last to stay closed.
+    circle: Mutex<Option<String>>,
     context: Context,
     /// Window on its messages; services have none.
     tap: Option<Arc<Tap>>,
@@ -82,6 +87,7 @@ struct Slot {
 struct Orders {
     keep_open: bool,
     misfits: Option<Option<String>>,
+    circle: Option<Option<String>>,
     stop: Option<Ending>,
 }
 
@@ -108,15 +114,17 @@ impl Member {
         counters: Arc<Counters>,
         registry: &Registry,
         after: Option<Arc<Self>>,
-        (pool, lanes): (Weak<Pool>, &Arc<Lanes>),
+        pool: Weak<Pool>,
     ) -> Arc<Self> {
         let (key, is_one_of_many) = (route.key(), route.mark.is_some());
         let identity = RouteStatus::planned(&route, not_begun());
         let context = Context { clock: registry.clock().clone(), counters, ..Context::default() };
         let front = context.clone();
+        let may_circle = matches!(route.kind, Kind::Topic(_)) && !has_parameters(&route);
+        let guarded = may_circle.then_some(route.policy.loop_guard);
         let (work, tap): (Box<dyn Work>, _) = match route.kind {
             Kind::Topic(_) => {
-                let relay = Relay::new(route, registry, id, front, Arc::clone(lanes));
+                let relay = Relay::new(route, registry, id, front);
                 let tap = Some(Arc::clone(&relay.tap));
                 (Box::new(relay), tap)
             }
@@ -128,6 +136,8 @@ impl Member {
             key,
             identity,
             is_one_of_many,
+            guarded,
+            circle: Mutex::default(),
             context,
             tap,
             slot: Mutex::new(Slot {
@@ -167,7 +177,24 @@ impl Member {
         self.enter(|orders| match order {
             Order::KeepOpen => orders.keep_open = true,
             Order::NameMisfits(named) => orders.misfits = Some(named),
+            Order::StayClosed(circle) => orders.circle = Some(circle),
         });
+    }
+
+    /// The route for other bridges, where it can be part of a circle.
+    pub(super) fn carrying(&self) -> Option<CarryingRoute> {
+        let (key, by_pattern) = (self.key.clone(), self.is_one_of_many);
+        Some(CarryingRoute { key, by_pattern, guarded: self.guarded? })
+    }
+
+    /// Has the next step close the ends because of a circle, or open them again.
+    pub(super) fn keep_closed(&self, circle: Option<&String>) {
+        let mut known = self.circle.lock();
+        if known.as_ref() != circle {
+            known.clone_from(&circle.cloned());
+            drop(known);
+            self.order(Order::StayClosed(circle.cloned()));
+        }
     }
 
     /// Closes the route at the next step, which may have to wait for a blocking one.
@@ -203,13 +230,15 @@ impl Member {
         let mut slot = self.slot.lock();
         let slot = &mut *slot;
         if self.is_ordered.swap(false, Ordering::AcqRel) {
-            let Orders { keep_open, misfits, stop } = std::mem::take(&mut *self.orders.lock());
+            let Orders { keep_open, misfits, circle, stop } =
+                std::mem::take(&mut *self.orders.lock());
             if let Some(end) = stop {
                 self.close_now(slot, Some(&end));
             } else if let Some(work) = &mut slot.work {
                 let keep_open = keep_open.then_some(Order::KeepOpen);
-                let orders = keep_open.into_iter().chain(misfits.map(Order::NameMisfits));
-                orders.for_each(|order| work.obey(order));
+                let misfits = misfits.map(Order::NameMisfits);
+                let orders = [keep_open, misfits, circle.map(Order::StayClosed)];
+                orders.into_iter().flatten().for_each(|order| work.obey(order));
             }
         }
         let work = slot.work.as_mut()?;

@@ -14,12 +14,10 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::end::End;
-use super::lanes::Lanes;
 use super::route::Route;
 use super::route_status::RouteState;
 use super::stamping;
 use super::tap::Tap;
-use super::tripwire::{Passage, Tripwire};
 use super::work::{
     DEGRADED_FOR, Order, REST_REVIEW_EVERY, REVIEW_EVERY, Step, UNWANTED_FOR, Work, not_begun,
 };
@@ -66,19 +64,14 @@ pub(crate) struct Relay {
     losses: Throttle,
     unread: Throttle,
     pub(super) tap: Arc<Tap>,
-    tripwire: Tripwire,
+    /// Circle over other bridges that the route would close: its ends stay closed.
+    circle: Option<String>,
 }
 
 impl Relay {
     /// A route that has opened nothing yet. `seed` spreads its back-off; the counters of `context` may be those of an
-    /// earlier route with these ends. Its messages are compared with those of the bridge's other routes in `lanes`.
-    pub(super) fn new(
-        spec: Route,
-        registry: &Registry,
-        seed: u64,
-        context: Context,
-        lanes: Arc<Lanes>,
-    ) -> Self {
+    /// earlier route with these ends.
+    pub(super) fn new(spec: Route, registry: &Registry, seed: u64, context: Context) -> Self {
         let source = End::new(registry, &spec.from.middleware);
         let sink = End::new(registry, &spec.to.middleware);
         Self {
@@ -98,7 +91,7 @@ impl Relay {
             losses: Throttle::default(),
             unread: Throttle::default(),
             tap: Arc::default(),
-            tripwire: Tripwire::new(&spec, lanes),
+            circle: None,
             source,
             sink,
             spec,
@@ -121,6 +114,9 @@ impl Relay {
 
     /// Opens what is to be open, the destination first, so that a message finds it open.
     fn reconcile(&mut self, now: Instant) {
+        if self.circle.is_some() {
+            return;
+        }
         let Self { spec, context, source, sink, backoff, .. } = self;
         sink.open_with(now, backoff, |middleware| {
             let conventions = |to: &mut _, at| middleware.follow_conventions(to, at);
@@ -179,18 +175,12 @@ impl Relay {
         let (Some(listener), Some(publisher)) = (&mut self.source.open, &mut self.sink.open) else {
             return 0;
         };
-        self.tripwire.poll(now, &self.context.counters);
         let link = publisher.link();
         let unwanted = link.peers == Some(0) && !link.keeps_last;
         let mut moved = 0;
         while moved < BATCH {
             self.in_hand = false;
             if unwanted {
-                if self.tripwire.give_up_one().is_some() {
-                    moved += 1;
-                    self.context.counters.dropped(DropReason::NoConsumer);
-                    continue;
-                }
                 // Without a consumer the message is not even decoded.
                 let lost = match listener.forwarding() {
                     Some(listener) => listener.discard_except_latched(),
@@ -201,45 +191,18 @@ impl Relay {
                 self.context.counters.dropped_many(DropReason::NoConsumer, lost);
                 continue;
             }
-            if self.tripwire.is_full() {
-                break;
-            }
             // A message is in hand from here on: where taking it panics, it is lost and counted.
             self.in_hand = true;
-            let released = self.tripwire.release();
-            let is_new = released.is_none();
-            let taken = if is_new { listener.take() } else { Ok(released) };
-            let outcome = match taken {
+            let outcome = match listener.take() {
                 Ok(None) => break,
                 Ok(Some(_))
-                    if is_new
-                        && !rate_allows(
-                            self.spec.policy.max_rate_hz,
-                            &mut self.not_before,
-                            now,
-                        ) =>
+                    if !rate_allows(self.spec.policy.max_rate_hz, &mut self.not_before, now) =>
                 {
                     moved += 1;
                     self.context.counters.dropped(DropReason::RateLimit);
                     continue;
                 }
                 Ok(Some(sample)) => {
-                    let sample = match is_new {
-                        true => self.tripwire.judge(sample, now),
-                        false => Passage::Pass(sample),
-                    };
-                    let sample = match sample {
-                        Passage::Pass(sample) => sample,
-                        Passage::Held => {
-                            moved += 1;
-                            continue;
-                        }
-                        Passage::Looped => {
-                            moved += 1;
-                            self.context.counters.dropped(DropReason::Loop);
-                            continue;
-                        }
-                    };
                     if let Payload::NativeObject(value) = &sample.payload {
                         for (_, reason) in value.refusals() {
                             self.context.counters.unread();
@@ -281,8 +244,10 @@ impl Relay {
     }
 
     fn judge(&mut self, now: Instant) -> RouteState {
-        let loops = self.tripwire.state(now);
         self.has_source = false;
+        if let Some(circle) = &self.circle {
+            return RouteState::Error(circle.clone());
+        }
         if let Some(trouble) = self.sink.trouble.as_ref().or(self.source.trouble.as_ref()) {
             return trouble.clone();
         }
@@ -295,9 +260,6 @@ impl Relay {
         let (Some(listener), Some(publisher)) = (&self.source.open, &self.sink.open) else {
             return self.state.clone();
         };
-        if let Some(stopped @ RouteState::Error(_)) = loops {
-            return stopped;
-        }
         let (source, mut sink) = (listener.link(), publisher.link());
         self.has_source = source.peers > Some(0);
         if self.misfits.is_some() && sink.peers == Some(0) {
@@ -309,9 +271,6 @@ impl Relay {
         }
         if let Some(why) = &self.slowed {
             return RouteState::Degraded(why.clone());
-        }
-        if let Some(mending) = loops {
-            return mending;
         }
         if let Some((at, text)) = &self.last_loss
             && now.saturating_duration_since(*at) < DEGRADED_FOR
@@ -363,7 +322,7 @@ impl Work for Relay {
             (false, true) => now + REST_REVIEW_EVERY,
             (false, false) => now + REVIEW_EVERY,
         };
-        let due = [self.source.retry_at, self.sink.retry_at, review_at, self.tripwire.due()];
+        let due = [self.source.retry_at, self.sink.retry_at, review_at];
         Step { moved, next: due.into_iter().flatten().fold(next, Instant::min).max(now) }
     }
 
@@ -379,6 +338,12 @@ impl Work for Relay {
         match order {
             Order::KeepOpen => self.spec.policy.lazy = false,
             Order::NameMisfits(named) => self.misfits = named,
+            Order::StayClosed(circle) => {
+                self.circle = circle;
+                if self.circle.is_some() {
+                    self.close();
+                }
+            }
         }
     }
 
@@ -386,8 +351,6 @@ impl Work for Relay {
         if std::mem::take(&mut self.in_hand) {
             self.context.counters.dropped(DropReason::Closed);
         }
-        let held = self.tripwire.close();
-        self.context.counters.dropped_many(DropReason::Closed, held as u64);
         self.unwanted_since = None;
         self.source.close();
         self.sink.close();

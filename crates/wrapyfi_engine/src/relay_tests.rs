@@ -104,7 +104,7 @@ impl Bench {
         Self {
             bus,
             cable,
-            relay: Relay::new(spec, &registry, 1, context_of(&registry), Arc::default()),
+            relay: Relay::new(spec, &registry, 1, context_of(&registry)),
             now: Instant::now(),
         }
     }
@@ -402,7 +402,7 @@ fn ends_look_at_their_peers_when_they_want_to_and_the_status_shows_what_is_in_us
     registry.register(Arc::new(Scripted(reviews.into())));
     let ends = ("scripted:/in".parse().unwrap(), "memory:/out".parse().unwrap());
     let spec = Route::topic(ends.0, ends.1, MessageType::NativeObject);
-    let mut relay = Relay::new(spec, &registry, 1, context_of(&registry), Arc::default());
+    let mut relay = Relay::new(spec, &registry, 1, context_of(&registry));
     assert_eq!(relay.step(now).next, soon);
     let status = relay.status();
     assert_eq!((status.from_qos, status.to_qos), (Some(Qos::default()), None));
@@ -483,7 +483,6 @@ fn what_a_publisher_keeps_waits_for_the_first_consumer() {
         &registry,
         1,
         context_of(&registry),
-        Arc::default(),
     );
     let now = Instant::now();
     for _ in 0..3 {
@@ -609,7 +608,7 @@ fn whose_message_it_is_goes_along_and_who_is_gone_is_told_after_it() {
     registry.register(Arc::new(Noted(Arc::clone(&notes))));
     let ends = ("noted:/in".parse().unwrap(), "noted:/out".parse().unwrap());
     let spec = Route::topic(ends.0, ends.1, MessageType::NativeObject);
-    Relay::new(spec, &registry, 1, context_of(&registry), Arc::default()).step(Instant::now());
+    Relay::new(spec, &registry, 1, context_of(&registry)).step(Instant::now());
     let expected = ["keeping: All", "message of 1", "message of 2", "2 is gone"];
     assert_eq!(*notes.lock().unwrap(), expected);
 }

@@ -187,7 +187,7 @@ pub struct Policy {
     pub queue: QueueSpec,
     /// Highest rate passed on, in messages per second.
     pub max_rate_hz: Option<f64>,
-    /// True where the route is stopped while its messages come back through other programs.
+    /// True where the route stays closed that would close a circle over other bridges.
     pub loop_guard: bool,
     /// Channel order of three-channel frames on Wrapyfi's side.
     pub color_order: Encoding,

@@ -35,6 +35,8 @@ pub(super) enum Order {
     KeepOpen,
     /// Name listeners of another type than the route's, for as long as nobody else listens.
     NameMisfits(Option<String>),
+    /// Keep the ends closed, because the route would close a circle over other bridges; open them again without one.
+    StayClosed(Option<String>),
 }
 
 /// Reason that a route is to end.

@@ -294,6 +294,11 @@ impl Ros1 {
 }
 
 impl Middleware for Ros1 {
+    fn network(&self) -> Option<String> {
+        let master = &self.node.master.uri;
+        Some(wrapyfi_endpoint::network::server_text(&master.host, master.port))
+    }
+
     fn name(&self) -> &str {
         NAME
     }

@@ -150,6 +150,11 @@ use wrapyfi_endpoint::{
 };
 
 impl Middleware for Ros2 {
+    /// Programs that hear of the same name by this graph are on it.
+    fn network(&self) -> Option<String> {
+        Some(String::new())
+    }
+
     fn name(&self) -> &str {
         NAME
     }

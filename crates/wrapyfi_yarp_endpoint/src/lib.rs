@@ -256,6 +256,11 @@ async fn embed(
 }
 
 impl Middleware for Yarp {
+    fn network(&self) -> Option<String> {
+        let (host, port) = self.address.rsplit_once(':')?;
+        Some(wrapyfi_endpoint::network::server_text(host, port.parse().ok()?))
+    }
+
     fn name(&self) -> &str {
         NAME
     }

@@ -244,6 +244,13 @@ impl ZeroMq {
 }
 
 impl Middleware for ZeroMq {
+    fn network(&self) -> Option<String> {
+        Some(wrapyfi_endpoint::network::server_text(
+            &self.shared.ip.to_string(),
+            self.config.sub_port,
+        ))
+    }
+
     fn name(&self) -> &str {
         NAME
     }

@@ -6,6 +6,7 @@
 //!                    ├─ ~/list_routes ─▶ RouteInfo[]
 //!                    └─ ~/explain ─────▶ why, from where the bridge runs (a thread of its own)
 //!
+//!   circles       what each bridge carries, and the circles that it would make
 //!   client        asks a bridge elsewhere
 //!   diagnostics   statuses -> DiagnosticArray
 //!   lifecycle     the services of a managed node, and ~/transition_event
@@ -17,6 +18,7 @@
 //! services, of which the mapping of Fast DDS shows no mark, are left out by name. A bridge's own are left out by
 //! address, because discovery does not list them to it.
 
+pub(crate) mod circles;
 pub mod client;
 pub mod diagnostics;
 mod duplicate_nodes;
@@ -45,6 +47,7 @@ use wrapyfi_retry::contained;
 use wrapyfi_retry::thread::restarted;
 use wrapyfi_ros2::NodeHandle;
 
+use self::circles::Circles;
 use self::diagnostics::Diagnostics;
 use self::duplicate_nodes::DuplicateNodes;
 use self::info::{is_destination, is_source};
@@ -113,6 +116,7 @@ impl OnGraph {
             status: own.open::<BridgeStatus>("~/status", latched),
             list: own.offer::<ListRoutes_Response>("list_routes"),
             explain: own.offer::<Explain_Response>("explain"),
+            circles: Circles::new(&own, latched),
             duplicate_nodes: DuplicateNodes::new(node, &registry),
             parts: parts.clone(),
             ask,
@@ -151,6 +155,7 @@ impl OnGraph {
                         // A thread that was held up makes up for nothing.
                         next = (next + EVERY).max(Instant::now());
                     }
+                    work.circles.look(&work.parts.bridge);
                     work.answer();
                     wake.wait(next.saturating_duration_since(Instant::now()));
                 }
@@ -229,6 +234,7 @@ struct Work {
     status: Option<Topic>,
     list: Option<Offered>,
     explain: Option<Offered>,
+    circles: Circles,
     duplicate_nodes: Option<DuplicateNodes>,
     /// Questions for the thread that answers them, and its answers.
     ask: SyncSender<(RequestId, String)>,

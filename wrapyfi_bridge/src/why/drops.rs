@@ -36,7 +36,6 @@ pub(super) fn meaning(reason: DropReason) -> Option<&'static str> {
         R::LostUpstream => "DDS lost them before they reached the bridge",
         R::Late | R::Expired => "calls were not answered in time",
         R::Overloaded => "too many calls are under way at once",
-        R::Loop => "they come back through other programs, again and again",
         _ => return None,
     })
 }
@@ -65,7 +64,6 @@ pub(super) fn mends(reason: DropReason) -> &'static str {
         }
         R::Late | R::Expired => "`timeout_ms` on the route, or a faster server",
         R::Overloaded => "fewer calls at once",
-        R::Loop => "leave out the route that leads back, of this bridge or of another",
         R::Refused => "do what the reason says, there",
         _ => "the log of the bridge names the message",
     }

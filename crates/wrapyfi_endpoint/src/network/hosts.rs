@@ -86,9 +86,30 @@ pub fn is_of_this_machine(ip: IpAddr) -> bool {
     UdpSocket::bind((ip, 0)).is_ok()
 }
 
+/// Text that is the same for two programs that mean the same server: host and port, and for loopback the machine and
+/// the network namespace that it belongs to. Two names of one host are two texts.
+pub fn server_text(host: &str, port: u16) -> String {
+    let bare = host.trim_matches(['[', ']']).to_ascii_lowercase();
+    let is_loopback = |ip: IpAddr| ip.is_loopback() || ip.is_unspecified();
+    if bare != "localhost" && !bare.parse().is_ok_and(is_loopback) {
+        return format!("{bare}:{port}");
+    }
+    let machine = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+    let namespace = std::fs::read_link("/proc/self/ns/net").unwrap_or_default();
+    format!("{} {}:{port}", machine.trim_end(), namespace.display())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn two_texts_of_one_server_on_this_machine_are_the_same() {
+        assert_eq!(server_text("localhost", 5555), server_text("127.0.0.1", 5555));
+        assert_eq!(server_text("[::1]", 5555), server_text("0.0.0.0", 5555));
+        assert_ne!(server_text("127.0.0.1", 5555), server_text("127.0.0.1", 5556));
+        assert_eq!(server_text("Robot", 1), "robot:1");
+    }
 
     #[test]
     fn names_are_looked_up_here_first() {

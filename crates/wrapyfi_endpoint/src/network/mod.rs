@@ -10,7 +10,7 @@ mod insecure;
 mod owner;
 mod variables;
 
-pub use hosts::{Hosts, facing, is_of_this_machine, unspecified};
+pub use hosts::{Hosts, facing, is_of_this_machine, server_text, unspecified};
 pub use insecure::{Insecure, Place, ReachedByOthers, is_on};
 pub use owner::owner;
 pub use variables::{VariableError, Variables, variable};
