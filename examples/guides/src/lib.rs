@@ -2,6 +2,7 @@
 
 /// The guides, whose code is compiled.
 #[cfg(doctest)]
+#[doc = include_str!("../../../README.md")]
 #[doc = include_str!("../../../docs/rust.md")]
 #[doc = include_str!("../../../docs/reference/communicator.md")]
 pub struct Guide;
@@ -12,9 +13,10 @@ mod tests {
     use std::path::Path;
     use std::process::Command;
 
-    const GUIDES: [&str; 2] = [
+    const GUIDES: [&str; 3] = [
         include_str!("../../../docs/rust.md"),
         include_str!("../../../docs/reference/communicator.md"),
+        include_str!("../../../README.md"),
     ];
 
     /// Listings that begin with a line.
