@@ -1,4 +1,4 @@
-//! Errors and warnings of `--ros-args`. The texts are those of ROS 2, which people search for.
+//! Errors and warnings of `--ros-args`. The texts are those of ROS 2, which people search for, where these say what is wrong.
 
 use std::error::Error;
 use std::{fmt, io};
@@ -92,36 +92,37 @@ fn quoted(words: &[String]) -> String {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RuleError {
-    /// The rule ends, or goes on with a character that no rule has.
-    #[error("Expected lexeme type ({wanted}) not found, search ended at index {index}")]
-    Missing {
-        /// Number of the lexeme that should come.
-        wanted: u8,
-        /// Byte at which the lexeme should begin.
-        index: usize,
-    },
-    /// The rule goes on with another lexeme.
-    #[error("Expected lexeme type {wanted}, got {got} at index {index}")]
-    Unexpected {
-        /// Number of the lexeme that should come.
-        wanted: u8,
-        /// Number of the lexeme that comes.
-        got: u8,
-        /// Byte at which that lexeme begins.
-        index: usize,
-    },
-    /// A part of a name is missing.
-    #[error("Expecting token or wildcard")]
-    NoToken,
+    /// The rule has no `:=`.
+    #[error("a rule is written FROM:=TO, and this one has no `:=`")]
+    NoSeparator,
+    /// A name is none.
+    #[error(
+        "{0:?} is no name: it is words of letters, digits and single underscores, none of which begins with a digit, \
+         with slashes between them"
+    )]
+    NoName(String),
     /// `*` or `**` in a rule.
     #[error("Wildcard '{0}' is not implemented")]
     Wildcard(&'static str),
     /// `\1` to `\9` in a rule.
     #[error("Backreferences are not implemented")]
     BackReference,
-    /// No name follows `:=`; the text of ROS 2 says no more than this.
-    #[error("error not set")]
-    NoReplacement,
+    /// Nothing stands before or behind `:=`.
+    #[error("a rule is written FROM:=TO, and one of the two is missing")]
+    Missing,
+}
+
+impl RuleError {
+    /// Reason that a text is no name.
+    pub(super) fn no_name(text: &str) -> Self {
+        match text {
+            "" => Self::Missing,
+            _ if text.contains("**") => Self::Wildcard("**"),
+            _ if text.contains('*') => Self::Wildcard("*"),
+            _ if text.contains('\\') => Self::BackReference,
+            _ => Self::NoName(text.to_owned()),
+        }
+    }
 }
 
 /// Error of a parameter file.
@@ -230,7 +231,4 @@ pub enum LogLevelError {
     /// `:=debug`
     #[error("Argument has an invalid logger item that name is empty")]
     NoLogger,
-    /// The value behind `:=` is no single word.
-    #[error(transparent)]
-    Rule(#[from] RuleError),
 }

@@ -14,10 +14,10 @@
 //! The parser touches no file: [`RosArgs::parse`] is given a function that reads one.
 
 mod error;
-mod lexer;
 mod log_levels;
 mod parameters;
 mod remap;
+mod rule;
 
 use std::collections::BTreeMap;
 use std::error::Error;

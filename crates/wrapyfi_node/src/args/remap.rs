@@ -9,7 +9,7 @@
 //! The first rule that matches wins, however special a later one is.
 
 use super::error::RuleError;
-use super::lexer::{Cursor, Lexeme};
+use super::rule::{Rule, check_name, is_namespace, is_token};
 use crate::{NameError, NodeName};
 
 /// One rule.
@@ -38,109 +38,39 @@ impl RemapRule {
     /// Reads a rule. A refused `__node` or `__ns` is warned of as well, because outside a block
     /// its author gets nothing but the warning.
     pub(super) fn parse(text: &str, warnings: &mut Vec<String>) -> Result<Self, RuleError> {
-        let mut cursor = Cursor::new(text);
-        let node = cursor.node_prefix().map(str::to_owned);
-        let target = match cursor.peek() {
-            Lexeme::Node => {
-                value(&mut cursor, token, node_refused, warnings).map(Target::NodeName)?
-            }
-            Lexeme::Namespace => value(&mut cursor, fully_qualified, namespace_refused, warnings)
-                .map(Target::Namespace)?,
-            _ => name_target(&mut cursor)?,
+        let Rule { node, left, right } = Rule::cut(text)?;
+        let mut refused = |warning| {
+            warnings.push(warning);
+            RuleError::no_name(right)
         };
-        cursor.expect(Lexeme::Eof)?;
-        Ok(Self { node, target })
+        let target = match left {
+            "__node" | "__name" if is_token(right) => Target::NodeName(right.to_owned()),
+            "__node" | "__name" => {
+                return Err(refused(format!("Node name not remapped to invalid name: '{right}'")));
+            }
+            "__ns" if is_namespace(right) => Target::Namespace(right.to_owned()),
+            "__ns" => {
+                return Err(refused(format!(
+                    "Namespace not remapped to a fully qualified name (found: {right})"
+                )));
+            }
+            _ => {
+                let schemes = [("rostopic://", Scope::Topics), ("rosservice://", Scope::Services)];
+                let mut cut = schemes
+                    .into_iter()
+                    .filter_map(|(it, scope)| Some((scope, left.strip_prefix(it)?)));
+                let (scope, from) = cut.next().unwrap_or((Scope::Both, left));
+                check_name(from)?;
+                check_name(right)?;
+                Target::Name { scope, from: from.to_owned(), to: right.to_owned() }
+            }
+        };
+        Ok(Self { node: node.map(str::to_owned), target })
     }
 
     fn is_for(&self, node: &str) -> bool {
         self.node.as_deref().is_none_or(|wanted| wanted == node)
     }
-}
-
-/// Reads `:=` and the value behind it, of whose refusal a warning tells.
-fn value(
-    cursor: &mut Cursor<'_>,
-    read: fn(&mut Cursor<'_>) -> Result<(), RuleError>,
-    refusal: fn(&str) -> String,
-    warnings: &mut Vec<String>,
-) -> Result<String, RuleError> {
-    cursor.accept();
-    cursor.expect(Lexeme::Separator)?;
-    let found = cursor.rest().to_owned();
-    if let Err(error) = read(cursor) {
-        warnings.push(refusal(&found));
-        return Err(error);
-    }
-    Ok(found)
-}
-
-fn node_refused(found: &str) -> String {
-    format!("Node name not remapped to invalid name: '{found}'")
-}
-
-fn namespace_refused(found: &str) -> String {
-    format!("Namespace not remapped to a fully qualified name (found: {found})")
-}
-
-fn token(cursor: &mut Cursor<'_>) -> Result<(), RuleError> {
-    cursor.expect(Lexeme::Token).map(drop)
-}
-
-/// `/`, `/a`, `/a/b`; a slash at the end is left to the check of the node's name.
-fn fully_qualified(cursor: &mut Cursor<'_>) -> Result<(), RuleError> {
-    cursor.expect(Lexeme::Slash)?;
-    while cursor.expect(Lexeme::Token).is_ok() && cursor.expect(Lexeme::Slash).is_ok() {}
-    cursor.expect(Lexeme::Eof).map(drop)
-}
-
-fn name_target(cursor: &mut Cursor<'_>) -> Result<Target, RuleError> {
-    let scope = match cursor.peek() {
-        Lexeme::TopicUrl => Scope::Topics,
-        Lexeme::ServiceUrl => Scope::Services,
-        _ => Scope::Both,
-    };
-    if scope != Scope::Both {
-        cursor.accept();
-    }
-    let from = name(cursor, Lexeme::Separator, match_token)?;
-    cursor.expect(Lexeme::Separator)?;
-    let to = name(cursor, Lexeme::Eof, replacement_token)?;
-    Ok(Target::Name { scope, from, to })
-}
-
-/// `a/b`, `/a/b` or `~/a/b` up to `end`.
-fn name(
-    cursor: &mut Cursor<'_>,
-    end: Lexeme,
-    token: fn(&mut Cursor<'_>) -> Result<(), RuleError>,
-) -> Result<String, RuleError> {
-    let start = cursor.rest();
-    if matches!(cursor.peek(), Lexeme::TildeSlash | Lexeme::Slash) {
-        cursor.accept();
-    }
-    token(cursor)?;
-    while cursor.peek() != end {
-        cursor.expect(Lexeme::Slash)?;
-        token(cursor)?;
-    }
-    Ok(cursor.since(start).to_owned())
-}
-
-pub(super) fn match_token(cursor: &mut Cursor<'_>) -> Result<(), RuleError> {
-    let found = cursor.peek();
-    token(cursor).map_err(|_other| match found {
-        Lexeme::WildOne => RuleError::Wildcard("*"),
-        Lexeme::WildMulti => RuleError::Wildcard("**"),
-        _ => RuleError::NoToken,
-    })
-}
-
-fn replacement_token(cursor: &mut Cursor<'_>) -> Result<(), RuleError> {
-    let found = cursor.peek();
-    token(cursor).map_err(|_other| match found {
-        Lexeme::BackReference(_) => RuleError::BackReference,
-        _ => RuleError::NoReplacement,
-    })
 }
 
 /// The new name of node `node`, if a rule gives one.
@@ -189,13 +119,19 @@ mod tests {
     }
 
     #[test]
-    fn broken_rules_name_the_place() {
+    fn broken_rules_say_what_is_wrong() {
         assert_eq!(error("a/*:=x"), "Wildcard '*' is not implemented");
         assert_eq!(error(r"a:=\1"), "Backreferences are not implemented");
-        assert_eq!(error(""), "Expecting token or wildcard");
-        assert_eq!(error("a__b:=c"), "Expected lexeme type 19, got 18 at index 2");
-        assert_eq!(error("__node"), "Expected lexeme type (8) not found, search ended at index 6");
-        assert_eq!(error("rostopic://"), "Expecting token or wildcard");
+        for text in ["", "__node", "rostopic://", "a"] {
+            assert_eq!(
+                error(text),
+                "a rule is written FROM:=TO, and this one has no `:=`",
+                "{text}"
+            );
+        }
+        assert!(error("a__b:=c").starts_with("\"a__b\" is no name: "));
+        assert!(error("__nodes:=c").starts_with("\"__nodes\" is no name: "));
+        assert_eq!(error("a:="), "a rule is written FROM:=TO, and one of the two is missing");
     }
 
     #[test]

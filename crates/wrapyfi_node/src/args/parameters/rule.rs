@@ -3,8 +3,7 @@
 use std::error::Error;
 
 use super::super::error::RuleError;
-use super::super::lexer::{Cursor, Lexeme};
-use super::super::remap::match_token;
+use super::super::rule::{Rule, check_parameter};
 use super::Overrides;
 use super::yaml::{Events, Origin};
 
@@ -13,38 +12,14 @@ pub(in super::super) fn parse_rule(
     text: &str,
     overrides: &mut Overrides,
 ) -> Result<(), Box<dyn Error + Send + Sync>> {
-    let mut cursor = Cursor::new(text);
-    let pattern = cursor.node_prefix().unwrap_or("/**");
-    let name = parameter_name(&mut cursor)?;
-    cursor.expect(Lexeme::Separator)?;
-    if cursor.rest().is_empty() {
-        return Err(RuleError::NoReplacement.into());
+    let Rule { node, left, right } = Rule::cut(text)?;
+    check_parameter(left)?;
+    if right.is_empty() {
+        return Err(RuleError::Missing.into());
     }
-    let value = Events::new(cursor.rest(), Origin::CommandLine).whole_value()?;
-    let node = overrides.begin_node(pattern)?;
-    overrides.push(node, name, value)?;
-    Ok(())
-}
-
-/// Words with dots between them; a word may have slashes, as in
-/// `qos_overrides./parameter_events.publisher.depth`.
-fn parameter_name<'a>(cursor: &mut Cursor<'a>) -> Result<&'a str, RuleError> {
-    let start = cursor.rest();
-    word(cursor)?;
-    while cursor.peek() != Lexeme::Separator {
-        cursor.expect(Lexeme::Dot)?;
-        word(cursor)?;
-    }
-    Ok(cursor.since(start))
-}
-
-fn word(cursor: &mut Cursor<'_>) -> Result<(), RuleError> {
-    if cursor.peek() != Lexeme::Slash {
-        match_token(cursor)?;
-    }
-    while matches!(cursor.peek(), Lexeme::Token | Lexeme::Slash) {
-        cursor.accept();
-    }
+    let value = Events::new(right, Origin::CommandLine).whole_value()?;
+    let node = overrides.begin_node(node.unwrap_or("/**"))?;
+    overrides.push(node, left, value)?;
     Ok(())
 }
 
@@ -64,7 +39,7 @@ mod tests {
         let found = overrides.for_node("/n");
         assert_eq!(found.keys().collect::<Vec<_>>(), ["qos_overrides./parameter_events.depth"]);
         assert_eq!(parse("*:=1").unwrap_err(), "Wildcard '*' is not implemented");
-        assert_eq!(parse(":=1").unwrap_err(), "Expecting token or wildcard");
+        assert!(parse("a b:=1").unwrap_err().starts_with("\"a b\" is no name"));
     }
 
     #[test]
