@@ -31,7 +31,7 @@ const MAX_BRIDGES: usize = 256;
 pub(super) struct Circles {
     topic: Option<Topic>,
     listener: Option<Box<dyn Listener>>,
-    /// What was told last.
+    /// Routes as they were told last.
     own: BridgeRoutes,
     /// Other bridges by the number of their publisher.
     others: BTreeMap<u64, BridgeRoutes>,
