@@ -180,17 +180,40 @@ fn what_cyclonedds_cannot_start_with_ends_with_one_line() -> Result {
             let said = one.stderr();
             assert!(said.contains("ROS_STATIC_PEERS has") && said.contains(peer), "{said}");
         }
+        Ok(())
+    })
+}
+
+/// A name among the peers that does not resolve keeps nobody from the others, and no command from its end.
+#[test]
+fn a_peer_that_does_not_resolve_holds_nothing_up() -> Result {
+    run("a_peer_that_does_not_resolve_holds_nothing_up", &[Need::Program], |env| {
         let xml = "<CycloneDDS><Domain><Discovery><Peers><Peer address=\"robot.invalid\"/></Peers>\
                    </Discovery></Domain></CycloneDDS>";
-        for variable in ["ROS_STATIC_PEERS=robot.invalid", &format!("CYCLONEDDS_URI='{xml}'")] {
+        for variable in
+            ["ROS_STATIC_PEERS='robot.invalid;127.0.0.1'", &format!("CYCLONEDDS_URI='{xml}'")]
+        {
             let script = format!("export {variable}; exec \"$@\"");
-            let mut one = env.wrapyfi_by(&script, &echo)?;
-            one.wait_until("the name", |output| {
-                let words = "waits for the host \"robot.invalid\"";
-                output.err.iter().any(|line| line.contains(words)).then_some(())
-            })?;
-            one.terminate()?;
-            one.exits_with(0)?;
+            let topic = ["ros2:/x", "--type", "std_msgs/msg/String"];
+            let publish = ["--value", "{\"data\": \"hello\"}", "--rate", "10"];
+            let _publisher =
+                env.wrapyfi_by(&script, &[&["pub"][..], &topic[..], &publish[..]].concat())?;
+            let args = [&["echo"][..], &topic[..], &["--count", "1"][..]].concat();
+            let mut echo = env.wrapyfi_by(&script, &args)?;
+            echo.exits_with(0)?;
+            let said = echo.stderr();
+            assert!(said.contains("\"robot.invalid\" of") && said.contains("resolve"), "{said}");
+            let mut silent = env.wrapyfi_by(
+                &script,
+                &["echo", "ros2:/nobody", "--type", "std_msgs/msg/String", "--timeout", "1"],
+            )?;
+            silent.exits_with(3)?;
+            let said = silent.stderr();
+            assert!(said.contains("a publisher of /nobody (the host \"robot.invalid\""), "{said}");
+            let mut why = env.wrapyfi_by(&script, &["why", "ros2:/nobody"])?;
+            why.exits_with(1)?;
+            let said = why.tail();
+            assert!(said.contains("\"robot.invalid\"") && said.contains("/etc/hosts"), "{said}");
         }
         Ok(())
     })

@@ -570,6 +570,32 @@ fn a_node_of_ros_2_behind_a_dead_link_is_missed_and_heard_again() -> Result {
     })
 }
 
+/// A peer of ROS 2 by a name that begins to resolve while a program runs.
+#[test]
+fn a_peer_of_ros_2_is_found_once_its_name_resolves() -> Result {
+    run("a_peer_of_ros_2_is_found_once_its_name_resolves", NEEDS, |env| {
+        let hosts = env.hosts(["robot", "laptop"])?;
+        let known = format!("127.0.0.1 localhost\n{} robot\n", hosts[0].ip());
+        // Without multicast.
+        let [robot, laptop] = hosts.map(|host| {
+            host.with("CYCLONEDDS_URI", "").with("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        });
+        let laptop = laptop.with("ROS_STATIC_PEERS", "robot");
+        let text = ["--type", "Text", "--value", "\"hello\"", "--rate", "20"];
+        let _publisher = robot.wrapyfi(["pub", "ros2:/far/x"].into_iter().chain(text))?;
+        let mut echo = echo(&laptop, "ros2:/far/x", "Text")?;
+        echo.wait_until("the name", |output| {
+            output
+                .err
+                .iter()
+                .any(|line| line.contains("\"robot\" of ROS_STATIC_PEERS"))
+                .then_some(())
+        })?;
+        env.write("hosts_laptop", known)?;
+        echo.exits_with(0)
+    })
+}
+
 #[test]
 fn a_middleware_that_is_not_there_makes_its_own_routes_wait() -> Result {
     let needs = &[Need::Program];

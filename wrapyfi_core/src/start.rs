@@ -278,6 +278,9 @@ mod ros2 {
                 JoinError::Cyclone(CycloneError::Domain(DomainError::Refused { .. })) => {
                     cyclone.extra_uri.is_some()
                 }
+                JoinError::Cyclone(CycloneError::Domain(DomainError::Peer(peer))) => {
+                    peer.is_of_settings()
+                }
                 JoinError::Cyclone(_) => false,
                 _ => true,
             };

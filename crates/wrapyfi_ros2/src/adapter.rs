@@ -25,7 +25,6 @@ use super::config::CycloneConfig;
 use super::cyclone_graph::{CycloneError, CycloneGraph};
 use super::environment::{Adapter, Environment, Security, build};
 use super::graph::{Graph, ServiceMapping};
-use super::peer_names::{self, PeerError};
 
 /// Error of a node that joins the graph.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -34,9 +33,6 @@ pub enum JoinError {
     /// CycloneDDS refused.
     #[error(transparent)]
     Cyclone(#[from] CycloneError),
-    /// A peer that is neither a name nor an address.
-    #[error(transparent)]
-    Peer(#[from] PeerError),
     /// The middleware of the installed ROS 2 refused, or cannot be loaded.
     #[error(
         "the middleware of ROS 2 could not create the node: {0}; install the one that RMW_IMPLEMENTATION names, name another, or set WRAPYFI_ROS2_GRAPH=cyclone"
@@ -175,7 +171,6 @@ fn on_cyclone(config: &CycloneConfig, reason: &str) -> Result<Joined, JoinError>
             build!()
         ));
     }
-    peer_names::wait(config)?;
     let graph = Arc::new(CycloneGraph::new(config)?);
     Ok(Joined { graph, carried_by: format!("CycloneDDS inside ({reason})") })
 }

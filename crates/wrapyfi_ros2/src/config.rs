@@ -14,6 +14,8 @@
 //! Heartbeats follow soon on what is not acknowledged: readers acknowledge, and ask for fragments again, when
 //! they hear one, and a large message to a Fast DDS node waits for that (`pacing`). On two busy cores 12 images of
 //! 0.9 MB went out in a second with CycloneDDS's own 100 ms, 21 with 20 ms, 33 with 10 ms and 44 with 4 ms.
+//! Peers are asked for as long as the node lives: CycloneDDS's own 30 s would leave out for good a robot that is switched
+//! on later, or is away for longer.
 //! Type information (XTypes) of others is ignored, and none is offered: names and hashes decide, as in ROS 2's rmw.
 //! CycloneDDS would keep the type objects that the nodes of Fast DDS 3 send each other, take those with a sequence of
 //! strings for invalid, and from then on drop every writer and reader of such a type without a word.
@@ -29,13 +31,17 @@ use super::graph::ServiceMapping;
 /// Receive buffer asked of the kernel for every socket.
 pub(super) const RECEIVE_BUFFER: u64 = 4 << 20;
 /// Participants on one host that unicast discovery reaches, as `rmw_cyclonedds_cpp` sets it.
-const PARTICIPANTS: u32 = 32;
+pub(super) const PARTICIPANTS: u32 = 32;
 /// Silence after which others take this node for gone, in seconds. By CycloneDDS's own 10 s they, bridges among them,
 /// would notice a cut cable after 11 s. Each node says its own: what announces 10 s is missed no sooner.
 const LEASE_S: u32 = 8;
 /// Time between two announcements of this node, in milliseconds: when a link is back, others find it after so long.
 /// CycloneDDS's own is four fifths of the lease.
 const ANNOUNCE_MS: u32 = 1500;
+
+/// Peers of a node that looks for others without multicast, from their beginning. Those on this host announce themselves
+/// to all of it when they come, so that the 33 ports that one of them might have are not asked for ever.
+const HERE: &str = "<Peers AddLocalhost=\"false\"><Peer address=\"localhost\" PruneDelay=\"30s\"/>";
 
 /// Vendors whose type information is ignored, `1.N`: all that CycloneDDS can name there.
 const VENDORS: std::ops::RangeInclusive<u32> = 2..=32;
@@ -128,9 +134,10 @@ impl CycloneConfig {
             "<MaxMessageSize>65500B</MaxMessageSize><FragmentSize>64000B</FragmentSize>",
         );
         let mut discovery = format!(
-            "<LeaseDuration>{LEASE_S}s</LeaseDuration><SPDPInterval>{ANNOUNCE_MS}ms</SPDPInterval>"
+            "<LeaseDuration>{LEASE_S}s</LeaseDuration><SPDPInterval>{ANNOUNCE_MS}ms</SPDPInterval>\
+             <InitialLocatorPruneDelay>inf</InitialLocatorPruneDelay>"
         );
-        let mut peers: Vec<&str> = self.static_peers.iter().map(String::as_str).collect();
+        let (mut peers, mut begin) = (self.static_peers.as_slice(), "<Peers>");
         if let Some(name) = &self.interface {
             _ = write!(
                 general,
@@ -156,19 +163,19 @@ impl CycloneConfig {
             DiscoveryRange::Localhost => {
                 general.push_str("<AllowMulticast>false</AllowMulticast>");
                 discovery.push_str(&indexed);
-                peers.insert(0, "localhost");
+                begin = HERE;
             }
             DiscoveryRange::Off => {
                 general.push_str("<AllowMulticast>false</AllowMulticast>");
                 discovery.push_str("<ParticipantIndex>none</ParticipantIndex>");
                 // A tag nobody else has: participants with another tag are not seen.
                 _ = write!(discovery, "<Tag>ros_discovery_off_{pid}</Tag>");
-                peers.clear();
+                peers = &[];
             }
-            DiscoveryRange::SystemDefault => peers.clear(),
+            DiscoveryRange::SystemDefault => peers = &[],
         }
-        if !peers.is_empty() {
-            discovery.push_str("<Peers>");
+        if !peers.is_empty() || begin == HERE {
+            discovery.push_str(begin);
             for peer in peers {
                 _ = write!(discovery, "<Peer address=\"{}\"/>", escape(peer));
             }
@@ -226,7 +233,8 @@ mod tests {
         assert!(subnet.contains("minsched=\"1ms\">5ms</HeartbeatInterval>"), "{subnet}");
         let local = config(DiscoveryRange::Localhost, &["10.0.0.1"]).xml(1);
         assert!(local.contains("<AllowMulticast>false<"), "{local}");
-        assert!(local.contains("<Peer address=\"localhost\"/><Peer address=\"10.0.0.1\"/>"));
+        let peers = format!("{HERE}<Peer address=\"10.0.0.1\"/></Peers>");
+        assert!(local.contains(&peers) && local.contains("PruneDelay>inf<"), "{local}");
         let off = config(DiscoveryRange::Off, &["10.0.0.1"]).xml(77);
         assert!(off.contains("<Tag>ros_discovery_off_77</Tag>"), "{off}");
         assert!(!off.contains("Peer "), "{off}");
@@ -256,6 +264,6 @@ mod tests {
         let mut config = config(DiscoveryRange::Subnet, &[]);
         config.interface = Some("lo".into());
         let xml = config.xml(1);
-        assert!(xml.contains("name=\"lo\"") && xml.contains("address=\"localhost\""), "{xml}");
+        assert!(xml.contains("name=\"lo\"") && xml.contains(HERE), "{xml}");
     }
 }

@@ -65,7 +65,7 @@ impl CycloneGraph {
     /// When another node of this process uses the domain with another configuration, or Cyclone
     /// refuses.
     pub fn new(config: &CycloneConfig) -> Result<Self, CycloneError> {
-        let domain = DomainLease::acquire(config.domain_id, &config.sources())?;
+        let domain = DomainLease::acquire(config)?;
         let fault = |code: ReturnCode| CycloneError::Participant(code.to_string());
         let participant = Entity::participant(config.domain_id, ENCLAVE).map_err(fault)?;
         let gid = participant.guid().map_err(fault)?;

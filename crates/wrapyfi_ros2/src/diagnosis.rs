@@ -5,7 +5,7 @@
 //!   matched > 0 ─────────────────────────────▶ nothing
 //!   those there do not fit ──────────────────▶ "a publisher of /chatter that fits (/talker offers …)"
 //!   the topic exists with another type ──────▶ "… with type A (those there carry B)"
-//!   neither ─────────────────────────────────▶ "a publisher of /chatter"
+//!   neither ─────────────────────────────────▶ "a publisher of /chatter", and the peer whose name does not resolve
 //! ```
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -16,6 +16,7 @@ use super::graph::{
     DiscoveredEndpoint, Graph, GraphResult, NodeWatch, Notify, PeerWatch, TopicDescription,
 };
 use super::matching::unmet;
+use super::peer_relay::unresolved_peers;
 use wrapyfi_endpoint::{
     AnnouncedQos, Durability, Link, Mutex, PinnedQos, Qos, QosPolicy, Throttle, TopicSpec,
 };
@@ -153,7 +154,10 @@ impl Diagnosis {
                 let (wanted, other) = (self.type_name, &other.type_name);
                 format!("a {peer} of {topic} with type {wanted} (those there carry {other})")
             }
-            (None, _, None) => format!("a {peer} of {topic}"),
+            (None, _, None) => match unresolved_peers().first() {
+                Some(unresolved) => format!("a {peer} of {topic} ({unresolved})"),
+                None => format!("a {peer} of {topic}"),
+            },
         }
     }
 

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   node ──┐
-//!   node ──┼─ DomainLease ──▶ DOMAINS[id] { configuration, users, domain }
+//!   node ──┼─ DomainLease ──▶ DOMAINS[id] { configuration, users, domain, relays of its peers }
 //!   node ──┘                  last lease gone ──▶ domain deleted
 //! ```
 //!
@@ -12,7 +12,10 @@
 use std::collections::BTreeMap;
 use std::sync::RwLock;
 
+use super::config::CycloneConfig;
 use super::cyclone::Entity;
+use super::peer_names::{PeerError, relayed};
+use super::peer_relay::Relay;
 use wrapyfi_endpoint::Mutex;
 
 /// Files that Cyclone has open for a domain.
@@ -27,6 +30,8 @@ struct Shared {
     configuration: String,
     users: usize,
     _domain: Entity,
+    /// After the domain, which announces its end through them.
+    _relays: Vec<Relay>,
 }
 
 /// Error of joining a DDS domain.
@@ -63,6 +68,9 @@ pub enum DomainError {
         /// Limit to raise.
         remedy: &'static str,
     },
+    /// A peer that Cyclone cannot be told.
+    #[error(transparent)]
+    Peer(#[from] PeerError),
     /// Cyclone refused; its log says why.
     #[error(
         "CycloneDDS could not open domain {id}: {reason}; its log lines say why, CYCLONEDDS_URI is the usual cause"
@@ -80,8 +88,9 @@ pub enum DomainError {
 pub(super) struct DomainLease(u32);
 
 impl DomainLease {
-    /// Opens domain `id`, or joins it where its configuration is the same.
-    pub(super) fn acquire(id: u32, configuration: &str) -> Result<Self, DomainError> {
+    /// Opens the domain of `config`, or joins it where its configuration is the same.
+    pub(super) fn acquire(config: &CycloneConfig) -> Result<Self, DomainError> {
+        let (id, configuration) = (config.domain_id, config.sources());
         let mut domains = DOMAINS.lock();
         match domains.get_mut(&id) {
             Some(shared) if shared.configuration == configuration => shared.users += 1,
@@ -89,12 +98,13 @@ impl DomainLease {
                 return Err(DomainError::Clash {
                     id,
                     in_use: shared.configuration.clone(),
-                    asked: configuration.to_owned(),
+                    asked: configuration,
                 });
             }
             None => {
                 find_room()?;
-                let domain = Entity::domain(id, configuration).map_err(|code| {
+                let (relayed, relays) = relayed(config)?;
+                let domain = Entity::domain(id, &relayed.sources()).map_err(|code| {
                     if code.is_precondition() {
                         DomainError::Foreign { id }
                     } else {
@@ -102,8 +112,8 @@ impl DomainLease {
                     }
                 })?;
                 log_receive_buffer();
-                let configuration = configuration.to_owned();
-                domains.insert(id, Shared { configuration, users: 1, _domain: domain });
+                let shared = Shared { configuration, users: 1, _domain: domain, _relays: relays };
+                domains.insert(id, shared);
             }
         }
         Ok(Self(id))

@@ -95,6 +95,7 @@ mod parameters;
 mod payload;
 mod peer_index;
 mod peer_names;
+mod peer_relay;
 mod publisher;
 mod receive_path;
 mod replays;
@@ -131,6 +132,8 @@ pub use pacing::ACKNOWLEDGES_NOTHING;
 pub use parameters::{
     ParameterClient, ParameterClientError, ParameterResult, RemoteParameters, ServiceOptions,
 };
+pub use peer_names::PeerError;
+pub use peer_relay::unresolved_peers;
 #[cfg(feature = "rmw")]
 pub use rmw_graph::RmwGraph;
 pub use ros2::Ros2;

@@ -171,8 +171,9 @@ impl Walk<'_> {
             }
         }
         if let Some(graph) = end.graph.as_ref().filter(|it| !it.carried_by.is_empty()) {
-            let Graph { domain_id, carried_by, .. } = graph;
-            self.pass(format!("ROS 2 in domain {domain_id}, on {carried_by}"));
+            let Graph { domain_id, carried_by, unresolved, .. } = graph;
+            let but = unresolved.first().map(|it| format!(", but {it}")).unwrap_or_default();
+            self.pass(format!("ROS 2 in domain {domain_id}, on {carried_by}{but}"));
         }
         let Some(away) = end.away.as_ref().filter(|_| !flows(self.way)) else { return Ok(()) };
         if let Some(stopped) = &self.way.stopped {
@@ -336,6 +337,12 @@ impl Walk<'_> {
                 people(&[endpoint], endpoint.role)
             );
             return Err(Finding::new(cause, what, owner(endpoint), remedy.clone()));
+        }
+        if let Some(unresolved) = end.graph.as_ref().and_then(|graph| graph.unresolved.first()) {
+            let what = format!("{nobody}, and {unresolved}");
+            let remedy = "write its address in /etc/hosts, or in place of the name".to_owned();
+            let who = "whoever knows the machine's address";
+            return Err(Finding::new(Cause::UnresolvedHost, what, who, remedy));
         }
         if let Some(Graph {
             range: range @ ("OFF" | "LOCALHOST"), range_setting, widening, ..

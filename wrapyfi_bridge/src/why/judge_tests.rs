@@ -53,6 +53,7 @@ fn whole() -> Way {
         range_setting: "",
         widening: "export ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET",
         carried_by: "CycloneDDS inside".to_owned(),
+        unresolved: vec![],
     });
     source.found = vec![publisher("/in"), listener("/in")];
     (source.silent, source.heard) = (Some(Duration::from_millis(600)), 4);
@@ -207,6 +208,16 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
             Cause::UnresolvedHost,
             "does not resolve",
             "hosts: { robot: ADDRESS }",
+        ),
+        (
+            of_source(|it| {
+                nobody(it);
+                it.graph.as_mut().unwrap().unresolved =
+                    vec!["the host \"robot\" is unknown".into()];
+            }),
+            Cause::UnresolvedHost,
+            "nobody publishes ros2:/in, and the host \"robot\" is unknown",
+            "/etc/hosts",
         ),
         (
             of_source(|it| {

@@ -19,9 +19,9 @@ use wrapyfi_endpoint::{
 use wrapyfi_engine::Kind;
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_ros1::Ros1;
-use wrapyfi_ros2::Ros2;
 use wrapyfi_ros2::environment::{self, DiscoveryRange};
 use wrapyfi_ros2::graph;
+use wrapyfi_ros2::{Ros2, unresolved_peers};
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 use wrapyfi_yarp::port::names::Registration;
 use wrapyfi_yarp::port::{Network, NetworkOptions};
@@ -240,6 +240,9 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
             end.elsewhere = far.join().unwrap_or_default();
         });
     }
+    if let Some(graph) = &mut end.graph {
+        graph.unresolved = unresolved_peers();
+    }
     // A broker that has refused the connection is not slow.
     let has_failed = side.has_told_all();
     drop(side);
@@ -317,7 +320,14 @@ pub(super) fn graph(endpoints: &Endpoints) -> Graph {
         false => "export ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET",
     };
     let (domain_id, range) = (endpoints.ros2.domain_id(domain_id), range.word());
-    Graph { domain_id, range, range_setting, widening, carried_by: String::new() }
+    Graph {
+        domain_id,
+        range,
+        range_setting,
+        widening,
+        carried_by: String::new(),
+        unresolved: vec![],
+    }
 }
 
 /// Looks until `is_over`, which is told whether the side has told all.

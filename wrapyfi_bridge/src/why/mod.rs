@@ -252,6 +252,8 @@ pub struct Graph {
     pub widening: &'static str,
     /// Name of what carries the graph.
     pub carried_by: String,
+    /// Hosts that others are looked for on and whose names do not resolve, a sentence each.
+    pub unresolved: Vec<String>,
 }
 
 impl Graph {

@@ -28,7 +28,7 @@ struct Peer {
 fn peer(test: u32) -> Peer {
     let domain_id = 101 + std::process::id() % 10 * 3 + test;
     let config = CycloneConfig::loopback(NodeName::new("n", "/").unwrap(), domain_id);
-    let domain = DomainLease::acquire(domain_id, &config.sources()).unwrap();
+    let domain = DomainLease::acquire(&config).unwrap();
     Peer { participant: Entity::participant(domain_id, "").unwrap(), _domain: domain }
 }
 
