@@ -174,8 +174,9 @@ def call(node):
     kind = interface(args.type)
     client = node.create_client(kind, args.topic)
     say("ready")
-    while not client.wait_for_service(0.5):
-        if leaving.is_set():
+    # Asks in the moment in which the service is there.
+    while not client.service_is_ready():
+        if leaving.wait(0.002):
             return
     future = client.call_async(set_fields(kind.Request(), json.loads(args.value or "{}")))
     while not future.done() and not leaving.is_set():

@@ -47,6 +47,24 @@ fn services_need_no_choice() -> Result {
     })
 }
 
+/// The client asks as soon as one of the stacks that the server is on has matched.
+#[test]
+fn a_client_that_waits_for_a_service_is_answered() -> Result {
+    on_kilted("a_client_that_waits_for_a_service_is_answered", |env, ros| {
+        env.set_variable("RMW_IMPLEMENTATION", "");
+        for round in 0..4 {
+            let service = env.topic(&format!("light{round}"));
+            let client = format!("call --topic {service} --type std_srvs/srv/SetBool");
+            let client = ros.rclpy(&client, Some(r#"{"data": true}"#))?;
+            client.event("ready")?;
+            let serve = ["serve", &ros2(&service), "--type", "std_srvs/srv/SetBool", "--value"];
+            let server = env.wrapyfi([&serve[..], &[r#"{"message": "so be it"}"#]].concat())?;
+            client.event("reply").map_err(|error| error.context(server.tail()))?;
+        }
+        Ok(())
+    })
+}
+
 /// A type with a sequence of strings: from what the nodes told each other about it, CycloneDDS took it for invalid.
 const KIND: &str = "sensor_msgs/msg/JointState";
 

@@ -1,21 +1,27 @@
 //! Services of one node under the mappings of both DDS vendors at once.
 //!
 //! ```text
-//!   Client ─ servers of Cyclone's mapping are there? ─ yes ─▶ CycloneDDS       Server ◀─ CycloneDDS: requests of both
-//!                                                     └ no ──▶ RustDDS                ◀─ RustDDS: those of Fast DDS again
-//!                                                                                     ─▶ reply where the request is from
+//!   Client ─ servers of Cyclone's mapping are there? ─ yes ─▶ CycloneDDS       Server ◀─ CycloneDDS, RustDDS: requests of both
+//!                                                     └ no ──▶ RustDDS                ─▶ reply: the stack of the request's mapping
 //! ```
 //!
 //! Both stacks have the same topics, so that a client of Fast DDS takes the service for there as soon as one of them
-//! has matched, and its request may be in time for CycloneDDS alone. That request is given then, and what RustDDS has
-//! received as well is given once.
+//! has matched, and asks in that moment. A reader of CycloneDDS passes over what a writer of Fast DDS wrote before it knew
+//! that writer, where RustDDS asks for it again. So a server on CycloneDDS is announced only, until a client of its own
+//! mapping is there: with RustDDS alone no request is lost. After that a request may be in time for CycloneDDS alone, as one
+//! of a client on CycloneDDS may be for RustDDS alone. It is given then, and what both have received is given once.
 
+use std::any::Any;
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use super::graph::{CdrClient, CdrReply, CdrRequest, CdrServer, GraphError, Peers, RequestId};
+use super::graph::{
+    CdrClient, CdrReply, CdrRequest, CdrServer, Created, DiscoveredEndpoint, GraphError, PeerWatch,
+    Peers, RequestId, ServiceMapping,
+};
+use super::vendor::is_rustdds;
 
-/// Requests of Fast DDS's mapping by which the second copy is known.
+/// Requests by which the second copy is known.
 const MAX_SEEN: usize = 1024;
 
 /// Calls a server under the mapping that it has.
@@ -65,17 +71,65 @@ impl CdrClient for Client {
     }
 }
 
+/// A server on CycloneDDS that nobody needs yet.
+pub(super) struct Waiting {
+    open: Box<dyn Fn() -> Created<dyn CdrServer> + Send>,
+    /// Writers of requests, and the number of their changes at the last look.
+    callers: Box<dyn PeerWatch>,
+    seen: u64,
+    /// Endpoints by which others know of the server.
+    _announced: Box<dyn Any + Send>,
+}
+
+impl Waiting {
+    /// A server that `open` creates when one of `callers` speaks its mapping; `announced` lives until then.
+    pub(super) fn new(
+        open: Box<dyn Fn() -> Created<dyn CdrServer> + Send>,
+        callers: Box<dyn PeerWatch>,
+        announced: Box<dyn Any + Send>,
+    ) -> Self {
+        Self { open, callers, seen: 0, _announced: announced }
+    }
+
+    fn is_needed(&mut self) -> bool {
+        let changes = self.callers.changes();
+        if std::mem::replace(&mut self.seen, changes) == changes {
+            return false;
+        }
+        self.callers.peers().iter().any(speaks_cyclone)
+    }
+}
+
+/// False for programs on Fast DDS. Those on RustDDS that do not tell are taken to speak its mapping.
+fn speaks_cyclone(caller: &DiscoveredEndpoint) -> bool {
+    caller.service_mapping != Some(ServiceMapping::FastDds) && !is_rustdds(&caller.gid)
+}
+
 /// Serves clients of both mappings.
 pub(super) struct Server {
-    cyclone: Box<dyn CdrServer>,
+    cyclone: Option<Box<dyn CdrServer>>,
+    waiting: Option<Waiting>,
     fast_dds: Box<dyn CdrServer>,
-    /// Requests of Fast DDS's mapping that were given last.
+    /// Requests that were given last.
     seen: VecDeque<([u8; 16], i64)>,
 }
 
 impl Server {
-    pub(super) fn new(cyclone: Box<dyn CdrServer>, fast_dds: Box<dyn CdrServer>) -> Self {
-        Self { cyclone, fast_dds, seen: VecDeque::new() }
+    pub(super) fn new(waiting: Waiting, fast_dds: Box<dyn CdrServer>) -> Self {
+        Self { cyclone: None, waiting: Some(waiting), fast_dds, seen: VecDeque::new() }
+    }
+
+    /// Opens the server on CycloneDDS where it is not open and `is_needed`, or a client of its mapping is there.
+    fn open(&mut self, is_needed: bool) -> Result<(), GraphError> {
+        if let Some(waiting) = &mut self.waiting
+            && (is_needed || waiting.is_needed())
+        {
+            let opened = (waiting.open)();
+            // Refused once, it would be refused again.
+            self.waiting = None;
+            self.cyclone = Some(opened?);
+        }
+        Ok(())
     }
 
     /// True for a request that the other stack has not given.
@@ -88,53 +142,65 @@ impl Server {
         self.seen.push_front(sample);
         true
     }
-
-    /// Stack of the client of a request. Identities of CycloneDDS's mapping have eight bytes, then zeros.
-    fn stack(&self, id: &RequestId) -> &dyn CdrServer {
-        if is_fast_dds(id) { self.fast_dds.as_ref() } else { self.cyclone.as_ref() }
-    }
 }
 
+/// Identities of CycloneDDS's mapping have eight bytes, then zeros.
 fn is_fast_dds(id: &RequestId) -> bool {
     !id.client.ends_with(&[0; 8])
 }
 
 impl CdrServer for Server {
     fn take(&mut self) -> Result<Option<CdrRequest>, GraphError> {
-        while let Some(request) = self.cyclone.take()? {
+        self.open(false)?;
+        while let Some(cyclone) = &mut self.cyclone
+            && let Some(request) = cyclone.take()?
+        {
             if self.is_new(&request) {
                 return Ok(Some(request));
             }
         }
-        loop {
-            match self.fast_dds.take() {
-                Ok(Some(request)) if !self.is_new(&request) => {}
-                // Of a client of CycloneDDS, whose request the other stack has.
-                Err(GraphError::ForeignMapping { .. }) => {}
-                taken => return taken,
+        while let Some(request) = self.fast_dds.take()? {
+            if !self.is_new(&request) {
+                continue;
             }
+            if let Some((writer, _)) = request.sample.filter(|_| !is_fast_dds(&request.id)) {
+                self.open(true)?;
+                // Without it nobody could answer.
+                let Some(cyclone) = &mut self.cyclone else { continue };
+                cyclone.note_client(&request.id, &writer);
+            }
+            return Ok(Some(request));
         }
+        Ok(None)
     }
 
     fn hears(&self, id: &RequestId) -> bool {
-        self.stack(id).hears(id)
+        match &self.cyclone {
+            Some(cyclone) if !is_fast_dds(id) => cyclone.hears(id),
+            _ => self.fast_dds.hears(id),
+        }
     }
 
     fn look_again(&self) -> Option<Duration> {
-        sooner(self.cyclone.look_again(), self.fast_dds.look_again())
+        let cyclone = self.cyclone.as_ref().and_then(|it| it.look_again());
+        sooner(cyclone, self.fast_dds.look_again())
     }
 
     fn reply(&mut self, id: &RequestId, parts: &[&[u8]]) -> Result<(), GraphError> {
-        let stack = if is_fast_dds(id) { &mut self.fast_dds } else { &mut self.cyclone };
-        stack.reply(id, parts)
+        match &mut self.cyclone {
+            Some(cyclone) if !is_fast_dds(id) => cyclone.reply(id, parts),
+            _ => self.fast_dds.reply(id, parts),
+        }
     }
 
     fn clients(&self) -> Peers {
-        of_either(self.cyclone.clients(), self.fast_dds.clients())
+        let cyclone = self.cyclone.as_ref().map_or(Peers::None, |it| it.clients());
+        of_either(cyclone, self.fast_dds.clients())
     }
 
     fn lost(&mut self) -> u64 {
-        self.cyclone.lost().max(self.fast_dds.lost())
+        let cyclone = self.cyclone.as_mut().map_or(0, |it| it.lost());
+        cyclone.max(self.fast_dds.lost())
     }
 }
 
@@ -158,7 +224,7 @@ mod tests {
     use std::sync::Arc;
 
     use bytes::Bytes;
-    use wrapyfi_endpoint::Mutex;
+    use wrapyfi_endpoint::{Mutex, Qos};
 
     use super::*;
     use crate::graph::{GraphResult, ServiceMapping};
@@ -228,6 +294,35 @@ mod tests {
         assert_eq!(of_either(Peers::None, Peers::None), Peers::None);
     }
 
+    /// Writers of requests as discovery finds them.
+    struct Callers(Arc<Mutex<(u64, Vec<DiscoveredEndpoint>)>>);
+
+    impl PeerWatch for Callers {
+        fn peers(&self) -> Vec<DiscoveredEndpoint> {
+            self.0.lock().1.clone()
+        }
+
+        fn changes(&self) -> u64 {
+            self.0.lock().0
+        }
+    }
+
+    fn caller(mapping: ServiceMapping) -> DiscoveredEndpoint {
+        DiscoveredEndpoint {
+            is_publisher: true,
+            topic: String::new(),
+            dds_topic: "rq/sRequest".to_owned(),
+            type_name: String::new(),
+            dds_type: String::new(),
+            type_hash: None,
+            gid: [0; 16],
+            qos: Qos::default().into(),
+            is_own: false,
+            mark: None,
+            service_mapping: Some(mapping),
+        }
+    }
+
     #[test]
     fn a_request_is_given_once_and_answered_where_its_client_is() {
         let request = |client: [u8; 16], sequence, sample| {
@@ -237,28 +332,42 @@ mod tests {
         let (writer, reader) = ([7; 16], [8; 16]);
         let mut of_cyclone = [9; 16];
         of_cyclone[8..].fill(0);
-        let service = "/s".to_owned();
-        let (ours, theirs) = (ServiceMapping::FastDds, ServiceMapping::Cyclone);
-        let foreign = GraphError::ForeignMapping { service, ours, theirs };
         let (cyclone, on_cyclone) = stack(
             Peers::Half,
-            vec![request(of_cyclone, 10, None), request(writer, 1, Some((writer, 1)))],
+            vec![
+                request(of_cyclone, 10, Some((of_cyclone, 2))),
+                request(writer, 1, Some((writer, 1))),
+            ],
         );
+        let none = GraphError::stack("taking", "/s", &"nothing");
         let (fast_dds, on_fast_dds) = stack(
             Peers::None,
             vec![
-                Err(foreign),
+                Err(none.clone()),
+                Err(none.clone()),
+                request(of_cyclone, 9, Some((of_cyclone, 1))),
+                request(of_cyclone, 10, Some((of_cyclone, 2))),
                 request(reader, 1, Some((writer, 1))),
                 request(reader, 2, Some((writer, 2))),
             ],
         );
-        let mut server = Server::new(cyclone, fast_dds);
+        let there = Arc::new(Mutex::new((1, Vec::new())));
+        let cyclone = Mutex::new(Some(cyclone));
+        let open = move || Ok(cyclone.lock().take().unwrap() as Box<dyn CdrServer>);
+        let callers = Box::new(Callers(Arc::clone(&there)));
+        let waiting = Waiting::new(Box::new(open), callers, Box::new(()));
+        let mut server = Server::new(waiting, fast_dds);
+        assert_eq!(server.take(), Err(none.clone()), "no client, no server on CycloneDDS");
+        *there.lock() = (2, vec![caller(ServiceMapping::FastDds)]);
+        assert_eq!(server.take(), Err(none));
+        assert_eq!(server.clients(), Peers::None);
+        *there.lock() = (3, vec![caller(ServiceMapping::FastDds), caller(ServiceMapping::Cyclone)]);
         let mut taken = Vec::new();
         while let Some(request) = server.take().unwrap() {
             server.reply(&request.id, &[]).unwrap();
             taken.push((request.id.client, request.id.sequence));
         }
-        assert_eq!(taken, [(of_cyclone, 10), (writer, 1), (reader, 2)]);
-        assert_eq!((&**on_cyclone.lock(), &**on_fast_dds.lock()), (&[10][..], &[1, 2][..]));
+        assert_eq!(taken, [(of_cyclone, 10), (writer, 1), (of_cyclone, 9), (reader, 2)]);
+        assert_eq!((&**on_cyclone.lock(), &**on_fast_dds.lock()), (&[10, 9][..], &[1, 2][..]));
     }
 }

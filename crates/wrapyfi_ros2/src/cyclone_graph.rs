@@ -5,6 +5,7 @@
 //!                      ▲ kept alive by its endpoints: cyclone_endpoints, cyclone_service
 //! ```
 
+use std::ffi::CStr;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::sync::{Arc, MutexGuard};
 
@@ -28,6 +29,9 @@ use super::peer_index::PeerIndex;
 use super::services::Services;
 use wrapyfi_endpoint::{BridgeMark, History, Mutex, Qos, Reliability};
 use wrapyfi_node::NodeName;
+
+/// Partition of the endpoints of a service that nobody uses yet: others find them, and do not match.
+const ANNOUNCED: &CStr = c"announced";
 
 /// Error of creating a node on CycloneDDS.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -143,13 +147,25 @@ impl CycloneGraph {
         Ok(Box::new(CycloneWriter { pacing, raw, topic: topic.name.clone(), _listed: listed }))
     }
 
+    /// Like [`Graph::watch`], with the name of DDS.
+    fn watch_dds(
+        &self,
+        topic: String,
+        publishers: bool,
+        on_change: Notify,
+    ) -> Created<dyn PeerWatch> {
+        let index =
+            self.0.peer_index().map_err(|code| GraphError::stack("watching", &topic, &code))?;
+        Ok(Box::new(index.watch(self.0.clone(), topic, publishers, on_change)))
+    }
+
     /// The two endpoints of a client (`clientid`) or a server (`serviceid`), the GUID of the writer,
     /// and their entries in the node.
     fn ends(
         &self,
         service: &ServiceDescription,
         id_key: &'static str,
-        mark: Option<&BridgeMark>,
+        (mark, partition): (Option<&BridgeMark>, Option<&'static CStr>),
         on_event: &Notify,
     ) -> GraphResult<(Ends, Gid, [Listed; 2])> {
         let fault = |reason: String| {
@@ -173,6 +189,7 @@ impl CycloneGraph {
             // A node may call its own services.
             ignore_local: false,
             replay: Replay::History,
+            partition,
         };
         let events = || Events::new(&service.name, Reliability::Reliable, Arc::clone(on_event));
         // As ROS 2 does: the reader first, so that no reply finds nobody.
@@ -220,7 +237,7 @@ impl Graph for CycloneGraph {
         if let (Some(_), Some(other)) = (self.service_mapping(), other) {
             return other.client(service, on_event);
         }
-        let (ends, guid, listed) = self.ends(service, "clientid", None, &on_event)?;
+        let (ends, guid, listed) = self.ends(service, "clientid", (None, None), &on_event)?;
         let client = Box::new(CycloneClient::new(ends, guid, listed));
         Ok(match in_both(service, other.map(|other| other.client(service, on_event))) {
             Some(fast_dds) => Box::new(both_mappings::Client::new(client, fast_dds)),
@@ -239,12 +256,23 @@ impl Graph for CycloneGraph {
         if let (Some(_), Some(other)) = (self.service_mapping(), other) {
             return other.server(service, on_event);
         }
-        let (ends, _, listed) = self.ends(service, "serviceid", mark, &on_event)?;
-        let server = Box::new(CycloneServer::new(ends, listed));
-        Ok(match in_both(service, other.map(|other| other.server(service, on_event))) {
-            Some(fast_dds) => Box::new(both_mappings::Server::new(server, fast_dds)),
-            None => server,
-        })
+        let fast_dds = other.map(|other| other.server(service, Arc::clone(&on_event)));
+        let (graph, of, mark) = (self.clone(), service.clone(), mark.cloned());
+        let on_caller = Arc::clone(&on_event);
+        let ends =
+            move |partition| graph.ends(&of, "serviceid", (mark.as_ref(), partition), &on_event);
+        let Some(fast_dds) = in_both(service, fast_dds) else {
+            let (ends, _, listed) = ends(None)?;
+            return Ok(Box::new(CycloneServer::new(ends, listed)));
+        };
+        let callers = self.watch_dds(format!("rq{}Request", service.name), true, on_caller)?;
+        let announced = ends(Some(ANNOUNCED))?;
+        let open = move || -> Created<dyn CdrServer> {
+            let (ends, _, listed) = ends(None)?;
+            Ok(Box::new(CycloneServer::new(ends, listed)))
+        };
+        let waiting = both_mappings::Waiting::new(Box::new(open), callers, Box::new(announced));
+        Ok(Box::new(both_mappings::Server::new(waiting, fast_dds)))
     }
 
     fn endpoints(&self) -> GraphResult<Vec<DiscoveredEndpoint>> {
@@ -261,10 +289,7 @@ impl Graph for CycloneGraph {
     }
 
     fn watch(&self, topic: &str, publishers: bool, on_change: Notify) -> Created<dyn PeerWatch> {
-        let index =
-            self.0.peer_index().map_err(|code| GraphError::stack("watching", topic, &code))?;
-        let topic = names::topic_to_dds(topic);
-        Ok(Box::new(index.watch(self.0.clone(), topic, publishers, on_change)))
+        self.watch_dds(names::topic_to_dds(topic), publishers, on_change)
     }
 
     fn nodes(&self) -> Created<dyn NodeWatch> {
@@ -321,5 +346,6 @@ fn qos<'a>(topic: &TopicDescription, user_data: &'a str) -> EndpointQos<'a> {
         user_data,
         ignore_local: !topic.hears_own,
         replay: Replay::History,
+        partition: None,
     }
 }

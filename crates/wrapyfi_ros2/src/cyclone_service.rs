@@ -273,16 +273,18 @@ impl<L: Send> CdrServer for CycloneServer<L> {
             let service = self.ends.service.clone();
             return Err(GraphError::ForeignMapping { service, ours: OURS, theirs });
         }
+        let source_timestamp_ns = sample.source_timestamp_ns;
         let request = service_header::split(&sample.cdr)
             .ok_or_else(|| self.ends.no_identity("request", sample.cdr.len()))?;
+        let sample = origin.as_ref().map(|(_, writer, _)| *writer).zip(number);
         if let Some((key, ..)) = origin {
             self.clients.note(request.client, key);
         }
         Ok(Some(CdrRequest {
             id: service_header::request_id(request.client, request.sequence),
             cdr: request.cdr,
-            source_timestamp_ns: sample.source_timestamp_ns,
-            sample: None,
+            source_timestamp_ns,
+            sample,
         }))
     }
 
@@ -292,11 +294,20 @@ impl<L: Send> CdrServer for CycloneServer<L> {
         let changes = self.ends.writer.events().changes();
         if *known != changes {
             let Ok(readers) = self.ends.writer.readers() else { return true };
-            *hearing =
-                readers.iter().map(|peer| EndKey::new(&peer.guid, &peer.user_data)).collect();
+            let keys = |peer: &EndpointFound| {
+                [EndKey::new(&peer.guid, &peer.user_data), EndKey::new(&peer.guid, b"")]
+            };
+            *hearing = readers.iter().flat_map(keys).collect();
             *known = changes;
         }
         hearing.contains(key) && self.ends.heard()
+    }
+
+    fn note_client(&mut self, id: &RequestId, writer: &[u8; 16]) {
+        let client = service_header::client(id);
+        if self.clients.key(client).is_none() {
+            self.clients.note(client, EndKey::new(writer, b""));
+        }
     }
 
     fn look_again(&self) -> Option<Duration> {

@@ -62,6 +62,7 @@ impl DiscoveryInfo {
             user_data: &user_data,
             ignore_local: true,
             replay: Replay::History,
+            partition: None,
         };
         let events = Events::new(TOPIC, Reliability::Reliable, Arc::new(|| {}));
         let names = (TOPIC, ParticipantEntitiesInfo::DDS_TYPE);

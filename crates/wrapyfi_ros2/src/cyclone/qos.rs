@@ -9,6 +9,7 @@
 //! read belongs to the caller and is only looked at.
 #![allow(unsafe_code)]
 
+use std::ffi::CStr;
 use std::time::Duration;
 
 use crate::graph::Replay;
@@ -29,6 +30,8 @@ pub(crate) struct EndpointQos<'a> {
     pub(crate) ignore_local: bool,
     /// Messages that a transient-local writer gives to readers that come later.
     pub(crate) replay: Replay,
+    /// Partition of DDS: endpoints of others do not match. ROS 2 has none.
+    pub(crate) partition: Option<&'static CStr>,
 }
 
 /// Owns a `dds_qos_t`.
@@ -85,6 +88,9 @@ impl QosObject {
                     qos.0,
                     cyclors::dds_ignorelocal_kind_DDS_IGNORELOCAL_PARTICIPANT,
                 );
+            }
+            if let Some(name) = wanted.partition {
+                cyclors::dds_qset_partition1(qos.0, name.as_ptr());
             }
         }
         qos

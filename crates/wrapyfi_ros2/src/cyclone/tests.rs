@@ -44,6 +44,7 @@ fn qos(user_data: &str) -> EndpointQos<'_> {
         user_data,
         ignore_local: false,
         replay: Replay::History,
+        partition: None,
     }
 }
 

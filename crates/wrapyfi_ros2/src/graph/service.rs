@@ -91,8 +91,7 @@ pub struct CdrRequest {
     pub cdr: Bytes,
     /// Source timestamp in nanoseconds since 1970.
     pub source_timestamp_ns: i64,
-    /// Writer of a request of Fast DDS's mapping and its number there, by which it is known where both of a node's
-    /// stacks have received it.
+    /// Writer of the request and its number there, by which it is known where both of a node's stacks have received it.
     pub sample: Option<([u8; 16], i64)>,
 }
 
@@ -181,6 +180,11 @@ pub trait CdrServer: Send {
     fn hears(&self, id: &RequestId) -> bool {
         _ = id;
         true
+    }
+
+    /// Tells of a client, by the writer of its requests: this one came another way than by [`CdrServer::take`].
+    fn note_client(&mut self, id: &RequestId, writer: &[u8; 16]) {
+        _ = (id, writer);
     }
 
     /// As [`CdrClient::look_again`], for [`CdrServer::hears`].

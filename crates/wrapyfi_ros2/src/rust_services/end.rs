@@ -42,6 +42,11 @@ impl End {
         &self.opened.pair
     }
 
+    /// True where the node has its services in CycloneDDS's mapping too.
+    pub(super) fn is_beside(&self) -> bool {
+        self.shared.settings.is_beside
+    }
+
     /// Opens the endpoints anew where RustDDS has ended beneath them; true where it did. A failure is followed by
     /// another try at a later call.
     pub(super) fn renew(&mut self) -> GraphResult<bool> {

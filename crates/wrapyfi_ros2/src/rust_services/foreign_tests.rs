@@ -40,6 +40,7 @@ fn cyclone(config: &CycloneConfig, written: (&str, &str), read: (&str, &str)) ->
         user_data: "",
         ignore_local: true,
         replay: Replay::History,
+        partition: None,
     };
     let events = |name| Events::new(name, Reliability::Reliable, Arc::new(|| {}));
     let reader = RawReader::new(&participant, read, &qos, events(read.0)).unwrap();

@@ -6,6 +6,7 @@
 //!   reply ─ { reply reader, n } ─▶ rr/…
 //! ```
 
+use bytes::Bytes;
 use rustdds::GUID;
 
 use super::adapter::Received;
@@ -13,6 +14,7 @@ use super::end::End;
 use super::outgoing::Identity;
 use super::{identity, remotes};
 use crate::graph::{CdrRequest, CdrServer, GraphError, Peers, RequestId, ServiceMapping};
+use crate::service_header;
 
 /// Takes requests, sends replies.
 pub(super) struct Server(End);
@@ -21,6 +23,18 @@ impl Server {
     pub(super) fn new(end: End) -> Self {
         Self(end)
     }
+}
+
+/// A request of CycloneDDS's mapping, which its own stack answers.
+fn cyclones(service: &str, cdr: &Bytes) -> Result<(RequestId, Bytes), GraphError> {
+    let no_identity = || GraphError::NoIdentity {
+        what: "request",
+        service: service.to_owned(),
+        actual: cdr.len(),
+        least: service_header::LEAST,
+    };
+    let request = service_header::split(cdr).ok_or_else(no_identity)?;
+    Ok((service_header::request_id(request.client, request.sequence), request.cdr))
 }
 
 impl Drop for Server {
@@ -35,7 +49,8 @@ impl CdrServer for Server {
         self.0.renew()?;
         let pair = self.0.pair();
         let Some(taken) = pair.take()? else { return Ok(None) };
-        if remotes::is_cyclone(&taken.writer) {
+        let is_cyclone = remotes::is_cyclone(&taken.writer);
+        if is_cyclone && !self.0.is_beside() {
             return Err(GraphError::ForeignMapping {
                 service: pair.service.clone(),
                 ours: ServiceMapping::FastDds,
@@ -43,12 +58,15 @@ impl CdrServer for Server {
             });
         }
         match taken.received {
-            Received::Message(cdr) => Ok(Some(CdrRequest {
-                id: identity::request_id(taken.related, taken.writer, taken.number),
-                cdr,
-                source_timestamp_ns: taken.source_timestamp_ns,
-                sample: Some((taken.writer, taken.number)),
-            })),
+            Received::Message(cdr) => {
+                let (id, cdr) = match is_cyclone {
+                    true => cyclones(&pair.service, &cdr)?,
+                    false => (identity::request_id(taken.related, taken.writer, taken.number), cdr),
+                };
+                let (source_timestamp_ns, sample) =
+                    (taken.source_timestamp_ns, Some((taken.writer, taken.number)));
+                Ok(Some(CdrRequest { id, cdr, source_timestamp_ns, sample }))
+            }
             Received::TooLarge(actual) => Err(GraphError::TooLarge {
                 topic: pair.service.clone(),
                 actual,

@@ -48,6 +48,8 @@ pub(super) struct Settings {
     pub(super) networks: Option<Vec<IpAddr>>,
     /// Largest samples that are sent in one piece.
     pub(super) whole: WholeSamples,
+    /// True where the node has its services in CycloneDDS's mapping too.
+    pub(super) is_beside: bool,
     /// Settings that have no effect on services, to be logged.
     pub(super) warnings: Vec<String>,
 }
@@ -128,6 +130,7 @@ impl Settings {
             domain_id,
             networks,
             whole: WholeSamples::new(interfaces),
+            is_beside: config.services.is_none(),
             warnings: warnings(config),
         })
     }
