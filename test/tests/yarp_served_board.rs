@@ -1,7 +1,7 @@
 //! A robot of ROS 2 as a control board of YARP: key `board`.
 
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros2, run, yarp};
+use wrapyfi_e2e::{Need, Process, Result, Route, TIMEOUT, TestEnv, ros2, run, yarp};
 
 const NEEDS: &[Need] = &[Need::Program];
 const REAL: &[Need] = &[
@@ -145,6 +145,64 @@ fn remote_controlboard_reads_and_moves_a_robot_of_ros_2() -> Result {
             assert!(call.stdout().contains(wanted), "{words}: {}", call.stdout());
         }
         robot.is_sent(30_f64.to_radians())?;
+        Ok(())
+    })
+}
+
+/// Answers of `wrapyfi why` about a board, from nobody who says where the joints are to a client that is connected.
+#[test]
+fn what_a_board_lacks_is_told() -> Result {
+    run("what_a_board_lacks_is_told", NEEDS, |env| {
+        let _names = env.yarpserver()?;
+        let board = env.topic("arm");
+        let [states, commands] = ["states", "commands"].map(|name| ros2(&env.topic(name)));
+        let route = Route::new(&states, &commands, TRAJECTORY)
+            .with("board", &format!("\"{}\"", yarp(&board)))
+            .with("options", "{ joints: [pan, lift] }");
+        let _bridge = env.bridge(&env.embedded().route(route))?;
+        let file = env.path("bridge.yaml").display().to_string();
+        let ask = |name: &str, end: &str, from: [&str; 2]| -> Result<Value> {
+            let name = yarp(&format!("{name}{end}"));
+            let mut why = env.wrapyfi(["why", "--json", &name].into_iter().chain(from))?;
+            why.exit_code()?;
+            Ok(serde_json::from_str(why.stdout().trim())?)
+        };
+        let of_file = ["--config", &file];
+        let until = |end: &str, words: &str| -> Result<Value> {
+            let deadline = std::time::Instant::now() + TIMEOUT;
+            loop {
+                let told = ask(&board, end, of_file)?;
+                if told.to_string().contains(words) {
+                    return Ok(told);
+                }
+                anyhow::ensure!(std::time::Instant::now() < deadline, "no {words:?}: {told}");
+            }
+        };
+        let says = |names: Value| {
+            let places: Vec<f64> = names.as_array().into_iter().flatten().map(|_| 0.5).collect();
+            let state = json!({ "name": names, "position": places }).to_string();
+            env.wrapyfi(["pub", &states, "--type", JOINTS, "--value", &state, "--rate", "20"])
+        };
+        let told = until("", "nobody publishes")?;
+        assert!(told["what"].to_string().contains(&states), "{told}");
+        let some = says(json!(["lift"]))?;
+        for end in ["", "/rpc:i", "/command:i", "/state:o", "/stateExt:o"] {
+            until(end, r#"no joint \"pan\", which option joints names; those that move are lift"#)?;
+        }
+        drop(some);
+        let _all = says(json!(["pan", "lift"]))?;
+        let told = until("/rpc:i", &format!("nobody listens to {commands}"))?;
+        assert!(told["passed"].to_string().contains("/stateExt:o at 127.0.0.1:"), "{told}");
+        let _robot = env.wrapyfi(["echo", &commands, "--type", TRAJECTORY, "--json"])?;
+        until("", "the board is open, and no client is connected")?;
+        let state = yarp(&format!("{board}/state:o"));
+        let _reader = env.wrapyfi(["echo", &state, "--type", "NativeObject", "--json"])?;
+        let told = until("/state:o", "state:o at 127.0.0.1:")?;
+        let connected = || -> Result<Value> { until("/state:o", "answers; connected: /") };
+        assert!(connected()?["cause"].is_null(), "{told}");
+        let by_node = ask(&board, "/state:o", ["--node", "/wrapyfi_bridge"])?;
+        assert!(by_node["passed"].to_string().contains("answers; connected: /"), "{by_node}");
+        assert!(by_node["cause"].is_null(), "{by_node}");
         Ok(())
     })
 }

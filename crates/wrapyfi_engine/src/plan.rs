@@ -7,12 +7,10 @@ use super::config::{Config, RouteConfig, Spanned};
 use super::config_error::{ConfigError, Problem};
 use super::plan_address::Available;
 use super::plan_entry::Reader;
-use super::route::{Kind, Route, RouteKey};
+use super::route::{BOARD_OPTION, Kind, Route, RouteKey};
 use wrapyfi_endpoint::{EndpointAddress, Role};
 use wrapyfi_interfaces::store::TypeStore;
 
-/// Option that both routes of a control board have at the board's end.
-pub(crate) const BOARD_OPTION: &str = "board";
 /// Type of the states of a control board.
 const BOARD_STATES: &str = "sensor_msgs/msg/JointState";
 /// Type of the movements of a control board, where the entry has none.

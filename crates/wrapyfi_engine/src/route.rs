@@ -16,7 +16,7 @@ use super::config_qos::{QosConfig, QosOverride};
 use super::stamping::StampSource;
 use wrapyfi_data::Limits;
 use wrapyfi_data::plugin::Plugins;
-use wrapyfi_data::types::{Encoding, Map, MessageType, ServiceKind};
+use wrapyfi_data::types::{Encoding, Map, MessageType, ServiceKind, Value};
 use wrapyfi_endpoint::pattern::{
     Inverse, NamePattern, bare, fits_template, ros_name, with_leading_digits,
 };
@@ -24,6 +24,8 @@ use wrapyfi_endpoint::{
     BridgeMark, Conventions, EndpointAddress, Overflow, QueueSpec, Role, ServiceSpec, TopicSpec,
 };
 
+/// Option that both routes of a control board have at the board's end.
+pub(super) const BOARD_OPTION: &str = "board";
 /// Type of the lines of logs, and number of those that wait in a route.
 const LOG: (&str, usize) = ("rcl_interfaces/msg/Log", 1000);
 /// Time by which a request outlives the call that the route makes for it.
@@ -284,6 +286,11 @@ impl Route {
     /// True for a pattern, false for a route with one name.
     pub fn is_many(&self) -> bool {
         self.names.is_some()
+    }
+
+    /// True for a direction of a control board, whose states and movements have one name and are different messages.
+    pub fn serves_board(&self) -> bool {
+        self.policy.options.get(BOARD_OPTION).and_then(Value::as_bool) == Some(true)
     }
 
     /// True for a route that runs as it stands, because it has one name and its type is given.

@@ -50,13 +50,15 @@ impl<'p> RouteIndex<'p> {
         taking.or_else(|| written().find(|it| it.to == *address)).map(|it| it.route)
     }
 
-    /// Route that is written and has one of the ends of a route that a pattern would make: it goes first.
+    /// Route that is written and has one of the ends of a route that a pattern would make: it goes first. None instead of
+    /// a route that is written itself.
     pub fn instead_of(&self, made: &Route) -> Option<&'p Route> {
-        let mut written = self.all.iter().map(|it| it.route).filter(|one| !one.is_many());
-        let one = written.find(|one| {
-            one.role() == made.role() && is_by_hand([&one.from, &one.to], [&made.from, &made.to])
-        })?;
-        (one.ends() != made.ends()).then_some(one)
+        let written = self.all.iter().map(|it| it.route).filter(|one| !one.is_many());
+        let mut of_role = written.filter(|one| one.role() == made.role());
+        if of_role.clone().any(|one| one.ends() == made.ends()) {
+            return None;
+        }
+        of_role.find(|one| is_by_hand([&one.from, &one.to], [&made.from, &made.to]))
     }
 
     /// Route at a place of the plan.

@@ -7,10 +7,8 @@
 
 use std::fmt;
 
-use super::plan::BOARD_OPTION;
 use super::route::{Kind, Route};
 use super::route_index::{Placed, RouteIndex, has_parameters};
-use wrapyfi_data::types::Value;
 use wrapyfi_endpoint::pattern::{Inverse, filled_template, fits_template};
 use wrapyfi_endpoint::{EndpointAddress, Role};
 
@@ -50,7 +48,7 @@ impl RouteIndex<'_> {
         let has_messages = |it: &&Placed<'_>| {
             matches!(it.route.kind, Kind::Topic(_))
                 && !has_parameters(it.route)
-                && !serves_board(it.route)
+                && !it.route.serves_board()
         };
         let many: Vec<_> =
             self.all.iter().filter(has_messages).filter(|it| it.route.is_many()).collect();
@@ -91,11 +89,6 @@ impl RouteIndex<'_> {
         }
         found
     }
-}
-
-/// True for a direction of a control board, whose states and movements have one name and are different messages.
-fn serves_board(route: &Route) -> bool {
-    route.policy.options.get(BOARD_OPTION).and_then(Value::as_bool) == Some(true)
 }
 
 /// True where a pattern whose destination is `template` may publish on `name`. Groups and filters of a

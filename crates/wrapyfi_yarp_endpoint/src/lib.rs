@@ -83,6 +83,7 @@ pub use error::YarpError;
 pub use log_port::LogPort;
 pub use name::{NAME, UNOPENED, check_topic};
 pub use options::{DESTINATION_OPTIONS, OPTIONS, SOURCE_OPTIONS, check_option};
+pub use served_board::{NO_CLIENT, PORTS as BOARD_PORTS};
 pub use types::Convention;
 pub use wrapyfi_yarp::Dialect;
 pub use wrapyfi_yarp::name::NameServerConf;

@@ -12,6 +12,7 @@ use wrapyfi_yarp_endpoint as yarp;
 
 use crate::middlewares::Server;
 
+use super::board::{Board, lacks_clients};
 use super::bridges::{
     brought_by_pattern, elsewhere, inactive, lacking, matched_without_route, other_master, several,
 };
@@ -125,27 +126,61 @@ impl Walk<'_> {
                 matched_without_route(way, source).map_or(Ok(()), Err)?;
             }
             Some(destination) => {
+                if let Some(board) = &way.board {
+                    return self.board(board, source, destination);
+                }
                 self.passed.extend(lacking(way, source, Some(destination))?);
-                self.side(destination)?;
-                self.callers(destination)?;
-                if !way.is_service {
-                    other_master(way, destination)?;
-                    self.somebody(destination, taker)?;
-                    self.reached(destination, taker)?;
-                    self.types(destination, taker)?;
-                    self.quality(destination, taker)?;
+                if way.is_service {
+                    self.side(destination)?;
+                    self.callers(destination)?;
+                    self.passed.extend(state(way)?);
+                } else {
+                    self.taken(destination)?;
                     self.passed.extend(state(way)?);
                     // A refused program is the cause only where no message of others comes now.
                     self.messages(source).map_err(|idle| refused.clone().unwrap_or(idle))?;
                     self.passed.extend(rate(way)?);
-                } else {
-                    self.passed.extend(state(way)?);
                 }
                 several(way, &[source, destination])?;
                 self.passed.extend(refused.map(|it| format!("{}; {}", it.what, it.remedy)));
             }
         }
         Ok(())
+    }
+
+    /// A control board: its states, its ports, who takes its movements, and its clients.
+    fn board(&mut self, board: &Board, source: &End, at_board: &End) -> Step {
+        let way = self.way;
+        self.passed.extend(lacking(way, source, Some(at_board))?);
+        self.side(at_board)?;
+        if !lacks_clients(way) {
+            self.passed.extend(state(way)?);
+        }
+        self.passed.extend(board.open(&way.node)?);
+        self.messages(source)?;
+        let movements = &board.movements;
+        broken(movements)?;
+        if let Some(end) = movements.destination.as_ref().filter(|_| board.moves()) {
+            let mut walk = Walk { way: movements, passed: Vec::new() };
+            let taken = walk.taken(end);
+            self.passed.append(&mut walk.passed);
+            taken?;
+            if !lacks_clients(movements) {
+                self.passed.extend(state(movements)?);
+            }
+        }
+        board.has_clients()?;
+        several(way, &[source, at_board])
+    }
+
+    /// Somebody who takes the messages of a route.
+    fn taken(&mut self, end: &End) -> Step {
+        self.side(end)?;
+        other_master(self.way, end)?;
+        self.somebody(end, Role::Listener)?;
+        self.reached(end, Role::Listener)?;
+        self.types(end, Role::Listener)?;
+        self.quality(end, Role::Listener)
     }
 
     fn pass(&mut self, what: impl Into<String>) {

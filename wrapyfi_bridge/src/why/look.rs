@@ -25,6 +25,7 @@ use wrapyfi_ros2::{Ros2, unresolved_peers};
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 use wrapyfi_yarp::port::names::Registration;
 use wrapyfi_yarp::port::{Network, NetworkOptions};
+use wrapyfi_yarp_endpoint as yarp;
 
 use super::names::name_difference;
 use super::server_check::{Answer, ServerCheck, connect};
@@ -50,7 +51,7 @@ const SLOW: Duration = Duration::from_millis(400);
 /// Time within which a broker tells what passes there, once it is reached.
 const BROKER_TELLS_WITHIN: Duration = Duration::from_secs(1);
 /// Time for which messages are listened for, at least.
-const LISTEN: Duration = Duration::from_millis(600);
+pub(super) const LISTEN: Duration = Duration::from_millis(600);
 /// Time that a look takes at most, with its listening: what is left of two seconds is for the rest of the command.
 const MOST: Duration = Duration::from_millis(1750);
 const _: () = {
@@ -399,14 +400,14 @@ fn addresses(end: &mut End, endpoints: &Endpoints, ros1: Option<&Ros1>) {
                 .collect::<Vec<_>>(),
             Err(_) => Vec::new(),
         },
-        (None, "yarp") => {
+        (None, yarp::NAME) => {
             let roles = [Role::Publisher, Role::Server, Role::Listener];
             let there = roles.iter().find_map(|role| end.of(*role).next());
             let role = there.map_or(Role::Publisher, |one| one.role);
             // A calibration has no port of its own.
             let owner = there.and_then(|one| one.node.clone()).unwrap_or_else(|| name.clone());
             let is_provided = there.is_some() && role != Role::Listener;
-            let Ok(found) = port(&owner, end, endpoints) else { return };
+            let Ok(found) = port(&owner, &end.servers, endpoints) else { return };
             end.is_unregistered = is_provided && found.is_none();
             found.into_iter().map(|(host, port)| (role, owner.clone(), host, port)).collect()
         }
@@ -457,9 +458,13 @@ fn answers(ros1: Option<&Ros1>, node: &str, host: &str, port: u16, endpoints: &E
     }
 }
 
-/// Address under which YARP's name server has a port; an error where it says nothing in time.
-fn port(name: &str, end: &End, endpoints: &Endpoints) -> Result<Option<(String, u16)>, ()> {
-    let server = end.servers.iter().find(|check| check.address.server == Server::NameServer);
+/// Address under which YARP's name server, one of `servers`, has a port; an error where it says nothing in time.
+pub(super) fn port(
+    name: &str,
+    servers: &[ServerCheck],
+    endpoints: &Endpoints,
+) -> Result<Option<(String, u16)>, ()> {
+    let server = servers.iter().find(|check| check.address.server == Server::NameServer);
     let Some(ServerCheck { address, .. }) = server else { return Err(()) };
     let conf = NameServerConf { host: address.host.clone(), port: address.port };
     let client = NameClient::new(conf)

@@ -173,6 +173,15 @@ pub(super) mod tests {
     }
 
     #[test]
+    fn written_routes_with_an_end_in_common_are_told_each() {
+        let mixed = plan(&[
+            "from: 'zeromq:/a', to: 'ros2:/c', type: Text, merge: true",
+            "from: 'zeromq:/b', to: 'ros2:/c', type: Text, merge: true",
+        ]);
+        assert_eq!(found(&mixed, "zeromq:/b"), Some(("zeromq:/b -> ros2:/c".to_owned(), false)));
+    }
+
+    #[test]
     fn a_route_of_a_pattern_is_found_by_its_name_and_in_the_direction_that_runs() {
         let both = plan(&[
             "from: 'ros2:/(.*)', to: 'ros:/$1'",

@@ -10,6 +10,7 @@
 //!   names    names that are nearly the same
 //!   judge    facts -> diagnosis; reach: servers and addresses; state: a route that runs; words: ends and remedies;
 //!            bridges: who runs the route; stopped: a bridge whose process is
+//!   board    a robot that is served as a control board of YARP
 //!   configured  what the configuration alone tells
 //!   server_check  a server that has to answer first
 //!   look     facts about one end
@@ -23,6 +24,7 @@
 //! Looking opens no port and starts no broker; everything is asked side by side, and nothing for longer than
 //! 1.4 s.
 
+mod board;
 pub(crate) mod bridges;
 mod configured;
 mod drops;
@@ -51,6 +53,7 @@ use wrapyfi_engine::LeftOut;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
 use wrapyfi_ros2::graph::ServiceMapping;
 
+use self::board::Board;
 use self::server_check::ServerCheck;
 
 /// Longest time that looking at a side may take until it is judged by what is known.
@@ -69,6 +72,8 @@ pub struct Way {
     pub source: Option<End>,
     /// End at which messages go out; `None` where an endpoint alone was asked for.
     pub destination: Option<End>,
+    /// Control board of YARP, whose states the route carries.
+    pub board: Option<Box<Board>>,
     /// Full name on ROS 2 of the node of the bridge that runs the route, or would.
     pub node: String,
     /// Status of the route in a bridge that runs it, or of the first route of a pattern that is not well.

@@ -24,7 +24,8 @@ use super::look::{LOOK, Sight, Wanted, graph, look, timeout, widen};
 use super::meaning::{address, left_out, of_other_kind, route};
 use super::state::{came, lacks_listener, leads_to, takes};
 use super::{
-    End, Finding, Limited, RouteFacts, Unheard, Way, bridges, elsewhere, roles, running, stopped,
+    End, Finding, Limited, RouteFacts, Unheard, Way, board, bridges, elsewhere, roles, running,
+    stopped,
 };
 use crate::cli::WhyArgs;
 use crate::command::definitions;
@@ -124,7 +125,7 @@ pub struct Configured<'c> {
     /// Routes of the file that the bridge was told to leave out.
     pub removed: &'c Plan,
     /// Present statuses of the routes in the bridge that looks; a command asks the bridges on the graph.
-    pub status: Option<&'c dyn Fn() -> Vec<RouteInfo>>,
+    pub status: Option<&'c (dyn Fn() -> Vec<RouteInfo> + Sync)>,
 }
 
 impl Configured<'_> {
@@ -134,6 +135,9 @@ impl Configured<'_> {
     /// Exit code 2 where the name means nothing.
     pub fn way(&self, name: &str, mut types: TypeStore) -> Result<Way> {
         let Self { file, plan, node, sight, removed, .. } = *self;
+        if let Some(routes) = board::of_name(plan, name, address(name).ok().as_ref()) {
+            return Ok(self.of_board(&routes, &mut types));
+        }
         let running = self.status.map(|status| status()).unwrap_or_default();
         let found = [plan, removed].into_iter().find_map(|plan| {
             let index = plan.index(|address| node.resolve(address));
@@ -196,7 +200,12 @@ impl Configured<'_> {
     }
 
     /// Facts about a route: both ends, side by side, by the names that the bridge which runs it has for them.
-    fn of_route(&self, route: &Route, mut facts: RouteFacts, types: &mut TypeStore) -> Way {
+    pub(super) fn of_route(
+        &self,
+        route: &Route,
+        mut facts: RouteFacts,
+        types: &mut TypeStore,
+    ) -> Way {
         let Self { plan, node, sight, .. } = *self;
         // Of a pattern for topics and one for services with the same ends, that which runs is meant.
         let other = of_other_kind(plan, route);
@@ -480,7 +489,8 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, types: &mut TypeStore
         // What runs tells the name's type, and who is there.
         let is_from = |one: &RouteInfo| one.kind != "service" && one.resolved_source == text;
         let found = all.iter().find(|one| is_one(one));
-        found.or_else(|| all.iter().find(|one| is_from(one))).cloned()
+        let found = found.or_else(|| all.iter().find(|one| is_from(one)));
+        found.cloned().or_else(|| board::of_port(&all, address))
     };
     let (ros2, is_answered) = (observed(sight, true), AtomicBool::new(false));
     let from = Sight { ros2: ros2.as_ref(), is_answered: &is_answered, ..sight };
@@ -496,6 +506,10 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, types: &mut TypeStore
     let there: Vec<_> = end.found.iter().filter(|one| wanted.is_met(one)).collect();
     let is_missing = there.is_empty();
     let told = heard.running.filter(|(node, running)| {
+        // A board that is not open yet.
+        if board::is_of_port(running, address) {
+            return is_missing;
+        }
         // Who is there may be that bridge alone, whose route waits.
         let is_bridge = || {
             let is_one = there.iter().map(|one| one.count.max(1)).sum::<u64>() <= 1;

@@ -176,6 +176,11 @@ impl Axes {
         self.placed.is_some() && !self.all.is_empty()
     }
 
+    /// Age of the last state; `None` before the first.
+    pub(super) fn silent_for(&self) -> Option<Duration> {
+        self.placed.map(|at| at.elapsed())
+    }
+
     /// Takes a state of the robot. Joints that are not of this board are passed over: one `/joint_states` has those of
     /// all boards.
     ///
@@ -262,7 +267,7 @@ impl Axes {
 
     fn check(&self, joints: &[usize], values: &[f64]) -> Option<()> {
         let moves = |&joint: &usize| self.all.get(joint).is_some_and(|it| it.mode != Mode::Idle);
-        let is_there = self.placed.is_some_and(|at| at.elapsed() < STALE);
+        let is_there = self.silent_for().is_some_and(|age| age < STALE);
         let fits = is_there && joints.len() == values.len() && !joints.is_empty();
         (fits && joints.iter().all(moves) && values.iter().all(|it| it.is_finite())).then_some(())
     }

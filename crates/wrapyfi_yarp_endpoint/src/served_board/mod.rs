@@ -26,7 +26,7 @@ mod state;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicI32, Ordering::Relaxed};
 use std::sync::{Arc, Weak};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use tokio::sync::watch;
 use wrapyfi_yarp::port::{
@@ -48,8 +48,15 @@ use super::tasks::{Stop, Stopped};
 pub(super) use ends::{BoardListener, BoardPublisher};
 use wrapyfi_endpoint::{Context, Mutex, Sender};
 
-/// Ports of a board: requests, commands, states, states in full.
-const PORTS: [&str; 4] = ["/rpc:i", payload::COMMAND_PORT, "/state:o", payload::EXTENDED_PORT];
+/// Ends of the names of a board's ports: requests, commands, states, states in full.
+pub const PORTS: [&str; 4] = ["/rpc:i", payload::COMMAND_PORT, "/state:o", payload::EXTENDED_PORT];
+
+/// Begin of the reason for which a board waits whose ports are open, and to which nobody is connected.
+pub const NO_CLIENT: &str = "a client of the board ";
+/// Ages of the last state that are told, in seconds: a reason that changes is logged.
+const AGES_S: [u64; 5] = [2, 10, 60, 600, 3600];
+/// Time between two looks at the age of the last state.
+const LOOK: Duration = Duration::from_secs(1);
 
 /// Boards that are served, by name.
 #[derive(Debug, Default)]
@@ -122,7 +129,6 @@ impl ServedBoards {
 
 impl ServedBoard {
     fn begin(shared: &Arc<Shared>, name: &str, options: &YarpOptions, context: &Context) -> Self {
-        let waiting = format!("a state of the joints of {name}");
         let core = Arc::new(Core {
             name: name.to_owned(),
             options: options.clone(),
@@ -131,7 +137,7 @@ impl ServedBoard {
             known: watch::Sender::new(false),
             ports: Mutex::default(),
             movements: Mutex::default(),
-            link_state: LinkState::new(context.wake.clone(), waiting),
+            link_state: LinkState::new(context.wake.clone(), awaited(name)),
             count: AtomicI32::new(0),
         });
         let (stop, stopped) = shared.tasks.stop();
@@ -158,7 +164,12 @@ impl Core {
     ) -> Result<Option<Written>, String> {
         let messages = {
             let mut axes = self.axes.lock();
-            axes.take(joints, &self.options)?;
+            if let Err(why) = axes.take(joints, &self.options) {
+                if !axes.is_known() {
+                    self.link_state.waiting(format!("{}: {why}", self.awaited()));
+                }
+                return Err(why);
+            }
             self.known.send_replace(axes.is_known());
             [state::plain(&axes, self.dialect), state::extended(&axes, self.dialect)]
         };
@@ -176,6 +187,24 @@ impl Core {
             written.over_budget += more.over_budget;
         }
         Ok(Some(written))
+    }
+
+    fn awaited(&self) -> String {
+        awaited(&self.name)
+    }
+
+    /// Tells what the open board waits for: a state, where the last is old, else a client.
+    fn tell(&self) {
+        let age_s = self.axes.lock().silent_for().map_or(0, |age| age.as_secs());
+        let old = AGES_S.iter().rev().find(|most| age_s >= **most);
+        match (old, self.clients()) {
+            (Some(most), _) => self.link_state.waiting(format!(
+                "{}: the last came more than {most} s ago, and movements are refused until one comes",
+                self.awaited()
+            )),
+            (None, 0) => self.link_state.waiting(format!("{NO_CLIENT}{}", self.name)),
+            (None, clients) => self.link_state.connected(clients),
+        }
     }
 
     /// Number of connections of the four ports.
@@ -320,20 +349,22 @@ async fn open(shared: &Shared, core: &Arc<Core>) -> Ports {
     Ports { inputs, outputs }
 }
 
-/// Tells how many clients there are, for as long as the ports live.
+fn awaited(board: &str) -> String {
+    format!("a state of the joints of {board}")
+}
+
+/// Tells what the board waits for, for as long as the ports live.
 async fn count(core: &Core, mut changes: [watch::Receiver<wrapyfi_yarp::port::Connected>; 4]) {
     loop {
         changes.iter_mut().for_each(watch::Receiver::mark_unchanged);
-        match core.clients() {
-            0 => core.link_state.waiting(format!("a client of the board {}", core.name)),
-            clients => core.link_state.connected(clients),
-        }
+        core.tell();
         let [rpc, command, state, extended] = &mut changes;
         let changed = tokio::select! {
             changed = rpc.changed() => changed,
             changed = command.changed() => changed,
             changed = state.changed() => changed,
             changed = extended.changed() => changed,
+            () = tokio::time::sleep(LOOK) => Ok(()),
         };
         if changed.is_err() {
             return;
