@@ -432,6 +432,56 @@ fn names_that_ros_2_lacks_are_carried() -> Result {
     })
 }
 
+/// A name of ROS 2 means the one that a subscriber on ROS 1 has; of two that become one both are told.
+#[test]
+fn names_that_ros_2_lacks_are_meant_and_told() -> Result {
+    run("names_that_ros_2_lacks_are_meant_and_told", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let base = env.topic("meant");
+        let name = |end: &str| format!("{base}/{end}");
+        let ear = env.rospy(&format!("subscribe --topic {} --node ear", name("rs-1/2nd")), None)?;
+        let talker = |topic: &str, node: &str| {
+            let args = format!("publish --topic {} --node {node}", name(topic));
+            env.rospy(&args, Some(r#"{"data": "hi"}"#))
+        };
+        let _both = [talker("arm-1/1st", "first")?, talker("arm_1/_1st", "second")?];
+        let bridge = bridge(env, &[])?;
+        let to = ros2(&name("rs_1/_2nd"));
+        let publish = ["pub", &to, "--type", "Text", "--value", "\"go\"", "--rate", "20"];
+        let _publisher = env.wrapyfi(publish)?;
+        let heard = ear.messages(1).map_err(|error| error.context(bridge.tail()))?;
+        assert_eq!(heard[0]["value"]["data"], "go", "{}", heard[0]);
+        assert!(env.ros_books()?.publishers.iter().all(|(one, _)| *one != name("rs_1/_2nd")));
+
+        let [first, second] = ["arm-1/1st", "arm_1/_1st"].map(|end| ros1(&name(end)));
+        let is_both = |line: &String| line.contains(&first) && line.contains(&second);
+        let line = bridge.wait_until("both names in the log", |output| {
+            output
+                .err
+                .iter()
+                .find(|line| line.contains("WARN") && line.contains(" goes; write"))
+                .cloned()
+        })?;
+        let shared = ros2(&name("arm_1/_1st"));
+        assert!(line.contains(&shared) && is_both(&line), "{line}");
+        let node = ["--node", NODE];
+        let why = |name: &str| -> Result<String> {
+            let mut why = env.wrapyfi(["why", name].into_iter().chain(node))?;
+            why.exit_code()?;
+            Ok(why.stdout())
+        };
+        let told = why(&shared)?;
+        assert!(is_both(&told), "{told}");
+        let [one, other] = [why(&first)?, why(&second)?];
+        let left = if one.contains(" goes; write") { one } else { other };
+        assert!(is_both(&left) && left.contains("give it a route with another name"), "{left}");
+        // Nobody has the name on either side: what would lead to it is meant.
+        let told = why(&ros2(&name("none")))?;
+        assert!(told.contains(&format!("nobody publishes {}", ros1(&name("none")))), "{told}");
+        Ok(())
+    })
+}
+
 /// A publisher that is started again with another definition of its type: the new field was dropped.
 #[test]
 fn the_learned_type_follows_its_publisher() -> Result {

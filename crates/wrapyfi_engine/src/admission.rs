@@ -21,6 +21,8 @@ use wrapyfi_endpoint::{
     BridgeMark, Discovered, Durability, EndpointAddress, LearnError, Middleware, Role, Traits,
 };
 
+/// End of the reason for which a source waits whose destination another one has, behind that one.
+pub const GOES_THERE: &str = " goes; write a route with another";
 /// Time after which a candidate whose route could not be made is tried again.
 const RETRY: Duration = Duration::from_secs(2);
 
@@ -114,9 +116,7 @@ impl Reconciler {
         if !spec.policy.merge
             && let Some(other) = self.taken(role, to)
         {
-            return Some(format!(
-                "the name {to}, to which {other} goes; write a route with another"
-            ));
+            return Some(format!("the name {to}, to which {other}{GOES_THERE}"));
         }
         self.is_on_both_sides(role, from, to).then(|| {
             format!(

@@ -51,10 +51,15 @@ impl Route {
         Some((format!("{}:{source}", self.from.middleware), why))
     }
 
-    /// True for hidden names, of which a part begins with `_`, and for those that every program has about itself.
+    /// True for hidden names, of which a part begins with `_`, and for those that every program has about itself. A digit
+    /// behind the `_` is what has become of a name that begins with it.
     fn is_usual(&self, usual: &Conventions, name: &str) -> bool {
         let bare = bare(name);
-        bare.split('/').any(|part| part.starts_with('_'))
+        let is_hidden = |part: &str| {
+            let rest = part.strip_prefix('_');
+            rest.is_some_and(|rest| !rest.starts_with(|first: char| first.is_ascii_digit()))
+        };
+        bare.split('/').any(is_hidden)
             || match self.kind {
                 Kind::Topic(_) => {
                     NODE_TOPICS.contains(&bare)
@@ -117,7 +122,7 @@ mod tests {
         {
             assert!(!has_route(usual, TOPICS, name), "{name}");
         }
-        for name in ["/tf", "/tf2", "/robot/clock", "/a_b", "/rosout2"] {
+        for name in ["/tf", "/tf2", "/robot/clock", "/a_b", "/rosout2", "/camera/_1st"] {
             assert!(has_route(usual, TOPICS, name), "{name}");
         }
         let log = "/log/robot/yarpdev/4711";

@@ -50,6 +50,7 @@ mod config_error;
 mod config_qos;
 mod config_reading;
 mod config_words;
+mod destination;
 mod discovered_graph;
 mod driver;
 mod end;
@@ -79,6 +80,7 @@ mod tap;
 mod unheard;
 mod work;
 
+pub use admission::GOES_THERE;
 pub use admission::may_be_read_as;
 pub use bridge_circle::{BridgeRoutes, CarriedTopic, CarryingRoute, NetworkAddress};
 pub use circle::Circle;

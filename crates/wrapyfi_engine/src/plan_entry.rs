@@ -285,7 +285,10 @@ impl<'r> Reader<'r> {
         let default_deny = config.default_deny.as_ref().is_none_or(|on| on.value);
         let default_deny = default_deny.then(|| self.conventions(source));
         let ros_names = target.is_some_and(|(target, _)| self.conventions(target).has_ros_names);
-        let names = Names { pattern: pattern?, allow, deny, default_deny, max_routes, ros_names };
+        let from_ros_names = self.conventions(source).has_ros_names;
+        let pattern = pattern?;
+        let names =
+            Names { pattern, allow, deny, default_deny, max_routes, ros_names, from_ros_names };
         (self.problems.len() == before).then_some(names)
     }
 

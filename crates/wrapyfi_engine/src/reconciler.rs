@@ -253,6 +253,7 @@ impl Reconciler {
         }
         let mut of_pattern = self.of_pattern(index).count();
         let (mut found, mut ahead, mut over) = (Vec::new(), Vec::new(), 0);
+        let awaited = self.awaited_otherwise(spec);
         for name in side.names(spec.role()) {
             let to = match targets.get(name) {
                 Some(known) => known.clone(),
@@ -263,7 +264,7 @@ impl Reconciler {
                 }
             };
             let Some(to) = to else { continue };
-            let to = self.apart(index, side, name, to);
+            let to = self.destination(index, name, to, &awaited);
             let from = EndpointAddress { middleware: middleware.clone(), name: name.clone() };
             if self.is_left_out(spec, &from, &to) {
                 continue;
@@ -322,34 +323,6 @@ impl Reconciler {
                  max_routes, or narrow it with allow and deny"
             );
         }
-    }
-
-    /// Destination of the source called `name`, which by itself would go to `to`. Names of YARP may
-    /// differ by a colon alone, which no name of ROS has: where `/a/b:o` and `/a/b/o` would become
-    /// one name, the one with the colon becomes `/a/b/o_`.
-    fn apart(
-        &self,
-        index: usize,
-        side: &DiscoveredMiddleware,
-        name: &str,
-        mut to: EndpointAddress,
-    ) -> EndpointAddress {
-        let (Some((before, last)), Some(pattern)) =
-            (name.rsplit_once(':'), self.patterns.get(index))
-        else {
-            return to;
-        };
-        let (spec, plain) = (&pattern.spec, format!("{before}/{last}"));
-        let others = self.patterns.iter().map(|other| &other.spec);
-        let mut others = others.filter(|other| {
-            other.role() == spec.role() && other.from.middleware == spec.from.middleware
-        });
-        if !side.endpoints(spec.role(), &plain).is_empty()
-            && others.any(|other| other.target(&plain).as_ref() == Some(&to))
-        {
-            to.name.push('_');
-        }
-        to
     }
 
     /// Sources without a publisher that listeners at the destination wait for, where the
@@ -423,7 +396,7 @@ impl Reconciler {
             candidate.to = to;
             if let State::Runs(id) = state {
                 self.ended(key.0, &left, now);
-                let why = format!("it goes to {} now: another source has its name", candidate.to);
+                let why = format!("it goes to {} now, by the names of others", candidate.to);
                 return (true, Some(stop(id, why)));
             }
         }
@@ -469,7 +442,8 @@ impl Reconciler {
                     && let State::Waits(state) = &candidate.state
                     && let Some(pattern) = self.patterns.get_mut(key.0)
                 {
-                    pattern.news.lacks(candidate.name(role), state.to_string(), now);
+                    let text = format!("{} is {state}", candidate.from);
+                    pattern.news.lacks(candidate.name(role), text, now);
                 }
                 return (true, None);
             }

@@ -7,8 +7,8 @@ use super::*;
 use wrapyfi_data::types::{Map, MessageType, Payload, RosType, ServiceKind, Value};
 use wrapyfi_endpoint::memory::Memory;
 use wrapyfi_endpoint::{
-    Context, Discovered, LearnError, LearnResult, Learned, Listener, Middleware, Opened, Publisher,
-    ServiceSpec, TopicSpec, Traits, topic_of_name,
+    Context, Conventions, Discovered, LearnError, LearnResult, Learned,
+    Listener, Middleware, Opened, Publisher, ServiceSpec, TopicSpec, Traits, topic_of_name,
 };
 use wrapyfi_interfaces::parser::{Dialect, TypeName};
 
@@ -36,7 +36,10 @@ fn engine(
     let text: String = routes.iter().map(|route| format!("  - {{ {route} }}\n")).collect();
     let config: Config<NoEndpoints> =
         Config::from_yaml(&format!("routes:\n{text}"), "bridge.yaml").unwrap();
-    let known = |name| Available { name, ..Available::default() };
+    let known = |name| {
+        let conventions = Conventions { has_ros_names: name == "a", ..Conventions::NONE };
+        Available { name, conventions, ..Available::default() }
+    };
     let mut types = TypeStore::generated();
     let plan = Plan::new(&config, &[known("a"), known("b")], &mut types, "bridge.yaml").unwrap();
     Engine::new(plan, &registry).with_types(TypeStore::generated())
@@ -317,6 +320,42 @@ fn a_listener_to_what_the_program_has_about_itself_opens_nothing() {
     let _waiting = ["/bridge/status", "/x"].map(|name| listener(&bench.b, name));
     bench.run(3 * SECOND);
     assert_eq!(bench.names(), ["a:/x -> b:/x"]);
+}
+
+/// A name that ROS 2 lacks is meant by what it has instead, where listeners have one such name.
+#[test]
+fn a_destination_is_the_name_that_listeners_have() {
+    let [a, b] = ["a", "b"].map(|name| Arc::new(Ahead(Arc::new(Memory::new(name)))));
+    let engine = engine(&a, &b, &["from: 'a:/(.*)', to: 'b:/$1'"]);
+    let (a, b) = (Arc::clone(&a.0), Arc::clone(&b.0));
+    let mut bench = Bench { a, b, engine, now: Instant::now() };
+    let first = listener(&bench.b, "/robot-1/1st");
+    let _both = ["/two-names", "/two.names"].map(|name| listener(&bench.b, name));
+    let names = ["/robot_1/_1st", "/two_names", "/fine_1"];
+    let _sources = names.map(|name| publisher(&bench.a, name, MessageType::NativeObject));
+    bench.run(5 * SECOND);
+    let made = |bench: &Bench| {
+        let names = bench.names().into_iter();
+        let mut names: Vec<_> = names.filter(|name| names_of_ros(name)).collect();
+        names.sort();
+        names
+    };
+    let plain = ["a:/fine_1 -> b:/fine_1", "a:/two_names -> b:/two_names"];
+    let meant = "a:/robot_1/_1st -> b:/robot-1/1st";
+    assert_eq!(made(&bench), [plain[0], meant, plain[1]]);
+    // While nobody listens it stays, until somebody has the very name.
+    drop(first);
+    bench.run(5 * SECOND);
+    assert_eq!(made(&bench)[1], meant);
+    let _exact = listener(&bench.b, "/robot_1/_1st");
+    bench.run(5 * SECOND);
+    assert_eq!(made(&bench)[1], "a:/robot_1/_1st -> b:/robot_1/_1st");
+}
+
+/// True for a route whose source has a name of ROS.
+fn names_of_ros(route: &str) -> bool {
+    let from = route.split(" -> ").next().unwrap_or_default().trim_start_matches("a:");
+    wrapyfi_endpoint::pattern::ros_name(from) == from
 }
 
 #[test]

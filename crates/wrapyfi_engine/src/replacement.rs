@@ -13,7 +13,7 @@ use super::news;
 use super::pattern::Pattern;
 use super::plan::Plan;
 use super::reconciler::{Change, Key, Reconciler, stop};
-use super::route::Route;
+use super::route::{Route, may_be_meant};
 use wrapyfi_endpoint::{EndpointAddress, Registry};
 
 /// Reason for a new plan to end a route.
@@ -126,8 +126,9 @@ impl Reconciler {
     }
 }
 
-/// True when a source goes `to` now, or would if no `_` set its name apart from another one.
+/// True when a source goes `to` now, or would if no `_` set its name apart from another one, and nobody awaited it under
+/// another.
 fn is_or_was_set_apart(to: &EndpointAddress, now: &EndpointAddress) -> bool {
     let alone = now.name.strip_suffix('_').unwrap_or(&now.name);
-    to == now || (to.middleware == now.middleware && alone == to.name)
+    to == now || (to.middleware == now.middleware && alone == to.name) || may_be_meant(to, now)
 }

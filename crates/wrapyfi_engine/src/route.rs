@@ -132,6 +132,11 @@ pub enum Typing {
     LearnedIfTold,
 }
 
+/// True where `meant` is another name for `to`, which has what ROS 2 lacks.
+pub(super) fn may_be_meant(to: &EndpointAddress, meant: &EndpointAddress) -> bool {
+    to.middleware == meant.middleware && to != meant && ros_name(&meant.name) == to.name
+}
+
 /// Names that a pattern means.
 ///
 /// ```
@@ -145,6 +150,7 @@ pub enum Typing {
 ///     default_deny: None,
 ///     max_routes: 8,
 ///     ros_names: false,
+///     from_ros_names: true,
 /// });
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -163,6 +169,8 @@ pub struct Names {
     pub max_routes: usize,
     /// True where the destination has names of ROS, so that others are replaced.
     pub ros_names: bool,
+    /// True where the source has names of ROS, so that a name at the destination which is none may be meant by them.
+    pub from_ros_names: bool,
 }
 
 /// Settings of a route.
@@ -327,6 +335,19 @@ impl Route {
         Some(EndpointAddress { middleware: self.to.middleware.clone(), name })
     }
 
+    /// True for a pattern whose sources have names of ROS.
+    pub(super) fn has_names_of_ros(&self) -> bool {
+        self.names.as_ref().is_some_and(|names| names.from_ros_names)
+    }
+
+    /// Route that the pattern makes from a source to a destination; also where that is awaited under a name that ROS 2
+    /// lacks.
+    pub fn made_between(&self, from: &EndpointAddress, to: &EndpointAddress) -> Option<Self> {
+        let made = self.made_from(from)?;
+        let is_meant = self.has_names_of_ros() && may_be_meant(&made.to, to);
+        (made.to == *to || is_meant).then(|| Self { to: to.clone(), ..made })
+    }
+
     /// Route that the pattern makes for a source.
     pub fn made_from(&self, from: &EndpointAddress) -> Option<Self> {
         let is_meant = self.is_many() && from.middleware == self.from.middleware;
@@ -336,9 +357,13 @@ impl Route {
 
     /// Route that the pattern makes into a destination; `None` also where the source cannot be told from it.
     pub fn made_to(&self, to: &EndpointAddress) -> Option<Self> {
-        let name = self.source(&self.inverse()?, &to.name)?;
+        let inverse = self.inverse()?;
+        let replaced = self.has_names_of_ros().then(|| ros_name(&to.name));
+        let name = self.source(&inverse, &to.name);
+        let name = name.or_else(|| self.source(&inverse, &replaced?))?;
         let from = EndpointAddress { middleware: self.from.middleware.clone(), name };
-        self.made_from(&from).filter(|made| made.to.middleware == to.middleware)
+        let made = self.made_from(&from).filter(|made| made.to.middleware == to.middleware)?;
+        self.made_between(&from, to).or(Some(made))
     }
 
     /// Source that becomes `name` at the destination, as far as it can be told: a digit that an underscore stands
@@ -360,6 +385,7 @@ impl Route {
         let may_be_replaced = has_ros_names && name.contains('_');
         (may_be_replaced && fits_template(&self.to.name, name))
             || self.source(inverse, name).is_some()
+            || (self.has_names_of_ros() && self.source(inverse, &ros_name(name)).is_some())
     }
 
     /// Way from a name at the destination of a pattern back to the source; `None` where no name

@@ -9,7 +9,7 @@ use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
 use wrapyfi_ros2::graph::ServiceMapping;
 
 use super::server_check::{Answer, ServerCheck};
-use super::state::Passed;
+use super::state::{Passed, has_rival, leads_to};
 use super::{Cause, End, Finding, OTHER_NODE, RouteFacts, Step, Way, roles, same_node};
 use crate::lifecycle::State;
 
@@ -133,6 +133,16 @@ pub(super) fn pattern_of(
         let pattern = status.routes.iter().find(|one| matches(&source(one)))?;
         Some((node.clone(), pattern.key.clone()))
     })
+}
+
+/// Sources that would go to an address, and do not because another one does, in words.
+pub(super) fn rivals(all: &[RouteInfo], address: &str) -> Vec<String> {
+    let waits = |one: &&RouteInfo| has_rival(one) && leads_to(one, address);
+    let words = |one: &RouteInfo| match one.kind == "service" {
+        true => format!("{} waits for {}", one.destination, one.reason),
+        false => format!("{} waits for {}", one.source, one.reason),
+    };
+    all.iter().filter(waits).map(words).collect()
 }
 
 /// Finding about any way through a bridge whose routes are closed. `foreign` is the mapping of its services, where who asks

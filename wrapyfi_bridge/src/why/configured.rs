@@ -2,7 +2,7 @@
 
 use wrapyfi_engine::LeftOut;
 
-use super::state::broken;
+use super::state::{broken, has_rival};
 use super::{Cause, Finding, RouteFacts, Step, Way};
 
 /// Causes that the file alone tells.
@@ -52,7 +52,9 @@ pub(super) fn limit(route: &RouteFacts) -> Step {
 
 /// A finding about the routes that parameters of the bridge's node made: these mend it, or a file instead of them.
 pub(super) fn by_parameters(finding: Finding, way: &Way) -> Finding {
+    let is_rivalled = way.running.as_ref().is_some_and(has_rival);
     let parameter = match finding.cause {
+        _ if is_rivalled => return with_file(finding, way),
         Cause::LeftOut => "change `allow`, `deny` or `default_deny` of its parameters",
         Cause::NoRoute => {
             "correct the name, or change `prefix`, `allow` or `deny` of its parameters"
@@ -60,11 +62,7 @@ pub(super) fn by_parameters(finding: Finding, way: &Way) -> Finding {
         Cause::State if broken(way).is_err() => "take the name into `deny` of its parameters",
         Cause::Limit => "take fewer names by `allow` of its parameters",
         Cause::Type | Cause::Qos | Cause::Drops | Cause::RateLimit => {
-            let remedy = format!(
-                "{}; the routes of {} are made by its parameters: one of its own needs a file (-p config_file:=FILE)",
-                finding.remedy, way.node
-            );
-            return Finding { remedy, ..finding };
+            return with_file(finding, way);
         }
         _ => return finding,
     };
@@ -72,6 +70,15 @@ pub(super) fn by_parameters(finding: Finding, way: &Way) -> Finding {
         "{parameter} (--ros-args -p 'deny:=[\"raw/.*\"]'), or name a file of routes (-p config_file:=FILE)"
     );
     Finding { who: format!("whoever starts {}", way.node), remedy, ..finding }
+}
+
+/// A finding whose remedy is a route, of a bridge whose routes its parameters make.
+fn with_file(finding: Finding, way: &Way) -> Finding {
+    let remedy = format!(
+        "{}; the routes of {} are made by its parameters: one of its own needs a file (-p config_file:=FILE)",
+        finding.remedy, way.node
+    );
+    Finding { remedy, ..finding }
 }
 
 /// Definition of a type: the one that is missing, and why.

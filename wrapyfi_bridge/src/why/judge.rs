@@ -21,8 +21,8 @@ use super::ends::is_told;
 use super::reach::{opened, reachable};
 use super::server_check::{Answer, ServerCheck};
 use super::state::{
-    broken, brought, counted, flows, hears_others, is_carried, is_met, is_provider, is_used,
-    other_mapping, rate, refused, refused_alone, runs, state, unopened,
+    broken, brought, counted, flows, has_rival, hears_others, is_carried, is_met, is_provider,
+    is_used, other_mapping, rate, refused, refused_alone, runs, state, unopened,
 };
 use super::stopped::with_stopped_programs;
 use super::words::{
@@ -67,8 +67,8 @@ impl Walk<'_> {
         let way = self.way;
         if let Some(route) = &way.route {
             of_file(route)?;
-            self.passed
-                .extend(way.running.as_ref().filter(|_| way.destination.is_some()).map(runs));
+            let running = way.running.as_ref().filter(|it| !has_rival(it));
+            self.passed.extend(running.filter(|_| way.destination.is_some()).map(runs));
         }
         broken(way)?;
         // Of what is in another domain than its bridge, nothing here tells.

@@ -97,8 +97,16 @@ fn made_between(plan: &Plan, name: &str, running: Option<&RouteInfo>) -> Option<
             Kind::Topic(_) => (&first, &second),
             Kind::Service(_) => (&second, &first),
         };
-        pattern.made_from(from).filter(|made| made.to == *to)
+        pattern.made_between(from, to)
     })
+}
+
+/// Route that a pattern makes to an address, where `made` is what another one makes from there.
+pub(super) fn other_way(plan: &Plan, made: &Route, address: &EndpointAddress) -> Option<Route> {
+    let is_written = plan.routes.iter().any(|one| one.name == made.name && !one.is_many());
+    let is_from = made.from == *address && !made.is_many() && !is_written;
+    let mut patterns = plan.routes.iter().filter(|one| is_from && one.role() == made.role());
+    patterns.find_map(|pattern| pattern.made_to(address))
 }
 
 /// Route of the other kind with the ends of one that a pattern makes.
@@ -170,6 +178,30 @@ pub(super) mod tests {
         let ends = "ros:/chat -> ros2:/one/chat".to_owned();
         assert_eq!(left_out, Some((ends, LeftOut::Written("chat".to_owned()))));
         assert_eq!(found(&plan, "ros:/chat"), Some(("ros:/chat -> ros2:/words".to_owned(), false)));
+    }
+
+    #[test]
+    fn names_that_ros_2_lacks_are_found_at_either_end() {
+        let both =
+            plan(&["from: 'ros2:/(.*)', to: 'ros:/$1'", "from: 'ros:/(.*)', to: 'ros2:/$1'"]);
+        for (runs, names) in [
+            ("ros2:/robot_1/cmd -> ros:/robot-1/cmd", ["ros2:/robot_1/cmd", "ros:/robot-1/cmd"]),
+            ("ros:/robot-1/x -> ros2:/robot_1/x", ["ros2:/robot_1/x", "ros:/robot-1/x"]),
+        ] {
+            for name in names {
+                assert_eq!(found_beside(&both, &[runs], name), Some((runs.to_owned(), false)));
+            }
+        }
+    }
+
+    #[test]
+    fn the_other_way_is_that_to_the_name() {
+        let both =
+            plan(&["from: 'ros2:/(.*)', to: 'ros:/$1'", "from: 'ros:/(.*)', to: 'ros2:/$1'"]);
+        let (made, _) = route(&both, &index(&both), &[], "ros2:/x").unwrap();
+        let other = |name: &str| other_way(&both, &made, &address(name).unwrap());
+        assert_eq!(other("ros2:/x").unwrap().ends(), "ros:/x -> ros2:/x");
+        assert!(other("ros:/x").is_none());
     }
 
     #[test]

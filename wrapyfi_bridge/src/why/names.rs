@@ -1,6 +1,7 @@
 //! Names that are nearly the same.
 
 use strsim::damerau_levenshtein;
+use wrapyfi_endpoint::pattern::ros_name;
 use wrapyfi_interfaces::named;
 
 /// Most letters by which two names may differ and still count as one misspelt.
@@ -14,6 +15,8 @@ named! {
     pub enum NameDifference {
         /// Only slashes at the beginning, at the end or in a row differ.
         Slash => "a slash",
+        /// Both have the same name in ROS 2, which lacks characters of one.
+        Replaced => "characters that names of ROS 2 lack",
         /// Only capital letters differ.
         Case => "capital letters",
         /// One of them has a namespace that the other lacks.
@@ -34,6 +37,9 @@ pub fn name_difference(one: &str, other: &str) -> Option<NameDifference> {
     let (a, b) = (parts(one), parts(other));
     if a == b {
         return Some(NameDifference::Slash);
+    }
+    if ros_name(one) == ros_name(other) {
+        return Some(NameDifference::Replaced);
     }
     let lower = |name: &[&str]| name.iter().map(|part| part.to_lowercase()).collect::<Vec<_>>();
     if lower(&a) == lower(&b) {
@@ -80,6 +86,7 @@ mod tests {
         for (one, other, wanted) in [
             ("/chatter", "chatter", Some(NameDifference::Slash)),
             ("/a/b/", "/a//b", Some(NameDifference::Slash)),
+            ("/robot-1/1st", "/robot_1/_1st", Some(NameDifference::Replaced)),
             ("/Chatter", "/chatter", Some(NameDifference::Case)),
             ("/chatter", "/robot/chatter", Some(NameDifference::Namespace)),
             ("/lab/robot/odom", "/robot/odom", Some(NameDifference::Namespace)),

@@ -6,22 +6,24 @@
 //!   package/msg/Name                                         ┘
 //! ```
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-use wrapyfi_endpoint::{DropReason, EndpointAddress, Role};
+use wrapyfi_endpoint::{DropReason, EndpointAddress, Mutex, Role};
 use wrapyfi_engine::{Kind, Plan, Route, RouteIndex, TO_BE_ACTIVATED, Typing};
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 use wrapyfi_ros2::Ros2;
 
+use super::bridges::rivals;
 use super::drops::count;
 use super::ends::{entry, listens_on, qos_at, type_at, type_of_messages};
 use super::judge::may_be_bridge;
 use super::look::{LOOK, Sight, Wanted, graph, look, timeout, widen};
-use super::meaning::{address, left_out, of_other_kind, route};
+use super::meaning::{address, left_out, of_other_kind, other_way, route};
 use super::state::{came, lacks_listener, leads_to, takes};
 use super::{
     End, Finding, Limited, RouteFacts, Unheard, Way, board, bridges, elsewhere, roles, running,
@@ -34,6 +36,7 @@ use crate::in_force::{InForce, Running};
 use crate::lifecycle::State;
 use crate::middlewares::{self, Endpoints, Loaded, Undefined, is_ros};
 use crate::node::Node;
+use crate::on_graph::info::{is_destination, is_source};
 
 /// Time within which most bridges have told their routes: they are heard for as long even where the answer is known.
 const AT_ONCE: Duration = Duration::from_millis(300);
@@ -156,7 +159,7 @@ impl Configured<'_> {
                 Ok(Way { title, route: Some(facts), ..Way::default() })
             }
             Some((route, facts)) => {
-                let way = self.of_route(&route, facts, &mut types);
+                let way = self.of_meant(&route, facts, name, &mut types);
                 // A pattern of the other kind may leave the name out.
                 let (provider, _) = roles(way.is_service);
                 let is_there = |end: &End| end.of(provider).next().is_some();
@@ -197,6 +200,34 @@ impl Configured<'_> {
                 }
             },
         }
+    }
+
+    /// Facts about a route; of the routes that patterns make from a name and to it, about the one that is meant.
+    fn of_meant(&self, route: &Route, facts: RouteFacts, name: &str, types: &mut TypeStore) -> Way {
+        let address = address(name).ok();
+        let running = self.status.map(|status| status()).unwrap_or_default();
+        let text = address.as_ref().map(ToString::to_string).unwrap_or_default();
+        let rivals = rivals(&running, &text);
+        let runs = running.iter().any(|one| is_source(one, &text) || is_destination(one, &text));
+        let other = address.filter(|_| !runs);
+        let other = other.and_then(|address| other_way(self.plan, route, &address));
+        let again = RouteFacts { unheard: None, ..facts.clone() };
+        let (mut way, there) = std::thread::scope(|scope| {
+            // Folders of definitions are looked in where these do not suffice.
+            let mut usual = TypeStore::from_environment().or_generated();
+            let facts_there = again.clone();
+            let there = other
+                .as_ref()
+                .map(|other| scope.spawn(move || self.of_route(other, facts_there, &mut usual)));
+            let way = self.of_route(route, facts, types);
+            (way, there.and_then(|there| there.join().ok()))
+        });
+        if let (Some(there), Some(other)) = (there.filter(|it| is_rather(it, &way)), &other) {
+            let is_known = there.source.as_ref().is_none_or(|end| end.undefined.is_none());
+            way = if is_known { there } else { self.of_route(other, again, types) };
+        }
+        way.known.extend(rivals);
+        way
     }
 
     /// Facts about a route: both ends, side by side, by the names that the bridge which runs it has for them.
@@ -377,6 +408,21 @@ impl Configured<'_> {
     }
 }
 
+/// True where the route to a name is meant, rather than the route from there.
+fn is_rather(to: &Way, from: &Way) -> bool {
+    let has =
+        |end: &Option<End>, role| end.as_ref().is_some_and(|end| end.of(role).next().is_some());
+    let (provider, taker) = roles(from.is_service);
+    let runs = |way: &Way| way.running.is_some();
+    if runs(from) || runs(to) {
+        return !runs(from);
+    }
+    if has(&from.source, provider) || has(&to.source, provider) {
+        return !has(&from.source, provider);
+    }
+    has(&to.destination, taker) || !has(&from.destination, taker)
+}
+
 /// Route of the same file that publishes where this one listens.
 fn unheard(index: &RouteIndex<'_>, route: &Route, node: &Node) -> Option<Unheard> {
     let found = index.unheard().into_iter().find(|one| one.listening == route.name)?;
@@ -485,7 +531,9 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, types: &mut TypeStore
         let calls = |one: &RouteInfo| one.kind == "service" && one.resolved_destination == text;
         leads_to(one, &text) || refuses(one) || calls(one) || takes(one, &text)
     };
+    let beside = Mutex::new(BTreeSet::new());
     let find = |all: Vec<RouteInfo>| {
+        beside.lock().extend(rivals(&all, &text));
         // What runs tells the name's type, and who is there.
         let is_from = |one: &RouteInfo| one.kind != "service" && one.resolved_source == text;
         let found = all.iter().find(|one| is_one(one));
@@ -534,7 +582,7 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, types: &mut TypeStore
     // Its broker may be in the bridge that is stopped.
     let is_silent = end.away.is_some() && end.address.middleware == "zeromq";
     let stopped = is_silent.then(|| stopped::bridge(None, None)).flatten();
-    let mut known = Vec::new();
+    let mut known: Vec<_> = std::mem::take(&mut *beside.lock()).into_iter().collect();
     if running.is_none() && is_missing {
         let begins = heard.others.iter().find_map(bridges::unconfigured);
         known.extend(begins.map(|it| format!("{}; {}", it.what, it.remedy)));

@@ -1,6 +1,7 @@
 //! Findings about a route that runs: what its bridge tells of it.
 
 use wrapyfi_endpoint::{DropReason, EndpointAddress, Peers, Role};
+use wrapyfi_engine::GOES_THERE;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 use wrapyfi_ros1::{OTHER_DEFINITION, REFUSES};
 use wrapyfi_ros2::graph::ServiceMapping;
@@ -106,8 +107,16 @@ pub(super) fn runs(running: &RouteInfo) -> String {
     format!("a bridge runs the route: {received} in, {sent} out{now}")
 }
 
+/// True for a source whose destination another one has.
+pub(super) fn has_rival(running: &RouteInfo) -> bool {
+    running.reason.ends_with(GOES_THERE)
+}
+
 /// A route that cannot work as configured, whatever is there.
 pub(super) fn broken(way: &Way) -> Step {
+    if way.running.as_ref().is_some_and(has_rival) {
+        return state(way).map(drop);
+    }
     let Some(running) = way.running.as_ref().filter(|running| running.state == "error") else {
         return Ok(());
     };
@@ -153,6 +162,17 @@ fn awaited(way: &Way, running: &RouteInfo) -> (String, String) {
     let reason = &running.reason;
     if let (Some(end), port @ Some(_)) = (&way.destination, unopened(running)) {
         return (provider(end, Role::Listener), example(end, Role::Listener, port));
+    }
+    if has_rival(running) {
+        let RouteInfo { source, destination, .. } = running;
+        let (from, to, [from_key, to_key]) = match running.kind == "service" {
+            true => (destination, source, ["service", "as"]),
+            false => (source, destination, ["from", "to"]),
+        };
+        let remedy = format!(
+            "give it a route with another name: {{{from_key}: {from:?}, {to_key}: \"{to}_2\"}}"
+        );
+        return ("the configuration of the bridge".to_owned(), remedy);
     }
     let misfit = reason.split_once(" wants ").and_then(|(before, wanted)| {
         let (any, node) = before.rsplit_once(": ")?;
