@@ -359,11 +359,10 @@ impl std::str::FromStr for ServiceName {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        if let Ok(kind) = text.parse::<ServiceKind>() {
-            return Ok(Self(kind.ros_type().to_owned()));
+        match text.parse::<ServiceKind>() {
+            Ok(kind) => Ok(Self(kind.ros_type().to_owned())),
+            Err(error) => of_ros(text, "srv", &format!("{error}, or any ROS type")).map(Self),
         }
-        let expected = "must be NativeObject, Image, CompressedImage, AudioChunk, or any ROS type";
-        of_ros(text, "srv", expected).map(Self)
     }
 }
 
@@ -535,7 +534,8 @@ mod tests {
         assert_eq!(twist.parse(), Ok(TypeName::Ros(twist.to_owned())));
         let error = "geometry_msgs/Twist".parse::<TypeName>().unwrap_err();
         assert!(error.contains("did you mean geometry_msgs/msg/Twist?"), "{error}");
-        assert!("Twist".parse::<TypeName>().is_err());
+        let error = "Twist".parse::<TypeName>().unwrap_err();
+        assert!(error.contains("did you mean `geometry_msgs/msg/Twist`?"), "{error}");
         assert!("a/srv/B".parse::<TypeName>().is_err());
     }
 
@@ -546,6 +546,8 @@ mod tests {
         assert_eq!(name("std_srvs/srv/SetBool").unwrap(), "std_srvs/srv/SetBool");
         let error = name("std_srvs/SetBool").unwrap_err();
         assert!(error.contains("did you mean std_srvs/srv/SetBool?"), "{error}");
+        let error = name("SetBool").unwrap_err();
+        assert!(error.contains("did you mean `std_srvs/srv/SetBool`?"), "{error}");
         assert!(name("std_msgs/msg/String").is_err());
     }
 

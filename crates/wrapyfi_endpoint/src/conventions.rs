@@ -31,7 +31,7 @@ const NODE_SERVICES: [&str; 21] = [
 ///
 /// ```
 /// use wrapyfi_endpoint::Conventions;
-/// let ours = Conventions { has_text_type: true, program_topics: Some("rosout"), ..Conventions::NONE };
+/// let ours = Conventions { has_text_type: true, program_topics: &["rosout"], ..Conventions::NONE };
 /// assert!(ours.node_services.contains(&"get_parameters"));
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -41,8 +41,8 @@ pub struct Conventions {
     pub has_text_type: bool,
     /// True where topics and services take names of ROS only, so that a pattern makes such ones.
     pub has_ros_names: bool,
-    /// Prefix, without the first slash, of the topics that every program has about itself.
-    pub program_topics: Option<&'static str>,
+    /// Prefixes, without the first slash, of the topics that programs have about themselves.
+    pub program_topics: &'static [&'static str],
     /// Last parts of the names of services that every node offers about itself.
     pub node_services: &'static [&'static str],
 }
@@ -52,7 +52,7 @@ impl Conventions {
     pub const NONE: Self = Self {
         has_text_type: false,
         has_ros_names: false,
-        program_topics: None,
+        program_topics: &[],
         node_services: &NODE_SERVICES,
     };
 }

@@ -63,7 +63,7 @@ impl Route {
             || match self.kind {
                 Kind::Topic(_) => {
                     NODE_TOPICS.contains(&bare)
-                        || usual.program_topics.is_some_and(|prefix| bare.starts_with(prefix))
+                        || usual.program_topics.iter().any(|prefix| bare.starts_with(prefix))
                 }
                 Kind::Service(_) => {
                     bare.rsplit('/').next().is_some_and(|last| usual.node_services.contains(&last))
@@ -126,8 +126,10 @@ mod tests {
             assert!(has_route(usual, TOPICS, name), "{name}");
         }
         let log = "/log/robot/yarpdev/4711";
-        let with_logs = Conventions { program_topics: Some("log/"), ..usual };
-        assert!(!has_route(with_logs, TOPICS, log) && has_route(usual, TOPICS, log));
+        let with_logs = Conventions { program_topics: &["log/", "tmp/port/"], ..usual };
+        for name in [log, "/tmp/port/1"] {
+            assert!(!has_route(with_logs, TOPICS, name) && has_route(usual, TOPICS, name));
+        }
         for name in ["/talker/get_parameters", "/rosout/set_logger_level", "/x/_action/send_goal"] {
             assert!(!has_route(usual, SERVICES, name), "{name}");
         }

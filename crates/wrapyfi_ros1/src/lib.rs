@@ -101,7 +101,7 @@ pub const OPTIONS: &[&str] = &[Peers::FROM, Peers::TO];
 pub const CONVENTIONS: Conventions = Conventions {
     has_text_type: true,
     has_ros_names: true,
-    program_topics: None,
+    program_topics: &[],
     node_services: &["get_loggers", "set_logger_level"],
 };
 

@@ -98,9 +98,9 @@ use wrapyfi_endpoint::{
     Traits, topic_of_name,
 };
 
-/// Conventions of YARP. A number follows the prefix of log ports, with which no name of ROS may begin.
+/// Conventions of YARP: log ports of programs, and ports of commands that live for one call (`yarp write ... /x`).
 pub const CONVENTIONS: Conventions =
-    Conventions { program_topics: Some("log/"), ..Conventions::NONE };
+    Conventions { program_topics: &["log/", "tmp/port/"], ..Conventions::NONE };
 
 /// Threads that carry all ports.
 const THREADS: usize = 2;

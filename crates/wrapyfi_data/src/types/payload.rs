@@ -107,8 +107,14 @@ pub struct ParseTypeError {
 const MESSAGE_TYPE: &str = "message type";
 
 impl ParseTypeError {
-    pub(super) fn new(text: &str, wanted: &'static str, accepted: &[&str]) -> Self {
-        let hint = did_you_mean(text, accepted);
+    /// `kind` is that of the types of ROS which may be written, too: `msg` or `srv`.
+    pub(super) fn new(text: &str, wanted: &'static str, accepted: &[&str], kind: &str) -> Self {
+        let is_accepted = accepted.iter().any(|one| one.eq_ignore_ascii_case(text));
+        let full = if is_accepted { Vec::new() } else { TypeStore::names_like(kind, text) };
+        let hint = match full.as_slice() {
+            [] => did_you_mean(text, accepted),
+            full => format!("did you mean `{}`? ", full.join("` or `")),
+        };
         Self { text: text.into(), wanted, hint, accepted: accepted.join(", ") }
     }
 }
@@ -117,8 +123,9 @@ impl FromStr for DataType {
     type Err = ParseTypeError;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        Self::from_name(text)
-            .ok_or_else(|| ParseTypeError::new(text, MESSAGE_TYPE, &Self::ALL.map(Self::name)))
+        Self::from_name(text).ok_or_else(|| {
+            ParseTypeError::new(text, MESSAGE_TYPE, &Self::ALL.map(Self::name), "msg")
+        })
     }
 }
 
@@ -323,6 +330,7 @@ impl FromStr for MessageType {
                 text,
                 MESSAGE_TYPE,
                 &Self::ALL.into_iter().flat_map(spellings).collect::<Vec<_>>(),
+                "msg",
             )
         })
     }
@@ -374,5 +382,11 @@ mod tests {
             error.contains("std_msgs/msg/String, Text, Image, sensor_msgs/msg/Image, "),
             "{error}"
         );
+        for (written, meant) in
+            [("JointState", "sensor_msgs/msg/JointState"), ("range", "sensor_msgs/msg/Range")]
+        {
+            let error = MessageType::resolve(written, &mut TypeStore::generated()).unwrap_err();
+            assert!(error.to_string().contains(&format!("did you mean `{meant}`? ")), "{error}");
+        }
     }
 }

@@ -42,6 +42,16 @@ pub enum RosValueError {
     /// The bytes are no message of the type.
     #[error("{0}")]
     Bytes(#[from] CdrError),
+    /// More values than fields.
+    #[error("{given} values, and {ros_type} has {fields}: leave out {}", given - fields)]
+    Count {
+        /// Number of values.
+        given: usize,
+        /// Name of the type.
+        ros_type: &'static str,
+        /// Number of its fields.
+        fields: usize,
+    },
     /// A value has no form in a ROS message.
     #[error("{path}: a {kind} has no form in a ROS message; {remedy}")]
     Kind {
@@ -112,10 +122,10 @@ pub fn fields_of_call(
     let mut names = defaults.fields().map(|(name, _)| name);
     let mut pairs = Vec::with_capacity(args.len().saturating_add(kwargs.len()));
     for (at, value) in args.iter().enumerate() {
-        let name = names.next().ok_or_else(|| RosValueError::Kind {
-            path: format!("$[{at}]"),
-            kind: format!("argument of {} where {ros_type} has {at} fields", value.kind()),
-            remedy: "leave it out",
+        let name = names.next().ok_or(RosValueError::Count {
+            given: args.len(),
+            ros_type: ros_type.name(),
+            fields: at,
         })?;
         if kwargs.get(name).is_some() {
             return Err(RosValueError::Kind {

@@ -141,7 +141,7 @@ impl FromStr for ServiceKind {
         let named = |kind: &Self| kind.short_name() == Some(text) || kind.ros_type() == text;
         Self::ALL.into_iter().find(named).ok_or_else(|| {
             let names = Self::ALL.map(|kind| kind.short_name().unwrap_or(kind.ros_type()));
-            ParseTypeError::new(text, "function of Wrapyfi", &names)
+            ParseTypeError::new(text, "function of Wrapyfi", &names, "srv")
         })
     }
 }
@@ -162,6 +162,8 @@ mod tests {
     fn a_wrong_spelling_is_told_the_right_ones() {
         let error = "std_srvs/srv/SetBool".parse::<ServiceKind>().unwrap_err().to_string();
         assert!(error.contains("no function of Wrapyfi; accepted are NativeObject, Image, "));
+        let error = "SetBool".parse::<ServiceKind>().unwrap_err().to_string();
+        assert!(error.contains("did you mean `std_srvs/srv/SetBool`? "), "{error}");
         let error = "Imag".parse::<ServiceKind>().unwrap_err().to_string();
         assert!(error.contains("did you mean `Image`? accepted are"), "{error}");
     }

@@ -33,6 +33,7 @@ use std::{fmt, io};
 
 use self::generated::GENERATED;
 use crate::parser::{Dialect, InterfaceKind, MessageDefinition, TypeName, parse_interface};
+use crate::ros1::standard_text;
 use crate::type_description_interfaces::msg::TypeSource;
 
 /// Definitions of types, and the places that are searched for further ones.
@@ -118,6 +119,19 @@ impl TypeStore {
         let mut store = Self::new(Dialect::Ros2, files);
         store.add_folder(Path::new(""));
         store
+    }
+
+    /// Full names of the types of a kind (`msg`, `srv`) that this crate knows and that have this name, whatever its
+    /// capital letters, behind their package.
+    pub fn names_like(kind: &str, name: &str) -> Vec<String> {
+        let all = generated::names().chain(standard_text::names());
+        let mut full: Vec<_> = all
+            .filter(|(its, _, one)| *its == kind && one.eq_ignore_ascii_case(name))
+            .map(|(_, package, name)| format!("{package}/{kind}/{name}"))
+            .collect();
+        full.sort();
+        full.dedup();
+        full
     }
 
     /// A store of ROS 2 definitions that looks where `AMENT_PREFIX_PATH` says.

@@ -136,7 +136,19 @@ pub(super) fn by_name(args: &[Value], ros_type: RosType) -> Option<Map> {
         name.as_str().is_some_and(|name| defaults.fields().any(|(field, _)| field == name))
     };
     let all_known = pairs.iter().all(known);
-    all_known.then_some(pairs)
+    match all_known.then(|| ros::named(pairs.into(), &defaults))? {
+        Value::Map(pairs) => Some(pairs),
+        _ => None,
+    }
+}
+
+/// Reads arguments in order, of which those for a field that is true or false may be 1 or 0.
+pub(super) fn read_truths(args: &mut [Value], ros_type: RosType) {
+    let defaults = ros_type.plan().default_message();
+    let fields = defaults.fields().filter(|(name, _)| *name != FILLER);
+    for (value, (_, field)) in args.iter_mut().zip(fields) {
+        *value = ros::truth(std::mem::replace(value, Value::Null), Some(field));
+    }
 }
 
 /// Reads a reply: a dict of its fields, or the server's word that there is none.

@@ -106,10 +106,11 @@ fn decode_request_as(bytes: &Bytes, spec: &ServiceSpec, rules: Rules<'_>) -> Dec
     }
     let mut args: Vec<Value> =
         bottle.values.iter().map(|value| element::to_value(value, rules.dialect)).collect();
-    if let ServiceKind::Ros(service) = spec.kind
-        && let Some(kwargs) = positional::by_name(&args, service.request())
-    {
-        return Ok(Request::default().with(kwargs));
+    if let ServiceKind::Ros(service) = spec.kind {
+        if let Some(kwargs) = positional::by_name(&args, service.request()) {
+            return Ok(Request::default().with(kwargs));
+        }
+        positional::read_truths(&mut args, service.request());
     }
     let kwargs = match args.pop() {
         Some(Value::Map(map)) if map.iter().all(|(key, _)| key.as_str().is_some()) => map,
@@ -185,7 +186,8 @@ pub fn encode_error(
 ) -> Bytes {
     let bottle = match format(spec, options) {
         BottleFormat::Json => native::single(requests::encode_error(text)),
-        _ => Bottle { values: vec![Element::vocab(FAIL), Element::string(text)] },
+        // The text form of a bottle writes double quotes with a backslash before each.
+        _ => Bottle { values: vec![Element::vocab(FAIL), Element::string(text.replace('"', "'"))] },
     };
     // Neither a vocab of 32 bits nor a string lacks a form.
     native::bytes(&bottle, dialect).unwrap_or_default().into()

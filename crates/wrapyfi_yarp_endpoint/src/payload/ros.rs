@@ -133,8 +133,8 @@ fn pairs(
     }
 }
 
-/// `value` with lists of pairs made dicts where the message has messages: text carriers know no
-/// dicts.
+/// `value` with lists of pairs made dicts where the message has messages, since text carriers know no dicts, and with
+/// truths for 1 and 0.
 pub(super) fn named(value: Value, defaults: &DynamicMessage) -> Value {
     let map = match value {
         Value::Map(map) => map,
@@ -148,11 +148,19 @@ pub(super) fn named(value: Value, defaults: &DynamicMessage) -> Value {
         let inner = key.as_str().and_then(|name| defaults.get(name));
         let value = match inner {
             Some(DynamicValue::Message(inner)) => named(value, inner),
-            _ => value,
+            _ => truth(value, inner),
         };
         (key, value)
     };
     map.into_iter().map(field).collect::<Map>().into()
+}
+
+/// The numbers 1 and 0 as what a field that is true or false means by them: bottles of YARP often have no other form.
+pub(super) fn truth(value: Value, field: Option<&DynamicValue>) -> Value {
+    match (value, field) {
+        (Value::Int(number @ (0 | 1)), Some(DynamicValue::Bool(_))) => (number == 1).into(),
+        (value, _) => value,
+    }
 }
 
 /// Lists of name and value as a dict.

@@ -256,7 +256,7 @@ mod tests {
         let list = "rcl_interfaces/srv/ListParameters";
         assert_eq!(checked(list, Some(r#"[["a"]]"#), Some(r#"{"depth": 1}"#)), Ok(()));
         for (args, kwargs, words) in [
-            ("[true, 2]", None, "has 1 fields"),
+            ("[true, 2]", None, "has 1: leave out 1"),
             ("[true]", Some(r#"{"data": true}"#), "data: a second value"),
             (r#"[{"dat": true}]"#, None, "did you mean \"data\"?"),
         ] {

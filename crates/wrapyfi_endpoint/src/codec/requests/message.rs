@@ -22,7 +22,7 @@ pub fn asked_message(
         Request::Message(message) => given(message, ros_type, most),
         Request::Call(Call { args, kwargs }) => fields_of_call(ros_type, args, kwargs, most)
             .and_then(|fields| Ok(RosMessage::from_fields(ros_type, &fields)?))
-            .map_err(|error| unsuitable(&error)),
+            .map_err(|error| unsuitable(ros_type, &error)),
     }
 }
 
@@ -37,7 +37,7 @@ pub fn returned_message(
         Payload::RosMessage(message) => given(message, ros_type, most),
         Payload::NativeObject(value) => fields_of_return(ros_type, value, most)
             .and_then(|fields| Ok(RosMessage::from_fields(ros_type, &fields)?))
-            .map_err(|error| unsuitable(&error)),
+            .map_err(|error| unsuitable(ros_type, &error)),
         other => Err(EncodeError::mismatch(ros_type.to_string(), other.data_type().to_string())),
     }
 }
@@ -52,12 +52,8 @@ fn given(message: &RosMessage, wanted: RosType, most: usize) -> EncodeResult<Ros
     Ok(message.clone())
 }
 
-fn unsuitable(error: &RosValueError) -> EncodeError {
-    EncodeError::unrepresentable(
-        "a service",
-        error.to_string(),
-        "give the fields of its definition",
-    )
+fn unsuitable(ros_type: RosType, error: &RosValueError) -> EncodeError {
+    EncodeError::mismatch(format!("the fields of {ros_type}"), error.to_string())
 }
 
 #[cfg(test)]

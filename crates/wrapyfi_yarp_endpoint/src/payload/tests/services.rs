@@ -129,6 +129,16 @@ fn services_of_ros_succeed_or_fail_in_words() {
         asked("(data true)", &spec).into_call().unwrap().kwargs,
         Map::from([("data", true)])
     );
+    // As older bottles have it.
+    for (text, wanted) in [("1", true), ("0", false), ("(data 1)", true)] {
+        let call = asked(text, &spec).into_call().unwrap();
+        let given = call.kwargs.get("data").or(call.args.first()).cloned();
+        assert_eq!(given, Some(Value::from(wanted)), "{text}");
+    }
+    let read = asked("2", &spec);
+    assert_eq!(read, Request::new([2.into()]), "no truth");
+    let error = encode_error("no \"lamp\"", &spec, &YarpOptions::default(), Dialect::V3);
+    assert_eq!(shown(&error), "[fail] \"no 'lamp'\"");
     let verdict = |success: bool, message: &str| {
         Value::from(Map::from([("success", Value::from(success)), ("message", message.into())]))
     };
@@ -139,6 +149,7 @@ fn services_of_ros_succeed_or_fail_in_words() {
         ("[fail] \"no lamp\"", false, "no lamp"),
         ("[nack]", false, ""),
         ("true done", true, "done"),
+        ("1 done", true, "done"),
         ("false \"no lamp\" 3", false, "\"no lamp\" 3"),
         ("(success true) (message done)", true, "done"),
         // As a function of Wrapyfi returns a dict.
