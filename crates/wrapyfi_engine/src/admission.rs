@@ -21,6 +21,8 @@ use wrapyfi_endpoint::{
     BridgeMark, Discovered, Durability, EndpointAddress, LearnError, Middleware, Role, Traits,
 };
 
+/// Words between the bridge that carries what a source has, for which its own route waits, and the destination.
+pub const CARRIED: &str = ", which carries it to ";
 /// End of the reason for which a source waits whose destination another one has, behind that one.
 pub const GOES_THERE: &str = " goes; write a route with another";
 /// Time after which a candidate whose route could not be made is tried again.
@@ -94,7 +96,7 @@ impl Reconciler {
                 Some(format!("the name {to}, under which {} offers a service", who(one)))
             }
             (_, Some(mark)) if mark.came_through(&from.middleware) => {
-                Some(format!("the bridge {}, which carries it to {to} already", who(one)))
+                Some(format!("the bridge {}{CARRIED}{to} already", who(one)))
             }
             _ => None,
         })

@@ -80,8 +80,8 @@ mod tap;
 mod unheard;
 mod work;
 
-pub use admission::GOES_THERE;
 pub use admission::may_be_read_as;
+pub use admission::{CARRIED, GOES_THERE};
 pub use bridge_circle::{BridgeRoutes, CarriedTopic, CarryingRoute, NetworkAddress};
 pub use circle::Circle;
 pub use config::{

@@ -18,34 +18,8 @@ use wrapyfi_yarp_endpoint as yarp;
 use super::look::{LISTEN, port};
 use super::question::Configured;
 use super::server_check::ServerCheck;
-use super::{Cause, Finding, RouteFacts, Step, Way};
+use super::{Board, BoardPort, Cause, Finding, RouteFacts, Step, Way};
 use crate::middlewares::Endpoints;
-
-/// A board, beside the way of its states.
-#[derive(Debug, Clone, Default)]
-pub struct Board {
-    /// Address of the board.
-    pub address: EndpointAddress,
-    /// Its ports.
-    pub ports: Vec<BoardPort>,
-    /// Way of its movements.
-    pub movements: Way,
-}
-
-/// A port of a board.
-#[derive(Debug, Clone, Default)]
-pub struct BoardPort {
-    /// Name of the port.
-    pub name: String,
-    /// True where this port was asked about, or the whole board.
-    pub is_asked: bool,
-    /// True for a port that takes requests or commands.
-    pub is_input: bool,
-    /// Address that the name server has for it.
-    pub at: Option<String>,
-    /// Ports that are connected to it; `None` where it does not answer.
-    pub connected: Option<Vec<String>>,
-}
 
 /// Routes of a board, and the end of the name of its port that is meant.
 pub(super) struct Routes<'p> {

@@ -12,7 +12,7 @@ use wrapyfi_yarp_endpoint as yarp;
 
 use crate::middlewares::Server;
 
-use super::board::{Board, lacks_clients};
+use super::board::lacks_clients;
 use super::bridges::{
     brought_by_pattern, elsewhere, inactive, lacking, matched_without_route, other_master, several,
 };
@@ -29,7 +29,9 @@ use super::words::{
     between, example, is_same_type, nobody, owner, people, provider, same_name_differently,
     types_differ,
 };
-use super::{Cause, Diagnosis, Elsewhere, End, Finding, Graph, Registered, Step, Way, roles};
+use super::{
+    Board, Cause, Diagnosis, Elsewhere, End, Finding, Graph, Registered, Step, Way, roles,
+};
 
 /// Steps of a walk: what is in place, until something is not.
 struct Walk<'w> {
@@ -305,10 +307,15 @@ impl Walk<'_> {
             let who = "a program that is no route of this bridge";
             return Err(Finding::new(cause, what, who, unheard.text.clone()));
         }
+        let is_own = self.way.route.as_ref().is_some_and(|route| route.is_own);
+        let elsewhere = match address.middleware == "ros" && !is_own {
+            true => "; or this shell has another ROS_MASTER_URI than the bridge",
+            false => "",
+        };
         let forgotten = |server: &str| {
             format!(
                 "{nobody} that the {server} knows: where it was restarted, who comes new does not find {} until that is \
-                 started again",
+                 started again{elsewhere}",
                 provider(end, role)
             )
         };

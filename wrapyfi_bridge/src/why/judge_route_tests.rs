@@ -1,5 +1,7 @@
 //! Findings about the state of a route in a bridge: what it drops, refuses and waits for.
 
+use wrapyfi_engine::{CARRIED, GOES_THERE};
+
 use super::super::super::Limited;
 use super::*;
 
@@ -45,6 +47,16 @@ fn a_route_that_is_not_well_lacks_something_whatever_is_there() {
             of("waiting", "a listener of b/C", &[]),
             Cause::State,
             ["waits for a listener of b/C", "begins"],
+        ),
+        (
+            of("waiting", &format!("the name ros2:/x, to which ros:/y{GOES_THERE}"), &[]),
+            Cause::State,
+            ["to which ros:/y goes", "give it a route with another name: {from: \"\", to: \"_2\"}"],
+        ),
+        (
+            of("waiting", &format!("the bridge /a{CARRIED}ros2:/x already"), &[]),
+            Cause::State,
+            ["the bridge /a, which carries it", "nothing: where that one ends"],
         ),
         (
             of("degraded", "its step blocks", &[]),

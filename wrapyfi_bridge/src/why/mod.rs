@@ -53,7 +53,6 @@ use wrapyfi_engine::LeftOut;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
 use wrapyfi_ros2::graph::ServiceMapping;
 
-use self::board::Board;
 use self::server_check::ServerCheck;
 
 /// Longest time that looking at a side may take until it is judged by what is known.
@@ -266,6 +265,32 @@ impl Graph {
     fn is_narrow(&self) -> bool {
         self.range != "SUBNET"
     }
+}
+
+/// A board, beside the way of its states.
+#[derive(Debug, Clone, Default)]
+pub struct Board {
+    /// Address of the board.
+    pub address: EndpointAddress,
+    /// Its ports.
+    pub ports: Vec<BoardPort>,
+    /// Way of its movements.
+    pub movements: Way,
+}
+
+/// A port of a board.
+#[derive(Debug, Clone, Default)]
+pub struct BoardPort {
+    /// Name of the port.
+    pub name: String,
+    /// True where this port was asked about, or the whole board.
+    pub is_asked: bool,
+    /// True for a port that takes requests or commands.
+    pub is_input: bool,
+    /// Address that the name server has for it.
+    pub at: Option<String>,
+    /// Ports that are connected to it; `None` where it does not answer.
+    pub connected: Option<Vec<String>>,
 }
 
 /// Result of the walk.

@@ -163,7 +163,8 @@ impl Configured<'_> {
                 // A pattern of the other kind may leave the name out.
                 let (provider, _) = roles(way.is_service);
                 let is_there = |end: &End| end.of(provider).next().is_some();
-                let is_written = plan.routes.iter().any(|one| one.name == route.name);
+                let is_written = |one: &Route| one.name == route.name && !one.is_many();
+                let is_written = route.is_many() || plan.routes.iter().any(is_written);
                 let is_found = is_written
                     || way.running.is_some()
                     || way.source.as_ref().is_some_and(is_there);

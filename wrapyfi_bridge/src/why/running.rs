@@ -9,7 +9,7 @@ use wrapyfi_data::types::{MessageType, Payload};
 use wrapyfi_endpoint::{
     Context, EndpointAddress, History, Listener, Middleware as _, Qos, QosPreset, Role, TopicSpec,
 };
-use wrapyfi_engine::{Kind, OVER_LIMIT, Route, TO_BE_ACTIVATED};
+use wrapyfi_engine::{CARRIED, Kind, OVER_LIMIT, Route, TO_BE_ACTIVATED};
 use wrapyfi_interfaces::Message as _;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
 use wrapyfi_ros2::Ros2;
@@ -101,7 +101,11 @@ pub(super) fn heard(
         let foreign = foreign.collect();
         let (active, rest): (Vec<_>, Vec<_>) =
             having.into_iter().partition(|(_, route)| route.state == "active");
-        let mut all = active.into_iter().chain(rest).map(|((node, _), route)| (node, route));
+        // One that waits for another bridge tells less than that one.
+        let (second, first): (Vec<_>, Vec<_>) =
+            rest.into_iter().partition(|(_, route)| route.reason.contains(CARRIED));
+        let mut all =
+            active.into_iter().chain(first).chain(second).map(|((node, _), route)| (node, route));
         let running = all.next();
         let first = running.as_ref().map(|(_, route)| route.clone());
         let is_same = |one: &RouteInfo| {

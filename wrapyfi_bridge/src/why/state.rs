@@ -1,7 +1,7 @@
 //! Findings about a route that runs: what its bridge tells of it.
 
 use wrapyfi_endpoint::{DropReason, EndpointAddress, Peers, Role};
-use wrapyfi_engine::GOES_THERE;
+use wrapyfi_engine::{CARRIED, GOES_THERE};
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 use wrapyfi_ros1::{OTHER_DEFINITION, REFUSES};
 use wrapyfi_ros2::graph::ServiceMapping;
@@ -173,6 +173,9 @@ fn awaited(way: &Way, running: &RouteInfo) -> (String, String) {
             "give it a route with another name: {{{from_key}: {from:?}, {to_key}: \"{to}_2\"}}"
         );
         return ("the configuration of the bridge".to_owned(), remedy);
+    }
+    if let Some((bridge, _)) = reason.split_once(CARRIED) {
+        return (bridge.to_owned(), "nothing: where that one ends, this bridge goes on".to_owned());
     }
     let misfit = reason.split_once(" wants ").and_then(|(before, wanted)| {
         let (any, node) = before.rsplit_once(": ")?;
