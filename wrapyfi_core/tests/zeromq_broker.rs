@@ -76,6 +76,30 @@ fn the_last_listener_gone_is_told_however_it_went() {
 
 /// A listener as Python has it, which sends no heartbeats of its own, behind a cable that is cut: nothing closes, and
 /// only its silence tells.
+/// What a publisher keeps of subscriptions is its own memory and time; libzmq takes a frame of the stack for each byte, too.
+#[test]
+fn publishers_are_told_the_beginnings_of_long_subscriptions() {
+    let broker = Broker::start(&any_ports()).unwrap();
+    let context = zmq::Context::new();
+    let publisher = peer(&context, zmq::XPUB, broker.sub_port());
+    let topics = ["a", "b"].map(|end| "x".repeat(2000) + end);
+    let listeners = topics.each_ref().map(|topic| subscriber(&context, broker.pub_port(), topic));
+    assert_eq!(publisher.recv_bytes(0).unwrap(), ["\u{1}", &"x".repeat(256)].concat().as_bytes());
+    // As long as one is left, they go on; and each listener gets its own alone.
+    let [one, other] = listeners;
+    for round in ["1", "2"] {
+        wait_until("its own message", || {
+            let sent = topics.iter().map(|topic| publisher.send_multipart([&**topic, round], 0));
+            sent.for_each(Result::unwrap);
+            let heard = other.poll(zmq::POLLIN, 100).unwrap() > 0;
+            heard && other.recv_multipart(0).unwrap() == [topics[1].as_bytes(), round.as_bytes()]
+        });
+        one.set_unsubscribe(topics[0].as_bytes()).unwrap();
+    }
+    drop(other);
+    assert_eq!(publisher.recv_bytes(0).unwrap(), ["\0", &"x".repeat(256)].concat().as_bytes());
+}
+
 #[test]
 fn a_listener_behind_a_cut_cable_is_given_up_and_found_again() {
     let broker = Broker::start(&any_ports()).unwrap();

@@ -26,6 +26,7 @@ mod counters;
 mod deferred;
 mod discovery;
 mod forwarding;
+mod freed;
 mod inbox;
 mod latched;
 mod latency;
@@ -72,6 +73,7 @@ pub use discovery::{
     Traffic,
 };
 pub use forwarding::{ForwardingListener, ForwardingPublisher};
+pub use freed::give_memory_back;
 pub use inbox::{Overflow, QueueSpec, Receiver, Sender, Waits, inbox};
 pub use latched::{Latched, MAX_ORIGINS};
 pub use latency::{Latency, LatencySummary};

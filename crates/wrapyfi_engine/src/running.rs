@@ -13,6 +13,7 @@ use std::time::Duration;
 use super::driver::Driver;
 use super::member::Member;
 use super::route_status::RouteStatus;
+use wrapyfi_endpoint::give_memory_back;
 
 /// Longest time that a stop waits for steps that block, and for a look at discovery.
 const STOP_WITHIN: Duration = Duration::from_secs(1);
@@ -80,7 +81,10 @@ impl Running {
     pub(super) fn start(driver: &Arc<Driver>) -> std::io::Result<Self> {
         let running = Self { applier: Arc::clone(driver), stop: Arc::default() };
         let looks = Arc::clone(driver);
-        driver.pool.start(move |now| looks.look_at_members(now))?;
+        driver.pool.start(move |now| {
+            looks.look_at_members(now);
+            give_memory_back(now);
+        })?;
         let (looks, stop) = (Arc::clone(driver), Arc::clone(&running.stop));
         driver.pool.spawn("reconciler", move || {
             while !stop.load(Ordering::Relaxed) {

@@ -13,6 +13,7 @@ use super::front::{self, Bounds, Front};
 use super::ledger::Ledger;
 use super::options::{self, StopSignal};
 use super::supervisor::Supervised;
+use wrapyfi_endpoint::give_memory_back;
 use wrapyfi_endpoint::network::owner;
 
 /// Both ports of a broker, bound, and the socket that stops its thread.
@@ -84,10 +85,11 @@ impl BrokerPorts {
         Ok((!stop).then_some([front || front_unread, back || back_unread]))
     }
 
-    /// Looks for peers that are dead.
+    /// Looks for peers that are dead, and gives memory back.
     pub(super) fn tick(&mut self, now: Instant) {
         self.front.tick(now);
         self.back.tick(now);
+        give_memory_back(now);
     }
 
     /// Counts who was refused at the endpoints of this process. Number of connections that were refused or ended, by

@@ -38,6 +38,7 @@ use super::message::{Loss, Message};
 use super::options;
 use super::peer::{Peer, TURN};
 use super::traffic::REFUSED;
+use super::wanted::Wanted;
 use super::zmtp::Kind;
 use wrapyfi_endpoint::{DropReason, Throttles};
 
@@ -74,8 +75,7 @@ pub(super) struct Front {
     peers: BTreeMap<usize, Peer>,
     next_id: usize,
     bounds: Bounds,
-    /// Topics that publishers were told of, each with how often it is wanted.
-    wanted: BTreeMap<Bytes, usize>,
+    wanted: Wanted,
     /// Messages that came, each with the number of its connection.
     pub(super) messages: Vec<(usize, Vec<Bytes>)>,
     /// Messages of publishers that were passed over.
@@ -130,7 +130,7 @@ impl Front {
             port,
             poll,
             bounds,
-            wanted: BTreeMap::new(),
+            wanted: Wanted::default(),
             messages: Vec::new(),
             not_taken: Vec::new(),
             last: 0,
@@ -268,18 +268,16 @@ impl Front {
 
     /// Tells publishers that somebody wants a topic, or no more; as often as it was wanted before it is not. It goes out
     /// with [`Self::flush`].
-    pub(super) fn want(&mut self, topic: &Bytes, is_wanted: bool) {
-        let times = self.wanted.entry(topic.clone()).or_default();
-        *times = if is_wanted { *times + 1 } else { times.saturating_sub(1) };
-        match (is_wanted, *times) {
-            (true, 1) => {}
-            (false, 0) => _ = self.wanted.remove(topic),
-            _ => return,
-        }
-        let message = self.word(is_wanted, topic);
+    pub(super) fn want(&mut self, topic: &[u8], is_wanted: bool) {
+        let told = match is_wanted {
+            true => self.wanted.subscribed(topic),
+            false => self.wanted.unsubscribed(topic),
+        };
+        let Some(told) = told else { return };
+        let message = self.word(is_wanted, &told);
         let open = self.peers.iter().filter(|(_, peer)| peer.is_open()).map(|(id, _)| *id);
         for id in open.collect::<Vec<_>>() {
-            self.tell(id, &message, topic);
+            self.tell(id, &message, &told);
         }
     }
 
@@ -488,7 +486,7 @@ impl Front {
         let (mut heard, was_open, address) = (Vec::new(), peer.is_open(), peer.address);
         let read = peer.read(&mut self.scratch, &mut heard, to_the_end, now);
         if peer.is_open() && !was_open {
-            for topic in self.wanted.keys().cloned().collect::<Vec<_>>() {
+            for topic in self.wanted.all() {
                 self.tell(id, &self.word(true, &topic), &topic);
             }
         }

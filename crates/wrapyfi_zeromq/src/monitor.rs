@@ -4,7 +4,7 @@
 //!   XPUB ── 0x01 topic ──▶ subscribed()  ─┐
 //!        ── 0x00 topic ──▶ unsubscribed() ├─▶ message(): {"/camera": 2, "/sound": 0}
 //!                                         │
-//!                                         └─▶ true: pass on to the publishers
+//!                                         └─▶ true: one for publishers
 //! ```
 //!
 //! The broker's XPUB reports each connection that comes and each one that goes, by unsubscription,
@@ -56,9 +56,7 @@ impl Monitor {
         self.own_topic.as_ref().is_some_and(|own| first_frame.starts_with(own))
     }
 
-    /// Takes note of a subscription; true when publishers must hear of it: for the first of a
-    /// topic, and where no count is kept. The XSUB socket counts what it is told once more, so
-    /// what is passed on here is taken back in [`Self::unsubscribed`] as often.
+    /// Takes note of a subscription; true for one that is publishers' concern.
     pub(super) fn subscribed(&mut self, topic: &[u8], now: Instant) -> bool {
         // A new listener of the counts gets them at once.
         self.changed = true;
@@ -66,9 +64,8 @@ impl Monitor {
             return false;
         }
         if let Some(count) = self.topics.get_mut(topic) {
-            let first = count.subscriptions == 0;
             *count = Count { subscriptions: count.subscriptions + 1, changed_at: now };
-            return first;
+            return true;
         }
         let bytes = self.bytes + topic.len();
         if self.topics.len() < MAX_TOPICS && bytes <= MAX_BYTES && topic.len() <= MAX_NAME_BYTES {
@@ -78,16 +75,17 @@ impl Monitor {
         true
     }
 
-    /// Takes note that a subscription is gone; true when publishers must hear of it, which is the
-    /// last of a topic.
+    /// Takes note that a subscription is gone; true for one that is publishers' concern.
     pub(super) fn unsubscribed(&mut self, topic: &[u8], now: Instant) -> bool {
         if self.own_topic.as_deref() == Some(topic) {
             return false;
         }
-        let Some(count) = self.topics.get_mut(topic) else { return true };
-        *count = Count { subscriptions: count.subscriptions.saturating_sub(1), changed_at: now };
-        self.changed = true;
-        count.subscriptions == 0
+        if let Some(count) = self.topics.get_mut(topic) {
+            let subscriptions = count.subscriptions.saturating_sub(1);
+            *count = Count { subscriptions, changed_at: now };
+            self.changed = true;
+        }
+        true
     }
 
     /// True once after each change.
@@ -138,7 +136,7 @@ mod tests {
         assert_eq!(monitor.message(now), None);
         assert!(monitor.subscribed(b"/cap/own", now));
         assert_eq!(monitor.message(now).unwrap(), r#"{"/cap/own": 1}"#);
-        assert!(!monitor.subscribed(b"/cap/own", now), "publishers know already");
+        assert!(monitor.subscribed(b"/cap/own", now));
         assert!(monitor.subscribed("/\"\u{e9}".as_bytes(), now));
         let json = monitor.message(now).unwrap();
         let counts: serde_json::Value = serde_json::from_str(&json).unwrap();
@@ -151,11 +149,11 @@ mod tests {
         let mut monitor = Monitor::new(Some(OWN));
         monitor.subscribed(b"/a", now);
         monitor.subscribed(b"/a", now);
-        assert!(!monitor.unsubscribed(b"/a", now), "one is left");
+        monitor.unsubscribed(b"/a", now);
         assert_eq!(monitor.message(now).unwrap(), r#"{"/a": 1}"#);
-        assert!(monitor.unsubscribed(b"/a", now));
+        monitor.unsubscribed(b"/a", now);
         assert_eq!(monitor.message(now).unwrap(), r#"{"/a": 0}"#);
-        assert!(monitor.subscribed(b"/a", now), "after none, publishers must hear again");
+        monitor.subscribed(b"/a", now);
         monitor.unsubscribed(b"/a", now);
         assert_eq!(monitor.message(now + KEEP_ZERO), None);
     }

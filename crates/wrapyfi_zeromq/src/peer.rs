@@ -26,8 +26,7 @@ use wrapyfi_endpoint::{Budget, DropReason, PROGRESS, Share, WAITING};
 
 /// Subscriptions of one listener. Those beyond are ignored.
 const MAX_SUBSCRIPTIONS: usize = 4096;
-/// Bytes of all subscriptions: a sixteenth of what may wait in the process, a quarter of that for one listener. A
-/// publisher that comes is told all of them, which must not be more than may wait for it.
+/// Bytes of all subscriptions: a sixteenth of what may wait in the process, a quarter of that for one listener.
 static SUBSCRIPTIONS: Budget = Budget::part_of(&WAITING, 16);
 /// Bytes of memory that a subscription takes beside its topic: in the listener, the index, the counts, and what
 /// publishers are told.
