@@ -7,8 +7,8 @@ use super::*;
 use wrapyfi_data::types::{Map, MessageType, Payload, RosType, ServiceKind, Value};
 use wrapyfi_endpoint::memory::Memory;
 use wrapyfi_endpoint::{
-    Context, Conventions, Discovered, LearnError, LearnResult, Learned,
-    Listener, Middleware, Opened, Publisher, ServiceSpec, TopicSpec, Traits, topic_of_name,
+    Context, Conventions, Discovered, LearnError, LearnResult, Learned, Listener, Middleware,
+    Opened, Publisher, ServiceSpec, TopicSpec, Traits, topic_of_name,
 };
 use wrapyfi_interfaces::parser::{Dialect, TypeName};
 
