@@ -15,6 +15,8 @@
 fn main() {
     println!("cargo:rerun-if-env-changed=WRAPYFI_RMW_PREFIX_PATH");
     println!("cargo:rerun-if-changed=src/rmw.h");
+    println!("cargo:rerun-if-changed=src/logging.h");
+    println!("cargo:rerun-if-changed=src/logging.cpp");
     println!("cargo:rerun-if-changed=src/type_support.h");
     println!("cargo:rerun-if-changed=src/type_support.cpp");
     #[cfg(feature = "installed")]
@@ -81,7 +83,7 @@ mod installed {
             .header("src/rmw.h")
             .clang_args(includes.iter().map(|folder| format!("-I{}", folder.display())))
             .allowlist_function("(rmw|rcutils|wrapyfi)_.*")
-            .allowlist_var("RMW_.*")
+            .allowlist_var("(RMW|WRAPYFI)_.*")
             .allowlist_type("rmw_.*")
             .default_enum_style(bindgen::EnumVariation::Consts)
             .rust_edition(bindgen::RustEdition::Edition2024)
@@ -101,6 +103,7 @@ mod installed {
             .std("c++17")
             .includes(includes)
             .warnings(false)
+            .file("src/logging.cpp")
             .file("src/type_support.cpp")
             .compile("wrapyfi_type_support");
     }

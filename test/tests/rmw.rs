@@ -35,6 +35,22 @@ fn a_middleware_that_is_not_installed_is_named() -> Result {
     })
 }
 
+/// Lines that a middleware logs stand in our log, as in that of every node.
+#[test]
+fn what_the_middleware_logs_is_in_our_log() -> Result {
+    run("what_the_middleware_logs_is_in_our_log", NEEDS, |env| {
+        let ros = RealRos2::new(env, "rmw_fastrtps_cpp")?;
+        env.set_variable("RMW_FASTRTPS_PUBLICATION_MODE", "bogus");
+        let mut list = ros.wrapyfi(["list", "ros2"])?;
+        list.exit_code()?;
+        let (log, said) = (list.stderr(), "[WARN] [");
+        let line = log.lines().find(|line| line.contains("RMW_FASTRTPS_PUBLICATION_MODE"));
+        let is_ours = |line: &str| line.starts_with(said) && line.contains("logger=rmw_fastrtps");
+        assert!(line.is_some_and(is_ours), "{log}");
+        Ok(())
+    })
+}
+
 /// It loads, and has not the functions that this program calls.
 #[test]
 fn a_library_of_another_interface_is_named() -> Result {

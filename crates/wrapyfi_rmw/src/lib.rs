@@ -21,6 +21,7 @@ mod endpoint;
 mod event;
 mod fault;
 mod graph;
+mod log;
 mod node;
 mod own;
 mod publisher;

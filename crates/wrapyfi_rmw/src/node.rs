@@ -90,6 +90,7 @@ unsafe impl Sync for Inner {}
 /// # Errors
 /// When the library that `RMW_IMPLEMENTATION` names cannot be loaded; the reason names it.
 pub fn implementation() -> Result<String, Fault> {
+    super::log::begin();
     // SAFETY: no arguments; the text is a constant of the library, which is never unloaded.
     let name = unsafe { sys::rmw_get_implementation_identifier() };
     if name.is_null() {

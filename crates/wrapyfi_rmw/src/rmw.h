@@ -1,5 +1,6 @@
 // What bindgen reads of the ROS 2 that is sourced.
 #include <rcutils/allocator.h>
+#include <rcutils/logging.h>
 #include <rcutils/strdup.h>
 #include <rcutils/types/uint8_array.h>
 #include <rmw/error_handling.h>
@@ -13,4 +14,5 @@
 #include <rmw/rmw.h>
 #include <rmw/topic_endpoint_info_array.h>
 #include <rcutils/types/string_array.h>
+#include "logging.h"
 #include "type_support.h"

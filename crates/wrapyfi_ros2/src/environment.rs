@@ -240,6 +240,24 @@ pub fn read(lookup: impl Fn(&str) -> Option<String>) -> Result<Environment, Envi
     })
 }
 
+/// True where nodes find each other through a Zenoh router on this machine: `RMW_IMPLEMENTATION` is rmw_zenoh_cpp with
+/// the settings that it comes with.
+///
+/// ```
+/// use wrapyfi_ros2::environment::needs_zenoh_router;
+/// assert!(needs_zenoh_router(|name| (name == "RMW_IMPLEMENTATION").then(|| "rmw_zenoh_cpp".to_owned())));
+/// ```
+pub fn needs_zenoh_router(lookup: impl Fn(&str) -> Option<String>) -> bool {
+    let set = |name: &str| lookup(name).filter(|value| !value.is_empty());
+    let is_cyclone = set("WRAPYFI_ROS2_GRAPH").is_some_and(|word| word == Adapter::Cyclone.word());
+    let is_elsewhere = ["ZENOH_SESSION_CONFIG_URI", "ZENOH_CONFIG_OVERRIDE"];
+    set("RMW_IMPLEMENTATION").is_some_and(|rmw| rmw == "rmw_zenoh_cpp")
+        && !is_cyclone
+        && is_elsewhere.iter().all(|name| set(name).is_none())
+        // A negative number: whoever says that does without.
+        && !set("ZENOH_ROUTER_CHECK_ATTEMPTS").is_some_and(|count| count.trim().starts_with('-'))
+}
+
 /// Keys that are asked for. rcl knows the words `true` and `Enforce` alone, and takes every other for off and
 /// permissive: there a node of `TRUE` with `Enforce` starts unprotected. Such a word is refused here.
 fn security(
@@ -490,6 +508,28 @@ mod tests {
         assert_eq!(graph("rmw"), Ok(Some(Adapter::Rmw)));
         let fault = graph("zenoh").unwrap_err();
         assert_eq!(fault.to_string(), "WRAPYFI_ROS2_GRAPH=zenoh is neither cyclone nor rmw");
+    }
+
+    #[test]
+    fn zenoh_needs_a_router_here_where_nothing_else_is_said() {
+        let zenoh = ("RMW_IMPLEMENTATION", "rmw_zenoh_cpp");
+        let needs = |more: (&str, &str)| {
+            needs_zenoh_router(|name| {
+                let found = [zenoh, more].into_iter().find(|(key, _)| *key == name);
+                found.map(|(_, value)| value.to_owned())
+            })
+        };
+        assert!(needs(("ZENOH_ROUTER_CHECK_ATTEMPTS", "10")));
+        assert!(needs(("ZENOH_SESSION_CONFIG_URI", "")));
+        for other in [
+            ("ZENOH_ROUTER_CHECK_ATTEMPTS", "-1"),
+            ("ZENOH_SESSION_CONFIG_URI", "/etc/session.json5"),
+            ("ZENOH_CONFIG_OVERRIDE", "connect/endpoints=[\"tcp/robot:7447\"]"),
+            ("WRAPYFI_ROS2_GRAPH", "cyclone"),
+        ] {
+            assert!(!needs(other), "{other:?}");
+        }
+        assert!(!needs_zenoh_router(|_| None));
     }
 
     #[test]

@@ -39,6 +39,8 @@ named! {
         NameServer => "YARP name server",
         /// The master of ROS 1.
         Master => "ROS 1 master",
+        /// The router through which nodes on rmw_zenoh_cpp find each other.
+        Router => "Zenoh router",
     }
     /// Name of the server.
     pub fn name;
@@ -87,7 +89,8 @@ fn start_at(program: &str, host: &str, ports: &[(&str, u16, u16)]) -> String {
 /// A middleware that only looks, and the same once more where it is ROS 1.
 pub type Observer = (Arc<dyn Middleware>, Option<Arc<Ros1>>);
 
-/// Servers that `middleware` needs: for services if `is_service`, else for topics. None on ROS 2.
+/// Servers that `middleware` needs: for services if `is_service`, else for topics. None on ROS 2, but for the router
+/// of Zenoh.
 ///
 /// # Errors
 /// Exit code 2 for settings that cannot be, and where nothing says where the server is.
@@ -183,9 +186,21 @@ pub fn server_addresses(
                 reach,
             }])
         }
+        "ros2" if endpoints.ros2.needs_zenoh_router() => Ok(vec![ServerAddress {
+            server: Server::Router,
+            host: "localhost".to_owned(),
+            port: ZENOH_PORT,
+            is_own: false,
+            start: "ros2 run rmw_zenoh_cpp rmw_zenohd    # or have ZENOH_SESSION_CONFIG_URI say where it runs"
+                .to_owned(),
+            reach: Reach::default(),
+        }]),
         _ => Ok(Vec::new()),
     }
 }
+
+/// Port on which the router of rmw_zenoh_cpp listens.
+const ZENOH_PORT: u16 = 7447;
 
 /// Starts a middleware that only looks.
 ///

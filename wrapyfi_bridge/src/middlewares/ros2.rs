@@ -5,7 +5,8 @@ use wrapyfi_core::start::Ros2Settings;
 use wrapyfi_data::Limits;
 use wrapyfi_endpoint::Conventions;
 use wrapyfi_engine::{Available, Problem, Spanned};
-use wrapyfi_ros2::{Adapter, Ros2, environment::MAX_DOMAIN_ID};
+use wrapyfi_ros2::environment::{MAX_DOMAIN_ID, needs_zenoh_router};
+use wrapyfi_ros2::{Adapter, Ros2};
 
 use super::start::start;
 use crate::exit::{Failure, Result};
@@ -42,6 +43,13 @@ impl Ros2Section {
     /// Domain of the section, else that of the environment.
     pub(crate) fn domain_id(&self, of_environment: u32) -> u32 {
         self.domain_id.as_ref().map_or(of_environment, |written| written.value)
+    }
+
+    /// True where nodes of this process find others through a Zenoh router on this machine.
+    pub(super) fn needs_zenoh_router(&self) -> bool {
+        cfg!(feature = "rmw")
+            && self.graph != Some(Adapter::Cyclone)
+            && needs_zenoh_router(|name| std::env::var(name).ok())
     }
 
     /// Refuses a domain that has no ports.

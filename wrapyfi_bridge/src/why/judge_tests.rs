@@ -535,3 +535,15 @@ fn who_sees_this_machine_alone_is_told_the_variable_that_counts() {
     let found = judge(&way).finding.unwrap();
     assert!(found.remedy.ends_with("; or unset ROS_LOCALHOST_ONLY at both ends"), "{found:?}");
 }
+
+#[test]
+fn a_zenoh_router_that_is_missing_is_the_finding() {
+    let found = of_source(|end| {
+        end.servers = vec![server_check(Server::Router, "localhost", Answer::Refused, true, false)];
+    });
+    let found = judge(&found).finding.unwrap();
+    assert_eq!(found.cause, Cause::ServerAway);
+    let what =
+        "Zenoh router localhost:5555 does not answer: nothing listens on port 5555 of this machine";
+    assert_eq!((found.what.as_str(), found.remedy.as_str()), (what, "start Zenoh router"));
+}

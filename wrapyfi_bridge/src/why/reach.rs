@@ -48,7 +48,7 @@ pub(super) fn opened(check: &ServerCheck, address: &EndpointAddress, way: &Way) 
                 Server::Broker | Server::ServiceBroker => format!(
                     "on {host}: {start}    # Wrapyfi's own: WRAPYFI_ZEROMQ_SOCKET_IP={host}"
                 ),
-                Server::NameServer => format!("on {host}: {start}"),
+                Server::NameServer | Server::Router => format!("on {host}: {start}"),
                 Server::Master => format!("on {host}: ROS_IP={host} {start}"),
             },
         ),
