@@ -6,6 +6,7 @@ use std::path::Path;
 use wrapyfi_endpoint::EndpointAddress;
 use wrapyfi_engine::{Kind, Plan, Typing};
 use wrapyfi_interfaces::ros1::{Rules, Types};
+use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_ros1::differences;
 
 use crate::exit::{Failure, Result};
@@ -21,7 +22,7 @@ use crate::sros2;
 /// # Errors
 /// Exit code 2 with every fault of a file, each with its line.
 pub fn run(file: &Path, against: Option<&Path>, prints_policy: bool) -> Result<()> {
-    let loaded = middlewares::load(file)?;
+    let mut loaded = middlewares::load(file)?;
     loaded.endpoints.check_permitted(Some(file))?;
     let settings = |of: &Loaded, before: &Settings| Settings::of(&of.endpoints, &of.plan, before);
     // The bridge starts with them, and with variables that no line has.
@@ -39,6 +40,7 @@ pub fn run(file: &Path, against: Option<&Path>, prints_policy: bool) -> Result<(
         }
         return Ok(());
     }
+    warn_of_rules(&loaded.endpoints.ros, &mut loaded.types);
     let plan = loaded.plan;
     let node = Node::bridge().map_err(Failure::usage)?;
     if prints_policy {
@@ -55,6 +57,14 @@ pub fn run(file: &Path, against: Option<&Path>, prints_policy: bool) -> Result<(
         tracing::warn!("{}: {circle}", in_lines(&circle.places, &loaded.lines));
     }
     Ok(())
+}
+
+/// Warns of mapping rules of ROS 1 that can have no effect, as far as their types are known without asking anybody.
+fn warn_of_rules(ros1: &Ros1Section, ros2: &mut TypeStore) {
+    if ros1.rules != Rules::built_in() {
+        let mut types = Types::from_environment(ros1.rules.clone());
+        types.check_rules(ros2).iter().for_each(|doubt| tracing::warn!("{doubt}"));
+    }
 }
 
 /// Warns of fields that a route to or from ROS 1 loses, as far as its definition is known without asking anybody.

@@ -4,9 +4,24 @@ use std::fmt;
 
 use super::names::ros1_name;
 use crate::cdr::{CdrError, path_in_element, path_in_field};
+use crate::did_you_mean;
 use crate::dynamic::PlanError;
 use crate::parser::{ParseFault, TypeName};
 use crate::store::{Looked, Md5Error, ResolveError};
+
+/// Field that is meant instead of `path`, else some of those that there are, in words.
+fn hint(path: &str, fields: &[String]) -> String {
+    const NAMED: usize = 10;
+    let near = did_you_mean(path, fields);
+    let dots = if fields.len() > NAMED { ", …" } else { "" };
+    match near.trim_end() {
+        "" => format!(
+            "it has {}{dots}",
+            fields.iter().take(NAMED).cloned().collect::<Vec<_>>().join(", ")
+        ),
+        near => near.to_owned(),
+    }
+}
 
 /// Error of finding a ROS 1 definition.
 #[derive(Debug, thiserror::Error)]
@@ -133,12 +148,17 @@ pub enum PairError {
         ros2: TypeName,
     },
     /// A mapping rule names a field that is not there.
-    #[error("the mapping rule of {name} names the field {path:?}, which it does not have")]
+    #[error(
+        "the mapping rule of {name} names the field {path:?}, which it does not have: {}",
+        hint(path, fields)
+    )]
     RuleField {
         /// The type that lacks the field.
         name: TypeName,
         /// The field.
         path: String,
+        /// Fields that it has.
+        fields: Vec<String>,
     },
     /// A mapping rule names a field twice, or a field and a part of it.
     #[error("the mapping rule of {name} names {path:?} more than once")]

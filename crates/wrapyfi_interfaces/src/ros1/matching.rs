@@ -116,10 +116,10 @@ fn spelled_as_in_ros2(path: &str) -> String {
 }
 
 fn position(entries: &[Entry<'_>], path: &str, name: &TypeName) -> Result<usize, PairError> {
-    entries
-        .iter()
-        .position(|entry| entry.path == path)
-        .ok_or_else(|| PairError::RuleField { name: name.clone(), path: path.to_owned() })
+    entries.iter().position(|entry| entry.path == path).ok_or_else(|| {
+        let fields = entries.iter().map(|entry| entry.path.clone()).collect();
+        PairError::RuleField { name: name.clone(), path: path.to_owned(), fields }
+    })
 }
 
 /// Fields of a message in order; those of which a rule names parts are unfolded.

@@ -23,6 +23,7 @@ mod matching;
 mod names;
 mod op;
 mod plan;
+mod rule_check;
 mod rules;
 mod run;
 mod service_types;

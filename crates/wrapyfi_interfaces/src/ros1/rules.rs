@@ -67,7 +67,7 @@ type Fields = BTreeMap<String, String>;
 
 /// Error of a rule that contradicts itself.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("mapping rule {number} (of {package}): {reason}")]
+#[error("{}: {reason}", place(*number, package))]
 struct RuleError {
     /// Number of the rule, counted from 1.
     number: usize,
@@ -75,6 +75,10 @@ struct RuleError {
     package: String,
     /// Fault and remedy.
     reason: String,
+}
+
+fn place(number: usize, package: &str) -> String {
+    format!("mapping rule {number} (of {package})")
 }
 
 impl TryFrom<Vec<Rule>> for Rules {
@@ -148,6 +152,28 @@ impl Rules {
         rules
             .filter(|rule| rule.ros2_name(ros1).as_ref() == Some(ros2))
             .find_map(|rule| rule.field_rule(ros1))
+    }
+
+    /// Types of ROS 1 and ROS 2 that the user's rules name, each with the number and package of its rule.
+    pub(super) fn named_pairs(&self) -> Vec<(String, TypeName, TypeName)> {
+        let named = |(index, rule): (usize, &Rule)| {
+            let one = &rule.ros1_package_name;
+            let (kind, names) = match (&rule.ros1_message_name, &rule.ros1_service_name) {
+                (Some(name), _) => {
+                    (InterfaceKind::Message, (name, rule.ros2_message_name.as_ref()?))
+                }
+                (_, Some(name)) => {
+                    (InterfaceKind::Service, (name, rule.ros2_service_name.as_ref()?))
+                }
+                (None, None) => return None,
+            };
+            let of =
+                |dialect, package, name| TypeName::with_kind(dialect, package, kind, name).ok();
+            let ros1 = of(Dialect::Ros1, one, names.0)?;
+            let ros2 = of(Dialect::Ros2, &rule.ros2_package_name, names.1)?;
+            Some((place(index + 1, one), ros1, ros2))
+        };
+        self.rules.iter().enumerate().filter_map(named).collect()
     }
 
     /// Rules with the likeliest first: of the user for one type, of the user for a package, built-in ones.

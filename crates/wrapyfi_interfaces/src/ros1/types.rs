@@ -173,7 +173,7 @@ impl Types {
     }
 
     /// Asks the store of ROS 1, and again once a type inside is made that only ROS 2 has.
-    fn found_for_ros1<T>(
+    pub(super) fn found_for_ros1<T>(
         &mut self,
         name: &TypeName,
         from_store: impl Fn(&mut TypeStore, &TypeName) -> Result<T, DefinitionError>,

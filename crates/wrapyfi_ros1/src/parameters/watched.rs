@@ -11,10 +11,12 @@ use std::time::{Duration, Instant};
 
 use super::values::{Flat, flatten, size, to_value, within};
 use crate::node::Node;
-use crate::xmlrpc;
+use crate::xmlrpc::{self, shortened};
 use wrapyfi_data::DecodeError;
 use wrapyfi_data::types::{Map, ParameterValue, Properties, Value};
-use wrapyfi_endpoint::{Context, Link, Listener, Mutex, Sample, TakeError, TopicSpec, Wake};
+use wrapyfi_endpoint::{
+    Context, DropReason, Link, Listener, Mutex, Sample, TakeError, TopicSpec, Wake,
+};
 
 /// Answers of the master are younger than this.
 const LONGEST_ASKED: Duration = Duration::from_secs(60);
@@ -122,6 +124,17 @@ impl Watched {
     }
 }
 
+/// The first of the faulty parameters, and the number of the others, in words.
+fn left_out(faults: &VecDeque<String>) -> String {
+    const NAMED: usize = 5;
+    let named: Vec<String> = faults.iter().take(NAMED).map(|why| shortened(why)).collect();
+    let more = match faults.len().saturating_sub(NAMED) {
+        0 => String::new(),
+        more => format!("; and {more} more"),
+    };
+    named.join("; ") + &more
+}
+
 /// Notes that this node is about to set `path`, or to delete it; false where every listener here
 /// knows that it is so already.
 pub(super) fn setting(node: &Node, path: &str, value: Option<&xmlrpc::Value>) -> bool {
@@ -199,7 +212,15 @@ impl Listener for ParameterListener {
 
     fn discard(&mut self) -> bool {
         let mut state = self.watched.state.lock();
-        if state.parameters.faults.pop_front().is_some() {
+        let faults = std::mem::take(&mut state.parameters.faults);
+        if !faults.is_empty() {
+            let others = faults.len() as u64 - 1;
+            self.watched.context.counters.dropped_many(DropReason::NoConsumer, others);
+            let (key, left_out) = (&self.watched.key, left_out(&faults));
+            tracing::warn!(
+                key,
+                "ROS 1: parameters that ROS 2 has no type for are left out: {left_out}"
+            );
             return true;
         }
         // Whoever comes later begins with all of them. What nobody was told yet still waits.
@@ -289,5 +310,14 @@ mod tests {
             parameters.heard(Flat { parameters: Properties::new(), faults }, now);
             assert_eq!(std::mem::take(&mut parameters.faults).len(), count, "{why}");
         }
+    }
+
+    #[test]
+    fn what_is_left_out_is_named_within_bounds() {
+        let faults = |count| (0..count).map(|at| format!("p{at}: {}", "x".repeat(5000))).collect();
+        assert!(left_out(&faults(1)).starts_with("p0: x"));
+        let many = left_out(&faults(100));
+        assert!(many.contains("p4: ") && many.ends_with("; and 95 more"), "{many}");
+        assert!(many.len() < 5000, "{}", many.len());
     }
 }
