@@ -76,6 +76,8 @@ pub(super) struct Axis {
     pub(super) speed: f64,
     pub(super) acceleration: f64,
     pub(super) mode: Mode,
+    /// Time of the last state that told its position.
+    told: Option<Instant>,
 }
 
 impl Axis {
@@ -128,14 +130,12 @@ pub(super) struct Joints<'a> {
 pub(super) struct Axes {
     all: Vec<Axis>,
     in_degrees: bool,
-    /// Time of the last state, which has told where the axes are.
-    placed: Option<Instant>,
 }
 
 impl Axes {
     /// The axes that option `joints` names; none where it is left out, so that the first state names them.
     pub(super) fn new(options: &YarpOptions) -> Self {
-        let mut axes = Self { in_degrees: options.degrees, ..Self::default() };
+        let mut axes = Self { in_degrees: options.degrees, all: Vec::new() };
         axes.name(options.joints.iter().map(String::as_str), options);
         axes
     }
@@ -157,6 +157,7 @@ impl Axes {
                 speed: 0.0,
                 acceleration: ACCELERATION,
                 mode: Mode::Position,
+                told: None,
             };
             Axis { speed: axis.of_kind(SPEED), ..axis }
         };
@@ -173,16 +174,17 @@ impl Axes {
 
     /// True once names and places of the axes are known.
     pub(super) fn is_known(&self) -> bool {
-        self.placed.is_some() && !self.all.is_empty()
+        self.silent_for().is_some()
     }
 
-    /// Age of the last state; `None` before the first.
+    /// Age of the state of the axis that was told longest ago; `None` before each has one.
     pub(super) fn silent_for(&self) -> Option<Duration> {
-        self.placed.map(|at| at.elapsed())
+        let oldest = self.all.iter().map(|axis| axis.told).min()?;
+        oldest.map(|at| at.elapsed())
     }
 
-    /// Takes a state of the robot. Joints that are not of this board are passed over: one `/joint_states` has those of
-    /// all boards.
+    /// Takes a state of the robot, which may have some of the joints. Those that are not of this board are passed over: one
+    /// `/joint_states` has those of all boards, and several nodes may publish on it.
     ///
     /// # Errors
     /// The joints of the board that no state has told yet, or the numbers that do not belong to the names.
@@ -196,16 +198,7 @@ impl Axes {
         }
         let place = |axis: &Axis| names.iter().position(|name| *name == axis.name);
         let places: Vec<Option<usize>> = self.all.iter().map(place).collect();
-        if self.placed.is_none()
-            && let Some(missing) = self.all.iter().zip(&places).find(|(_, place)| place.is_none())
-        {
-            return Err(format!(
-                "no joint {:?}, which option joints names; those that move are {}",
-                missing.0.name,
-                names.join(", ")
-            ));
-        }
-        let was_placed = self.placed.replace(Instant::now()).is_some();
+        let now = Instant::now();
         for joint in 0..self.all.len() {
             let Some(at) = places.get(joint).copied().flatten() else { continue };
             let number = |list: &[f64]| list.get(at).copied().filter(|it| it.is_finite());
@@ -216,11 +209,18 @@ impl Axes {
             axis.position = position.unwrap_or(axis.position);
             axis.velocity = velocity.unwrap_or(0.0);
             axis.effort = effort.unwrap_or(0.0);
-            if !was_placed {
+            if axis.told.replace(now).is_none() {
                 axis.target = axis.position;
             }
         }
-        Ok(())
+        match self.all.iter().find(|axis| axis.told.is_none()) {
+            Some(missing) => Err(format!(
+                "no joint {:?}, which option joints names; those that move are {}",
+                missing.name,
+                names.join(", ")
+            )),
+            None => Ok(()),
+        }
     }
 
     /// Moves axes to `targets`: at their speeds, which the slowest decides, or at once. `None` where one of them is idle,

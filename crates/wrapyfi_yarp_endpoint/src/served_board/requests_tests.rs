@@ -163,6 +163,25 @@ fn a_state_without_a_joint_that_is_named_is_refused() {
     axes.take(&state(vec!["tilt"], vec![0.0]), &options).unwrap();
 }
 
+#[test]
+fn joints_may_come_in_several_states() {
+    let options =
+        YarpOptions { joints: vec!["pan".into(), "grip".into()], ..YarpOptions::default() };
+    let mut axes = Axes::new(&options);
+    let state = |name, position| Joints {
+        names: vec![name],
+        position: vec![position],
+        ..Joints::default()
+    };
+    assert!(axes.take(&state("pan", 1.0), &options).is_err());
+    assert!(!axes.is_known());
+    axes.take(&state("grip", 0.5), &options).unwrap();
+    axes.take(&state("grip", 0.25), &options).unwrap();
+    let told: Vec<f64> = axes.all().iter().map(|axis| axis.position.to_radians()).collect();
+    assert!((told[0] - 1.0).abs() < 1e-9 && (told[1] - 0.25).abs() < 1e-9, "{told:?}");
+    assert!(axes.is_known());
+}
+
 fn element() -> impl Strategy<Value = Value> {
     let words =
         ["get", "set", "pos", "poss", "posg", "rel", "icmd", "cmds", "cmog", "llim", "sto", "vel"];
