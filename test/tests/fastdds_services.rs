@@ -108,6 +108,10 @@ fn without_a_choice_a_service_is_in_both_mappings() -> Result {
             call.exits_with(0).map_err(|e| e.context(server.tail()))?;
         }
         assert_eq!(server.objects(3)?.len(), 3, "each request is given once");
+        let mut list = env.wrapyfi(["list", "ros2"])?;
+        list.exits_with(0)?;
+        let listed = list.tail();
+        assert_eq!(listed.matches(&service).count(), 1, "a service is one: {listed}");
         let mut client = env.fast_peer(&format!("client --topic {service} --type {ADD}"))?;
         let replies = |output: &Output| output.events("reply").pop();
         let reply = told_until(&mut client, &Cdr::new().long(1).long(3), None, replies)

@@ -320,6 +320,8 @@ fn calls_that_cannot_be_end_with_a_reason() -> Result {
         for (more, code, words) in [
             (vec!["--type", ADD, "--timeout", "0.5"], 3, "no node offers it"),
             (vec!["--timeout", "0.5"], 3, "no node offers it: start one, or see"),
+            (vec!["--type", ADD, "--timeout", "2"], 3, "waiting for a server of"),
+            (vec!["--timeout", "2"], 3, "waiting for a node that offers it"),
             (
                 vec!["--type", ADD, "--value", r#"{"c": 1}"#],
                 2,

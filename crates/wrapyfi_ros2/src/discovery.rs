@@ -15,6 +15,7 @@ use super::discovery_info::TOPIC;
 use super::graph::{DiscoveredEndpoint, Graph, GraphError, NodeWatch, ServiceMapping};
 use super::names::{self, RosName};
 use super::ros2::NAME;
+use super::vendor::is_rustdds;
 use wrapyfi_endpoint::{DiscoverError, Discovered, Discovery, Role};
 
 /// Looks at one graph.
@@ -71,12 +72,14 @@ impl Discovery for Ros2Discovery {
         let found = self.graph.endpoints().map_err(|error| transport(&error))?;
         self.ask_again(&found).map_err(|error| transport(&error))?;
         let foreign = found.into_iter().filter(|endpoint| !endpoint.is_own);
-        let mut found: Vec<_> = foreign
+        let found: Vec<_> = foreign
             .filter_map(|endpoint| {
                 let node = self.owner(&endpoint.gid).map(str::to_owned);
-                discovered(endpoint, node)
+                let is_second = is_rustdds(&endpoint.gid);
+                Some((is_second, discovered(endpoint, node)?))
             })
             .collect();
+        let mut found = in_one_mapping(found);
         found.sort_by(|a, b| (&a.name, a.role, &a.node).cmp(&(&b.name, b.role, &b.node)));
         Ok(found)
     }
@@ -86,9 +89,22 @@ impl Discovery for Ros2Discovery {
     }
 }
 
+/// Endpoints, those with true without the ends of services that a node has elsewhere as well: in both mappings.
+fn in_one_mapping(found: Vec<(bool, Discovered)>) -> Vec<Discovered> {
+    let key = |it: &Discovered| (it.name.clone(), it.role, it.node.clone());
+    let firsts: BTreeSet<_> =
+        found.iter().filter(|(is_second, _)| !is_second).map(|(_, it)| key(it)).collect();
+    let is_told = |(is_second, it): &(bool, Discovered)| {
+        let is_service = matches!(it.role, Role::Server | Role::Client);
+        !(*is_second && is_service && it.node.is_some() && firsts.contains(&key(it)))
+    };
+    found.into_iter().filter(is_told).map(|(_, it)| it).collect()
+}
+
 /// One endpoint in ROS's terms. A service is seen once on each side: by the requests that its
 /// server reads, and by those that a client writes.
 fn discovered(endpoint: DiscoveredEndpoint, node: Option<String>) -> Option<Discovered> {
+    let mut qos = endpoint.qos;
     let (name, role, type_name) = match names::from_dds(&endpoint.dds_topic) {
         RosName::Topic(name) => {
             let role = if endpoint.is_publisher { Role::Publisher } else { Role::Listener };
@@ -97,6 +113,8 @@ fn discovered(endpoint: DiscoveredEndpoint, node: Option<String>) -> Option<Disc
         RosName::Requests(name) => {
             let role = if endpoint.is_publisher { Role::Client } else { Role::Server };
             let service = names::service_type_from_dds(&endpoint.dds_type);
+            // Only what its stack assumes: ROS 2 announces none.
+            qos.history = None;
             (name.to_owned(), role, service.unwrap_or(endpoint.dds_type))
         }
         RosName::Replies(_) => return None,
@@ -113,10 +131,37 @@ fn discovered(endpoint: DiscoveredEndpoint, node: Option<String>) -> Option<Disc
         role,
         type_name: Some(type_name),
         type_hash: endpoint.type_hash,
-        qos: Some(endpoint.qos),
+        qos: Some(qos),
         node,
         count: 1,
         traffic: None,
         mark: endpoint.mark,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_service_in_both_mappings_is_one() {
+        let end = |role, node: Option<&str>| {
+            let node = node.map(str::to_owned);
+            Discovered { node, ..Discovered::new("/s", role) }
+        };
+        let (server, client) = (end(Role::Server, Some("/a")), end(Role::Client, Some("/a")));
+        let unnamed = end(Role::Server, None);
+        let topic = end(Role::Publisher, Some("/a"));
+        let found = vec![
+            (true, server.clone()),
+            (false, server.clone()),
+            (true, client.clone()),
+            (false, unnamed.clone()),
+            (true, unnamed.clone()),
+            (false, topic.clone()),
+            (true, topic.clone()),
+        ];
+        let told = [server, client, unnamed.clone(), unnamed, topic.clone(), topic];
+        assert_eq!(in_one_mapping(found), told);
+    }
 }

@@ -146,18 +146,18 @@ impl Addresses {
             }
             // Those known before are as good as any.
             Err(_) if !self.found.is_empty() => self.since = Some(Instant::now()),
-            Err(reason) => tell(from, host, reason),
+            Err(reason) => tell(from, host, &reason),
         }
         &self.found
     }
 }
 
 /// Notes that a name does not resolve, and logs it once in a while.
-fn tell(from: &'static str, host: &str, reason: String) {
+fn tell(from: &'static str, host: &str, reason: &str) {
     let (mut unresolved, now) = (UNRESOLVED.lock(), Instant::now());
     let before = unresolved.get(host).map(|(.., told)| *told);
     let told = before.filter(|told| now < *told + TELL_EVERY);
-    unresolved.insert(host.to_owned(), (from, reason.clone(), told.unwrap_or(now)));
+    unresolved.insert(host.to_owned(), (from, reason.to_owned(), told.unwrap_or(now)));
     drop(unresolved);
     if told.is_none() {
         tracing::warn!(

@@ -84,18 +84,20 @@ impl RustServices {
                 None => tracing::info!("{warning}"),
             }
         }
-        Ok(Self::with(settings))
+        Ok(Self::with(settings, Arc::default()))
     }
 
     /// Services of the same node on another participant.
     #[must_use]
     pub fn apart(&self) -> Self {
-        Self::with(Settings { place: self.0.settings.place + 1, ..self.0.settings.clone() })
+        let settings = Settings { place: self.0.settings.place + 1, ..self.0.settings.clone() };
+        Self::with(settings, Arc::clone(&self.0.is_told))
     }
 
-    fn with(settings: Settings) -> Self {
+    fn with(settings: Settings, is_told: Arc<Mutex<bool>>) -> Self {
         Self(Arc::new(Shared {
             settings,
+            is_told,
             participant: Mutex::default(),
             changes: Arc::default(),
             clients: Mutex::default(),

@@ -93,7 +93,7 @@ fn awaited(why: &LearnTopicError) -> String {
 }
 
 /// Tells the log what an endpoint waits for.
-pub(super) struct Waiting<'a> {
+pub(in crate::command) struct Waiting<'a> {
     endpoint: &'a EndpointAddress,
     since: Instant,
     said: String,
@@ -104,12 +104,12 @@ impl<'a> Waiting<'a> {
     /// change all the time.
     const SAY_AFTER: Duration = Duration::from_secs(1);
 
-    pub(super) fn new(endpoint: &'a EndpointAddress) -> Self {
+    pub(in crate::command) fn new(endpoint: &'a EndpointAddress) -> Self {
         Self { endpoint, since: Instant::now(), said: String::new() }
     }
 
     /// Says so once, and again when it is something else.
-    pub(super) fn say(&mut self, what: &str) {
+    pub(in crate::command) fn say(&mut self, what: &str) {
         if self.since.elapsed() >= Self::SAY_AFTER && self.said != what {
             tracing::warn!("{}: waiting for {what}", self.endpoint);
             what.clone_into(&mut self.said);

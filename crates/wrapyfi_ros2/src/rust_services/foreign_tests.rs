@@ -27,7 +27,7 @@ struct Cyclone {
 
 /// The writer and the reader of one end of a service, and nothing else of a node.
 fn cyclone(config: &CycloneConfig, written: (&str, &str), read: (&str, &str)) -> Cyclone {
-    let domain = DomainLease::acquire(&config).unwrap();
+    let domain = DomainLease::acquire(config).unwrap();
     let participant = Entity::participant(config.domain_id, "").unwrap();
     let qos = EndpointQos {
         qos: Qos {

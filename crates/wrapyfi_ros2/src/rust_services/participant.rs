@@ -45,6 +45,8 @@ pub(super) struct Shared {
     pub(super) settings: Settings,
     pub(super) participant: Mutex<Weak<Participant>>,
     pub(super) changes: Arc<Changes>,
+    /// True once the log has what carries the services of the node.
+    pub(super) is_told: Arc<Mutex<bool>>,
     /// Endpoints of the clients of each service.
     pub(super) clients: Mutex<Vec<(ServiceDescription, Weak<Endpoints>)>>,
 }
@@ -56,7 +58,7 @@ impl Shared {
         if let Some(participant) = known.upgrade().filter(|it| !it.has_ended()) {
             return Ok(participant);
         }
-        let participant = Participant::new(&self.settings, &self.changes)?;
+        let participant = Participant::new(&self.settings, &self.changes, &self.is_told)?;
         *known = Arc::downgrade(&participant);
         Ok(participant)
     }
@@ -74,7 +76,11 @@ pub(super) struct Topics {
 
 impl Participant {
     /// Joins the domain.
-    pub(super) fn new(settings: &Settings, changes: &Arc<Changes>) -> GraphResult<Arc<Self>> {
+    pub(super) fn new(
+        settings: &Settings,
+        changes: &Arc<Changes>,
+        is_told: &Mutex<bool>,
+    ) -> GraphResult<Arc<Self>> {
         let node = settings.node.fqn();
         let fault = |error: &dyn std::fmt::Display| {
             GraphError::stack("creating the participant of services", &node, &error)
@@ -98,12 +104,15 @@ impl Participant {
         };
         let (publisher, subscriber, announcement) =
             make().map_err(|error: CreateError| fault(&error))?;
-        tracing::info!(
-            node,
-            domain = settings.domain_id,
-            networks = ?settings.networks,
-            "services of the Fast DDS mapping are on RustDDS"
-        );
+        // The second participant of the node has the same.
+        if !std::mem::replace(&mut *is_told.lock(), true) {
+            tracing::info!(
+                node,
+                domain = settings.domain_id,
+                networks = ?settings.networks,
+                "services of the Fast DDS mapping are on RustDDS"
+            );
+        }
         let goodbye = Goodbye::new(settings, &announcement.participant);
         Ok(Arc::new(Self {
             watch,

@@ -15,6 +15,7 @@ use super::{as_text, kind, value, wait};
 use crate::canonical::canonical;
 use crate::cli::CallArgs;
 use crate::command::definitions;
+use crate::command::echo::Waiting;
 use crate::describe::{describe, summary};
 use crate::exit::{Failure, Result};
 use crate::middlewares::{Role, described, for_service, is_ros};
@@ -72,8 +73,12 @@ fn called(args: &CallArgs, shutdown: &Shutdown) -> Result<()> {
     let mut client = middleware.open_client(&spec, &context).map_err(Failure::usage)?;
     let left = args.timeout.saturating_sub(begin.elapsed());
     let ticket = client.send(&request.into(), left).map_err(Failure::usage)?;
+    let mut waiting = Waiting::new(&args.endpoint);
     while !shutdown.requested() {
         let Some(result) = client.take_only(ticket) else {
+            if let Some(what) = client.link().waiting_for {
+                waiting.say(&what);
+            }
             wait(&context.wake, client.deadline());
             continue;
         };
@@ -167,6 +172,7 @@ fn announced(
     let mut discovery = middleware.discover().with_context(|| side.clone())?;
     let deadline = Instant::now() + args.timeout;
     let mut asked = BTreeSet::new();
+    let mut waiting = Waiting::new(&args.endpoint);
     while !shutdown.requested() {
         let found = discovery.endpoints().with_context(|| side.clone())?;
         let servers = found.into_iter().filter(|one| one.role == EndpointRole::Server);
@@ -207,6 +213,7 @@ fn announced(
                 args.endpoint
             )));
         }
+        waiting.say(discovery.waiting_for().as_deref().unwrap_or("a node that offers it"));
         wait(&context.wake, Some(deadline));
     }
     Ok(None)
