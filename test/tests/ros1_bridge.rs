@@ -547,7 +547,43 @@ fn a_learned_service_is_called_by_the_type_that_the_bridge_knows() -> Result {
         let mut call = env.wrapyfi(args)?;
         call.exits_with(0).map_err(|error| error.context(bridge.tail()))?;
         assert_eq!(call.objects(1)?[0]["value"]["b"], json!({"a": {"text": "hi"}, "n": 7}));
-        Ok(())
+        drop(bridge);
+        // The same where `definitions` has the service, and only the publisher the messages inside.
+        let text = format!(
+            "definitions: [own]\nroutes:\n  - {{ name: s2, service: '{}', as: '{}' }}\n  - {{ from: '{}', to: '{}' }}\n",
+            ros1(&service),
+            ros2(&service),
+            ros1(&topic),
+            ros2(&topic),
+        );
+        let file = env.write("folder.yaml", text)?.display().to_string();
+        let bridge = env.wrapyfi(["bridge", "--config", &file, "--json"])?.pillar();
+        until_route(&bridge, "s2", |route| {
+            route.is_some_and(|it| it["type"] == "wrapyfi_n/srv/S2" && it["state"] == "active")
+        })
+        .map_err(|error| error.context(bridge.tail()))
+    })
+}
+
+/// A type without fields, whose text is empty, is one that its publisher shows.
+#[test]
+fn a_type_without_fields_is_learned() -> Result {
+    run("a_type_without_fields_is_learned", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let topic = env.topic("nothing");
+        let file = env.write("nothing.txt", "")?.display().to_string();
+        let args = format!(
+            "publish --topic {topic} --type wrapyfi_lab/Nothing --definition {file} --node nothing"
+        );
+        let _talker = env.rospy(&args, Some("{}"))?;
+        let bridge = bridge(env, &[])?;
+        let mut echo = echo(env, &ros2(&topic), &["--count", "1"])?;
+        let heard = echo.objects(1).map_err(|error| error.context(bridge.tail()))?;
+        assert_eq!(
+            (&heard[0]["type"], &heard[0]["value"]),
+            (&json!("wrapyfi_lab/msg/Nothing"), &json!({}))
+        );
+        echo.exits_with(0)
     })
 }
 

@@ -217,6 +217,12 @@ fn a_type_is_learned_from_its_publisher() {
     assert!(names.iter().any(|name| name == "builtin_interfaces/msg/Time"), "{names:?}");
     let name = TypeName::parse(Dialect::Ros2, "made_up/msg/Outer").unwrap();
     assert_eq!(near.type_named(&name).unwrap().name(), &name);
+    let _unread = RawPublisher::start(&master, "/unread", "/z", &fields("made_up/Bad", "???! a\n"));
+    let said = learned("/unread").err().map(|error| error.to_string()).unwrap_or_default();
+    assert!(
+        said.contains("a definition of made_up/Bad: /unread: ") && said.contains("???!"),
+        "{said}"
+    );
     // The master's type is all there is of a publisher that shows nonsense.
     assert_eq!(ros_type(learned("/hostile")).name(), "std_msgs/msg/String");
 }

@@ -270,7 +270,7 @@ impl ClientShared {
                         refusal.map(|it| requests::beginning(it, MAX_ERROR_BYTES).to_owned());
                     return Some(refusal.map_or(Ok(stream), Err));
                 }
-                Err(why) => self.lost(&place, &why),
+                Err(why) => self.lost(&place, &why.to_string()),
             }
         }
     }

@@ -8,11 +8,11 @@
 
 use std::sync::Arc;
 
-use wrapyfi_interfaces::store::TypeStore;
+use wrapyfi_interfaces::store::{ResolveError, TypeStore};
 
 use super::config::NAME;
 use super::core::Core;
-use super::peer_types::{Answer, TypeInfo, ask};
+use super::peer_types::{Answer, TypeInfo, Unanswered, ask};
 use super::services::known;
 use wrapyfi_data::types::{RosService, RosType, ServiceKind};
 use wrapyfi_endpoint::{Discovered, LearnError, LearnResult, Learned, Role};
@@ -30,8 +30,13 @@ fn type_info(core: &Arc<Core>, found: &Discovered) -> LearnResult<TypeInfo> {
     match ask(core, found.role, &found.name, node) {
         Answer::Known(told) => Ok(told),
         Answer::Asked => Err(LearnError::Asked(name)),
-        Answer::Failed(reason, _) => {
+        Answer::Failed(Unanswered::Away(reason), _) => {
             Err(LearnError::Silent { name, reason: format!("{node}: {reason}") })
+        }
+        Answer::Failed(Unanswered::Unreadable(told, reason), _) => {
+            let announced = found.type_name.clone();
+            let type_name = told.or(announced).unwrap_or_else(|| format!("the type of {name}"));
+            Err(undefined(&type_name, &format!("{node}: {reason}")))
         }
     }
 }
@@ -93,12 +98,25 @@ pub(super) fn service(
         return Ok(kind);
     }
     let mut types = core.types();
-    let definition =
-        types.service_definition(&type_name).map_err(|error| undefined(&type_name, &error))?;
-    let names = types.rules().ros2_names(&definition.name);
-    let resolved = match names.iter().find_map(|name| store.resolve_defined(name).ok()) {
-        Some(resolved) => resolved,
-        None => types.ros2_service(&type_name).map_err(|error| undefined(&type_name, &error))?,
+    let names =
+        types.ros2_service_names(&type_name).map_err(|error| undefined(&type_name, &error))?;
+    // A folder may have the service, and a publisher show the types inside.
+    let mut part = |name: &_| types.ros2_type_named(name).ok()?.definition().cloned();
+    let mut lacking = None;
+    let known = names.iter().find_map(|name| match store.resolve_with(name, &mut part) {
+        Ok(found) => Some(found),
+        Err(ResolveError::NotFound { name: missing, .. }) if missing == *name => None,
+        Err(error) => {
+            lacking.get_or_insert(error);
+            None
+        }
+    });
+    let resolved = match (known, lacking) {
+        (Some(resolved), _) => resolved,
+        (None, lacking) => types.ros2_service(&type_name).map_err(|error| match lacking {
+            Some(lacking) => undefined(&type_name, &lacking),
+            None => undefined(&type_name, &error),
+        })?,
     };
     RosService::new(&resolved).map(ServiceKind::Ros).map_err(|error| undefined(&type_name, &error))
 }

@@ -431,7 +431,8 @@ impl Connection {
         let (host, port) = request_topic(&core, &self.uri, &self.connections.topic).await?;
         let wire_type = &self.connections.wanted.wire_type;
         let own = self.connections.own_header(&core);
-        let (stream, header) = tcpros::greeted(&host, port, &own).await?;
+        let (stream, header) =
+            tcpros::greeted(&host, port, &own).await.map_err(|why| why.to_string())?;
         peer_types::compare(&core, &self.connections.topic, &header);
         let unlike =
             |there: &str| Closed::Fault(tcpros::unlike(there, &wire_type.name, &wire_type.md5));

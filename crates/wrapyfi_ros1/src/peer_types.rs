@@ -18,8 +18,9 @@ use wrapyfi_interfaces::ros1::Definition;
 use super::config::NodeUri;
 use super::core::Core;
 use super::header::Header;
+use super::http;
+use super::tcpros::{self, GreetingError};
 use super::xmlrpc::{Reply, SUCCESS, Value, shortened, text};
-use super::{http, tcpros};
 use wrapyfi_endpoint::{Mutex, Role};
 
 /// Longest time that one of them has to answer.
@@ -47,7 +48,31 @@ pub(super) enum Answer {
     Asked,
     Known(TypeInfo),
     /// Failed question: the reason and the time.
-    Failed(String, Instant),
+    Failed(Unanswered, Instant),
+}
+
+/// Reason that a publisher or a server has not told its type.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Unanswered {
+    /// It could not be asked.
+    Away(String),
+    /// Its connection header, or the definition of the type that it names, cannot be read.
+    Unreadable(Option<String>, String),
+}
+
+impl From<String> for Unanswered {
+    fn from(reason: String) -> Self {
+        Self::Away(reason)
+    }
+}
+
+impl From<GreetingError> for Unanswered {
+    fn from(error: GreetingError) -> Self {
+        match error {
+            GreetingError::Header(error) => Self::Unreadable(None, error.to_string()),
+            error => Self::Away(error.to_string()),
+        }
+    }
 }
 
 /// Type that a publisher or a server has told of its topic or service.
@@ -82,7 +107,8 @@ pub(super) fn ask(core: &Arc<Core>, role: Role, name: &str, node: &str) -> Answe
     }
     let before = answers.insert(whom.clone(), Answer::Asked);
     drop(answers);
-    let core_of_task = Arc::downgrade(core);
+    let (core_of_task, failure_before) = (Arc::downgrade(core), before.clone());
+    let failed = |why| Answer::Failed(why, Instant::now());
     core.handle.spawn(async move {
         let Some(core) = core_of_task.upgrade() else { return };
         let (role, name, node) = &whom;
@@ -92,10 +118,21 @@ pub(super) fn ask(core: &Arc<Core>, role: Role, name: &str, node: &str) -> Answe
                 _ => topic(&core, name, node).await,
             }
         });
-        let silent = || Err(format!("it did not answer within {} s", ANSWER.as_secs()));
+        let silent = || Err(format!("it did not answer within {} s", ANSWER.as_secs()).into());
         let answer = match told.await.unwrap_or_else(|_elapsed| silent()) {
             Ok(told) => Answer::Known(told),
-            Err(reason) => Answer::Failed(shortened(&reason), Instant::now()),
+            Err(Unanswered::Away(reason)) => failed(Unanswered::Away(shortened(&reason))),
+            Err(Unanswered::Unreadable(type_name, reason)) => {
+                let why = Unanswered::Unreadable(type_name, shortened(&reason));
+                // Once, as long as it stays the same.
+                if !matches!(&failure_before, Some(Answer::Failed(before, _)) if *before == why) {
+                    tracing::warn!(
+                        "ROS 1: what {node} tells of {name} cannot be read: {}",
+                        shortened(&reason)
+                    );
+                }
+                failed(why)
+            }
         };
         core.peer_types.lock().insert(whom, answer);
     });
@@ -131,7 +168,7 @@ pub(super) fn compare(core: &Core, topic: &str, header: &Header) {
     });
 }
 
-async fn topic(core: &Core, name: &str, node: &str) -> Result<TypeInfo, String> {
+async fn topic(core: &Core, name: &str, node: &str) -> Result<TypeInfo, Unanswered> {
     let uri = core.master.lookup_node(node).await.map_err(|error| error.to_string())?;
     let uri = uri.ok_or_else(|| format!("the master knows no node {node}"))?;
     let (host, port) = request_topic(core, &uri, name).await?;
@@ -150,7 +187,10 @@ async fn topic(core: &Core, name: &str, node: &str) -> Result<TypeInfo, String> 
     // A type without fields has an empty text, too.
     let is_shown = !text.is_empty() || md5sum == OF_NO_FIELDS;
     let shown = is_shown.then(|| core.types().show(&type_name, md5sum, text));
-    let definition = shown.transpose().map_err(|error| error.to_string())?.map(Arc::new);
+    let definition = shown
+        .transpose()
+        .map_err(|error| Unanswered::Unreadable(Some(type_name.clone()), error.to_string()))?
+        .map(Arc::new);
     Ok(TypeInfo { type_name, definition, latches: header.is_set("latching"), place })
 }
 
@@ -181,9 +221,9 @@ pub(super) async fn request_topic(
     }
 }
 
-async fn service(core: &Core, name: &str) -> Result<TypeInfo, String> {
+async fn service(core: &Core, name: &str) -> Result<TypeInfo, Unanswered> {
     let place = core.master.lookup_service(name).await.map_err(|error| error.to_string())?;
-    let place = place.ok_or("the master knows it no more")?;
+    let place = place.ok_or_else(|| "the master knows it no more".to_owned())?;
     let header = greeted(&place, &probe_header(core, name)).await?;
     Ok(TypeInfo { type_name: type_in(&header)?, definition: None, latches: false, place })
 }
@@ -206,7 +246,7 @@ pub(super) fn probe_header(core: &Core, service: &str) -> Header {
 }
 
 /// The header of who is at `place`; the connection ends with it.
-pub(super) async fn greeted(place: &NodeUri, own: &Header) -> Result<Header, String> {
+pub(super) async fn greeted(place: &NodeUri, own: &Header) -> Result<Header, GreetingError> {
     tcpros::greeted(&place.host, place.port, own).await.map(|(_, header)| header)
 }
 

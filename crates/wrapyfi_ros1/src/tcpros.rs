@@ -38,6 +38,9 @@ pub(super) enum GreetingError {
     Header(#[from] HeaderError),
     #[error("no connection header came within {} s", GREETING.as_secs())]
     Silent,
+    /// There is no connection: the reason.
+    #[error("{0}")]
+    Away(String),
 }
 
 /// Words about two sides with different definitions: what is `there`, and what this side wants.
@@ -79,21 +82,23 @@ pub(super) async fn greeted(
     host: &str,
     port: u16,
     own: &Header,
-) -> Result<(TcpStream, Header), String> {
-    let failed = |error: io::Error| format!("{host}:{port} does not answer: {error}");
+) -> Result<(TcpStream, Header), GreetingError> {
+    let failed =
+        |error: io::Error| GreetingError::Away(format!("{host}:{port} does not answer: {error}"));
     // rospy accepts the next one when it has heard this one's header.
     let Ok(_place) = timeout(CONNECT, place_to_open(host, port)).await else {
-        return Err(format!(
+        return Err(GreetingError::Away(format!(
             "{host}:{port} has {OPENING_AT_ONCE} connections to answer first, which have taken {} s",
             CONNECT.as_secs()
-        ));
+        )));
     };
     let Ok(reached) = timeout(CONNECT, reach(host, port)).await else {
-        return Err(format!("{host}:{port} did not answer within {} s", CONNECT.as_secs()));
+        let why = format!("{host}:{port} did not answer within {} s", CONNECT.as_secs());
+        return Err(GreetingError::Away(why));
     };
     let mut stream = reached.map_err(failed)?;
     prepare(&stream).map_err(failed)?;
-    let header = greet(&mut stream, own).await.map_err(|error| error.to_string())?;
+    let header = greet(&mut stream, own).await?;
     Ok((stream, header))
 }
 

@@ -6,12 +6,21 @@
 
 use std::collections::BTreeMap;
 
+use super::definition::parse_name;
 use super::error::{DefinitionError, PairError};
 use super::types::Types;
-use crate::parser::{Dialect, service_messages};
+use crate::parser::{Dialect, InterfaceKind, TypeName, service_messages};
 use crate::store::{Looked, ResolvedType};
 
 impl Types {
+    /// Names that a service of ROS 1 may have in ROS 2, given by its ROS 1 name `package/Type`, the likeliest first.
+    ///
+    /// # Errors
+    /// When it is no name.
+    pub fn ros2_service_names(&self, type_name: &str) -> Result<Vec<TypeName>, DefinitionError> {
+        Ok(self.rules().ros2_names(&parse_name(InterfaceKind::Service, type_name)?))
+    }
+
     /// The ROS 2 service for one of ROS 1, given by its ROS 1 name `package/Type`: as installed, else
     /// made from it.
     ///

@@ -233,6 +233,28 @@ impl TypeStore {
         found
     }
 
+    /// As [`TypeStore::resolve_defined`], where the types inside that are defined nowhere are those that `part` knows.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn resolve_with(
+        &mut self,
+        name: &TypeName,
+        mut part: impl FnMut(&TypeName) -> Option<MessageDefinition>,
+    ) -> Result<ResolvedType, ResolveError> {
+        let make = self.make.take();
+        let found = ResolvedType::collect(self.dialect, name, |wanted, user| {
+            match self.find(wanted, user) {
+                Err(missing @ ResolveError::NotFound { .. }) if user.is_some() => {
+                    part(wanted).ok_or(missing)
+                }
+                found => found,
+            }
+        });
+        self.make = make;
+        found
+    }
+
     fn find(
         &mut self,
         name: &TypeName,
