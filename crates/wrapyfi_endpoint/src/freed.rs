@@ -31,7 +31,7 @@ pub fn give_memory_back(now: Instant) {
     }
 }
 
-/// How much has waited.
+/// Most bytes that have waited, as far as somebody looked.
 #[derive(Debug)]
 struct Looks {
     most: usize,

@@ -1,4 +1,4 @@
-//! What publishers are told of the subscriptions of all listeners.
+//! Subscriptions of all listeners, as publishers are told of them.
 //!
 //! ```text
 //!   subscriptions ──▶ first 256 bytes of each ──▶ told, as often as there are subscriptions
@@ -40,7 +40,7 @@ impl Wanted {
         Self { told: BTreeMap::new(), bytes: 0, most_bytes }
     }
 
-    /// What publishers are to be told once somebody has subscribed to `topic`; `None` where they know it.
+    /// Subscription that publishers are to be told once somebody has subscribed to `topic`; `None` where they know it.
     pub(super) fn subscribed(&mut self, topic: &[u8]) -> Option<Bytes> {
         let begins = topic.get(..MOST_OF_TOPIC).unwrap_or(topic);
         if let Some(times) = self.told.get_mut(begins) {
@@ -57,7 +57,7 @@ impl Wanted {
         Some(begins)
     }
 
-    /// What publishers are to be told is wanted no more once a subscription to `topic` has ended.
+    /// Subscription that publishers are to be told is no more once one to `topic` has ended.
     pub(super) fn unsubscribed(&mut self, topic: &[u8]) -> Option<Bytes> {
         let begins = topic.get(..MOST_OF_TOPIC).unwrap_or(topic);
         // One without room may have come before one of the same name that has: as many as are not counted there are
