@@ -11,6 +11,7 @@
 //! for a connection from its port to the same name with `:out`, and ours leave a property.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Duration;
 
@@ -91,43 +92,43 @@ pub(super) async fn of_server(shared: &Shared, name: &str, has_just_come: bool) 
 /// first message: Wrapyfi has asked for its connection by then.
 #[derive(Debug, Default)]
 pub(super) struct SenderFormats {
-    /// True where the topic leaves the format to be found.
-    finds: bool,
-    /// Ports by name, with the number of their entry in the directory.
-    known: Mutex<BTreeMap<String, (u64, BottleFormat)>>,
+    /// Options with JSON and with bottles, where the topic leaves the format to be found.
+    found: Option<[Arc<YarpOptions>; 2]>,
+    /// Ports by name, with the number of their entry in the directory, and whether they write JSON.
+    known: Mutex<BTreeMap<String, (u64, bool)>>,
 }
 
 impl SenderFormats {
     pub(super) fn new(message_type: MessageType, options: &YarpOptions, shared: &Shared) -> Self {
         let is_object = matches!(message_type, MessageType::NativeObject | MessageType::StringJson);
         let finds = is_object && options.bottle.is_none() && !shared.is_wrapyfi;
-        Self { finds, known: Mutex::default() }
+        let of = |format| Arc::new(YarpOptions { bottle: Some(format), ..options.clone() });
+        let found = finds.then(|| [BottleFormat::Json, BottleFormat::Plain].map(of));
+        Self { found, known: Mutex::default() }
     }
 
-    /// Format of what the port `name` sends; `None` where it is that of the options.
-    pub(super) async fn of(&self, shared: &Shared, name: &str) -> Option<BottleFormat> {
-        if !self.finds {
-            return None;
-        }
+    /// Options for what the port `name` sends; `None` where they are the listener's.
+    pub(super) async fn of(&self, shared: &Shared, name: &str) -> Option<Arc<YarpOptions>> {
+        let [json, plain] = self.found.as_ref()?;
+        let with = |is_json| Some(Arc::clone(if is_json { json } else { plain }));
         let number = shared.directory.entry(name).map_or(0, |entry| entry.number);
         let known = self.known.lock().get(name).copied();
-        if let Some((of, format)) = known
+        if let Some((of, is_json)) = known
             && of == number
         {
-            return Some(format);
+            return with(is_json);
         }
         if shared.directory.waiting_for().is_some() {
             // Nobody can be asked now: the next message asks again.
             return None;
         }
         let is_json = name.starts_with('/') && is_of_wrapyfi(shared, name).await;
-        let format = if is_json { BottleFormat::Json } else { BottleFormat::Plain };
         let mut known = self.known.lock();
         if known.len() >= MOST_SENDERS {
             known.clear();
         }
-        known.insert(name.to_owned(), (number, format));
-        Some(format)
+        known.insert(name.to_owned(), (number, is_json));
+        with(is_json)
     }
 }
 

@@ -17,7 +17,7 @@ use super::link_state::LinkState;
 use super::losses::Losses;
 use super::name::check_name;
 use super::opening::{numbered, until_open};
-use super::options::{BottleFormat, YarpOptions};
+use super::options::YarpOptions;
 use super::port_connection::PortConnection;
 use super::shared::Shared;
 use super::tasks::{Stop, Stopped};
@@ -42,8 +42,8 @@ struct Arrival {
     received: Received,
     received_at: Instant,
     stamp: Stamp,
-    /// Format in which its sender writes native objects, where the options leave it to be found.
-    format: Option<BottleFormat>,
+    /// Options with the format in which its sender writes native objects, where they leave it to be found.
+    options: Option<Arc<YarpOptions>>,
 }
 
 impl Waits for Arrival {
@@ -94,8 +94,8 @@ impl ListenerState {
         self.device.wait().await;
         let received_at = self.inbox.context().clock.now();
         let stamp = Stamp::now();
-        let format = self.formats.of(shared, &received.from).await;
-        let arrival = Arrival { received, received_at, stamp, format };
+        let options = self.formats.of(shared, &received.from).await;
+        let arrival = Arrival { received, received_at, stamp, options };
         self.inbox.place(arrival, self.inbox.max_wait()).await;
     }
 }
@@ -218,13 +218,10 @@ async fn close(state: &ListenerState) {
 
 impl Listener for YarpListener {
     fn take(&mut self) -> Result<Option<Sample>, TakeError> {
-        let Some(Arrival { received, received_at, stamp, format }) = self.inbox.pop() else {
+        let Some(Arrival { received, received_at, stamp, options }) = self.inbox.pop() else {
             return Ok(None);
         };
-        let (spec, mut options) = (&self.spec, self.state.device.options());
-        if format.is_some() {
-            options = Arc::new(YarpOptions { bottle: format, ..(*options).clone() });
-        }
+        let (spec, options) = (&self.spec, options.unwrap_or_else(|| self.state.device.options()));
         let sent_at = received.stamp();
         let payload =
             payload::decode(&received.payload, sent_at, spec, &options, self.dialect, stamp)?;
