@@ -13,7 +13,7 @@ def to_python(message, *, limit_mib=MAX_MESSAGE_MIB):
     ============  =====================================================================
     NativeObject  the object: dicts, lists, tuples, sets, numbers, text, arrays, …
     Tensor        a NumPy array
-    AudioChunk    samples of shape (frames, channels), and their rate in Hz
+    AudioChunk    samples of shape (frames, channels) or (frames,), and their rate in Hz
     ============  =====================================================================
 
     Any object with the fields of one of these is taken for it. Arrays are views of the message's memory.

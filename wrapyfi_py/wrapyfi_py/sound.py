@@ -8,9 +8,12 @@ from .values import MessageError
 #: Types of a sample, and what the field ``encoding`` calls them.
 ENCODINGS = {"float32": "FLOAT32LE", "int16": "S16LE"}
 
+#: What the field ``coding_format`` has where the samples of one channel are an array of one dimension.
+FLAT = "flat"
+
 
 def from_audio(message):
-    """Samples of shape (frames, channels) as a view of the message's bytes, and the rate in Hz.
+    """Samples of shape (frames, channels), or (frames,), as a view of the message's bytes, and the rate in Hz.
 
     The number of bytes says what a sample is, because Wrapyfi labels its 32-bit floats ``S16LE``.
     """
@@ -19,7 +22,8 @@ def from_audio(message):
     for code in ("f4", "i2"):
         dtype = np.dtype((">" if message.is_bigendian else "<") + code)
         if shape[0] * shape[1] * dtype.itemsize == found.size:
-            return found.view(dtype).reshape(shape), int(message.sample_rate)
+            is_flat = shape[1] == 1 and getattr(message, "coding_format", "") == FLAT
+            return found.view(dtype).reshape(shape[:1] if is_flat else shape), int(message.sample_rate)
     samples = shape[0] * shape[1]
     raise MessageError(
         f"{shape[0]} samples of {shape[1]} channels need {samples * 4} bytes as float32 or {samples * 2} "
@@ -51,6 +55,7 @@ def audio_fields(value):
         "channels": channels,
         "sample_rate": rate,
         "encoding": ENCODINGS[samples.dtype.name],
+        "coding_format": FLAT if samples.ndim == 1 else "",
         "step": channels * samples.itemsize,
         "data": buffer(samples),
     }

@@ -65,20 +65,20 @@ impl AudioChunk {
             return Err(malformed("$[0]", reason));
         };
         let (format, data) = samples(array)?;
-        Self::new(stamp, frames, channels, rate, format, data)
-            .map_err(|error| malformed("$[0]", error.to_string()))
+        let sound = Self::new(stamp, frames, channels, rate, format, data)
+            .map_err(|error| malformed("$[0]", error.to_string()))?;
+        Ok(Self { is_flat: shape.len() == 1, ..sound })
     }
 
     /// The tuple `(array, rate)`, as [`AudioChunk::from_value`] reads it: array of shape
-    /// `(frames, channels)`. Time stamp and coordinate frame have no place in it.
+    /// [`AudioChunk::shape`]. Time stamp and coordinate frame have no place in it.
     pub fn to_value(&self) -> Value {
         let dtype = match self.format {
             SampleFormat::F32Le => Dtype::F32,
             SampleFormat::S16Le => Dtype::I16,
         };
-        let shape = [self.frames as usize, usize::from(self.channels)];
         // The fields are public, so they may contradict each other; then it is as long as its data.
-        let array = Tensor::new(dtype, shape, self.data.clone()).unwrap_or_else(|_misfit| {
+        let array = Tensor::new(dtype, self.shape(), self.data.clone()).unwrap_or_else(|_misfit| {
             let whole = self.data.len() / dtype.size();
             Tensor::unchecked(dtype, vec![whole], self.data.slice(..whole * dtype.size()))
         });
@@ -118,8 +118,9 @@ pub fn from_message(value: &Value, stamp: Stamp) -> DecodeResult<AudioChunk> {
     }
     let (format, data) = samples(array)?;
     let channels = u8::try_from(channels).unwrap_or(u8::MAX);
-    AudioChunk::new(stamp, frames, channels, rate, format, data)
-        .map_err(|error| malformed("$", error.to_string()))
+    let sound = AudioChunk::new(stamp, frames, channels, rate, format, data)
+        .map_err(|error| malformed("$", error.to_string()))?;
+    Ok(AudioChunk { is_flat: channels == 1 && array.shape().len() == 1, ..sound })
 }
 
 fn malformed(path: &str, reason: String) -> DecodeError {

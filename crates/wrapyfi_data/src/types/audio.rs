@@ -37,10 +37,13 @@ pub struct AudioChunk {
     pub format: SampleFormat,
     /// Interleaved samples.
     pub data: Bytes,
+    /// True where the samples of one channel are an array `(frames,)` to a Wrapyfi script, as in most of its listings for
+    /// mono sound; else they are `(frames, channels)`.
+    pub is_flat: bool,
 }
 
 impl AudioChunk {
-    /// Makes a chunk without a coordinate frame.
+    /// Makes a chunk without a coordinate frame, whose array is `(frames, channels)`.
     ///
     /// # Errors
     /// When `data` is not exactly `frames * channels` samples, or `channels` is 0.
@@ -60,7 +63,17 @@ impl AudioChunk {
         check_length(&shape, format.bytes_per_sample(), data.len(), || {
             format!("{format} sound of {frames} frames x {channels} channels")
         })?;
-        Ok(Self { stamp, frame_id: String::new(), frames, channels, sample_rate, format, data })
+        let (frame_id, is_flat) = (String::new(), false);
+        Ok(Self { stamp, frame_id, frames, channels, sample_rate, format, data, is_flat })
+    }
+
+    /// Shape of the samples as an array: `(frames, channels)`, or `(frames,)` where that is flat.
+    pub fn shape(&self) -> Vec<usize> {
+        let frames = self.frames as usize;
+        match self.channels {
+            1 if self.is_flat => vec![frames],
+            channels => vec![frames, channels.into()],
+        }
     }
 
     /// Converts the samples to type `format`; shares the bytes when they have it already.

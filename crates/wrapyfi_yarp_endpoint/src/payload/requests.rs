@@ -163,8 +163,7 @@ pub fn encode_reply(
 /// Wrapyfi's `(chunk, channels, rate, array)`.
 fn tuple(sound: &AudioChunk) -> EncodeResult<Value> {
     let sound = sound.to_format(SampleFormat::F32Le);
-    let shape = [sound.frames as usize, usize::from(sound.channels)];
-    let array = Tensor::new(Dtype::F32, shape, sound.data).map_err(|error| {
+    let array = Tensor::new(Dtype::F32, sound.shape(), sound.data).map_err(|error| {
         let remedy = "make chunks with AudioChunk::new";
         fault::unwritable("sound", error.to_string(), "$", remedy)
     })?;

@@ -11,10 +11,14 @@ use super::part::{
 use crate::codec::{DecodeResult, EncodeResult};
 use crate::types::{AudioChunk, SampleFormat};
 
+/// Value of `coding_format` for one channel in an array of one dimension.
+const FLAT: &str = "flat";
+
 /// Sound under the label that is true.
 pub(super) fn message(sound: &AudioChunk) -> EncodeResult<msg::AudioChunk> {
     check(sound)?;
-    Ok(labelled(sound, sound.format))
+    let coding_format = if sound.shape().len() == 1 { FLAT } else { "" };
+    Ok(msg::AudioChunk { coding_format: coding_format.to_owned(), ..labelled(sound, sound.format) })
 }
 
 /// Form that Python Wrapyfi accepts: floats under the label of integers.
@@ -65,7 +69,8 @@ pub(in crate::codec) fn decode(message: msg::AudioChunk) -> DecodeResult<AudioCh
         data,
     )
     .map_err(|error| misfit(&error))?;
-    Ok(AudioChunk { frame_id: message.header.frame_id, ..sound })
+    let is_flat = message.channels == 1 && message.coding_format == FLAT;
+    Ok(AudioChunk { frame_id: message.header.frame_id, is_flat, ..sound })
 }
 
 /// The format whose samples fill the data exactly.

@@ -219,6 +219,16 @@ fn sounds_are_told_by_their_size() {
         assert_eq!(message.step as usize, 2 * format.bytes_per_sample());
         assert_eq!(payload(&cdr, MessageType::AudioChunk).unwrap(), original);
     }
+    // What it is in a script; upstream's message is as upstream writes it.
+    let mono = Sound::new(Stamp::default(), 2, 1, 8000, SampleFormat::F32Le, vec![0; 8]).unwrap();
+    for (is_flat, said) in [(true, "flat"), (false, "")] {
+        let original = Payload::from(Sound { is_flat, ..mono.clone() });
+        let cdr = encode(&original, MessageType::AudioChunk).unwrap().to_bytes();
+        assert_eq!(AudioChunk::decode(&cdr, cdr.len()).unwrap().coding_format, said);
+        assert_eq!(payload(&cdr, MessageType::AudioChunk).unwrap(), original);
+        let cdr = encode(&original, MessageType::UpstreamAudio).unwrap().to_bytes();
+        assert_eq!(ROS2AudioMessage::decode(&cdr, cdr.len()).unwrap().coding_format, "");
+    }
     // Python Wrapyfi takes nothing but floats, and calls them S16LE.
     let integers = sound(SampleFormat::S16Le);
     let cdr = encode(&integers.clone().into(), MessageType::UpstreamAudio).unwrap().to_bytes();

@@ -12,8 +12,7 @@ pub(super) fn decode(body: &Bytes, stamp: Stamp, limits: &Limits) -> DecodeResul
 
 pub(super) fn encode(sound: &AudioChunk) -> Result<Vec<u8>, EncodeError> {
     let sound = sound.to_format(SampleFormat::F32Le);
-    let shape = [sound.frames as usize, usize::from(sound.channels)];
-    let array = Tensor::new(Dtype::F32, shape, sound.data).map_err(|error| {
+    let array = Tensor::new(Dtype::F32, sound.shape(), sound.data).map_err(|error| {
         EncodeError::unrepresentable("sound", error.to_string(), "make chunks with AudioChunk::new")
     })?;
     json::encode(&Value::Tuple(vec![

@@ -189,6 +189,20 @@ fn sound_must_be_as_long_as_it_says() {
 }
 
 #[test]
+fn mono_sound_keeps_the_shape_of_its_array() {
+    for shape in [vec![2], vec![2, 1]] {
+        let array = Tensor::new(Dtype::F32, shape.clone(), vec![0; 8]).unwrap();
+        let tuple = Value::Tuple(vec![2.into(), 1.into(), 8000.into(), array.into()]);
+        let text = json::encode(&tuple).unwrap();
+        let sound = body(MessageType::AudioChunk, text.clone()).unwrap();
+        let Payload::AudioChunk(chunk) = &sound else { panic!("{sound:?}") };
+        assert_eq!(chunk.shape(), shape);
+        let frames = frames_of(&sound, &spec(MessageType::AudioChunk));
+        assert_eq!(frames.last().unwrap()[..], text[..]);
+    }
+}
+
+#[test]
 fn integer_sound_goes_out_as_floats() {
     let data = [0_i16, -16_384].map(i16::to_le_bytes).concat();
     let sound = AudioChunk::new(RECEIVED, 1, 2, 8000, SampleFormat::S16Le, data).unwrap();

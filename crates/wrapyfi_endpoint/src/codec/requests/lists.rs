@@ -63,7 +63,10 @@ pub(super) fn write_sound(sound: &AudioChunk, spec: &ServiceSpec) -> Result<Vec<
             json::write_float(f64::from(f32::from_le_bytes(*sample)), out);
         }
     };
-    rows(data, 4, usize::from(channels), write, &mut out);
+    match sound.shape().len() {
+        1 => list(data.chunks(4), &mut out, write),
+        _ => rows(data, 4, usize::from(channels), write, &mut out),
+    }
     out.extend_from_slice(b"]}");
     Ok(out)
 }
@@ -176,8 +179,11 @@ pub(super) fn read_sound(body: &[u8], received: Stamp) -> Result<AudioChunk, Dec
     if rate == 0 {
         return Err(malformed("a rate of 0 Hz".to_owned(), 0));
     }
-    AudioChunk::new(received, frames, channels, rate, SampleFormat::F32Le, lists.to_f32())
-        .map_err(|error| malformed(error.to_string(), 0))
+    let is_flat = channels == 1 && lists.shape.len() == 1;
+    let sound =
+        AudioChunk::new(received, frames, channels, rate, SampleFormat::F32Le, lists.to_f32())
+            .map_err(|error| malformed(error.to_string(), 0))?;
+    Ok(AudioChunk { is_flat, ..sound })
 }
 
 // Checked by `within`.

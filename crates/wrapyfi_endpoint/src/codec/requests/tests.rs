@@ -149,11 +149,14 @@ fn sound_flat_and_nested() {
     };
     let mono =
         AudioChunk::new(NOW, 2, 1, 8000, SampleFormat::F32Le, floats(&[0.5, -0.25])).unwrap();
-    let body = encode_reply(&mono.clone().into(), &spec(ServiceKind::AudioChunk)).unwrap();
-    assert_eq!(body, br#"{"aud": [2, 1, 8000, [[0.5], [-0.25]]]}"#);
-    for text in [r#"{"aud": [2, 1, 8000, [[0.5], [-0.25]]]}"#, r#"{"aud":[2,1,8000,[0.5,-0.25]]}"#]
-    {
-        assert_eq!(read(ServiceKind::AudioChunk, text), Ok(mono.clone().into()));
+    let flat = AudioChunk { is_flat: true, ..mono.clone() };
+    for (text, sound) in [
+        (r#"{"aud": [2, 1, 8000, [[0.5], [-0.25]]]}"#, mono),
+        (r#"{"aud": [2, 1, 8000, [0.5, -0.25]]}"#, flat),
+    ] {
+        assert_eq!(read(ServiceKind::AudioChunk, text), Ok(sound.clone().into()));
+        let body = encode_reply(&sound.into(), &spec(ServiceKind::AudioChunk)).unwrap();
+        assert_eq!(body, text.as_bytes());
     }
     let strange = AudioChunk::new(NOW, 1, 2, 1, SampleFormat::F32Le, floats(&[f32::NAN, f32::MAX]));
     let body = encode_reply(&strange.unwrap().into(), &spec(ServiceKind::AudioChunk)).unwrap();
