@@ -321,6 +321,35 @@ class PandasIndex:
         return {"type": type(index).__name__, "dtype": str(index.dtype), "name": index.name, "values": index.tolist()}
 
 
+@case(plugin="pandas_data")
+class PandasObjects:
+    """Columns of objects of any kind, and labels."""
+    facts = staticmethod(frame_facts)
+
+    @staticmethod
+    def make(seq):
+        import datetime
+        import numpy as np
+        import pandas
+        mixed = [seq, "x", [1, [None, 2.5]], {"k": [True, (1, "y")]}, None, float("nan"), datetime.datetime(2024, 1, 2, 3, 4, 5, 6)]
+        return pandas.DataFrame({"mixed": mixed, "lists": [[seq]] * 7, "arrays": [np.float32([[0.5, seq]])] * 7, "large": [2 ** 70 + seq] * 6 + [None]},
+                                index=pandas.Index([1, "a", 2.5, "b", True, "c", "d"], name="i"))
+
+
+@case(plugin="pandas_data")
+class PandasIntervals:
+    facts = staticmethod(frame_facts)
+
+    @staticmethod
+    def make(seq):
+        import pandas
+        times = pandas.date_range("2024-01-01", periods=4, tz="UTC")
+        return pandas.DataFrame({"whole": pandas.arrays.IntervalArray.from_breaks([0, 1, 2, 3 + seq]),
+                                 "missing": pandas.arrays.IntervalArray.from_tuples([(0.0, 0.5), None, (1.0, 2.0)], closed="both"),
+                                 "cut": pandas.cut([1, 5, float("nan")], [0, 2, 6])},
+                                index=pandas.IntervalIndex.from_breaks(times, closed="left", name="when"))
+
+
 def arrow_facts(array):
     return plain({"type": str(array.type), "values": array.to_pylist()})
 
@@ -343,6 +372,30 @@ class ArrowStruct:
     def make(seq):
         import pyarrow
         return pyarrow.array([{"x": seq, "list": [1, 2]}, None, {"x": 3, "list": None}])
+
+
+@case(plugin="pyarrow_array")
+class ArrowDecimal:
+    facts = staticmethod(arrow_facts)
+
+    @staticmethod
+    def make(seq):
+        import decimal
+        import pyarrow
+        kind = pyarrow.decimal128(7, -2) if seq % 2 else pyarrow.decimal128(38, 5)
+        return pyarrow.array([decimal.Decimal(seq * 1000), None, decimal.Decimal("-1200"), decimal.Decimal(0)], kind)
+
+
+@case(plugin="pyarrow_array")
+class ArrowMap:
+    facts = staticmethod(arrow_facts)
+
+    @staticmethod
+    def make(seq):
+        import pyarrow
+        kind = pyarrow.map_(pyarrow.string(), pyarrow.list_(pyarrow.int64()))
+        found = pyarrow.array([[("a", [1])], None, [("b", None), ("c", [seq, 3])], []], kind)
+        return found.slice(1) if seq % 2 else found
 
 
 @case(plugin="pyarrow_array")

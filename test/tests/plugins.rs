@@ -211,6 +211,10 @@ travels! {
     pandas_regular_times_travel: "pandas", "pandasfreq" as "table";
     pandas_labels_of_several_levels_travel: "pandas", "pandaslevels" as "table";
     pandas_labels_that_are_equal_travel: "pandas", "pandastwice" as "table";
+    pandas_objects_of_any_kind_travel: "pandas", "pandasobjects" as "table";
+    pandas_intervals_travel: "pandas", "pandasintervals" as "table";
+    pyarrow_decimals_travel: "pyarrow", "arrowdecimal" as "table";
+    pyarrow_maps_travel: "pyarrow", "arrowmap" as "table";
     pyarrow_structs_travel: "pyarrow", "arrowstruct" as "table";
     pyarrow_lists_travel: "pyarrow", "arrowlist" as "table";
     pyarrow_scalars_travel: "pyarrow", "arrowscalar" as "table";
@@ -238,6 +242,10 @@ travels_from_ros! {
     pandas_labels_that_are_equal_travel_from_ros: "pandas", "pandastwice";
     pandas_series_travel_from_ros: "pandas", "pandasseries";
     pandas_indices_travel_from_ros: "pandas", "pandasindex";
+    pandas_objects_of_any_kind_travel_from_ros: "pandas", "pandasobjects";
+    pandas_intervals_travel_from_ros: "pandas", "pandasintervals";
+    pyarrow_decimals_travel_from_ros: "pyarrow", "arrowdecimal";
+    pyarrow_maps_travel_from_ros: "pyarrow", "arrowmap";
     pyarrow_arrays_travel_from_ros: "pyarrow", "arrowarray";
     xarray_arrays_travel_from_ros: "xarray", "xarray";
     xarray_data_sets_travel_from_ros: "xarray", "xarrayset";

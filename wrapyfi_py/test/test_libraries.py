@@ -165,13 +165,13 @@ class Tables(unittest.TestCase):
         frame = pandas.DataFrame({"x": [1]})
         frame.attrs["unit"] = "m"
         for value, words in [
-            (pandas.Series([1, "a"]), "column None of objects"),
+            (pandas.Series([1, pandas.Timedelta(1)]), "$[0][1]: an object of type Timedelta in a table"),
             (pandas.Series([1j]), "complex128: cast it"),
             (pandas.Series(pandas.arrays.SparseArray([0, 1])), "Sparse"),
             (frame, "attrs of a frame"),
             (pandas.Timestamp("2024-01-01T00:00:00.000000001"), "to_datetime64"),
             (pandas.Timedelta(1), "its parts"),
-            (pyarrow.array([1], pyarrow.decimal128(5)), "to_pylist"),
+            (pyarrow.array([1], pyarrow.decimal256(50)), "to_pylist"),
             (pandas.DataFrame([[1]], columns=[datetime.date(2024, 1, 1)]), "a label of type date"),
         ]:
             with self.assertRaises(MessageError, msg=words) as caught:

@@ -1,5 +1,6 @@
 """Columns of a table, between what a message holds and an array of PyArrow."""
 
+import decimal
 import re
 from dataclasses import dataclass
 from typing import Any, Optional
@@ -20,11 +21,15 @@ NESTED = {
     "list": "int32",
     "large_list": "int64",
     "binary": "int32",
+    "map": "int32",
     "fixed_size_list": None,
     "struct": None,
 }
 
 TEXTS = ("utf8", "large_utf8")
+
+#: ``decimal128(5, 2)``: numbers as text
+DECIMAL = re.compile(r"decimal128\((\d{1,2}), (-?\d{1,3})\)")
 
 #: ``timestamp[ns]``, ``timestamp[us, Europe/Berlin]``, ``duration[s]``
 TIMES = re.compile(r"(timestamp|duration)\[(s|ms|us|ns)(?:, ([^\]]{1,64}))?\]")
@@ -72,7 +77,7 @@ class Column:
         nullable = body.get("nullable") is not False
         if kind in NESTED:
             return cls(name, dtype, kind, nullable=nullable, **_nested(body, kind, rows, depth))
-        if kind in TEXTS:
+        if kind in TEXTS or DECIMAL.fullmatch(kind):
             data = member(body, "data", list, what)
             if not all(text is None or isinstance(text, str) for text in data):
                 raise MessageError(f"column {name[:40]!r} has something else than text")
@@ -121,12 +126,21 @@ class Column:
         if self.type in NESTED:
             return self._nested_to_arrow(arrow)
         kind = _arrow_type(arrow, self)
+        if arrow.types.is_decimal(kind):
+            return arrow.array(self.numbers(), kind)
         if isinstance(self.data, list):
             return arrow.array(self.data, kind)
         if self.type == "bool":
             return arrow.array(self.data, kind, mask=None if self.valid is None else ~self.valid)
         data = arrow.py_buffer(np.ascontiguousarray(self.data))
         return arrow.Array.from_buffers(kind, len(self.data), [self._bits(arrow), data])
+
+    def numbers(self):
+        """The numbers of a column of decimals."""
+        try:
+            return [None if text is None else decimal.Decimal(text) for text in self.data]
+        except decimal.InvalidOperation:
+            raise MessageError(f"column {self.name[:40]!r} of decimals has another text") from None
 
     def _bits(self, arrow):
         return None if self.valid is None else arrow.py_buffer(np.packbits(self.valid, bitorder="little"))
@@ -143,6 +157,7 @@ class Column:
             "large_list": lambda: arrow.large_list(fields[0]),
             "fixed_size_list": lambda: arrow.list_(fields[0], self.offsets),
             "struct": lambda: arrow.struct(fields),
+            "map": lambda: arrow.map_(*self._entry(arrow, fields[0])),
             "binary": arrow.binary,
         }[self.type]()
         buffers = [self._bits(arrow)]
@@ -153,6 +168,13 @@ class Column:
         found = arrow.Array.from_buffers(kind, len(self), buffers, children=children)
         found.validate()
         return found
+
+
+    def _entry(self, arrow, entries):
+        """Fields of the key and of the value in the entries of a map."""
+        if not arrow.types.is_struct(entries.type) or entries.type.num_fields != 2:
+            raise MessageError(f"column {self.name[:40]!r} of maps has items that are no key and value")
+        return entries.type.field(0), entries.type.field(1)
 
 
 def _nested(body, kind, rows, depth):
@@ -181,6 +203,9 @@ def _nested(body, kind, rows, depth):
     elif kind == "struct":
         fields = member(body, "fields", list, kind)
         found["inner"] = tuple(Column.read(field, rows, depth + 1) for field in fields)
+        # Categories have as many rows as their fields have.
+        rows = len(found["inner"][0]) if fields else rows
+        found["data"] = range(rows)
         if any(len(field) != rows for field in found["inner"]):
             raise MessageError(f"a field of a struct has another length than {rows} rows")
     valid = body.get("valid")
@@ -200,6 +225,9 @@ def _elements(data, element, what):
 def _arrow_type(arrow, column):
     if column.type in ("utf8", "large_utf8"):
         return arrow.string() if column.type == "utf8" else arrow.large_string()
+    decimals = DECIMAL.fullmatch(column.type)
+    if decimals:
+        return arrow.decimal128(int(decimals[1]), int(decimals[2]))
     times = column.unit() or re.fullmatch(r"(time32|time64)\[(.*)\]()", column.type)
     if isinstance(times, re.Match):
         return getattr(arrow, times[1])(times[2])
@@ -238,6 +266,9 @@ def _column_of(array, name):
         return nested | ({"valid": np.asarray(array.is_valid().to_numpy(zero_copy_only=False))} if missing else {})
     if kind in ("string", "large_string", "string_view"):
         return {"type": "large_utf8" if kind == "large_string" else "utf8", "data": array.to_pylist()}
+    if DECIMAL.fullmatch(kind):
+        texts = [None if number is None else format(number, "f") for number in array.to_pylist()]
+        return {"type": kind, "data": texts}
     # Arrow's own words for two of them.
     kind = {
         "halffloat": "float16",
@@ -278,6 +309,15 @@ def _nested_of(arrow, array, name):
         items = array.values.slice(begin, (offsets[-1] if len(offsets) else 0) - begin)
         word = "list" if types.is_list(kind) else "large_list"
         return {"type": word, "offsets": offsets - begin, "items": inner(kind.value_field, items)}
+    if types.is_map(kind):
+        offsets = array.offsets.to_numpy()
+        begin, end = (offsets[0], offsets[-1]) if len(offsets) else (0, 0)
+        fields = [
+            inner(field, part.slice(begin, end - begin))
+            for field, part in ((kind.key_field, array.keys), (kind.item_field, array.items))
+        ]
+        entries = {"name": "entries", "type": "struct", "fields": fields, "nullable": False}
+        return {"type": "map", "offsets": offsets - begin, "items": entries}
     if types.is_fixed_size_list(kind):
         size = kind.list_size
         items = array.values.slice(array.offset * size, len(array) * size)

@@ -12,6 +12,7 @@ columns_name  JSON of the name or names of the labels
 ============  ===================================================================================
 """
 
+import dataclasses
 import datetime
 import json
 import re
@@ -19,11 +20,20 @@ import zoneinfo
 
 import numpy as np
 
-from .columns import NESTED, column_of
+from .columns import DECIMAL, NESTED, column_of
 from .values import Absent, MessageError, library, member
 
 #: What pandas calls an array of PyArrow.
 ARROW = "[pyarrow]"
+
+#: dtype of a column of objects that are not of one kind: the JSON of each as text.
+JSON = "object(json)"
+
+#: ``interval[int64, right]``: a struct of left and right
+_INTERVAL = re.compile(r"interval\[.*, (left|right|both|neither)\]")
+
+#: Bytes that a value in such a JSON counts beside its own.
+BYTES_A_VALUE = 64
 
 _OFFSET = re.compile(r"([+-])(\d\d):(\d\d)")
 _MISSING = {"object(nan)": lambda pandas: np.nan, "object(NA)": lambda pandas: pandas.NA}
@@ -34,7 +44,7 @@ def read(body, rows, columns, reader):
     """The frame, series or index that a table is."""
     pandas = library("pandas")
     kind, text = body.get("kind", "DataFrame"), body.get("index")
-    columns = list(columns)
+    columns = [_parsed(column, reader) for column in columns]
     name = _json(body, "index_name", reader)
     if text is None:
         index = pandas.RangeIndex(rows, name=name)
@@ -97,15 +107,32 @@ def _json(body, key, reader):
     text = body.get(key)
     if text is None:
         return None
+    if isinstance(text, str):
+        reader.budget.take(f"{key} of a table", BYTES_A_VALUE * sum(map(text.count, ",[{")))
     try:
         return reader.value(json.loads(text), 0)
     except (TypeError, ValueError, RecursionError) as problem:
         raise MessageError(f"{key} of a table: {problem}") from None
 
 
+def _parsed(column, reader):
+    """The column with the objects that it has as JSON."""
+    if column.categories is not None:
+        return dataclasses.replace(column, categories=_parsed(column.categories, reader))
+    if column.dtype != JSON or not isinstance(column.data, list):
+        return column
+    return dataclasses.replace(column, data=Objects(_json({"cell": text}, "cell", reader) for text in column.data))
+
+
+class Objects(list):
+    """Objects of any kind."""
+
+
 def values(pandas, column):
     """A column as an array that pandas takes."""
     dtype, data, valid = column.dtype, column.data, column.valid
+    if isinstance(data, Objects):
+        return _objects(data, None, None)
     if dtype.endswith(ARROW):
         return pandas.arrays.ArrowExtensionArray(column.to_arrow(library("pyarrow")))
     if dtype.startswith("period["):
@@ -116,6 +143,12 @@ def values(pandas, column):
         return pandas.Categorical.from_codes(
             codes, pandas.Index(values(pandas, column.categories)), ordered=dtype == "category(ordered)"
         )
+    closed = _INTERVAL.fullmatch(dtype)
+    if closed and column.type == "struct" and len(column.inner) == 2:
+        left, right = (pandas.Index(values(pandas, end)) for end in column.inner)
+        return pandas.arrays.IntervalArray.from_arrays(left, right, closed[1])
+    if DECIMAL.fullmatch(column.type):
+        return _objects(column.numbers(), None, None)
     if column.type in NESTED or column.type.startswith(("time32", "time64")):
         return _objects(column.to_arrow(library("pyarrow")).to_pylist(), None, None)
     if isinstance(data, list):
@@ -143,7 +176,9 @@ def _missing(pandas, dtype):
 
 def _objects(items, valid, missing):
     found = np.empty(len(items), object)
-    found[:] = items
+    # One by one: NumPy would make a second dimension of lists of one length.
+    for row, item in enumerate(items):
+        found[row] = item
     if valid is not None:
         found[~valid] = missing
     return found
@@ -300,6 +335,10 @@ def _write_values(pandas, array, label):
         element = dtype.numpy_dtype
         data = array.to_numpy(dtype=element, na_value=element.type(0))
         return {"dtype": name, "type": element.name, "data": data, **valid}
+    if isinstance(dtype, pandas.IntervalDtype):
+        ends = (("left", array.left), ("right", array.right))
+        fields = [{"name": end, **_write_values(pandas, index.array, label)} for end, index in ends]
+        return {"dtype": name, "type": "struct", "fields": fields}
     if name == "object":
         return _write_objects(pandas, array, missing, label)
     elements = np.asarray(array) if isinstance(dtype, np.dtype) or hasattr(dtype, "numpy_dtype") else None
@@ -325,7 +364,7 @@ def _write_times(pandas, array, dtype):
 
 
 def _write_objects(pandas, array, missing, label):
-    """A column of Python's objects that are all text, or all numbers of one kind."""
+    """A column of Python's objects: of text or numbers of one kind, else the JSON of each."""
     items = array.tolist()
     there = [item for item, lacks in zip(items, missing) if not lacks]
     kinds = {type(item) for item in there}
@@ -335,8 +374,7 @@ def _write_objects(pandas, array, missing, label):
         if lacks
     }
     if len(kinds) > 1 or len(lacking) > 1 or kinds - {str, bool, int, float}:
-        names = ", ".join(sorted(kind.__name__ for kind in kinds) + sorted(lacking))
-        raise MessageError(f"column {label!r} of objects of several types or of {names}: cast it")
+        return _write_json(items)
     dtype = "object" if lacking <= {"None"} else f"object({lacking.pop()})"
     kind = next(iter(kinds), str)
     if kind is str:
@@ -345,6 +383,22 @@ def _write_objects(pandas, array, missing, label):
     element = {bool: "bool", int: "int64", float: "float64"}[kind]
     try:
         data = np.array([kind() if lacks else item for item, lacks in zip(items, missing)], element)
-    except OverflowError as problem:
-        raise MessageError(f"column {label!r} of integers: {problem}") from None
+    except OverflowError:
+        return _write_json(items)
     return {"dtype": dtype, "type": element, "data": data} | ({"valid": ~missing} if missing.any() else {})
+
+
+def _write_json(items):
+    """A column of objects of any kind."""
+    from .writing import CellWriter
+
+    data = []
+    for row, item in enumerate(items):
+        try:
+            data.append(json.dumps(CellWriter().value(item, 0)))
+        except MessageError as error:
+            error.inside(row)
+            raise
+        except ValueError as problem:  # an integer of more digits than Python writes
+            raise MessageError(str(problem)) from None
+    return {"dtype": JSON, "type": "utf8", "data": data}

@@ -129,6 +129,16 @@ class Writer:
         raise MessageError(f"an object of type {type(value).__module__}.{type(value).__qualname__}: send {remedy}")
 
 
+class CellWriter(Writer):
+    """Writes the JSON of an object in a table, which has no arrays beside it."""
+
+    def array(self, elements):
+        return tagged("numpy.ndarray", write_npy(as_array(elements)))
+
+    def foreign(self, value, depth):
+        raise MessageError(f"an object of type {type(value).__name__} in a table: cast the column")
+
+
 def _datetime(value):
     if value != value:  # pandas's NaT, which is a datetime to Python
         return tagged("numpy.datetime64", "NaT")

@@ -69,6 +69,28 @@ pub(crate) fn dtype_of(data_type: &DataType) -> Option<Dtype> {
     }
 }
 
+/// A decimal number, such as `-1.50`, in units of `10^-scale`.
+pub(crate) fn decimal(text: &str, scale: i8) -> Option<i128> {
+    let (whole, fraction) = text.split_once('.').unwrap_or((text, ""));
+    if !fraction.bytes().all(|b| b.is_ascii_digit()) {
+        return None;
+    }
+    let digits = format!("{whole}{fraction}");
+    let zeros = i64::from(scale) - i64::try_from(fraction.len()).ok()?;
+    let text = match usize::try_from(zeros) {
+        Ok(zeros) => digits + &"0".repeat(zeros),
+        // The digits that have no place must be zeros.
+        Err(_negative) if fraction.is_empty() => {
+            let place = usize::try_from(zeros.unsigned_abs()).ok()?;
+            let (rest, cut) = digits.split_at_checked(digits.len().saturating_sub(place))?;
+            let is_zero = cut.bytes().all(|b| b == b'0');
+            is_zero.then(|| if rest.is_empty() { "0".to_owned() } else { rest.to_owned() })?
+        }
+        Err(_negative) => return None,
+    };
+    text.parse().ok()
+}
+
 /// Elements of an array of fixed width, missing ones included.
 pub(crate) fn elements(array: &ArrayRef) -> Option<Tensor> {
     let dtype = dtype_of(array.data_type())?;
@@ -115,4 +137,28 @@ pub(crate) fn batch(
 ) -> Result<RecordBatch, ArrowError> {
     let options = RecordBatchOptions::new().with_row_count(Some(rows));
     RecordBatch::try_new_with_options(Arc::new(schema), columns, &options)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::decimal;
+
+    #[test]
+    fn decimals_are_read_exactly_or_not_at_all() {
+        for (text, scale, number) in [
+            ("1.50", 2, Some(150)),
+            ("-1.5", 2, Some(-150)),
+            ("7", 0, Some(7)),
+            ("-1200", -2, Some(-12)),
+            ("0", -2, Some(0)),
+            ("1250", -2, None),
+            ("1.234", 2, None),
+            ("1.x", 2, None),
+            ("", 0, None),
+            ("1e3", 0, None),
+            (&"9".repeat(40), 0, None),
+        ] {
+            assert_eq!(decimal(text, scale), number, "{text} {scale}");
+        }
+    }
 }

@@ -165,7 +165,7 @@ const PANDAS: &[Global] = family! {
     "pandas._libs.tslibs.timestamps": call "_unpickle_timestamp";
     "pandas.arrays": call "ArrowExtensionArray", call "ArrowStringArray", call "BooleanArray",
         data "DatetimeArray", call "FloatingArray", call "IntegerArray", data "IntervalArray",
-        call "PeriodArray", call "SparseArray", data "StringArray", data "TimedeltaArray";
+        call "IntervalArray.from_arrays", call "PeriodArray", call "SparseArray", data "StringArray", data "TimedeltaArray";
     "pandas.core.arrays.arrow.array": call "ArrowExtensionArray";
     "pandas.core.arrays.boolean": call "BooleanArray", call "BooleanDtype";
     "pandas.core.arrays.categorical": data "Categorical";
@@ -253,8 +253,12 @@ mod tests {
             let modules = ["os", "posix", "nt", "subprocess", "sys", "importlib", "operator"];
             assert!(allowed.iter().all(|global| !modules.contains(&global.module)));
             // Constructors that are methods of their class.
-            let constructors =
-                ["Categorical.from_codes", "MultiIndex.from_tuples", "ZoneInfo._unpickle"];
+            let constructors = [
+                "Categorical.from_codes",
+                "IntervalArray.from_arrays",
+                "MultiIndex.from_tuples",
+                "ZoneInfo._unpickle",
+            ];
             let is_path = |global: &&Global| {
                 global.name.contains('.') && !constructors.contains(&global.name)
             };

@@ -6,6 +6,7 @@
 //!   IntegerArray, FloatingArray, BooleanArray                 values and a mask
 //!   ArrowStringArray, ArrowExtensionArray                     an array of PyArrow
 //!   PeriodArray                                               an ndarray of counts and a dtype
+//!   IntervalArray                                             two arrays, of the ends
 //! ```
 
 use std::sync::Arc;
@@ -24,7 +25,7 @@ use super::super::budget::Budget;
 use super::super::pyarrow;
 use super::frame::{Column, Index, range_labels, range_length};
 use super::index::index;
-use super::objects::{self, Missing};
+use super::{cells, intervals, objects};
 use crate::codec::pickle::{Node, PickleCall, PickleError, PickledArray, View};
 use crate::types::{Dtype, NumpyArray, Tensor, arrow};
 
@@ -56,6 +57,9 @@ pub(super) fn columns(node: &Node<'_>, budget: &Budget) -> Result<Vec<Typed>> {
             let dtype = format!("{}{ARROW}", pyarrow::type_name(array.data_type()));
             Ok(vec![(array, dtype)])
         }
+        "__pyx_unpickle_IntervalMixin" | "IntervalArray.from_arrays" => {
+            intervals::read(node, &call, budget).map(|one| vec![one])
+        }
         "PeriodArray" => periods(&call.arg(0)?, &call.arg(1)?, budget),
         _ => Err(node.unexpected("an array of pandas that is read here")),
     }
@@ -72,8 +76,9 @@ pub(super) fn typed(values: &Node<'_>, dtype: &Node<'_>, budget: &Budget) -> Res
     let asked = dtype.option().map(|dtype| dtype.str()).transpose()?;
     if let View::List(items) = values.view() {
         let items: Vec<_> = items.iter().collect();
-        let (array, _) = objects::array(values, &items, budget)?;
-        return Ok((array, "object".into()));
+        let (array, dtype) = objects::array(values, &items, budget)?;
+        let dtype = if dtype == cells::DTYPE { dtype } else { "object" };
+        return Ok((array, dtype.into()));
     }
     let (array, found) = column(values, budget)?;
     match (asked, array.data_type()) {
@@ -228,21 +233,12 @@ fn from_numpy(node: &Node<'_>, budget: &Budget, zone: Option<&Arc<str>>) -> Resu
                 .map(|row| {
                     let begin = row * rows.length;
                     let part = items.get(begin..begin + rows.length).unwrap_or_default();
-                    let (array, missing) = objects::array(node, part, budget)?;
-                    Ok((array, object_dtype(missing)))
+                    let (array, dtype) = objects::array(node, part, budget)?;
+                    Ok((array, dtype.to_owned()))
                 })
                 .collect()
         }
     }
-}
-
-fn object_dtype(missing: Option<Missing>) -> String {
-    match missing {
-        None | Some(Missing::None) => "object",
-        Some(Missing::Nan) => "object(nan)",
-        Some(Missing::Na) => "object(NA)",
-    }
-    .to_owned()
 }
 
 /// Rows of an array of one or two dimensions.
@@ -314,6 +310,12 @@ fn times(
     Ok((fixed(node, data_type, rows.length, data, nulls)?, dtype))
 }
 
+/// Type of categories, which Arrow has no other place for where it says what the categories are.
+pub(crate) fn category_of(name: &str, dtype: &str) -> String {
+    let is_said = dtype == cells::DTYPE || dtype.starts_with(intervals::DTYPE);
+    if is_said { format!("{name} of {dtype}") } else { name.to_owned() }
+}
+
 /// Values and a mask that is true where they are missing.
 fn masked(node: &Node<'_>, call: &PickleCall<'_>, budget: &Budget) -> Result<Typed> {
     // Old releases apply the class to both, new ones set them.
@@ -364,9 +366,9 @@ fn from_codes(call: &PickleCall<'_>, budget: &Budget) -> Result<Typed> {
 }
 
 fn coded(codes: &Node<'_>, categories: &Node<'_>, ordered: bool, budget: &Budget) -> Result<Typed> {
-    let values = listed(index(categories, budget)?, categories, budget)?.array;
+    let Column { array, dtype, .. } = listed(index(categories, budget)?, categories, budget)?;
     let name = if ordered { "category(ordered)" } else { "category" };
-    Ok((dictionary(codes, values, budget)?, name.to_owned()))
+    Ok((dictionary(codes, array, budget)?, category_of(name, &dtype)))
 }
 
 /// The labels of an index of one level, also of a range.

@@ -6,7 +6,7 @@ use arrow_array::cast::AsArray as _;
 use super::super::budget::Budget;
 use super::column::{column, dictionary, listed, typed};
 use super::frame::{Column, Index, range_labels};
-use super::{labels, offsets};
+use super::{intervals, labels, offsets};
 use crate::codec::pickle::{Node, Pairs, PickleCall, PickleError, PickledArray, View};
 use crate::types::Value;
 
@@ -26,7 +26,7 @@ fn read_index(node: &Node<'_>, budget: &Budget) -> Result<Index> {
     if matches!(call.global().name, "Index" | "RangeIndex") {
         return constructed(node, &call, budget);
     }
-    let makers = ["_new_Index", "_new_DatetimeIndex", "_new_TimedeltaIndex"];
+    let makers = ["_new_Index", "_new_DatetimeIndex", "_new_TimedeltaIndex", "_new_IntervalIndex"];
     if !makers.contains(&call.global().name) {
         return Err(node.unexpected("an index"));
     }
@@ -37,6 +37,11 @@ fn read_index(node: &Node<'_>, budget: &Budget) -> Result<Index> {
             range(node, [parts.get("start")?, parts.get("stop")?, parts.get("step")?], name)
         }
         "MultiIndex" => levels(node, &parts, budget).map(Index::Levels),
+        "IntervalIndex" => {
+            let ends = [parts.get("left")?, parts.get("right")?];
+            let (array, dtype) = intervals::of(node, ends, &parts.get("closed")?, budget)?;
+            Ok(Index::Column(Box::new(Column { label: name, dtype, array }), None))
+        }
         "Index" | "DatetimeIndex" | "TimedeltaIndex" | "CategoricalIndex" | "PeriodIndex" => {
             let data = parts.get("data")?;
             let freq = parts.find("freq").map_or(Ok(None), |freq| offsets::read(&freq))?;

@@ -15,7 +15,7 @@ use arrow_array::{ArrayRef, BooleanArray, Float64Array, Int64Array, StringArray}
 
 use super::super::{Body, Part, PluginError, Unpacking};
 use super::frame::{Column, Frame, Index, Kind, range_labels};
-use super::labels;
+use super::{cells, labels};
 use crate::codec::json;
 use crate::plugin_api::malformed;
 use crate::types::{Map, Value};
@@ -162,6 +162,9 @@ fn cells(columns: &[Column]) -> Result<Vec<Vec<Value>>> {
     columns
         .iter()
         .map(|column| {
+            if column.dtype == cells::DTYPE {
+                return cells::values(&column.array);
+            }
             let cells = labels::values(&column.array).ok_or_else(|| {
                 PluginError::unsupported(
                     format!("a column of type {} in JSON", column.array.data_type()),
@@ -215,10 +218,7 @@ fn column(label: Value, cells: &[&Value]) -> Result<Column> {
     } else if all(|cell| matches!(cell, Value::Str(_) | Value::Null)) {
         (Arc::new(cells.iter().map(|cell| cell.as_str()).collect::<StringArray>()), "object")
     } else {
-        return Err(PluginError::unsupported(
-            format!("a column {label:?} of mixed or nested values"),
-            "send columns of numbers, bools or text",
-        ));
+        (cells::of(cells)?, cells::DTYPE)
     };
     Ok(Column { label, dtype: dtype.into(), array })
 }

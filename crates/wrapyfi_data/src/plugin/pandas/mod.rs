@@ -12,11 +12,13 @@
 //! The columns of the [`Table`](crate::types::Table) are Arrow arrays, an index that is no range
 //! before all others, one column for each of its levels. Of each field the metadata `dtype` is
 //! pandas's own name of the type. A frame that this cannot hold in full is refused and travels on as
-//! it came: objects of mixed types, intervals, sparse and complex columns.
+//! it came: objects of other types than Python's own, sparse and complex columns.
 
+mod cells;
 mod column;
 mod frame;
 mod index;
+mod intervals;
 mod json;
 mod labels;
 mod objects;

@@ -1,15 +1,16 @@
-//! Columns of Python objects: text, or plain values of one kind.
+//! Columns of Python objects: text, or plain values of one kind; else the JSON of each.
 
 use std::sync::Arc;
 
 use arrow_array::{ArrayRef, BinaryArray, BooleanArray, Float64Array, Int64Array, StringArray};
 
 use super::super::budget::Budget;
+use super::cells;
 use crate::codec::pickle::{Node, PickleError, View};
 
 /// Object that stands for a missing value in a column of objects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Missing {
+enum Missing {
     None,
     Nan,
     Na,
@@ -25,13 +26,15 @@ enum Content {
     Bytes,
 }
 
-/// Reads objects as an array; how missing ones were spelled, where there are any.
+/// Reads objects as an array, with the name of its type.
 pub(super) fn array(
     owner: &Node<'_>,
     items: &[Node<'_>],
     budget: &Budget,
-) -> Result<(ArrayRef, Option<Missing>), PickleError> {
-    let (content, missing) = survey(owner, items)?;
+) -> Result<(ArrayRef, &'static str), PickleError> {
+    let Ok((content, missing)) = survey(owner, items) else {
+        return Ok((cells::array(items, budget)?, cells::DTYPE));
+    };
     budget.take(owner, items.len().saturating_mul(8))?;
     // Values of another kind are missing ones.
     let array: ArrayRef = match content {
@@ -41,7 +44,12 @@ pub(super) fn array(
         Content::Int => Arc::new(Int64Array::from_iter(items.iter().map(|it| it.int().ok()))),
         Content::Float => Arc::new(Float64Array::from_iter(items.iter().map(|it| it.float().ok()))),
     };
-    Ok((array, missing))
+    let dtype = match missing {
+        None | Some(Missing::None) => "object",
+        Some(Missing::Nan) => "object(nan)",
+        Some(Missing::Na) => "object(NA)",
+    };
+    Ok((array, dtype))
 }
 
 /// The values whose bytes are booked before they are copied, nothing for missing ones.

@@ -24,7 +24,7 @@ use arrow_schema::DataType;
 use super::super::{PluginError, pyarrow};
 use super::column::{ARROW, PERIOD, zoned};
 use super::frame::{Column, Frame, Index, Kind};
-use super::offsets;
+use super::{cells, intervals, offsets};
 use crate::codec::json;
 use crate::codec::pickle::Writer;
 use crate::types::arrow::{self, unit_name};
@@ -258,6 +258,12 @@ fn values(to: &mut Writer, column: &Column) -> Result {
     if column.dtype.starts_with("object") {
         return objects(to, column);
     }
+    if let Some((ends, sides)) = intervals::ends(column) {
+        to.global("pandas.arrays", "IntervalArray.from_arrays");
+        ends.iter().try_for_each(|end| labelled(to, end, &Value::Null))?;
+        to.str(sides).tuple(3).reduce();
+        return Ok(());
+    }
     if let Some(class) = masked_class(column) {
         to.global("pandas.arrays", class);
         plain(to, column)?;
@@ -315,6 +321,13 @@ fn times(to: &mut Writer, array: &ArrayRef, descr: &str) {
 /// Python objects, one each.
 fn objects(to: &mut Writer, column: &Column) -> Result {
     let array = &column.array;
+    if column.dtype == cells::DTYPE {
+        let (values, mut written) = (cells::values(array)?, Ok(()));
+        to.objects(values.len(), |to| {
+            written = values.iter().try_for_each(|value| cells::write(to, value));
+        });
+        return written;
+    }
     let missing = |to: &mut Writer| {
         match column.dtype.as_str() {
             "object(nan)" | "str" => to.float(f64::NAN),
@@ -366,9 +379,10 @@ fn categories(to: &mut Writer, column: &Column) -> Result {
     })?;
     to.global("pandas", "Categorical.from_codes");
     write_codes(to, data_type, &codes);
-    let categories = Column { label: Value::Null, dtype: String::new(), array: values };
+    let (name, dtype) = column.dtype.split_once(" of ").unwrap_or((&column.dtype, ""));
+    let categories = Column { label: Value::Null, dtype: dtype.to_owned(), array: values };
     labelled(to, &categories, &Value::Null)?;
-    to.bool(column.dtype == "category(ordered)").tuple(3).reduce();
+    to.bool(name == "category(ordered)").tuple(3).reduce();
     Ok(())
 }
 

@@ -125,7 +125,9 @@ fn restore(node: &Node<'_>, budget: &Budget, depth: usize) -> Result<ArrayData> 
     }
     // Arrow panics where the first buffer ends inside an element.
     let width = match &data_type {
-        DataType::Utf8 | DataType::Binary | DataType::List(_) => size_of::<i32>(),
+        DataType::Utf8 | DataType::Binary | DataType::List(_) | DataType::Map(..) => {
+            size_of::<i32>()
+        }
         DataType::LargeUtf8 | DataType::LargeBinary | DataType::LargeList(_) => size_of::<i64>(),
         DataType::Dictionary(codes, _) => codes.primitive_width().unwrap_or(1),
         other => other.primitive_width().unwrap_or(1),

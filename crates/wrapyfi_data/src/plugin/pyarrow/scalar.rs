@@ -281,13 +281,8 @@ fn count(node: &Node<'_>, data_type: &DataType) -> Result<i64> {
 
 /// `Decimal('1.50')` in units of `10^-scale`.
 fn decimal(node: &Node<'_>, scale: i8) -> Result<i128> {
-    let text = node.decimal()?;
-    let (whole, fraction) = text.split_once('.').unwrap_or((text, ""));
-    let zeros = usize::try_from(scale).ok().and_then(|scale| scale.checked_sub(fraction.len()));
-    let parsed = zeros
-        .filter(|_| fraction.bytes().all(|b| b.is_ascii_digit()))
-        .and_then(|zeros| format!("{whole}{fraction}{}", "0".repeat(zeros)).parse::<i128>().ok());
-    parsed.ok_or_else(|| node.unexpected(format!("a decimal of {scale} digits behind the point")))
+    arrow::decimal(node.decimal()?, scale)
+        .ok_or_else(|| node.unexpected(format!("a decimal of {scale} digits behind the point")))
 }
 
 /// Writes the one element of `array`.

@@ -98,6 +98,17 @@ fn read_type(node: &Node<'_>, budget: &Budget, depth: usize) -> Result<DataType>
         }
         "list_" => DataType::List(inner(0)?),
         "large_list" => DataType::LargeList(inner(0)?),
+        "map_" => {
+            let end = |index, name: &str| -> Result<_> {
+                let field: Arc<Field> = inner(index)?;
+                Ok(Field::clone(&field).with_name(name))
+            };
+            let fields = vec![end(0, "key")?.with_nullable(false), end(1, "value")?];
+            DataType::Map(
+                Arc::new(Field::new("entries", DataType::Struct(fields.into()), false)),
+                false,
+            )
+        }
         "struct" => {
             let fields = call.arg(0)?.sequence()?;
             let fields = fields.iter().map(|field| read_field(&field, budget, depth + 1));
@@ -194,6 +205,14 @@ pub(in crate::plugin) fn type_name(data_type: &DataType) -> String {
             let fields: Vec<String> = fields.iter().map(|it| field(it)).collect();
             format!("struct<{}>", fields.join(", "))
         }
+        DataType::Map(entries, _) => match entries.data_type() {
+            DataType::Struct(fields) => {
+                let types: Vec<String> =
+                    fields.iter().map(|it| type_name(it.data_type())).collect();
+                format!("map<{}>", types.join(", "))
+            }
+            other => other.to_string(),
+        },
         DataType::Dictionary(codes, values) => format!(
             "dictionary<values={}, indices={}, ordered=0>",
             type_name(values),
@@ -247,20 +266,30 @@ pub(super) fn write_type(
             to.global(LIB, "struct").list(fields, |to, field| write_field(to, field))?;
             to.tuple(1).reduce();
         }
+        DataType::Map(entries, _) => {
+            to.global(LIB, "map_").mark();
+            let DataType::Struct(fields) = entries.data_type() else {
+                return Err(unsupported(data_type));
+            };
+            fields.iter().try_for_each(|field| write_field(to, field))?;
+            to.tuple_since_mark().reduce();
+        }
         DataType::Dictionary(index, value) => {
             to.global(LIB, "dictionary");
             write_type(to, index)?;
             write_type(to, value)?;
             to.bool(false).tuple(3).reduce();
         }
-        _ => {
-            return Err(PluginError::unsupported(
-                format!("a column of type {data_type}"),
-                "cast it to a type of numbers, text, time, lists or structs",
-            ));
-        }
+        _ => return Err(unsupported(data_type)),
     }
     Ok(())
+}
+
+fn unsupported(data_type: &DataType) -> PluginError {
+    PluginError::unsupported(
+        format!("a column of type {data_type}"),
+        "cast it to a type of numbers, text, time, lists or structs",
+    )
 }
 
 /// Writes a field.

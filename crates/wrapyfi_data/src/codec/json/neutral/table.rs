@@ -16,16 +16,21 @@
 //!   {"name": "p", "type": "struct", "fields": [{"name": "x", …}, {"name": "y", …}], "valid": tensor 5}
 //! ```
 //!
-//! A table with columns that this has no form for (decimals, maps, unions) travels in the form of its
-//! plug-in.
+//! Decimals are text: `{"type": "decimal128(5, 2)", "data": ["1.50", null]}`. A map is a list whose items are structs of
+//! key and value. Columns of objects have the JSON of each as text, with the `dtype` `object(json)`; intervals are structs
+//! of `left` and `right`, and their `dtype` says which sides belong to them: `interval[int64, right]`.
+//!
+//! A table with columns that this has no form for (unions, views) travels in the form of its plug-in.
 
 use std::collections::HashMap;
 use std::sync::Arc;
 
 use arrow_array::cast::AsArray as _;
+use arrow_array::types::{Decimal128Type, DecimalType as _};
 use arrow_array::{
-    Array as _, ArrayRef, BinaryArray, FixedSizeListArray, LargeListArray, LargeStringArray,
-    ListArray, NullArray, OffsetSizeTrait, StringArray, StructArray, make_array,
+    Array as _, ArrayRef, BinaryArray, Decimal128Array, FixedSizeListArray, LargeListArray,
+    LargeStringArray, ListArray, MapArray, NullArray, OffsetSizeTrait, StringArray, StructArray,
+    make_array,
 };
 use arrow_buffer::{ArrowNativeType as _, Buffer, NullBuffer, OffsetBuffer};
 use arrow_data::ArrayData;
@@ -36,6 +41,11 @@ use super::{origin_body, read_origin, text};
 use crate::types::arrow::{self, unit_name};
 use crate::types::{Dtype, Element, Map, Table, Tensor, Value};
 
+/// Between the type of categories and what they are.
+const OF: &str = " of ";
+/// Types of columns by the names that pandas's plug-in gives them.
+const OBJECTS: &str = "object(json)";
+const INTERVALS: &str = "interval[";
 /// Deepest nesting of categories, lists and structs.
 const MAX_DEPTH: usize = 16;
 
@@ -84,12 +94,26 @@ fn column(field: &Field, array: &ArrayRef, depth: usize) -> Option<Map> {
             column.insert("data", Value::from_iter(array.as_string::<i64>()));
             return Some(column);
         }
+        DataType::Decimal128(..) => {
+            let numbers = array.as_primitive::<Decimal128Type>();
+            let text = |row| numbers.is_valid(row).then(|| numbers.value_as_string(row));
+            column.insert("data", Value::from_iter((0..numbers.len()).map(text)));
+            return Some(column);
+        }
         DataType::Dictionary(..) => {
             let dictionary = array.as_any_dictionary();
             let keys = make_array(dictionary.keys().to_data());
             column.insert("data", arrow::elements(&keys)?);
             column.insert("codes", type_name(keys.data_type())?);
-            let values = Field::new("", dictionary.values().data_type().clone(), true);
+            let mut values = Field::new("", dictionary.values().data_type().clone(), true);
+            // What the categories are stands behind the type of the column.
+            let dtype =
+                column.get("dtype").and_then(Value::as_str).and_then(|it| it.split_once(OF));
+            if let Some((name, of)) = dtype {
+                let (name, of) = (name.to_owned(), of.to_owned());
+                values = values.with_metadata([("dtype".to_owned(), of)]);
+                column.insert("dtype", name);
+            }
             let categories = self::column(&values, dictionary.values(), depth + 1)?;
             column.insert("categories", categories);
         }
@@ -99,6 +123,13 @@ fn column(field: &Field, array: &ArrayRef, depth: usize) -> Option<Map> {
             let (offsets, items) = bounded(list.offsets(), list.values())?;
             column.insert("offsets", numbers(offsets)?);
             column.insert("items", self::column(item, &items, depth + 1)?);
+        }
+        DataType::Map(entries, false) => {
+            let map = array.as_map();
+            let items: ArrayRef = Arc::new(map.entries().clone());
+            let (offsets, items) = bounded(map.offsets(), &items)?;
+            column.insert("offsets", numbers(offsets)?);
+            column.insert("items", self::column(entries, &items, depth + 1)?);
         }
         DataType::LargeList(item) => {
             let list = array.as_list::<i64>();
@@ -157,6 +188,8 @@ fn type_name(data_type: &DataType) -> Option<String> {
         DataType::Null => "null".into(),
         DataType::List(_) => "list".into(),
         DataType::LargeList(_) => "large_list".into(),
+        DataType::Map(..) => "map".into(),
+        DataType::Decimal128(precision, scale) => format!("decimal128({precision}, {scale})"),
         DataType::FixedSizeList(..) => "fixed_size_list".into(),
         DataType::Struct(_) => "struct".into(),
         DataType::Binary => "binary".into(),
@@ -231,6 +264,7 @@ fn read_column(body: &Value, rows: usize, depth: usize) -> Result<(Field, ArrayR
         return Ok((field(map, name, &array), array));
     }
     let data = member("data")?;
+    let mut of = None;
     let array: ArrayRef = match kind.as_str() {
         "utf8" => Arc::new(StringArray::from(texts(data)?)),
         "large_utf8" => Arc::new(LargeStringArray::from(texts(data)?)),
@@ -239,17 +273,41 @@ fn read_column(body: &Value, rows: usize, depth: usize) -> Result<(Field, ArrayR
             let codes = type_of(&codes).ok_or_else(|| format!("codes of type {codes:?}"))?;
             let categories = map.get("categories").ok_or("categories are missing")?;
             let (field, values) = read_column(categories, 0, depth + 1)?;
+            of = field.metadata().get("dtype").cloned();
             let keys = fixed(data, &codes, valid)?;
             let whole = DataType::Dictionary(Box::new(codes), Box::new(field.data_type().clone()));
             let data = keys.into_builder().data_type(whole).add_child_data(values.to_data());
             make_array(data.build().map_err(|error| error.to_string())?)
+        }
+        decimal if decimal.starts_with("decimal128(") => {
+            decimals(data, decimal).ok_or_else(|| format!("{decimal} with other data"))?
         }
         other => {
             let data_type = type_of(other).ok_or_else(|| format!("type {other:?} is not known"))?;
             make_array(fixed(data, &data_type, valid)?)
         }
     };
-    Ok((field(map, name, &array), array))
+    let field = field(map, name, &array);
+    let of = of.filter(|of| *of == OBJECTS || of.starts_with(INTERVALS));
+    let Some((dtype, of)) = field.metadata().get("dtype").cloned().zip(of) else {
+        return Ok((field, array));
+    };
+    Ok((field.with_metadata([("dtype".to_owned(), dtype + OF + &of)]), array))
+}
+
+/// Decimal numbers from their text.
+fn decimals(data: &Value, kind: &str) -> Option<ArrayRef> {
+    let (precision, scale) =
+        kind.strip_prefix("decimal128(")?.strip_suffix(')')?.split_once(", ")?;
+    let (precision, scale) = (precision.parse().ok()?, scale.parse().ok()?);
+    let numbers = texts(data).ok()?.into_iter();
+    let numbers =
+        numbers.map(|text| text.map(|text| arrow::decimal(text, scale).ok_or(())).transpose());
+    let numbers = numbers.collect::<Result<Decimal128Array, ()>>().ok()?;
+    let numbers = numbers.with_precision_and_scale(precision, scale).ok()?;
+    // Arrow's own check takes a negative scale for a large one.
+    let fits = |number| Decimal128Type::is_valid_decimal_precision(number, precision);
+    numbers.iter().flatten().all(fits).then(|| Arc::new(numbers) as ArrayRef)
 }
 
 fn field(map: &Map, name: String, array: &ArrayRef) -> Field {
@@ -287,6 +345,15 @@ fn nested<'a>(
             let (field, items) = items(offsets.last().as_usize())?;
             Arc::new(LargeListArray::try_new(field.into(), offsets, items, valid).map_err(wrong)?)
         }
+        "map" => {
+            let offsets = offsets::<i32>(member("offsets")?)?;
+            let (field, items) = items(offsets.last().as_usize())?;
+            let entries =
+                items.as_struct_opt().ok_or("items of a map that are no structs")?.clone();
+            let field = field.with_nullable(false);
+            let array = MapArray::try_new(field.into(), offsets, entries, valid, false);
+            Arc::new(array.map_err(wrong)?)
+        }
         "fixed_size_list" => {
             let size = member("size")?.as_i64().and_then(|size| i32::try_from(size).ok());
             let size = size.filter(|size| *size >= 0).ok_or("size is no number from 0 on")?;
@@ -297,11 +364,12 @@ fn nested<'a>(
             Arc::new(array.map_err(wrong)?)
         }
         "struct" => {
-            let rows = length("structs")?;
             let columns = member("fields")?.as_items().ok_or("fields is no list")?;
             let columns = columns.iter().map(|column| read_column(column, rows, depth + 1));
             let (fields, arrays): (Vec<_>, Vec<_>) =
                 columns.collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
+            // Categories have as many rows as their fields have.
+            let rows = arrays.first().map_or(rows, |array: &ArrayRef| array.len());
             let array = StructArray::try_new_with_length(fields.into(), arrays, valid, rows);
             Arc::new(array.map_err(wrong)?)
         }
