@@ -18,6 +18,9 @@ pub(crate) fn program() -> Result<PathBuf> {
     built("wrapyfi", "WRAPYFI_BIN")
 }
 
+/// Node executables.
+pub(crate) const NODES: [&str; 4] = ["bridge", "ros1_bridge", "yarp_bridge", "zeromq_bridge"];
+
 /// A node executable in this folder, a link to the program as it is installed.
 pub(crate) fn node_in(folder: &Path, name: &str) -> Result<PathBuf> {
     let link = folder.join(name);

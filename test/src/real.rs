@@ -165,7 +165,7 @@ fn overlay(env: &TestEnv) -> Result {
     let programs = prefix.join("lib/wrapyfi_bridge");
     std::fs::create_dir_all(&programs)?;
     std::os::unix::fs::symlink(programs::program()?, programs.join("wrapyfi"))?;
-    for name in ["bridge", "ros1_bridge", "yarp_bridge", "zeromq_bridge"] {
+    for name in programs::NODES {
         programs::node_in(&programs, name)?;
     }
     Ok(())

@@ -449,10 +449,16 @@ impl TestEnv {
     /// Starts a line of the shell, as somebody types it who has our programs and the Python peers on the `PATH`.
     pub fn shell(&self, line: &str) -> Result<Process> {
         let mut command = self.command(Path::new("bash"), ["-c", line]);
+        // As `make build` and colcon leave them: links beside the program.
+        let links = self.path("links");
+        std::fs::create_dir_all(&links)?;
+        for name in programs::NODES {
+            programs::node_in(&links, name)?;
+        }
         let programs = programs::program()?;
         let python = programs::python().ok();
         let own = std::iter::once(programs).chain(python);
-        let own = own.filter_map(|file| file.parent().map(Path::to_owned));
+        let own = own.filter_map(|file| file.parent().map(Path::to_owned)).chain([links]);
         let others = std::env::var_os("PATH").unwrap_or_default();
         let path = std::env::join_paths(own.chain(std::env::split_paths(&others)))?;
         command.env("PATH", path).env("PYTHONUNBUFFERED", "1");
