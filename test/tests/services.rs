@@ -329,11 +329,11 @@ fn calls_that_cannot_be_end_with_a_reason() -> Result {
             ),
             (vec!["--type", ADD, "--value", "{"], 2, "--value: malformed JSON"),
             (vec!["--type", "nowhere/srv/Nothing"], 2, "nowhere/srv/Nothing"),
-            (vec!["--type", ADD, "--args", "[1, 2, 3]"], 2, "has 2 fields"),
+            (vec!["--type", ADD, "--args", "[1, 2, 3]"], 2, "has 2: leave out 1"),
             (
                 vec!["--type", "nowhere/msg/Nothing"],
                 2,
-                "must be NativeObject, Image, CompressedImage, AudioChunk",
+                "accepted are NativeObject, Image, CompressedImage, AudioChunk",
             ),
         ] {
             let mut process = call(env, &none, &more)?;

@@ -255,7 +255,6 @@ impl Reconciler {
         }
         candidate.wished = None;
         let (told, carried) = (told.label(), carried.label());
-        candidate.left_type = Some(carried);
         if told == carried {
             return Some(format!("its publishers have another definition of {told} now"));
         }
@@ -300,7 +299,7 @@ impl Reconciler {
                 continue;
             }
             let fits = || may_be_read_as(carried.data_type(), wanted.data_type());
-            if untyped && !is_given && candidate.left_type != Some(wanted.label()) && fits() {
+            if untyped && !is_given && fits() {
                 misfits.instead = misfits.instead.or(Some(wanted));
             }
             let who = listener.node.as_deref().unwrap_or("a listener");

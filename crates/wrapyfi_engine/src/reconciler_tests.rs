@@ -475,39 +475,6 @@ fn what_a_source_shows_goes_before_what_listeners_want() {
     }
 }
 
-/// A listener of before does not bring the type back that the publishers have left.
-#[test]
-fn what_a_source_shows_now_goes_before_what_listeners_of_before_want() {
-    const VECTOR: &str = "std_msgs/msg/Float64MultiArray";
-    for written in [ALL, "from: 'a:/x', to: 'b:/from_a/x'"] {
-        let bus = Arc::new(Memory::new("a"));
-        let answer = std::sync::Mutex::new(Ok(VECTOR));
-        let (a, b) =
-            (Arc::new(Asked { bus: Arc::clone(&bus), answer }), Arc::new(Memory::new("b")));
-        let (mut engine, mut now) = (engine(&a, &b, &[written]), Instant::now());
-        let mut after = |answer: &'static str| {
-            *a.answer.lock().unwrap() = Ok(answer);
-            (0..30).for_each(|_| {
-                now += 100 * MS;
-                engine.step(now);
-            });
-            let status = engine.status();
-            status.into_iter().find(|it| it.name == "a:/x -> b:/from_a/x").unwrap().message_type
-        };
-        let _source = publisher(&bus, "/x", MessageType::Image);
-        assert_eq!(after(VECTOR), VECTOR, "{written}");
-        let mut types = TypeStore::generated();
-        let vector = RosType::new(
-            &types.resolve_name(&TypeName::parse(Dialect::Ros2, VECTOR).unwrap()).unwrap(),
-        );
-        let spec = TopicSpec::new("/from_a/x", MessageType::Ros(vector.unwrap()));
-        let _of_before = b.open_listener(&spec, &Context::default()).unwrap();
-        assert_eq!(after(VECTOR), VECTOR, "{written}");
-        assert_eq!(after("NativeObject"), "wrapyfi_msgs/msg/NativeObject", "{written}");
-        assert_eq!(after(VECTOR), VECTOR, "{written}");
-    }
-}
-
 #[test]
 fn the_number_of_routes_is_limited_and_the_rest_counted() {
     let mut bench = Bench::new(&["from: 'a:/(.*)', to: 'b:/$1', max_routes: 3"]);

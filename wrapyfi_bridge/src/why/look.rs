@@ -244,6 +244,7 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
     if let Some(graph) = &mut end.graph {
         graph.unresolved = unresolved_peers();
     }
+    end.is_cut = sight.is_answered.load(Relaxed);
     // A broker that has refused the connection is not slow.
     let has_failed = side.has_told_all();
     drop(side);
@@ -278,7 +279,7 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
             listen_beside(&mut end, observer.as_ref(), looked_since + MOST);
         }
     }
-    if wanted.is_there(&end) {
+    if wanted.is_there(&end) || end.is_cut {
         end.elsewhere.clear();
     }
     end
@@ -287,7 +288,7 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
 /// Looks as far as multicast reaches for somebody who is missing where this program sees less; true where it did. An end
 /// of the domain that is open in this process would have it see as little as that.
 pub(super) fn widen(endpoints: &Endpoints, wanted: &Wanted, end: &mut End) -> bool {
-    let is_missing = wanted.role != Role::Client && !wanted.is_there(end);
+    let is_missing = wanted.role != Role::Client && !wanted.is_there(end) && !end.is_cut;
     let Some(graph) = end.graph.as_ref().filter(|graph| is_missing && graph.is_narrow()) else {
         return false;
     };

@@ -164,6 +164,8 @@ pub struct End {
     pub servers: Vec<ServerCheck>,
     /// Reason that the side does not work, in its own words.
     pub away: Option<String>,
+    /// True where the look ended early, because another one had found what is missing: who is not there may be.
+    pub is_cut: bool,
     /// True where that reason names what to mend: settings here, or those of what greets as ZeroMQ does.
     pub is_told: bool,
     /// Time after which a handshake with such a broker was not over.
