@@ -244,6 +244,7 @@ impl Reconciler {
         }
         let told = other?;
         let before = candidate.announced_type.replace(told.label());
+        candidate.left_type.take_if(|left| *left == told.label());
         if is_same(told, carried) {
             return None;
         }
@@ -255,6 +256,7 @@ impl Reconciler {
         }
         candidate.wished = None;
         let (told, carried) = (told.label(), carried.label());
+        candidate.left_type = Some(carried);
         if told == carried {
             return Some(format!("its publishers have another definition of {told} now"));
         }
@@ -299,7 +301,7 @@ impl Reconciler {
                 continue;
             }
             let fits = || may_be_read_as(carried.data_type(), wanted.data_type());
-            if untyped && !is_given && fits() {
+            if untyped && !is_given && candidate.left_type != Some(wanted.label()) && fits() {
                 misfits.instead = misfits.instead.or(Some(wanted));
             }
             let who = listener.node.as_deref().unwrap_or("a listener");

@@ -27,6 +27,8 @@ pub(super) struct Candidate {
     pub(super) announced_type: Option<&'static str>,
     /// Type that its listeners want, where it differs from the learned one and can be made of it.
     pub(super) wished: Option<MessageType>,
+    /// Type that its route has left because its publishers have another one now, whatever listeners still want.
+    pub(super) left_type: Option<&'static str>,
     /// Listeners that its route cannot serve, in words, as the route was told last.
     pub(super) misfits: Option<String>,
     /// True when its route closes the source while nobody listens. It must not where a publisher
@@ -57,6 +59,7 @@ impl Candidate {
             made: None,
             announced_type: None,
             wished: None,
+            left_type: None,
             misfits: None,
             rests: false,
         }

@@ -475,6 +475,34 @@ fn what_a_source_shows_goes_before_what_listeners_want() {
     }
 }
 
+/// A listener of before does not bring the type back that the publishers have left.
+#[test]
+fn what_a_source_shows_now_goes_before_what_listeners_of_before_want() {
+    const VECTOR: &str = "std_msgs/msg/Float64MultiArray";
+    for written in [ALL, "from: 'a:/x', to: 'b:/from_a/x'"] {
+        let buses = ["a", "b"].map(|name| Arc::new(Memory::new(name)));
+        let [a, b] = buses.clone().map(|bus| {
+            let answer = std::sync::Mutex::new(Ok(VECTOR));
+            Arc::new(Asked { bus, answer })
+        });
+        let (mut engine, mut now) = (engine(&a, &b, &[written]), Instant::now());
+        let mut after = |shown: &'static str| {
+            *a.answer.lock().unwrap() = Ok(shown);
+            (0..60).for_each(|_| {
+                now += 100 * MS;
+                engine.step(now);
+            });
+            let status = engine.status();
+            status.into_iter().find(|it| it.name == "a:/x -> b:/from_a/x").unwrap().message_type
+        };
+        let _source = publisher(&buses[0], "/x", MessageType::Image);
+        let _of_before = listener(&buses[1], "/from_a/x");
+        assert_eq!(after(VECTOR), VECTOR, "{written}");
+        assert_eq!(after("NativeObject"), "wrapyfi_msgs/msg/NativeObject", "{written}");
+        assert_eq!(after(VECTOR), VECTOR, "{written}");
+    }
+}
+
 #[test]
 fn the_number_of_routes_is_limited_and_the_rest_counted() {
     let mut bench = Bench::new(&["from: 'a:/(.*)', to: 'b:/$1', max_routes: 3"]);
