@@ -43,7 +43,13 @@ fn numbered(sequence: i64, is_fast_dds: bool) -> i64 {
 
 impl CdrClient for Client {
     fn send(&mut self, parts: &[&[u8]]) -> Result<i64, GraphError> {
-        let is_fast_dds = !matches!(self.cyclone.servers(), Peers::Ready(_));
+        // What one stack has may change between the look that found it ready and this one, where a match comes or goes:
+        // the other one may have no server at all.
+        let is_fast_dds = match (self.cyclone.servers(), self.fast_dds.servers()) {
+            (Peers::Ready(_), _) => false,
+            (_, Peers::Ready(_)) => true,
+            (cyclone, _) => cyclone != Peers::Half,
+        };
         let stack = if is_fast_dds { &mut self.fast_dds } else { &mut self.cyclone };
         Ok(numbered(stack.send(parts)?, is_fast_dds))
     }
@@ -132,14 +138,19 @@ impl Server {
         Ok(())
     }
 
-    /// True for a request that the other stack has not given.
+    /// True for a request that the other stack has not given. One of CycloneDDS's mapping has its identity in itself; of
+    /// the writer of one of Fast DDS's both stacks have the number.
     fn is_new(&mut self, request: &CdrRequest) -> bool {
-        let Some(sample) = request.sample else { return true };
-        if self.seen.contains(&sample) {
+        let identity = match is_fast_dds(&request.id) {
+            true => request.sample,
+            false => Some((request.id.client, request.id.sequence)),
+        };
+        let Some(identity) = identity else { return true };
+        if self.seen.contains(&identity) {
             return false;
         }
         self.seen.truncate(MAX_SEEN - 1);
-        self.seen.push_front(sample);
+        self.seen.push_front(identity);
         true
     }
 }
@@ -290,6 +301,10 @@ mod tests {
             assert_eq!(client.take().unwrap().unwrap().sequence, 3);
             assert_eq!(client.take(), Ok(None));
         }
+        // A match has come since the look that found it ready: the server is there.
+        let (cyclone, fast_dds) =
+            (stack::<CdrReply>(Peers::Half, vec![]).0, stack(Peers::None, vec![]).0);
+        assert_eq!(Client::new(cyclone, fast_dds).send(&[]), Ok(2));
         assert_eq!(of_either(fast, Peers::None), Peers::Half, "the other stack will find it");
         assert_eq!(of_either(Peers::None, Peers::None), Peers::None);
     }
@@ -335,7 +350,8 @@ mod tests {
         let (cyclone, on_cyclone) = stack(
             Peers::Half,
             vec![
-                request(of_cyclone, 10, Some((of_cyclone, 2))),
+                // Its writer is gone already.
+                request(of_cyclone, 10, None),
                 request(writer, 1, Some((writer, 1))),
             ],
         );
