@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use wrapyfi_endpoint::pattern::{Inverse, NamePattern, is_pattern};
+use wrapyfi_endpoint::pattern::{Inverse, NamePattern, is_pattern, ros_name};
 use wrapyfi_endpoint::{EndpointAddress, Role};
 use wrapyfi_engine::TO_BE_ACTIVATED;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::{BridgeStatus, RouteInfo};
@@ -71,6 +71,8 @@ pub(super) fn pattern_to(
         let is_meant = to.middleware == address.middleware && is_pattern(&from.name);
         let pattern = is_meant.then(|| NamePattern::new(&from.name).ok())??;
         let name = Inverse::new(&pattern, &to.name)?.source(&address.name)?;
+        // ROS 2 has such a name with what stands there for a colon and the like.
+        let name = if from.middleware == "ros2" { ros_name(&name) } else { name };
         Some(EndpointAddress { name, ..from })
     };
     all.iter().find_map(|(node, status)| {

@@ -541,11 +541,13 @@ fn a_pattern_that_would_bring_a_name_is_named_with_its_source() {
     let routes = vec![
         pattern("there", "ros2:/(.*)", "ros:/$1"),
         pattern("back", "ros:/(.*)", "ros2:/robot/$1"),
+        pattern("ports", "ros2:/(.*)", "yarp:/$1"),
     ];
     let status = BridgeStatus { routes, ..BridgeStatus::default() };
     let all = [("/eye".to_owned(), status)].into();
     let to = |text: &str| super::super::super::bridges::pattern_to(&address(text), &all);
     assert_eq!(to("ros2:/raw"), None);
+    assert_eq!(to("yarp:/head/command:i").unwrap().2, address("ros2:/head/command/i"));
     let found = to("ros2:/robot/raw").unwrap();
     assert_eq!(found, ("/eye".to_owned(), "back".to_owned(), address("ros:/raw")));
     let mut way = of_source(|it| it.found.clear());
