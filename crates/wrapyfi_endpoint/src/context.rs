@@ -19,7 +19,7 @@ use super::{Clock, Counters, Wake};
 /// let context = Context::default();
 /// let _listener = bus.open_listener(&spec, &context)?;
 /// bus.open_publisher(&spec, &Context::default())?.publish(&Value::from(1).into())?;
-/// assert_eq!(context.counters.received_so_far(), 1); // the listener shares the counters
+/// assert_eq!(context.counters.snapshot().received, 1); // the listener shares the counters
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone, Default)]

@@ -237,11 +237,6 @@ impl Counters {
         self.drops.get(reason as usize).map_or(0, |count| count.load(Relaxed))
     }
 
-    /// Number of messages received.
-    pub fn received_so_far(&self) -> u64 {
-        self.received.load(Relaxed)
-    }
-
     /// Number of messages handed to the destination, and of their bytes.
     pub fn sent_so_far(&self) -> (u64, u64) {
         let [sent, bytes] =

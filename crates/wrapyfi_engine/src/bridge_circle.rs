@@ -9,11 +9,12 @@
 //! all of them come to that by themselves. Routes by pattern pass over what other patterns made, so that a circle
 //! of those alone carries nothing round.
 
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::BTreeMap;
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use super::circle::shortest_way_back;
 use super::route::RouteKey;
 
 /// End of a route, comparable with the ends of other bridges' routes.
@@ -124,34 +125,6 @@ impl BridgeRoutes {
         }
         closing
     }
-}
-
-/// Places after the first on the shortest way back to it.
-fn shortest_way_back<I: Iterator<Item = usize>>(
-    first: usize,
-    next: impl Fn(usize) -> I,
-) -> Option<Vec<usize>> {
-    let mut before: BTreeMap<usize, usize> = BTreeMap::new();
-    let (mut queue, mut seen) = (VecDeque::from([first]), BTreeSet::from([first]));
-    while let Some(place) = queue.pop_front() {
-        for then in next(place) {
-            if then == first {
-                let mut way = Vec::new();
-                let mut at = place;
-                while at != first {
-                    way.push(at);
-                    at = *before.get(&at)?;
-                }
-                way.reverse();
-                return Some(way);
-            }
-            if seen.insert(then) {
-                before.insert(then, place);
-                queue.push_back(then);
-            }
-        }
-    }
-    None
 }
 
 /// Route that carries a topic, as its driver lists it for [`BridgeRoutes`].

@@ -65,27 +65,40 @@ impl RouteIndex<'_> {
 
     /// Shortest way from a route back to its own beginning, where there is one.
     fn way_back(&self, first: usize) -> Option<Vec<usize>> {
-        let mut before: BTreeMap<usize, usize> = BTreeMap::new();
-        let mut queue = VecDeque::from([first]);
-        while let Some(place) = queue.pop_front() {
-            let here = self.all.get(place)?;
-            for then in self.taking_from(here.route.role(), &here.to).map(|it| it.place) {
-                if then == first {
-                    let mut way = vec![place];
-                    while let Some(earlier) = way.last().and_then(|it| before.get(it)) {
-                        way.push(*earlier);
-                    }
-                    way.reverse();
-                    return Some(way);
-                }
-                if let Entry::Vacant(unseen) = before.entry(then) {
-                    unseen.insert(place);
-                    queue.push_back(then);
-                }
+        let next = |place: usize| {
+            let here = self.all.get(place).into_iter();
+            here.flat_map(|it| self.taking_from(it.route.role(), &it.to)).map(|it| it.place)
+        };
+        let mut way = vec![first];
+        way.extend(shortest_way_back(first, next)?);
+        Some(way)
+    }
+}
+
+/// Places after `first` on the shortest way over `next` that leads back to it.
+pub(super) fn shortest_way_back<I: Iterator<Item = usize>>(
+    first: usize,
+    next: impl Fn(usize) -> I,
+) -> Option<Vec<usize>> {
+    let mut before: BTreeMap<usize, usize> = BTreeMap::new();
+    let mut queue = VecDeque::from([first]);
+    while let Some(place) = queue.pop_front() {
+        for then in next(place) {
+            if then == first {
+                let earlier = |place: &usize| before.get(place).copied();
+                let mut way: Vec<usize> = std::iter::successors(Some(place), earlier).collect();
+                // The first one, which has none before it.
+                way.pop();
+                way.reverse();
+                return Some(way);
+            }
+            if let Entry::Vacant(unseen) = before.entry(then) {
+                unseen.insert(place);
+                queue.push_back(then);
             }
         }
-        None
     }
+    None
 }
 
 #[cfg(test)]

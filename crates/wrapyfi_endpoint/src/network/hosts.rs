@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, ToSocketAddrs, UdpSocket};
+use std::sync::LazyLock;
 
 /// Names of machines and their addresses, known beside what the system resolves: `hosts:` of a
 /// configuration.
@@ -94,9 +95,13 @@ pub fn server_text(host: &str, port: u16) -> String {
     if bare != "localhost" && !bare.parse().is_ok_and(is_loopback) {
         return format!("{bare}:{port}");
     }
-    let machine = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
-    let namespace = std::fs::read_link("/proc/self/ns/net").unwrap_or_default();
-    format!("{} {}:{port}", machine.trim_end(), namespace.display())
+    // Read once: a bridge asks for both ends of each of its routes, again and again.
+    static HERE: LazyLock<String> = LazyLock::new(|| {
+        let machine = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+        let namespace = std::fs::read_link("/proc/self/ns/net").unwrap_or_default();
+        format!("{} {}", machine.trim_end(), namespace.display())
+    });
+    format!("{}:{port}", *HERE)
 }
 
 #[cfg(test)]
